@@ -104,16 +104,17 @@ impl Cluster {
         self.node = Some(node);
     }
 
-    /// Kills the daemon of the node and all that it runs, as a power failure does. The keepers of the
-    /// tasks come first: one that outlives its task reports that the task has failed, and then Slurm
-    /// does not start it again.
+    /// Kills the daemon of the node and all that it runs, as a power failure does. The keepers of
+    /// the tasks come first: one that outlives its task reports that the task has failed, and then
+    /// Slurm does not start it again.
     fn kill_node(&mut self) {
         self.node = None;
         let tasks = || processes::marked(text(&self.folder)).into_keys();
         for keeper in tasks().filter_map(processes::parent).filter(|&pid| processes::name(pid) == "slurmstepd") {
             signal(keeper, "KILL");
         }
-        // The configuration of their cluster is in the environment of tasks, and the mark of their job.
+        // The configuration of their cluster is in the environment of tasks, and the mark of their
+        // job.
         tasks().for_each(|pid| signal(pid, "KILL"));
     }
 }

@@ -1,9 +1,9 @@
-//! RTPS packets with random changes at a server and an agent: they take no memory, stop nothing, and
-//! leave the run as it is.
+//! RTPS packets with random changes at a server and an agent: they take no memory, stop nothing,
+//! and leave the run as it is.
 //!
 //! The packets that are changed are those that the processes send themselves, and those of
-//! `network_attacks`. The test sends a few thousand; `launch_scripts/fuzz.sh SECONDS rtps` goes on
-//! until the attacked processes have spent so many seconds of processor time.
+//! `network_attacks`. The test sends a few thousand; `launch_scripts/fuzz.sh SECONDS rtps`
+//! continues until the attacked processes have spent so many seconds of processor time.
 
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
@@ -29,8 +29,8 @@ const PACKETS_MIN: usize = 3_000;
 /// Length of the header of a packet: protocol, version, vendor, prefix.
 const HEADER: usize = 20;
 
-/// Number of the first participant that checks. It has no byte in common with those of the strangers,
-/// which no few changes turn into it.
+/// Number of the first participant that checks. It has no byte in common with those of the
+/// strangers, which no few changes turn into it.
 const WITNESS: u32 = 0xa5c3_965a;
 
 /// What is known to break parsers of lengths and counts.

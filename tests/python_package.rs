@@ -123,7 +123,8 @@ fn stubs_match_the_library() {
     passed(command().args(check).arg(configuration()));
 }
 
-/// Agent 0 is the example in Python, a ROS 2 node of its own; agent 1 is the same algorithm in Rust.
+/// Agent 0 is the example in Python, a ROS 2 node of its own; agent 1 is the same algorithm in
+/// Rust.
 #[test]
 fn controller_in_python_is_a_ros_node() {
     let site = Site::new();

@@ -162,8 +162,8 @@ fn paced_run_can_be_stopped() {
     assert_eq!((result.reason.as_str(), result.tick), ("interrupted", 1));
 }
 
-/// Agent 1 replies to the observation during which the run is interrupted after the shutdown message
-/// has come, and then acknowledges that, before agent 0 does.
+/// Agent 1 replies to the observation during which the run is interrupted after the shutdown
+/// message has come, and then acknowledges that, before agent 0 does.
 #[test]
 fn reply_that_crosses_the_shutdown_is_not_refused() {
     let play = Play::of_two(DURATION_S);

@@ -1,5 +1,5 @@
-//! The plug-in of examples/sierra in a real SIERRA, through all five stages: its tables are those of
-//! `maes batch`.
+//! The plug-in of examples/sierra in a real SIERRA, through all five stages: its tables are those
+//! of `maes batch`.
 
 use std::fs;
 use std::path::Path;

@@ -29,6 +29,9 @@ pub(crate) const CRATES: [&str; 11] = [
 /// Most lines of a file without its tests.
 const LINES_MAX: usize = 600;
 
+/// Most columns of a comment and of a line of a document.
+const COLUMNS_MAX: usize = 100;
+
 /// All files with this extension below a folder of the workspace, sorted.
 pub(crate) fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();
@@ -190,6 +193,29 @@ fn files_are_short() {
     for (file, code) in CRATES.into_iter().flat_map(sources) {
         let lines = code.lines().count();
         assert!(lines <= LINES_MAX, "{file} has {lines} lines, tests left out; {LINES_MAX} are allowed");
+    }
+}
+
+/// Comments of the code, and the text of documents: links, tables and blocks of code are left out.
+#[test]
+fn comments_and_documents_wrap() {
+    let is_too_long = |line: &str| line.chars().count() > COLUMNS_MAX && !line.contains("](");
+    let crates = CRATES.into_iter().chain(["python", "fuzz"]).map(|of| format!("{of}/src"));
+    for file in crates.chain(["tests".to_owned()]).flat_map(|folder| files(&folder, "rs")) {
+        let mut is_block = false;
+        for (number, line) in read(&file).lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("//")) {
+            is_block ^= line.contains("```");
+            assert!(is_block || !is_too_long(line), "{}:{}: {line}", name(&file), number + 1);
+        }
+    }
+    let tops = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"];
+    for file in files("docs", "md").into_iter().chain(tops.map(|top| root().join(top))) {
+        let mut is_block = false;
+        for (number, line) in read(&file).lines().enumerate() {
+            is_block ^= line.trim_start().starts_with("```");
+            let is_exempt = is_block || line.starts_with('|') || line.starts_with("    ");
+            assert!(is_exempt || !is_too_long(line), "{}:{}: {line}", name(&file), number + 1);
+        }
     }
 }
 

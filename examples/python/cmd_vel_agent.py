@@ -77,7 +77,8 @@ class Agent:
 
     def answer_in_time(self):
         now = self.clock
-        if now == self.answered or now not in self.odom or (now // TICK_NS % SCAN_TICKS == 0 and now not in self.points):
+        has_scan = now in self.points or now // TICK_NS % SCAN_TICKS != 0
+        if now == self.answered or now not in self.odom or not has_scan:
             return
         if now in self.points:
             self.scan = points_of(self.points[now])

@@ -3,11 +3,11 @@
     pip install 'maes[env,plot]' stable-baselines3
     python examples/python/train_ppo.py out/ppo --minutes 30
 
-The agents of all worlds share one policy. It sees what an agent sees: its state, every eighth of its
-256 nearest frontiers, and the agents in contact. It names the frontier that the agent goes to, and is asked again
-when the agent is there or a second has passed at rest. The reward is the share of the free cells, in
-percent, that the team sees for the first time and that the agent itself does, half of each, less a
-little for the time. The folder gets the policy, `curve.csv`, `curve.svg` and `evaluation.csv`: the
+The agents of all worlds share one policy. It sees what an agent sees: its state, every eighth of
+its 256 nearest frontiers, and the agents in contact. It names the frontier that the agent goes to,
+and is asked again when the agent is there or a second has passed at rest. The reward is the share
+of the free cells, in percent, that the team sees for the first time and that the agent itself does,
+half of each, less a little for the time. The folder gets the policy, `curve.csv`, `curve.svg` and `evaluation.csv`: the
 policy before and after training, random choices, the nearest frontier by straight distance, and
 `rbw` as a run, on maps of seeds that training does not use.
 """
@@ -46,7 +46,7 @@ def worlds(count, seed):
 
 
 def rows(shown):
-    """What the policy sees, a row for each agent of each world; places are in the axes of the body."""
+    """What the policy sees, a row for each agent of each world; places in body axes."""
     places = np.concatenate([shown["contacts"], shown["frontiers"][:, :, ::EVERY]], axis=2)
     x, y, z, is_there = np.moveaxis(places, -1, 0)
     cosine, sine = shown["own"][..., 6:7], shown["own"][..., 7:8]
@@ -90,15 +90,13 @@ class Team(VecEnv):
         gains = 50.0 * of_team + 50.0 * details["explored_gain"] - 0.1
         done = is_explored | is_over
         self.times_s += PERIOD_S
-        self.reached_s = np.where(details["explored"] < TARGET, self.reached_s, np.minimum(self.reached_s, self.times_s))
+        earlier_s = np.minimum(self.reached_s, self.times_s)
+        self.reached_s = np.where(details["explored"] < TARGET, self.reached_s, earlier_s)
         self.ended += self.reached_s[done].tolist()
         self.explored = np.where(done, 0.0, details["explored"])
         self.times_s[done], self.reached_s[done] = 0.0, TEAM["duration"]
         done = np.repeat(done, self.worlds.agents)
-        return rows(shown), gains.reshape(-1).astype(np.float32), done, self.infos()
-
-    def infos(self):
-        return [{} for _ in range(self.num_envs)]
+        return rows(shown), gains.reshape(-1).astype(np.float32), done, [{} for _ in range(self.num_envs)]
 
     def close(self):
         self.worlds.close()
@@ -150,9 +148,9 @@ def figures(shares):
 class Curve(BaseCallback):
     """Stops after a time, and keeps the mean time to the target of the worlds that have ended."""
 
-    def __init__(self, folder, seconds):
+    def __init__(self, seconds):
         super().__init__()
-        self.rows, self.folder, self.seconds = [], folder, seconds
+        self.rows, self.seconds = [], seconds
 
     def _on_training_start(self):
         self.start = time.perf_counter()
@@ -186,7 +184,7 @@ def main():
         "nearest frontier": evaluated(lambda shown: np.zeros(shown["own"].shape[:2])),
         "policy before training": evaluated(of_policy),
     }
-    curve = Curve(arguments.folder, arguments.minutes * 60)
+    curve = Curve(arguments.minutes * 60)
     model.learn(10**9, callback=curve)
     model.save(arguments.folder / "policy")
     results["policy after training"] = evaluated(of_policy)

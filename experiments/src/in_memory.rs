@@ -2,8 +2,8 @@
 //!
 //! The session loops of server and agents run over it unchanged: on a thread for the server and one
 //! for each group of agents, so that messages of different agents arrive in any order here as well,
-//! or as a [`Team`], which needs no thread but that of the server. No message is lost. It is private
-//! to the process, so that nothing needs to be signed; but it carries signatures.
+//! or as a [`Team`], which needs no thread but that of the server. No message is lost. It is
+//! private to the process, so that nothing needs to be signed; but it carries signatures.
 
 mod team;
 

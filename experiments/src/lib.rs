@@ -7,8 +7,8 @@
 //!   each into [`rows`], [`store`] keeps these in a folder, [`keep`] decides which recordings stay,
 //!   and [`tables`] writes CSV and Parquet. [`merge`] joins folders, [`cluster`] writes job files
 //!   for clusters.
-//! - What is possible: [`oracle`] bounds the times of all runs from below, and flies a plan with the
-//!   map known in advance.
+//! - What is possible: [`oracle`] bounds the times of all runs from below, and flies a plan with
+//!   the map known in advance.
 //! - A [`benchmark`] is fixed plans with one number for each track, whose results can be verified.
 //! - Evaluation: [`statistics`] over many runs, and a [`report`] of figures and tables.
 //! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects

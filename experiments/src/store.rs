@@ -281,8 +281,8 @@ fn write_atomically(file: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         draft.as_file().set_permissions(permissions).map_err(&failed)?;
     }
     draft.persist(file).map_err(|error| failed(error.error))?;
-    // The name is in the folder, which has a cache of its own: without this a power failure can take
-    // away a record that a part has reported as done.
+    // The name is in the folder, which has a cache of its own: without this a power failure can
+    // take away a record that a part has reported as done.
     std::fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(&failed)
 }
 

@@ -29,8 +29,8 @@ pub(crate) enum BenchCommand {
     Exploration1(ExplorationArgs),
     /// Check a result file: execute a random tenth of its runs again, and compare the digests
     Verify(VerifyArgs),
-    /// Say how long the whole benchmark takes on many cores: simulates the schedule of a cluster with
-    /// the measured times of the runs that are there
+    /// Say how long the whole benchmark takes on many cores: simulates the schedule of a cluster
+    /// with the measured times of the runs that are there
     Schedule(ScheduleArgs),
 }
 
@@ -43,8 +43,8 @@ pub(crate) struct ScheduleArgs {
     /// Cores, each of which executes one run at a time
     #[arg(long, value_name = "N", default_value = "100")]
     cores: NonZero<usize>,
-    /// What a run takes beside its measured wall time: the start of a process, and the making of the
-    /// map
+    /// What a run takes beside its measured wall time: the start of a process, and the making of
+    /// the map
     #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = seconds)]
     extra: f64,
 }

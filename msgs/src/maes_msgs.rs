@@ -3,8 +3,8 @@
 //! The `.msg` files are the source of truth: names, order and types of the fields, the constants
 //! and the comments are theirs. Each struct is one file, and serialises to the same CDR bytes as
 //! the type that ROS 2 builds from it. Numbers are raw here; the receiver of a message checks them
-//! and converts them to types of its own. The file is as long as the package: one struct for each of
-//! its files, in their order.
+//! and converts them to types of its own. The file is as long as the package: one struct for each
+//! of its files, in their order.
 //!
 //! "Sum of the constants" means a bit set. Sim time is counted in ticks, fixed updates of 20 ms.
 
@@ -463,8 +463,8 @@ pub struct Scenario {
     pub agents_seed: u64,
     /// What an agent runs if it is not told otherwise.
     pub controller: String,
-    /// Settings of that controller, each KEY=VALUE; `@IDS:NAME` and `@IDS:KEY=VALUE`, with ids such as
-    /// `0-2,4`, for agents that run another one.
+    /// Settings of that controller, each KEY=VALUE; `@IDS:NAME` and `@IDS:KEY=VALUE`, with ids such
+    /// as `0-2,4`, for agents that run another one.
     pub settings: Vec<String>,
     /// The different bodies of the team, 1 to [`limits::BODIES_MAX`](crate::limits::BODIES_MAX).
     pub bodies: Vec<Body>,

@@ -105,8 +105,7 @@ class Worlds:
             "frontiers": np.zeros((*shape, frontiers, PLACE), np.float32),
         }
         # The same memory without axes.
-        crop, own, contacts, places = (self._arrays[key].reshape(-1) for key in ("crop", "own", "contacts", "frontiers"))
-        self._flat = crop, own, contacts, places
+        self._flat = [array.reshape(-1) for array in self._arrays.values()]
         self._show()
 
     def _show(self) -> None:

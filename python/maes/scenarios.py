@@ -58,10 +58,10 @@ class Scenario:
     """A scenario; every value of this class is legal.
 
     `source` is a scenario file (.toml), a recording (.mcap), or nothing: the five agents in a cave of
-    50 cells of `maes run`. A dictionary changes keys of that one, as keywords do. Keywords change keys: `seed=3`, tables as
-    dictionaries (`map={"size": 100}`), dotted keys with two underscores (`lidar__range_m=20`), and
-    the words `agents`, `controller`, `size`, `duration`, `threads` and `share_period` of the
-    command line. `None` removes a key.
+    50 cells of `maes run`. A dictionary changes keys of that one, as keywords do. Keywords change
+    keys: `seed=3`, tables as dictionaries (`map={"size": 100}`), dotted keys with two underscores
+    (`lidar__range_m=20`), and the words `agents`, `controller`, `size`, `duration`, `threads` and
+    `share_period` of the command line. `None` removes a key.
 
     Raises `BadInput` with the key, the value and what is allowed.
     """

@@ -28,7 +28,7 @@ pub(crate) struct PyAuction {
 impl PyAuction {
     fn cell(&self, name: &str, cell: CellIndices) -> PyResult<Cell> {
         let cell = cell_of(cell);
-        if self.extent.index(cell).is_some() {
+        if self.extent.contains(cell) {
             return Ok(cell);
         }
         let [x, y, z] = self.extent.size();
@@ -76,7 +76,8 @@ impl PyAuction {
         self.auction.receive(&observation.messages, self.now, self.agents);
     }
 
-    /// Claims a goal; the bid is the length of the path to it, metres. The claim before is replaced.
+    /// Claims a goal; the bid is the length of the path to it, metres. The claim before is
+    /// replaced.
     fn claim(&mut self, cell: CellIndices, path_m: f64) -> PyResult<()> {
         let (cell, path_m) = (self.cell("cell", cell)?, length_m("path_m", path_m)?);
         self.auction.claim(cell, path_m, self.now);

@@ -65,12 +65,12 @@ struct Views<'a> {
     own: &'a mut [f32],
     contacts: &'a mut [f32],
     frontiers: &'a mut [f32],
-    agents: usize,
 }
 
 impl Views<'_> {
     fn show(self, world: &mut Environment) {
-        let Self { crops, own, contacts, frontiers, agents } = self;
+        let Self { crops, own, contacts, frontiers } = self;
+        let agents = own.len() / OWN_WIDTH;
         let parts = (crops.len() / agents, contacts.len() / agents, frontiers.len() / agents);
         let crops = crops.chunks_exact_mut(parts.0);
         let places = contacts.chunks_exact_mut(parts.1).zip(frontiers.chunks_exact_mut(parts.2));
@@ -101,7 +101,7 @@ impl PyWorlds {
         let own = slice("own", own, all * OWN_WIDTH)?.par_chunks_exact_mut(OWN_WIDTH * agents);
         let contacts = slice("contacts", contacts, all * others)?.par_chunks_exact_mut(others * agents);
         let frontiers = slice("frontiers", frontiers, all * places)?.par_chunks_exact_mut(places * agents);
-        let of_world = move |(((crops, own), contacts), frontiers)| Views { crops, own, contacts, frontiers, agents };
+        let of_world = move |(((crops, own), contacts), frontiers)| Views { crops, own, contacts, frontiers };
         Ok(crops.zip(own).zip(contacts).zip(frontiers).map(of_world))
     }
 
@@ -182,9 +182,9 @@ impl PyWorlds {
         })
     }
 
-    /// Steps every world; `actions` has the numbers of each agent of each world in turn. Writes what
-    /// all agents are shown then, see [`Self::show`]. Returns, by agent and world: explored share
-    /// gained, path length in m, and 1 for a collision.
+    /// Steps every world; `actions` has the numbers of each agent of each world in turn. Writes
+    /// what all agents are shown then, see [`Self::show`]. Returns, by agent and world: explored
+    /// share gained, path length in m, and 1 for a collision.
     fn step<'py>(
         &self,
         py: Python<'py>,

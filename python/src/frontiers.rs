@@ -1,8 +1,8 @@
 //! The nearest frontiers of a map, again and again while the body moves and the map grows.
 //!
 //! A search through all frontiers keeps more than are asked for, and how far away the others are at
-//! least. As long as the body has not moved by more than the difference, and with the frontiers that
-//! have come since, the nearest ones are among those kept.
+//! least. As long as the body has not moved by more than the difference, and with the frontiers
+//! that have come since, the nearest ones are among those kept.
 //!
 //! Invariant: the result is that of a search through all frontiers.
 

@@ -1,5 +1,5 @@
-//! Path searches of a controller in Python with a goal of its own: those of `agent_node::path`, with
-//! an array as the goal, so that no Python code runs for each cell.
+//! Path searches of a controller in Python with a goal of its own: those of `agent_node::path`,
+//! with an array as the goal, so that no Python code runs for each cell.
 //!
 //! A search is at once, takes no sim time, and leaves the pending one of `go_to_cell` alone.
 
@@ -154,8 +154,8 @@ fn is_marked(mask: &ArrayView3<'_, bool>, Cell { x, y, z }: Cell) -> bool {
     mask[[x as usize, y as usize, z as usize]]
 }
 
-/// The cheapest path to the nearest goal, through cells of `within` if that is given; `None` without
-/// one, or beyond `cells_max` expanded cells.
+/// The cheapest path to the nearest goal, through cells of `within` if that is given; `None`
+/// without one, or beyond `cells_max` expanded cells.
 pub(crate) fn find(
     ctx: &mut Ctx<'_>,
     goal: &Cells<'_>,

@@ -332,7 +332,8 @@ impl Environment {
         write_places(view.frontiers, &position, explorer.shown.iter().map(|&cell| extent.centre(cell)));
     }
 
-    /// The state of all for a central critic: for each agent its position in metres and its heading.
+    /// The state of all for a central critic: for each agent its position in metres and its
+    /// heading.
     pub(crate) fn poses(&self, out: &mut [f32]) {
         for (agent, out) in self.world.agents().zip(out.chunks_exact_mut(4)) {
             let pose = self.world.body(agent).pose();

@@ -109,7 +109,8 @@ pub(super) fn wait_for_discovery(participant: &DomainParticipant) -> bool {
                 last = now();
             }
         }
-        // The ports are looked at each time: a process that ends, or that only tries a port, frees it.
+        // The ports are looked at each time: a process that ends, or that only tries a port, frees
+        // it.
         if last.elapsed() >= QUIET_PERIOD && discovery.is_complete(other_participants_here(&ports, own_port)) {
             break;
         }

@@ -131,7 +131,8 @@ pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
     }
 }
 
-/// Joins the network that the environment names; the endpoints of the process come from the factory.
+/// Joins the network that the environment names; the endpoints of the process come from the
+/// factory.
 ///
 /// A process that `is_discovered_by_all` takes one of the first participant ids of its machine,
 /// which every other process announces itself to; other processes leave `RESERVED_IDS` of them

@@ -200,7 +200,8 @@ fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, st
 fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
     if let Some(viewing) = viewing {
         let text = |page: &str, socket: &str| format!("observe at {page} (Foxglove WebSocket: {socket})");
-        // Others may read the log: it does not have the token. Who reads the terminal finds it there.
+        // Others may read the log: it does not have the token. Who reads the terminal finds it
+        // there.
         terminal.keep(&text(&format!("http://{}", viewing.address()), &format!("ws://{}", viewing.address())));
         terminal.show(&text(&viewing.url(), &viewing.websocket_url()));
     }
@@ -269,8 +270,8 @@ fn scenarios_folder() -> Option<PathBuf> {
     folder.is_dir().then_some(folder)
 }
 
-/// Whether there are the controllers that a scenario names, with their settings. The server does not
-/// know the controllers: it asks a program that does, and refuses nothing if there is none.
+/// Whether there are the controllers that a scenario names, with their settings. The server does
+/// not know the controllers: it asks a program that does, and refuses nothing if there is none.
 #[cfg(feature = "view")]
 fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> {
     let sibling = || {

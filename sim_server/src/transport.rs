@@ -72,8 +72,8 @@ pub trait AgentTransport {
     fn is_open(&self) -> bool {
         false
     }
-    /// Whether the process of an agent has ended, so that nothing more of it can come. A network does
-    /// not know that.
+    /// Whether the process of an agent has ended, so that nothing more of it can come. A network
+    /// does not know that.
     fn is_gone(&self, _agent: AgentId) -> bool {
         false
     }

@@ -39,8 +39,8 @@ pub struct Team {
     pub external: BTreeSet<u32>,
     /// The longest random delay before each reply of an agent, ms.
     pub chaos_delay_ms: Option<u64>,
-    /// Whether agents offer ROS parameters; decided by the size of the team, and by `agent_node`, if
-    /// nothing is said.
+    /// Whether agents offer ROS parameters; decided by the size of the team, and by `agent_node`,
+    /// if nothing is said.
     pub parameters: Option<bool>,
 }
 

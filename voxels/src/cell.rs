@@ -64,6 +64,17 @@ impl Cell {
         FACES.map(|offset| self + offset)
     }
 
+    /// Squared distance between the centres of this cell and another one, cells.
+    pub fn distance_squared(self, other: Self) -> i64 {
+        let by = self - other;
+        [by.x, by.y, by.z].into_iter().map(|by| i64::from(by) * i64::from(by)).sum()
+    }
+
+    /// Distance between the centres of this cell and another one, cells.
+    pub fn distance(self, other: Self) -> f64 {
+        (self.distance_squared(other) as f64).sqrt()
+    }
+
     /// The 26 cells that share a face, an edge or a corner with this one, in cell order.
     #[inline]
     pub fn neighbours26(self) -> [Cell; 26] {

@@ -116,8 +116,8 @@ impl Grid<Terrain> {
         text
     }
 
-    /// The length of [`Grid::to_text`], bytes: a character for each cell, the ends of rows, and empty
-    /// lines between layers.
+    /// The length of [`Grid::to_text`], bytes: a character for each cell, the ends of rows, and
+    /// empty lines between layers.
     pub fn text_bytes(&self) -> usize {
         let [_, size_y, size_z] = self.extent().size().map(|cells| cells as usize);
         self.as_slice().len() + size_y * size_z + size_z - 1

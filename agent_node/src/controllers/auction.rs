@@ -174,8 +174,7 @@ impl Auction {
 
     /// Distance between the centres of two cells, metres.
     fn distance_m(&self, a: Cell, b: Cell) -> f64 {
-        let squared = [a.x - b.x, a.y - b.y, a.z - b.z].map(|by| f64::from(by) * f64::from(by));
-        squared.iter().sum::<f64>().sqrt() * self.extent.cell_m()
+        a.distance(b) * self.extent.cell_m()
     }
 
     /// Whether another agent has a better bid on a conflicting claim.

@@ -461,7 +461,7 @@ fn local_frontiers(graph: &AbstractGraph, coordination: &Coordination, here: Cel
 }
 
 fn by_distance(here: Cell, a: &Cell, b: &Cell) -> Ordering {
-    tree::length_between(here, *a).total_cmp(&tree::length_between(here, *b)).then(a.cmp(b))
+    here.distance(*a).total_cmp(&here.distance(*b)).then(a.cmp(b))
 }
 
 /// The local frontiers most aligned with the direction of travel; random ones if there is no

@@ -287,7 +287,8 @@ pub fn distances(graph: Graph<'_>, scratch: &mut Scratch, start: Cell, goals: &[
     nearest_distances(graph, scratch, start, goals, usize::MAX)
 }
 
-/// As [`distances`], but ends with the `count` nearest goals, ties by index. The others have `None`.
+/// As [`distances`], but ends with the `count` nearest goals, ties by index. The others have
+/// `None`.
 #[must_use]
 pub fn nearest_distances(
     graph: Graph<'_>,

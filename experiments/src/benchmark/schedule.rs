@@ -4,8 +4,8 @@
 //! cost, the greatest first, each to the next core that is free, without a second thought. It is no
 //! optimum: the order knows the expected cost, not the measured time.
 //!
-//! Runs that are missing are taken to last as long as those of the same track, in turn, so that a few
-//! seeds of every track are enough. Nothing is executed here.
+//! Runs that are missing are taken to last as long as those of the same track, in turn, so that a
+//! few seeds of every track are enough. Nothing is executed here.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -67,7 +67,8 @@ pub fn schedule(folder: &Path, cores: NonZero<usize>, extra_s: f64) -> Result<Sc
     Ok(of_tracks(&tracks, cores, extra_s))
 }
 
-/// The schedule of tracks, each with the expected cost and the wall time of the runs that are there.
+/// The schedule of tracks, each with the expected cost and the wall time of the runs that are
+/// there.
 fn of_tracks(tracks: &[Vec<(u64, f64)>], cores: NonZero<usize>, extra_s: f64) -> Schedule {
     let of_track = |times: &'_ Vec<(u64, f64)>| times.clone().into_iter().cycle().take(SEEDS);
     let mut runs: Vec<(u64, f64)> = tracks.iter().flat_map(of_track).collect();

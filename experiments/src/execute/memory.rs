@@ -45,8 +45,8 @@ pub(super) fn carry_out(
     Ok(measure::record(run, Trace { size: completed.size, progress: &completed.progress, result, wall }))
 }
 
-/// Ends a run when its plan ends. The failure of an agent sets the stop flag of its run as well, and
-/// must not end the plan.
+/// Ends a run when its plan ends. The failure of an agent sets the stop flag of its run as well,
+/// and must not end the plan.
 struct EndOfPlan<'a> {
     plan: &'a AtomicBool,
     run: &'a AtomicBool,

@@ -1,5 +1,5 @@
-//! The position of a run as seen from outside: the last stamp of its growing recording, extrapolated by
-//! the real-time factor. It times faults; no verdict depends on it.
+//! The position of a run as seen from outside: the last stamp of its growing recording,
+//! extrapolated by the real-time factor. It times faults; no verdict depends on it.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

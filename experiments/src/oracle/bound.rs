@@ -5,8 +5,8 @@
 //! - *Distance.* The path of a body to the place where it sees a cell, and the ray from there, lie
 //!   in free space, and the ray is at most as long as the range of the LiDAR. So their length is at
 //!   least the distance of the cell from the start, through free space, and the body needs the time
-//!   for what is left of it after one range. A share of the free cells takes at least as long as its
-//!   nearest cells.
+//!   for what is left of it after one range. A share of the free cells takes at least as long as
+//!   its nearest cells.
 //! - *Volume.* A body that moves by a metre gets at most the cross-section of its range times a
 //!   metre of new volume into range.
 //! - *Occlusion*, for all free cells only. A far cell is seen only from cells from which a straight
@@ -28,8 +28,8 @@ use msgs::ids::Tick;
 /// Far cells of the third argument.
 const FAR_CELLS: usize = 16;
 
-/// Cells from which each of them is looked for, nearest to the team first. If it is seen from none of
-/// these, it takes the time to the last of them.
+/// Cells from which each of them is looked for, nearest to the team first. If it is seen from none
+/// of these, it takes the time to the last of them.
 const TESTS_MAX: usize = 40_000;
 
 /// Least distance between two of them along some axis, cells.
@@ -81,8 +81,8 @@ fn greatest_speed_m_s(body: &msgs::body_model::BodyModel) -> f64 {
     body.speed_max_m_s + if first_m_s + snap_m_s <= body.speed_max_m_s { 0.0 } else { snap_m_s }
 }
 
-/// Times before which something cannot be, s, by cell index; infinite in walls and where no body can
-/// get.
+/// Times before which something cannot be, s, by cell index; infinite in walls and where no body
+/// can get.
 struct Earliest {
     /// The centre of a body is in the cell.
     arrivals_s: Vec<f64>,
@@ -198,8 +198,8 @@ fn occluded_s(terrain: &Grid<Terrain>, arrivals: &[f64]) -> f64 {
     latest
 }
 
-/// Whether a straight line may lead from a point of one free cell to a point of another through free
-/// cells. It says yes too often, never too seldom.
+/// Whether a straight line may lead from a point of one free cell to a point of another through
+/// free cells. It says yes too often, never too seldom.
 ///
 /// All these lines lie in the cell moved along the offset of the two. Layer by layer across the
 /// longest axis of the offset, the free cells of this shaft are reached from those of the layer

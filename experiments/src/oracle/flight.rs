@@ -1,18 +1,18 @@
 //! A plan with the map known in advance, flown by the team in its world.
 //!
 //! Each agent follows its tour of viewpoints along shortest paths through free cells, with the
-//! clearance of the largest body, stops at each, and scans. Places that have nothing new to show any
-//! more are left out. An agent that is ready takes over a part of the longest tour. The first tours
-//! lead to what shows most; scattered cells that the team has not seen by the way get tours of their
-//! own afterwards.
+//! clearance of the largest body, stops at each, and scans. Places that have nothing new to show
+//! any more are left out. An agent that is ready takes over a part of the longest tour. The first
+//! tours lead to what shows most; scattered cells that the team has not seen by the way get tours
+//! of their own afterwards.
 //!
 //! Bodies meet in narrow passages. Agents are interchangeable, so an agent that is blocked by
 //! another swaps tours with it, and both turn round; if that does not help, it waits, and then goes
 //! round the others. A flight ends when everything is seen, all tours are done, or at the greatest
 //! duration of the run.
 //!
-//! Invariants: bodies move as the world moves them, collisions included; the flight is a function of
-//! world and scanner.
+//! Invariants: bodies move as the world moves them, collisions included; the flight is a function
+//! of world and scanner.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 

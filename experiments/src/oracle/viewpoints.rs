@@ -1,11 +1,11 @@
 //! Viewpoints that together see every free cell that can be seen: greedy set cover over the views
 //! of the scenario's LiDAR.
 //!
-//! There are rounds, because a team sees much on its way. The first one takes candidates of a coarse
-//! grid as long as they see enough ([`coarse`]); later ones have viewpoints for what the team has
-//! still not seen ([`rest`]). The candidate that sees most cells not yet seen is taken next; since
-//! what a candidate adds only shrinks, only those whose old value is the greatest are looked at again
-//! (lazy greedy).
+//! There are rounds, because a team sees much on its way. The first one takes candidates of a
+//! coarse grid as long as they see enough ([`coarse`]); later ones have viewpoints for what the
+//! team has still not seen ([`rest`]). The candidate that sees most cells not yet seen is taken
+//! next; since what a candidate adds only shrinks, only those whose old value is the greatest are
+//! looked at again (lazy greedy).
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
@@ -62,8 +62,8 @@ impl<'a> Views<'a> {
     }
 }
 
-/// Viewpoints among the `open` cells (ascending indices) for most free cells that are not yet `seen`,
-/// which are marked there.
+/// Viewpoints among the `open` cells (ascending indices) for most free cells that are not yet
+/// `seen`, which are marked there.
 pub(super) fn coarse(views: &Views<'_>, open: &[u32], seen: &mut [bool]) -> Vec<Viewpoint> {
     let gain_min = (GAIN_MIN * open.len() as f64) as usize;
     greedy(views, &thinned(views.extent, open), seen, gain_min.max(1))

@@ -391,8 +391,8 @@ impl MapFormat {
     /// an axis, or if its cells are not 1 m long.
     ///
     /// # Errors
-    /// If the format is only read, or takes two files ([`export::floor_plan`]), or if the memory for
-    /// a text cannot be had.
+    /// If the format is only read, or takes two files ([`export::floor_plan`]), or if the memory
+    /// for a text cannot be had.
     pub fn write(self, terrain: &Grid<Terrain>, is_packed: bool) -> Result<Vec<u8>, FormatError> {
         self.check()?;
         Ok(match self {

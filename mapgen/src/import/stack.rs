@@ -1,5 +1,5 @@
-//! Stacks of pictures: each PNG file of a folder is a layer of cells, as tomography and slicers write
-//! them.
+//! Stacks of pictures: each PNG file of a folder is a layer of cells, as tomography and slicers
+//! write them.
 //!
 //! The last number in a name is that of its layer, the lowest one at the bottom, so that `scan_9`
 //! comes before `scan_10`. A pixel is a cell, with the brightness of floor plans; the first row has

@@ -1,9 +1,9 @@
 //! Snapshots and movies of a recording, and pictures of a map, rendered by the page in a headless
 //! browser.
 //!
-//! A temporary server on this machine serves the page with the recording or the map; a script beside the page
-//! (`viewer/pictures`) drives the browser and reports errors to the user. This module renders
-//! nothing itself.
+//! A temporary server on this machine serves the page with the recording or the map; a script
+//! beside the page (`viewer/pictures`) drives the browser and reports errors to the user. This
+//! module renders nothing itself.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

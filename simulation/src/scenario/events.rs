@@ -300,8 +300,8 @@ impl Scenario {
 
     /// The scenario of a fork of this one: `changes` hold from the tick `at` on, before which the
     /// run is the same. `parent` is the last digest of the recording that is forked; empty if there
-    /// is none. A change of `event` adds events. Changes that change nothing are left out, so that a
-    /// fork without any has the scenario of its parent.
+    /// is none. A change of `event` adds events. Changes that change nothing are left out, so that
+    /// a fork without any has the scenario of its parent.
     ///
     /// # Errors
     /// If a key may not change, or a value is not legal; names the flag.

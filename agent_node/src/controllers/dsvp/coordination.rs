@@ -2,17 +2,17 @@
 //! by an auction and tours over shared-out tasks.
 //!
 //! The planner asks here what a goal is worth beside those of others; the answers are in
-//! [`super::super::auction`] and [`super::tours`].
+//! [`crate::controllers::auction`] and [`super::tours`].
 
 use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
 use voxels::Cell;
 
-use super::super::auction::{Auction, AuctionParams, CLAIMS_MESSAGE};
 use super::tours::{Tours, ToursParams};
 use crate::abstract_graph::{AbstractGraph, RegionId};
 use crate::command::{Command, Trigger};
 use crate::controllers::Ctx;
+use crate::controllers::auction::{Auction, AuctionParams, CLAIMS_MESSAGE};
 use crate::observation::Observation;
 
 /// A way to coordinate, with its parameters.

@@ -17,8 +17,8 @@ use crate::exploration_map::{CellState, ExplorationMap};
 /// so what is beside a wall is mostly wall.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::controllers) struct Likelihood {
-    /// By the number of known walls among the six neighbours, in units of 1 / [`WHOLE`]; `None`: all
-    /// cells count alike.
+    /// By the number of known walls among the six neighbours, in units of 1 / [`WHOLE`]; `None`:
+    /// all cells count alike.
     by_walls: Option<[u32; 7]>,
 }
 

@@ -50,7 +50,8 @@ impl Obstacles {
             ((contact.position - here).norm() < NEAR * touch_m).then_some(obstacle)
         };
         let near: Vec<Obstacle> = contacts.iter().filter_map(is_near).collect();
-        // A centre within the clearance is within the cells of these corners; one more for rounding.
+        // A centre within the clearance is within the cells of these corners; one more for
+        // rounding.
         let corner = |by: f64, pick: fn(f64, f64) -> f64| {
             let along = |axis: usize| {
                 let ends = near.iter().map(|obstacle| obstacle.at[axis] + by * obstacle.clearance_m);

@@ -2,10 +2,10 @@
 
 use msgs::ids::Tick;
 
-use super::super::auction::AuctionParams;
 use super::super::settings::{SettingError, Settings};
 use super::tours::ToursParams;
 use super::tree::{Growth, Valuation};
+use crate::controllers::auction::AuctionParams;
 
 /// Parameters of the planner. Lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]

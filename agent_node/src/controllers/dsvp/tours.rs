@@ -9,7 +9,8 @@
 //! The exploration stage is that of the auction, and the relocation stage goes to the frontier of
 //! least cost, to which a task that its holder reaches sooner adds, and a remnant that probably
 //! hides no free cells. By settings the exploration stage sees own tasks only, or the relocation
-//! stage goes to the next task of the tour, as in the sources; both are slower (docs/benchmarks.md).
+//! stage goes to the next task of the tour, as in the sources; both are slower
+//! (docs/benchmarks.md).
 //!
 //! A task that nobody holds belongs to the agent in contact that is nearest to it, by what all of
 //! them have announced.
@@ -30,10 +31,10 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
 
-use super::super::auction::AuctionParams;
 use super::gain::{Likelihood, WHOLE};
 use crate::abstract_graph::{AbstractGraph, RegionId, ShortestPaths, Voronoi};
 use crate::command::AgentMessage;
+use crate::controllers::auction::AuctionParams;
 use crate::exploration_map::ExplorationMap;
 use crate::observation::{Contact, ReceivedMessage};
 use exchange::Ledger;

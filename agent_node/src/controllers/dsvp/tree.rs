@@ -81,7 +81,7 @@ impl Tree {
     pub(in crate::controllers) fn rerooted_at(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
         let centre = map.extent().centre(root);
         let mut near: Vec<(f64, usize)> = (0..self.nodes.len())
-            .map(|node| (length_between(self.nodes[node].cell, root), node))
+            .map(|node| (self.nodes[node].cell.distance(root), node))
             .filter(|&(length, _)| length <= 2.0 * growth.extension)
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -121,7 +121,7 @@ impl Tree {
     }
 
     fn add(&mut self, cell: Cell, parent: usize) -> usize {
-        let length = self.nodes[parent].length + length_between(self.nodes[parent].cell, cell);
+        let length = self.nodes[parent].length + self.nodes[parent].cell.distance(cell);
         self.nodes.push(Node { cell, parent, length });
         self.nodes.len() - 1
     }
@@ -159,7 +159,7 @@ impl Tree {
 
     fn nearest(&self, sample: Cell) -> usize {
         let nodes = self.nodes.iter().enumerate();
-        nodes.min_by_key(|(_, node)| squared_between(node.cell, sample)).map_or(0, |(number, _)| number)
+        nodes.min_by_key(|(_, node)| node.cell.distance_squared(sample)).map_or(0, |(number, _)| number)
     }
 
     fn holds(&self, cell: Cell) -> bool {
@@ -230,21 +230,13 @@ pub(in crate::controllers) fn vector(by: Cell) -> Vector3<f64> {
     Vector3::new(f64::from(by.x), f64::from(by.y), f64::from(by.z))
 }
 
-fn squared_between(a: Cell, b: Cell) -> i64 {
-    [a.x - b.x, a.y - b.y, a.z - b.z].into_iter().map(|by| i64::from(by) * i64::from(by)).sum()
-}
-
-pub(in crate::controllers) fn length_between(a: Cell, b: Cell) -> f64 {
-    (squared_between(a, b) as f64).sqrt()
-}
-
 fn is_within(cell: Cell, about: Cell, horizon: i32) -> bool {
     [cell.x - about.x, cell.y - about.y, cell.z - about.z].into_iter().all(|by| by.abs() <= horizon)
 }
 
 /// The cell at most `length` cells from one cell towards another.
 fn towards(from: Cell, to: Cell, length: f64, extent: &Extent) -> Cell {
-    let whole = length_between(from, to);
+    let whole = from.distance(to);
     if whole <= length {
         return to;
     }

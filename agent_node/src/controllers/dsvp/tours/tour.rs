@@ -189,8 +189,8 @@ impl Problem {
         Division { tours: [0, 1].map(|agent| self.legs.tour(&self.from[agent], tasks[agent])) }
     }
 
-    /// A cheap division of the tasks of both agents: the better one of two that are improved from the
-    /// present one and from none.
+    /// A cheap division of the tasks of both agents: the better one of two that are improved from
+    /// the present one and from none.
     pub(super) fn divided(&self, tasks: [&[usize]; 2]) -> Division {
         let kept = self.keeping(tasks);
         let mut anew = Division::default();

@@ -198,9 +198,9 @@ fn refused_and_outdated_proposals_change_nothing() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// Whatever is lost, and whoever meets: a task is free for no longer than two leases (the one of
-    /// a belief may begin at the end of another), and once all agents hear each other again each task
-    /// has one holder.
+    /// Whatever is lost, and whoever meets: a task is free for no longer than two leases (the one
+    /// of a belief may begin at the end of another), and once all agents hear each other again each
+    /// task has one holder.
     #[test]
     fn exchanges_survive_any_loss(
         steps in proptest::collection::vec(
