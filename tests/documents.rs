@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use regex_lite::Regex;
+use simulation::scenario::keys;
 
 use crate::support::root;
 use crate::tidy::{CRATES, files, name, read};
@@ -86,4 +87,82 @@ fn documents_are_in_the_book() {
         let file = document.file_name().expect("it has a name").to_string_lossy().into_owned();
         assert!(file == "SUMMARY.md" || summary.contains(&format!("]({file})")), "docs/SUMMARY.md lacks {file}");
     }
+}
+
+/// Every key of a scenario that a document names in backticks is one.
+#[test]
+fn documented_keys_exist() {
+    let code = Regex::new(r"`([a-z]+(?:\.[a-z_]+)+)(?: = [^`]*)?`").expect("it is written here");
+    let mut checked = 0;
+    let mut unknown = Vec::new();
+    let mut documents = files("docs", "md");
+    documents.extend(["README.md", "ARCHITECTURE.md", "SECURITY.md"].map(|document| root().join(document)));
+    for document in documents {
+        for found in code.captures_iter(&read(&document)) {
+            let path = &found[1];
+            let (first, _) = path.split_once('.').expect("the pattern has a dot");
+            let is_settings = path.contains(".set.");
+            if keys::table(first).is_none() || is_settings || is_file(path) {
+                continue;
+            }
+            checked += 1;
+            if keys::find(path).is_none() && keys::table(path).is_none() {
+                unknown.push(format!("{}: {path}", name(&document)));
+            }
+        }
+    }
+    assert!(unknown.is_empty(), "no keys of a scenario: {unknown:#?}");
+    assert!(checked > 100, "{checked} keys");
+}
+
+/// Whether a word with dots is the name of a file rather than a key.
+fn is_file(word: &str) -> bool {
+    [".csv", ".json", ".md", ".mcap", ".parquet", ".py", ".rs", ".sh", ".toml", ".txt", ".yaml"]
+        .iter()
+        .any(|end| word.ends_with(end))
+}
+
+/// Messages of docs/troubleshooting.md that the operating system words.
+const OF_THE_SYSTEM: [&str; 1] = [": Address already in use"];
+
+/// Every message that docs/troubleshooting.md explains is printed by some source.
+#[test]
+fn explained_messages_exist() {
+    let mut sources = String::new();
+    for folder in CRATES {
+        for file in files(&format!("{folder}/src"), "rs") {
+            sources += &unwrapped(&read(&file));
+        }
+    }
+    sources.extend(files("launch_scripts", "sh").iter().map(|script| read(script)));
+    let text = read(&root().join("docs/troubleshooting.md"));
+    let message = Regex::new(r"`([^`]+)`").expect("it is written here");
+    // A name or number of the example, where the source has a placeholder.
+    let example = Regex::new(r"\.\.\.|\bN\b|\bM\b|\bT\b|\b\d+(?:\.\d+| s\b)|ADDR:PORT").expect("it is written here");
+    let rows = text.lines().filter(|line| line.starts_with("| `"));
+    let mut checked = 0;
+    let mut missing = Vec::new();
+    for row in rows {
+        let first = row.split('|').nth(1).expect("a row has cells");
+        for found in message.captures_iter(first) {
+            for part in example.split(&found[1]) {
+                let part = part.trim();
+                if part.chars().filter(char::is_ascii_alphabetic).count() < 8 {
+                    continue;
+                }
+                checked += 1;
+                let is_known = sources.contains(part) || OF_THE_SYSTEM.iter().any(|known| known.contains(part));
+                if !is_known {
+                    missing.push(part.to_owned());
+                }
+            }
+        }
+    }
+    assert!(missing.is_empty(), "messages that nothing prints: {missing:#?}");
+    assert!(checked > 20, "{checked} messages");
+}
+
+/// A source with the texts that go over several lines joined.
+fn unwrapped(source: &str) -> String {
+    Regex::new(r"\\\n\s*").expect("it is written here").replace_all(source, "").into_owned()
 }
