@@ -29,7 +29,7 @@ fn disturbed_runs_equal_the_undisturbed_one() {
 /// Each has found a defect that was mended since; the seeds below [`SEEDS`] have found more.
 #[test]
 fn seeds_that_have_found_defects_pass() {
-    for seed in [552, 581, 669, 721, 728, 3856, 3893] {
+    for seed in [552, 581, 669, 721, 728, 3856, 3893, 81022] {
         assert_eq!(of_seed(seed, None, false).verdict.err(), None, "seed {seed}");
     }
 }

@@ -164,6 +164,7 @@ impl AgentSessions {
 
     /// Replies to a join. All agents receive the reply, and compare its instance with their own: a
     /// foreign process that uses the instance of a member must not make that member hear a refusal.
+    /// A member that is given up must hear it, since it has to end for its successor to be started.
     fn reply(
         &mut self,
         source: SourceId,
@@ -172,8 +173,8 @@ impl AgentSessions {
         context: &mut WaitContext<'_, '_>,
     ) {
         let Join { run, agent, instance, .. } = join.join;
-        let is_borrowed = self.membership.lease(AgentId(agent)).is_some_and(|lease| lease.instance == instance);
-        if granted.is_err() && is_borrowed {
+        let is_of_member = |lease: &Lease| lease.instance == instance && !self.membership.is_given_up(lease.source);
+        if granted.is_err() && self.membership.lease(AgentId(agent)).is_some_and(is_of_member) {
             return;
         }
         let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
