@@ -96,6 +96,8 @@ mod viewer;
 
 /// Foreign crates: licences, duplicate versions, sources, features.
 mod dependencies;
+/// The code blocks of the documents work.
+mod documented_commands;
 /// What documents name exists, and every document is a chapter of the site.
 mod documents;
 /// Rules of the workspace that the compiler does not check.

@@ -18,7 +18,7 @@ use crate::support::{binaries, python, root};
 const HANG: &str = "600";
 
 /// A folder with the package `maes`, as a wheel installs it.
-fn package() -> &'static Path {
+pub(crate) fn package() -> &'static Path {
     static PACKAGE: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let (_, folder) = PACKAGE.get_or_init(|| {
         let arguments = ["build", "--release", "-p", "maes_python", "--features", "unified", "--locked"];

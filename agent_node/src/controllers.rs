@@ -25,6 +25,9 @@ pub mod settings;
 mod suggestion;
 #[cfg(test)]
 pub(crate) mod testing;
+/// The example of docs/controllers.md, word for word.
+#[cfg(test)]
+mod zigzag;
 
 use std::fmt;
 
@@ -238,6 +241,20 @@ mod tests {
             assert!(!description.is_empty() && !description.contains('\n'), "{name}");
             assert_eq!(NAMES.iter().filter(|other| *other == name).count(), 1, "{name} is registered once");
         }
+    }
+
+    #[test]
+    fn example_of_the_documents_can_be_registered() {
+        static WITH_EXAMPLE: &[Registration] = &[Registration {
+            name: "zigzag",
+            description: "zigzag: straight on, and a turn to a random side at each obstacle",
+            stream: "zigzag",
+            construct: &|settings, rng| Ok(Box::new(zigzag::Zigzag::new(settings, rng)?)),
+        }];
+        let registry = Registry::with(WITH_EXAMPLE).unwrap();
+        assert!(registry.build("zigzag", &["turn_rad=2.5".to_owned()], AgentId(0), 1).is_ok());
+        let refused = registry.build("zigzag", &["turn_rad=4".to_owned()], AgentId(0), 1).err().unwrap();
+        assert!(refused.to_string().contains("turn_rad = 4"), "{refused}");
     }
 
     #[test]

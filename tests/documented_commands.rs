@@ -1,0 +1,347 @@
+//! The code blocks of the documents work.
+//!
+//! The language of a block says what is done with it:
+//!
+//! | language | what is done |
+//! |---|---|
+//! | `sh` | executed by bash |
+//! | `sh,long` | executed with `MAES_DOCUMENTED=long`, otherwise as the next one |
+//! | `sh,checked` | its syntax is checked, and the options of its `maes` commands: what it needs is not everywhere |
+//! | `python` | executed with the Python package |
+//! | `python,recording` | executed with the usual readers of recordings |
+//! | `python,part` | its syntax is checked: it is a part of a function |
+//! | `toml,scenario` | read as a scenario, with what is required added |
+//! | `toml,plan` | read as a plan, from `experiments/plans` |
+//! | `toml` | its syntax is checked |
+//! | `rust` | a source of the workspace has it, line by line |
+//! | `text` | nothing: output, drawings, formulas |
+//!
+//! All documents are tested in the order of the site, in one folder that has what a reader brings
+//! along. The blocks of a language in a document are one session. `MAES_DOCUMENT=WORD` tests those
+//! documents only whose name has this word. Commands that build or install are not executed, and
+//! `maes` is `tests/documented_commands/maes`, which knows the commands that do not end by
+//! themselves.
+
+use std::fs;
+use std::os::unix::fs::{PermissionsExt, symlink};
+use std::path::{Path, PathBuf};
+
+use ::experiments::plan::Plan;
+use regex_lite::Regex;
+
+use crate::support::runs::Site;
+use crate::support::{python, root};
+use crate::tidy::{CRATES, files, read};
+
+/// Programs that build or install; what they do has tests of its own.
+const NOT_EXECUTED: [&str; 2] = ["cargo", "pip"];
+
+/// Languages of blocks.
+const LANGUAGES: [&str; 11] = [
+    "sh",
+    "sh,long",
+    "sh,checked",
+    "python",
+    "python,recording",
+    "python,part",
+    "toml,scenario",
+    "toml,plan",
+    "toml",
+    "rust",
+    "text",
+];
+
+/// Makes the files that a reader brings along.
+const FILES_OF_THE_READER: &str = r#"
+short="--transport memory --agents 2 --size 20 --duration 20"
+maes run $short --record a.mcap
+maes run $short --seed 2 --record b.mcap
+maes map generate --size 30 --seed 7 -o cave.m3dm
+maes map convert cave.m3dm mine.obj
+cp "$1/examples/python/agent.py" .
+"#;
+
+/// A small plan, for what is said of plans in general.
+const PLAN: &str = "seeds = \"1..2\"\n\n[axes]\n\"agents.controller\" = [\"rbw\", \"Zigzag\"]\n\n\
+    [scenario]\nduration_s = 20.0\nmap = { kind = \"spheres\", size = 20 }\nagents = { count = 2 }\n";
+
+/// A floor plan of a room and a corridor, in the format of ROS maps.
+const FLOOR: &str = "image: floor.pgm\nresolution: 0.5\norigin: [0.0, 0.0, 0.0]\nnegate: 0\n\
+    occupied_thresh: 0.65\nfree_thresh: 0.196\n";
+
+/// A block of a document.
+#[derive(Debug, Clone)]
+struct Block {
+    /// Number of its first line in the document, from 0.
+    first_line: usize,
+    language: String,
+    /// Without the indentation of the list that it is in.
+    lines: Vec<String>,
+}
+
+impl Block {
+    fn text(&self) -> String {
+        self.lines.iter().flat_map(|line| [line, "\n"]).collect()
+    }
+
+    /// Its `maes` commands, each in one line.
+    fn commands(&self) -> Vec<String> {
+        let joined = self.text().replace("\\\n", " ");
+        joined.lines().filter(|line| line.starts_with("maes ")).map(str::to_owned).collect()
+    }
+}
+
+/// A document with its blocks.
+#[derive(Debug)]
+struct Document {
+    /// As the summary of the site names it.
+    name: String,
+    blocks: Vec<Block>,
+}
+
+impl Document {
+    fn new(name: &str, text: &str) -> Self {
+        let fence = Regex::new(r"^( *)```(.*)$").expect("it is written here");
+        let mut blocks: Vec<Block> = Vec::new();
+        let mut open: Option<(usize, Block)> = None;
+        for (number, line) in text.lines().enumerate() {
+            let found = fence.captures(line);
+            open = match (open, found) {
+                (None, None) => None,
+                (None, Some(found)) => {
+                    let block = Block { first_line: number + 1, language: found[2].to_owned(), lines: Vec::new() };
+                    Some((found[1].len(), block))
+                }
+                (Some((indent, mut block)), None) => {
+                    block.lines.push(line.get(indent..).unwrap_or_default().to_owned());
+                    Some((indent, block))
+                }
+                (Some((_, block)), Some(_)) => {
+                    blocks.push(block);
+                    None
+                }
+            };
+        }
+        assert!(open.is_none(), "{name}: a block has no end");
+        Self { name: name.to_owned(), blocks }
+    }
+
+    /// The blocks in these languages as one text, in which every line has the number that it has in
+    /// the document. `end` goes into the line behind each block.
+    fn session(&self, languages: &[&str], end: &str) -> Option<String> {
+        let mut lines: Vec<&str> = Vec::new();
+        for block in self.blocks.iter().filter(|block| languages.contains(&block.language.as_str())) {
+            lines.resize(block.first_line, "");
+            lines.extend(block.lines.iter().map(String::as_str));
+            lines.push(end);
+        }
+        (!lines.is_empty()).then(|| lines.join("\n") + "\n")
+    }
+}
+
+/// The documents in the order of the site, or those that are asked for.
+fn documents() -> Vec<Document> {
+    let link = Regex::new(r"\]\(([^)]+\.md)\)").expect("it is written here");
+    let summary = read(&root().join("docs/SUMMARY.md"));
+    let wanted = std::env::var("MAES_DOCUMENT").unwrap_or_default();
+    let names = link.captures_iter(&summary).map(|found| found[1].to_owned()).filter(|name| name.contains(&wanted));
+    names.map(|name| Document::new(&name, &read(&root().join("docs").join(&name)))).collect()
+}
+
+/// A folder as a reader has it in front of them, with what the blocks have made so far.
+struct Desk {
+    site: Site,
+    is_long: bool,
+}
+
+impl Desk {
+    fn new() -> Self {
+        let desk =
+            Self { site: Site::new(), is_long: std::env::var("MAES_DOCUMENTED").is_ok_and(|mode| mode == "long") };
+        for folder in ["examples", "experiments", "msgs", "python"] {
+            symlink(root().join(folder), desk.site.path(folder)).expect("a link");
+        }
+        desk.stand_ins();
+        desk.site.file("plan.toml", PLAN);
+        desk.site.file("box.txt", "#####\n#####\n#####\n\n#####\n#...#\n#####\n\n#####\n#####\n#####\n");
+        desk.site.file("floor.yaml", FLOOR);
+        desk.site.file("floor.pgm", floor());
+        let python = Document::new("python.md", &read(&root().join("docs/python.md")));
+        let class = python.blocks.iter().find(|block| block.text().starts_with("class ")).expect("it has a controller");
+        let class: String = class.text().split("\nmaes.run").next().expect("a split has a first part").to_owned();
+        desk.site.file("my_file.py", format!("import maes\n\n\n{class}"));
+        let made = desk.bash(FILES_OF_THE_READER, "run");
+        assert_eq!(made, Ok(()), "the files of the reader");
+        desk
+    }
+
+    /// The programs, and the scripts that lie where the reader calls them.
+    fn stand_ins(&self) {
+        let script = |path: PathBuf, text: String| {
+            fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("the folder can be written to");
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("it is ours");
+        };
+        for folder in ["programs", "launch_scripts"] {
+            fs::create_dir(self.site.path(folder)).expect("a folder");
+        }
+        let programs = self.site.path("programs");
+        symlink(root().join("tests/documented_commands/maes"), programs.join("maes")).expect("a link");
+        for name in NOT_EXECUTED {
+            script(programs.join(name), "exit 0".to_owned());
+        }
+        let (package, interpreter) = (crate::python_package::package(), python::for_package());
+        let python = format!("PYTHONPATH={} exec {} \"$@\"", package.display(), interpreter.display());
+        script(programs.join("python"), python);
+        for file in files("launch_scripts", "sh").into_iter().chain(files("launch_scripts", "toml")) {
+            let name = file.strip_prefix(root()).expect("it is in the workspace");
+            let place = self.site.path(name.to_str().expect("paths of tests are texts"));
+            fs::create_dir_all(place.parent().expect("it has a folder")).expect("a folder");
+            if file.extension().is_some_and(|extension| extension == "sh") {
+                script(place, format!("exec {} \"$@\"", file.display()));
+            } else {
+                symlink(&file, place).expect("a link");
+            }
+        }
+    }
+
+    /// Executes a script.
+    fn bash(&self, script: &str, mode: &str) -> Result<(), String> {
+        let script = self.site.file("session.sh", script);
+        let mut command = self.site.command("bash");
+        let programs = self.site.path("programs");
+        let path = format!("{}:{}", programs.display(), std::env::var("PATH").expect("there are programs"));
+        // The number of a line is that in the document.
+        command.args(["-c", "set -eEuo pipefail; trap 'echo \"line $LINENO fails: $BASH_COMMAND\" >&2' ERR; . \"$0\""]);
+        command.arg(&script).arg(root()).env("PATH", path).env("MAES_DOCUMENTED", mode);
+        self.passes(&mut command)
+    }
+
+    /// Executes a Python script.
+    fn python(&self, interpreter: &Path, script: &str) -> Result<(), String> {
+        let script = self.site.file("session.py", script);
+        let mut command = self.site.command(interpreter);
+        command.arg(script).env("PYTHONPATH", crate::python_package::package()).env("PYTHONDONTWRITEBYTECODE", "1");
+        self.passes(&mut command)
+    }
+
+    fn passes(&self, command: &mut std::process::Command) -> Result<(), String> {
+        let ended = self.site.start(command).ended();
+        if ended.code == Some(0) { Ok(()) } else { Err(ended.to_string()) }
+    }
+
+    /// Everything in a document that does not work.
+    fn defects(&self, document: &Document) -> Vec<String> {
+        let mut results: Vec<Result<(), String>> = Vec::new();
+        let shell: &[&str] = if self.is_long { &["sh", "sh,long"] } else { &["sh"] };
+        // What was started in the background ends with its block.
+        let end = "for job in $(jobs -p); do kill \"$job\" 2>/dev/null || true; done; wait";
+        if let Some(session) = document.session(shell, end) {
+            results.push(self.bash(&session, if self.is_long { "long" } else { "run" }));
+        }
+        if let Some(session) = document.session(&["python"], "") {
+            results.push(self.python(python::for_package(), &session));
+        }
+        for block in &document.blocks {
+            results.push(match block.language.as_str() {
+                "sh,checked" => self.checked(block),
+                "sh,long" if !self.is_long => self.checked(block),
+                "python,recording" => self.python(python::for_recordings(), &block.text()),
+                "python,part" => self.part(block),
+                "toml,scenario" => self.scenario(block),
+                "toml,plan" => plan(block),
+                "toml" => block.text().parse::<toml::Table>().map(|_| ()).map_err(|error| error.to_string()),
+                "rust" => source(block),
+                language if LANGUAGES.contains(&language) => Ok(()),
+                other => Err(format!("line {}: {other:?} is none of {LANGUAGES:?}", block.first_line)),
+            });
+        }
+        results.into_iter().filter_map(Result::err).map(|error| format!("{}: {error}", document.name)).collect()
+    }
+
+    fn checked(&self, block: &Block) -> Result<(), String> {
+        let script = self.site.file("syntax.sh", block.text());
+        self.passes(self.site.command("bash").arg("-n").arg(script))?;
+        self.bash(&block.commands().join("\n"), "checked")
+    }
+
+    fn part(&self, block: &Block) -> Result<(), String> {
+        let indented: String = block.lines.iter().map(|line| format!("    {line}\n")).collect();
+        self.python(python::for_package(), &format!("def part(self, ctx, command):\n{indented}"))
+    }
+
+    fn scenario(&self, block: &Block) -> Result<(), String> {
+        let required = if block.text().contains("seed =") { "" } else { "seed = 1\nduration_s = 600.0\n" };
+        self.site.file("documented.toml", format!("{required}{}", block.text()));
+        self.bash("maes scenario documented.toml", "run")
+    }
+}
+
+fn plan(block: &Block) -> Result<(), String> {
+    let parsed = Plan::parse("documented.toml", &block.text(), &root().join("experiments/plans"));
+    parsed.map(|_| ()).map_err(|error| error.to_string())
+}
+
+/// Fails unless a source has these lines, wherever they are indented to.
+fn source(block: &Block) -> Result<(), String> {
+    let trimmed = |text: &str| text.lines().map(|line| format!("{}\n", line.trim())).collect::<String>();
+    let wanted = trimmed(&block.text());
+    let mut sources = CRATES.iter().flat_map(|folder| files(&format!("{folder}/src"), "rs"));
+    if sources.any(|file| trimmed(&read(&file)).contains(wanted.trim())) {
+        Ok(())
+    } else {
+        Err(format!("line {}: no source has these lines:\n{}", block.first_line, block.text()))
+    }
+}
+
+/// A picture of a free room of 30 x 20 pixels with a wall around it.
+fn floor() -> Vec<u8> {
+    let (width, height) = (32, 22);
+    let is_wall = |x: usize, y: usize| x == 0 || y == 0 || x == width - 1 || y == height - 1;
+    let pixels = (0..width * height).map(|at| if is_wall(at % width, at / width) { 0 } else { 254 });
+    format!("P5\n{width} {height}\n255\n").into_bytes().into_iter().chain(pixels).collect()
+}
+
+#[test]
+fn documented_blocks_work() {
+    python::prepare_ros();
+    let desk = Desk::new();
+    let defects: Vec<String> = documents().iter().flat_map(|document| desk.defects(document)).collect();
+    assert!(defects.is_empty(), "{} defects:\n{}", defects.len(), defects.join("\n\n"));
+}
+
+#[test]
+fn defects_of_blocks_are_found() {
+    let desk = Desk::new();
+    let defects = |language: &str, text: &str| {
+        desk.defects(&Document::new("mutant.md", &format!("Text.\n\n```{language}\n{text}\n```\n"))).join("\n")
+    };
+    for (language, whole, broken, reason) in [
+        ("sh", "maes info a.mcap", "maes info\nmaes info c.mcap", "line 4 fails"),
+        ("sh", "false & maes info a.mcap", "maes info a.mcap | false", "line 4 fails"),
+        ("sh", "maes diff a.mcap b.mcap", "maes diff a.mcap c.mcap", "c.mcap"),
+        ("sh,checked", "maes run --agents 5", "maes run --agent-count 5", "--agent-count is not among the options"),
+        ("sh,checked", "maes map info X.m3dm", "maes maps info X.m3dm", "no such command"),
+        ("sh,checked", "colcon build && true", "colcon build && (", "syntax error"),
+        ("sh,long", "maes faults --seeds 2", "maes faults --seed-count 2", "--seed-count is not among the options"),
+        ("python", "import maes", "import maes\nmaes.runs()", "line 5"),
+        ("python,part", "return self", "return self)", "unmatched"),
+        ("python,recording", "import mcap", "import mcap.nothing", "mcap.nothing"),
+        ("toml,scenario", "lidar.range_m = 5", "lidar.range = 5", "lidar.range"),
+        ("toml,plan", "seeds = \"1..2\"\nscenario.duration_s = 5", "seeds = \"1..2\"\nrun = 5", "run"),
+        ("toml", "a = 1", "a == 1", "TOML"),
+        ("rust", "pub trait Controller", "pub trait Controllers", "no source has these lines"),
+        ("text", "a", "a\n```\n\n```bash\ntrue", "\"bash\" is none of"),
+    ] {
+        assert_eq!(defects(language, whole), "", "{whole}");
+        let found = defects(language, broken);
+        assert!(found.contains(reason), "{broken}: {found:?} has no {reason:?}");
+    }
+}
+
+#[test]
+fn sessions_keep_the_numbers_of_lines() {
+    let document = Document::new("a.md", "One\n```sh\ntwo\n```\n- three\n\n  ```sh\n  four\n    five\n  ```\n");
+    let session = document.session(&["sh"], "end").expect("it has blocks");
+    assert_eq!(session, "\n\ntwo\nend\n\n\n\nfour\n  five\nend\n");
+    assert!(document.session(&["python"], "").is_none());
+}
