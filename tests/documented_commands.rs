@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `sh` | executed by bash |
 //! | `sh,long` | executed with `MAES_DOCUMENTED=long`, otherwise as the next one |
-//! | `sh,checked` | its syntax is checked, and the options of its `maes` commands: what it needs is not everywhere |
+//! | `sh,checked` | its syntax is checked, and the options of its `maes` commands |
 //! | `python` | executed with the Python package |
 //! | `python,recording` | executed with the usual readers of recordings |
 //! | `python,part` | its syntax is checked: it is a part of a function |
@@ -60,6 +60,12 @@ maes map generate --size 30 --seed 7 -o cave.m3dm
 maes map convert cave.m3dm mine.obj
 cp "$1/examples/python/agent.py" .
 "#;
+
+/// What a part of a scenario leaves out.
+const REQUIRED: &str = "seed = 1\nduration_s = 600.0\nmap = { kind = \"spheres\", size = 30 }\nagents = { count = 3 }";
+
+/// The least that a plan says.
+const A_PLAN: &str = "seeds = \"1..2\"\nscenario = \"../../launch_scripts/scenarios/default.toml\"";
 
 /// A small plan, for what is said of plans in general.
 const PLAN: &str = "seeds = \"1..2\"\n\n[axes]\n\"agents.controller\" = [\"rbw\", \"Zigzag\"]\n\n\
@@ -270,8 +276,12 @@ impl Desk {
     }
 
     fn scenario(&self, block: &Block) -> Result<(), String> {
-        let required = if block.text().contains("seed =") { "" } else { "seed = 1\nduration_s = 600.0\n" };
-        self.site.file("documented.toml", format!("{required}{}", block.text()));
+        let mut scenario: toml::Table = block.text().parse().map_err(|error: toml::de::Error| error.to_string())?;
+        let required: toml::Table = REQUIRED.parse().expect("it is written here");
+        for (key, value) in required {
+            scenario.entry(key).or_insert(value);
+        }
+        self.site.file("documented.toml", scenario.to_string());
         self.bash("maes scenario documented.toml", "run")
     }
 }
@@ -327,7 +337,7 @@ fn defects_of_blocks_are_found() {
         ("python,part", "return self", "return self)", "unmatched"),
         ("python,recording", "import mcap", "import mcap.nothing", "mcap.nothing"),
         ("toml,scenario", "lidar.range_m = 5", "lidar.range = 5", "lidar.range"),
-        ("toml,plan", "seeds = \"1..2\"\nscenario.duration_s = 5", "seeds = \"1..2\"\nrun = 5", "run"),
+        ("toml,plan", A_PLAN, &format!("{A_PLAN}\nrun = 5"), "unknown field `run`"),
         ("toml", "a = 1", "a == 1", "TOML"),
         ("rust", "pub trait Controller", "pub trait Controllers", "no source has these lines"),
         ("text", "a", "a\n```\n\n```bash\ntrue", "\"bash\" is none of"),

@@ -128,7 +128,12 @@ fn foreign_pages_and_strangers_see_nothing() {
     for (path, status) in [("/", "401"), ("/index.html", "401"), ("/assets/none.js", "401"), ("/?token=x", "401")] {
         let answer = get(&address, path, "");
         assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{path}: {answer}");
-        for line in ["frame-ancestors 'none'", "x-content-type-options: nosniff", "referrer-policy: no-referrer"] {
+        for line in [
+            "frame-ancestors 'self'",
+            "x-frame-options: SAMEORIGIN",
+            "x-content-type-options: nosniff",
+            "referrer-policy: no-referrer",
+        ] {
             assert!(answer.contains(line), "{line}: {answer}");
         }
         assert!(!answer.contains("script>") && !answer.contains(token(&address)), "{answer}");

@@ -245,12 +245,16 @@ mod tests {
 
     #[test]
     fn example_of_the_documents_can_be_registered() {
-        static WITH_EXAMPLE: &[Registration] = &[Registration {
-            name: "zigzag",
-            description: "zigzag: straight on, and a turn to a random side at each obstacle",
-            stream: "zigzag",
-            construct: &|settings, rng| Ok(Box::new(zigzag::Zigzag::new(settings, rng)?)),
-        }];
+        // In the form of the document.
+        #[rustfmt::skip]
+        static WITH_EXAMPLE: &[Registration] = &[
+            Registration {
+                name: "zigzag",
+                description: "zigzag: straight on, and a turn to a random side at each obstacle",
+                stream: "zigzag",
+                construct: &|settings, rng| Ok(Box::new(zigzag::Zigzag::new(settings, rng)?)),
+            },
+        ];
         let registry = Registry::with(WITH_EXAMPLE).unwrap();
         assert!(registry.build("zigzag", &["turn_rad=2.5".to_owned()], AgentId(0), 1).is_ok());
         let refused = registry.build("zigzag", &["turn_rad=4".to_owned()], AgentId(0), 1).err().unwrap();

@@ -36,6 +36,9 @@ pub(crate) struct ViewArgs {
     /// Where the page is; port 0: a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_ADDRESS, value_parser = address)]
     address: String,
+    /// A second recording, shown beside the first one with the time linked
+    #[arg(long, value_name = "FILE.mcap")]
+    beside: Option<PathBuf>,
     /// Whether to open a browser [default: if there is a desktop]
     #[arg(long, value_name = "true|false")]
     browser: Option<bool>,
@@ -68,7 +71,7 @@ fn address(text: &str) -> Result<String, String> {
 
 /// Shows something in a browser until it ends or is interrupted.
 pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
-    let ViewArgs { run, address, browser, build_only, record_dir, map_dir } = args;
+    let ViewArgs { run, address, beside, browser, build_only, record_dir, map_dir } = args;
     let file = run.scenario.clone();
     let is_recording = file.as_deref().is_some_and(is_recording);
     if let Some(file) = &file
@@ -93,9 +96,12 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
             Err(error) => page::failed(&error),
         });
     }
-    if is_recording {
+    if beside.is_some() && !is_recording {
+        bail!("--beside: expected two recordings, as in `maes view a.mcap --beside b.mcap`");
+    }
+    for recording in file.iter().filter(|_| is_recording).chain(&beside) {
         // What is no recording is reported here, and not in the browser.
-        Recording::open(file.as_deref().unwrap_or(Path::new("")))?;
+        Recording::open(recording)?;
     }
     let page = match page::folder(run.page.as_deref()) {
         Ok(page) => page,
@@ -109,7 +115,7 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
         origins: run.view_allow_origin.clone(),
     };
     match file {
-        Some(file) if is_recording => show_recording(&file, shown),
+        Some(file) if is_recording => show_recording(&file, beside.as_deref(), shown),
         Some(_) => show_run(run, given, shown),
         None => {
             let folders = folders.into_iter().filter_map(|(name, folder)| Some(run::flag(name, folder?)));
@@ -132,8 +138,9 @@ fn is_recording(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "mcap")
 }
 
-fn show_recording(file: &Path, shown: Shown) -> anyhow::Result<ExitCode> {
-    let server = match StaticFileServer::open(&shown.address, &shown.page, file, shown.token, &shown.origins) {
+fn show_recording(file: &Path, beside: Option<&Path>, shown: Shown) -> anyhow::Result<ExitCode> {
+    let Shown { page, address, browser, token, origins } = shown;
+    let server = match StaticFileServer::open(&address, &page, file, beside, token, &origins) {
         Ok(server) => server,
         Err(error) => {
             say(&format!("error: {error}"));
@@ -143,7 +150,7 @@ fn show_recording(file: &Path, shown: Shown) -> anyhow::Result<ExitCode> {
     // Before the address is printed: whoever reads it may interrupt this at once.
     let mut signals = Signals::new([SIGINT, SIGTERM]).context("handling signals")?;
     print(&server.url());
-    Browser::new(shown.browser).open(&server.url());
+    Browser::new(browser).open(&server.url());
     signals.forever().next();
     Ok(ExitCode::SUCCESS)
 }

@@ -42,15 +42,19 @@ class _Progress:
 
     def __init__(self, is_shown: bool) -> None:
         self.failures: dict[str, str] = {}
-        self._is_shown = is_shown
         self._bar: Any = None
+        self._new_bar: Any = None
+        if is_shown:
+            try:
+                from tqdm.auto import tqdm
+            except ImportError as error:
+                raise ImportError("progress=True needs tqdm: pip install 'maes[progress]'") from error
+            self._new_bar = tqdm
 
     def __call__(self, event: str, *details: Any) -> None:
         if event == "started":
-            if self._is_shown:
-                from tqdm.auto import tqdm
-
-                self._bar = tqdm(total=details[0], unit="run")
+            if self._new_bar is not None:
+                self._bar = self._new_bar(total=details[0], unit="run")
             return
         if event == "failed":
             self.failures[details[0]] = details[1]
@@ -98,7 +102,8 @@ def batch(
     time, one for each core by default; Python controllers share the GIL, so that an `executor` of
     processes is faster for them. With an executor of `concurrent.futures` each run is a task of
     its own, which is submitted up to `attempts` times if its worker dies; workers read the plan
-    from the same path. `progress` shows a bar of tqdm.
+    from the same path. `progress` shows a bar of tqdm,
+    and raises an ImportError without it.
     """
     file, folder, classes = os.fspath(plan), Path(out), list(controllers)
     known = registered(classes)

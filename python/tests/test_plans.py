@@ -1,9 +1,12 @@
 """Plans, with controllers in Python, and over executors."""
 
 import os
+import sys
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+
+import pytest
 
 import maes
 from maes.node import load
@@ -43,9 +46,19 @@ def test_python_beside_rust(tmp_path):
     for seed in (1, 2):
         assert distance["nearest-frontier", seed] == distance["nearest-frontier-py", seed]
     assert (tmp_path / "out/runs.csv").is_file()
-    again = []
+    stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/runs").iterdir()}
     maes.batch(plan, tmp_path / "out", controllers=[NearestFrontier])
-    assert again == []
+    assert len(stamps) >= 4 and all(path.stat().st_mtime_ns == before for path, before in stamps.items())
+
+
+def test_progress_is_shown_with_tqdm_only(tmp_path, capsys, monkeypatch):
+    plan = written(tmp_path, ["rbw"])
+    maes.batch(plan, tmp_path / "shown", progress=True)
+    assert "2/2" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with pytest.raises(ImportError, match=r"maes\[progress\]"):
+        maes.batch(plan, tmp_path / "out", progress=True)
+    assert not (tmp_path / "out").exists()
 
 
 class LosesWorkers(ThreadPoolExecutor):

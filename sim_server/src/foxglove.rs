@@ -123,7 +123,8 @@ impl FoxgloveServer {
         let hub = Arc::new(Hub::new(sender, is_idle));
         let access = Access::new(token, allowed, local);
         let query = access.query();
-        let content = GatewayContent { page: page.map(Path::to_owned), hub: Some(Arc::clone(&hub)), recording: None };
+        let hub_of_run = Some(Arc::clone(&hub));
+        let content = GatewayContent { page: page.map(Path::to_owned), hub: hub_of_run, recording: None, beside: None };
         http_gateway::serve(&runtime, listener, access, content);
         Ok(Self { hub, requests, address: local, query, _runtime: runtime })
     }

@@ -1,7 +1,7 @@
 /**
  * Entry point of the page: parses the query of its address and opens what it names.
  *
- * `?recording=URL`, `?server=ws://host:port`, `?picture=1`, and the view (`shared-link.ts`):
+ * `?recording=URL`, `?beside=URL` (a second recording, shown beside it), `?server=ws://host:port`, `?picture=1`, and the view (`shared-link.ts`):
  * `?time=S`, `?agent=N`, `?layers=NAME,...`, `?camera=X,Y,Z,YAW,PITCH,DISTANCE`. Without a
  * recording or a server, the page connects to the simulator that served it, and shows the welcome
  * screen if there is none.
@@ -10,39 +10,48 @@ import "./app/base.css";
 import "./app/layout.css";
 import "./app/panels.css";
 import { App } from "./app/app.ts";
+import { Comparison } from "./app/comparison.ts";
 import type { Handle } from "./app/handle.ts";
-import { parseLink } from "./app/shared-link.ts";
+import { isComparison, parseLink } from "./app/shared-link.ts";
 
-const query = new URLSearchParams(location.search);
+const root = document.getElementById("app")!;
+if (isComparison(location.search)) new Comparison(root, location.search);
+else showOne(root, new URLSearchParams(location.search));
 
-const app = new App(document.getElementById("app")!, {
-  view: parseLink(location.search),
-  isPicture: query.get("picture") === "1",
-});
+/** Shows a run: the whole page, or a frame of a comparison. */
+function showOne(root: HTMLElement, query: URLSearchParams): void {
+  const app = new App(root, {
+    view: parseLink(location.search),
+    isPicture: query.get("picture") === "1",
+  });
 
-const handle: Handle = {
-  get run() {
-    return app.run;
-  },
-  get scene() {
-    return app.scene;
-  },
-  ready: app.ready,
-  showAt: (timeS) => app.showAt(timeS),
-  get state() {
-    return app.state;
-  },
-};
-window.maes = handle;
+  const handle: Handle = {
+    get run() {
+      return app.run;
+    },
+    get scene() {
+      return app.scene;
+    },
+    ready: app.ready,
+    showAt: (timeS) => app.showAt(timeS),
+    follow: (playback) => app.follow(playback),
+    get state() {
+      return app.state;
+    },
+  };
+  window.maes = handle;
 
-// Unhandled errors are shown as well.
-window.addEventListener("error", ({ message }) => app.shell.banners.set("error", message));
-window.addEventListener("unhandledrejection", ({ reason }) => app.shell.banners.set("error", String(reason)));
+  // Unhandled errors are shown as well.
+  window.addEventListener("error", ({ message }) => app.shell.banners.set("error", message));
+  window.addEventListener("unhandledrejection", ({ reason }) =>
+    app.shell.banners.set("error", String(reason)),
+  );
 
-const recording = query.get("recording");
-const server = query.get("server");
-if (recording) void app.openUrl(recording);
-else if (server) app.connect(server);
-else if (location.protocol.startsWith("http")) {
-  app.connect(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`, true);
+  const recording = query.get("recording");
+  const server = query.get("server");
+  if (recording) void app.openUrl(recording);
+  else if (server) app.connect(server);
+  else if (location.protocol.startsWith("http")) {
+    app.connect(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`, true);
+  }
 }

@@ -158,7 +158,7 @@ fn render(
     out: &Path,
 ) -> Result<(), CaptureError> {
     let page = http_gateway::page(page)?.ok_or(CaptureError::NoPage)?;
-    let server = StaticFileServer::open(FREE_PORT, &page, subject, Token::draw()?, &[])?;
+    let server = StaticFileServer::open(FREE_PORT, &page, subject, None, Token::draw()?, &[])?;
     let out = std::path::absolute(out).map_err(FoxgloveServerError::System)?;
     let order = DriverOrder { url: server.url(), out: &out, view, time };
     let mut driver = Command::new("node");

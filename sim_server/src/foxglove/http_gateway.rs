@@ -62,19 +62,23 @@ const NO_PAGE: &str = "<!doctype html><title>MAES</title><p>The simulator is her
 /// Path of the recording beside the page; its file name may follow, for display.
 const RECORDING: &str = "recording";
 
+/// Path of a second recording, which the page shows beside the first one.
+const BESIDE: &str = "beside";
+
 /// Headers of every response. The page runs scripts of its own files only (styles may be inline,
-/// because browsers that make images add some); it reads recordings from, and connects to, any
-/// address that the user names, and decompresses with WebAssembly from a data URL.
+/// because browsers that make images add some), and frames only itself, for two recordings; it reads
+/// recordings from, and connects to, any address that the user names, and decompresses with
+/// WebAssembly from a data URL.
 const HEADERS: [(HeaderName, HeaderValue); 6] = [
     (
         HeaderName::from_static("content-security-policy"),
         HeaderValue::from_static(
             "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; style-src 'self' 'unsafe-inline'; \
              img-src 'self' data: blob:; connect-src 'self' data: blob: http: https: ws: wss:; \
-             base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+             frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'",
         ),
     ),
-    (HeaderName::from_static("x-frame-options"), HeaderValue::from_static("DENY")),
+    (HeaderName::from_static("x-frame-options"), HeaderValue::from_static("SAMEORIGIN")),
     (HeaderName::from_static("x-content-type-options"), HeaderValue::from_static("nosniff")),
     (HeaderName::from_static("referrer-policy"), HeaderValue::from_static("no-referrer")),
     (HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin")),
@@ -88,6 +92,8 @@ pub(super) struct GatewayContent {
     pub(super) hub: Option<Arc<Hub>>,
     /// A recording to serve.
     pub(super) recording: Option<PathBuf>,
+    /// A recording to be shown beside it.
+    pub(super) beside: Option<PathBuf>,
 }
 
 /// The body of a response.
@@ -102,9 +108,18 @@ struct Gateway {
 
 /// Path of a recording beside the page. A name that would need escaping is left out.
 pub(super) fn recording_path(file: &Path) -> String {
+    path_below(RECORDING, file)
+}
+
+/// Path of the second recording.
+pub(super) fn beside_path(file: &Path) -> String {
+    path_below(BESIDE, file)
+}
+
+fn path_below(folder: &str, file: &Path) -> String {
     let is_plain = |name: &&str| name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte));
     let name = file.file_name().and_then(|name| name.to_str()).filter(is_plain).unwrap_or("recording.mcap");
-    format!("{RECORDING}/{name}")
+    format!("{folder}/{name}")
 }
 
 /// The folder of the page: the named one, else beside the binary, else where the workspace builds
@@ -246,10 +261,14 @@ impl Gateway {
         response
     }
 
-    /// Serves a file of the page, or the recording.
+    /// Serves a file of the page, or a recording.
     async fn file(&self, request: Request<Incoming>) -> Response<Body> {
-        let is_recording = request.uri().path().split('/').nth(1) == Some(RECORDING);
-        if is_recording && let Some(recording) = &self.content.recording {
+        let recording = match request.uri().path().split('/').nth(1) {
+            Some(RECORDING) => self.content.recording.as_ref(),
+            Some(BESIDE) => self.content.beside.as_ref(),
+            _ => None,
+        };
+        if let Some(recording) = recording {
             // Uncompressed, so that range requests work.
             let Ok(response) = ServeFile::new(recording).oneshot(request).await;
             return response.map(|body| body.map_err(Into::into).boxed_unsync());

@@ -12,7 +12,7 @@ import { Clock } from "./clock.ts";
 import { captureName, MovieCapture, savePicture } from "./captures.ts";
 import { openDialog, openHelp } from "./dialogs.ts";
 import { el } from "./dom.ts";
-import type { HandleState } from "./handle.ts";
+import { PLAYBACK_EVENT, type HandleState, type Playback } from "./handle.ts";
 import { listenToKeys } from "./keys.ts";
 import { browserEnvironment, LiveConnection, socketAddress } from "./live.ts";
 import { ViewSettings } from "./view-settings.ts";
@@ -102,11 +102,11 @@ export class App implements PageActions {
   // ---------------------------------------------------------------- opening
 
   openFile(file: File): Promise<void> {
-    return this.#open(`RunHeader ${file.name}`, () => openFile(file));
+    return this.#open(`Opening ${file.name}`, () => openFile(file));
   }
 
   openUrl(url: string): Promise<void> {
-    return this.#open(`RunHeader ${url}`, () => openUrl(url));
+    return this.#open(`Opening ${url}`, () => openUrl(url));
   }
 
   async #open(busy: string, open: () => Promise<Run>): Promise<void> {
@@ -242,6 +242,16 @@ export class App implements PageActions {
   seek(timeS: number): void {
     if (!this.run) return;
     this.clock.seek(timeS, this.run.endS);
+    this.#playbackChanged();
+  }
+
+  /** Takes over the playback of a page beside this one. */
+  follow({ timeS, isPlaying, rate }: Playback): void {
+    const { run, clock } = this;
+    if (!run) return;
+    clock.rate = rate;
+    clock.seek(timeS, run.endS);
+    clock.isPlaying = isPlaying && timeS < run.endS;
     this.#changed();
   }
 
@@ -254,13 +264,13 @@ export class App implements PageActions {
         this.control((it) => (it.simulationState === STATE.playing ? it.pause() : it.play()));
     } else if (clock.isPlaying) clock.isPlaying = false;
     else clock.play(run.endS, run.isComplete);
-    this.#changed();
+    this.#playbackChanged();
   }
 
   setRate(rate: number): void {
     this.clock.rate = rate;
     this.#settings.change({ rate });
-    this.#changed();
+    this.#playbackChanged();
   }
 
   goLive(): void {
@@ -425,6 +435,11 @@ export class App implements PageActions {
     shell.renderStats.update(wallS, scene, this.loop.pacer.costMs, this.loop.pixelRatio);
     shell.banners.set("run", run?.problem ?? null, "warning");
     shell.banners.set("scene", scene && scene.notices.length > 0 ? scene.notices.join(" ") : null, "notice");
+  }
+
+  #playbackChanged(): void {
+    this.#changed();
+    window.dispatchEvent(new Event(PLAYBACK_EVENT));
   }
 
   #changed(): void {

@@ -28,6 +28,12 @@ export interface HandleState {
   readonly problems: Readonly<Record<string, string>>;
 }
 
+/** What two pages that show recordings side by side have in common. */
+export type Playback = Pick<HandleState, "timeS" | "isPlaying" | "rate">;
+
+/** Event of the window after the user has changed the playback. */
+export const PLAYBACK_EVENT = "maes-playback";
+
 export interface Handle {
   /** The open run; null: none. */
   readonly run: Run | null;
@@ -40,6 +46,8 @@ export interface Handle {
    * recording has been read that far.
    */
   showAt(timeS: number): Promise<void>;
+  /** Takes over a playback, up to the end of the run, without an event. */
+  follow(playback: Playback): void;
   readonly state: HandleState;
 }
 

@@ -1,6 +1,6 @@
 import { describe, expect, test } from "vitest";
 import { DEFAULT_LAYERS } from "../scene/view.ts";
-import { linkTo, parseLink, type SharedView } from "./shared-link.ts";
+import { besideOf, isComparison, linkTo, parseLink, type SharedView } from "./shared-link.ts";
 
 const VIEW: SharedView = {
   timeS: 12.34,
@@ -23,6 +23,24 @@ describe("links", () => {
     expect(read.camera!.centre).toEqual(VIEW.camera!.centre);
     expect(read.camera!.yawRad).toBeCloseTo(VIEW.camera!.yawRad, 9);
     expect(read.camera!.distanceM).toBe(40);
+  });
+
+  test("name two recordings", () => {
+    const search = "?recording=recording/a.mcap&beside=beside/b.mcap&time=5";
+    expect(isComparison(search)).toBe(true);
+    expect(isComparison(`${search}&side=1`)).toBe(false);
+    expect(isComparison("?recording=recording/a.mcap")).toBe(false);
+    expect(isComparison("?beside=beside/b.mcap")).toBe(false);
+    expect(decodeURIComponent(besideOf(search))).toBe(
+      "recording=beside/b.mcap&beside=recording/a.mcap&time=5",
+    );
+    const link = linkTo(`http://localhost/${search}&side=1`, {
+      timeS: 7,
+      agent: null,
+      layers: null,
+      camera: null,
+    });
+    expect(link).toBe("http://localhost/?recording=recording/a.mcap&beside=beside/b.mcap&time=7");
   });
 
   test("hold no token", () => {

@@ -54,15 +54,30 @@ export function parseLink(search: string): SharedView {
   };
 }
 
+/** Whether a query names two recordings to be shown side by side; not so in a frame of them. */
+export function isComparison(search: string): boolean {
+  const query = new URLSearchParams(search);
+  return query.has("recording") && query.has("beside") && !query.has("side");
+}
+
+/** The query of the second of two recordings: the same view with both exchanged. */
+export function besideOf(search: string): string {
+  const query = new URLSearchParams(search);
+  const [recording, beside] = [query.get("recording") ?? "", query.get("beside") ?? ""];
+  query.set("recording", beside);
+  query.set("beside", recording);
+  return query.toString();
+}
+
 /**
- * The address of the page with a view. `recording` and `server` are kept from the page's own
- * address, everything else is that of the view.
+ * The address of the page with a view. `recording`, `beside` and `server` are kept from the page's
+ * own address, everything else is that of the view.
  */
 export function linkTo(page: string, view: SharedView): string {
   const link = new URL(page);
   const source = link.searchParams;
   const query = new URLSearchParams();
-  for (const name of ["recording", "server"]) {
+  for (const name of ["recording", "beside", "server"]) {
     const value = source.get(name);
     if (value !== null) query.set(name, withoutToken(value));
   }

@@ -21,9 +21,11 @@ export class Servers {
     this.#env = environment(worker);
   }
 
-  /** Serves the page with a recording; returns its address. */
-  async view(file: string): Promise<string> {
-    const server = this.#start("sim_server", ["view", file, "--address", "127.0.0.1:0", "--page", PAGE]);
+  /** Serves the page with a recording, or with two; returns its address. */
+  async view(file: string, beside?: string): Promise<string> {
+    const second = beside === undefined ? [] : ["--beside", beside];
+    const flags = ["--address", "127.0.0.1:0", "--page", PAGE, ...second];
+    const server = this.#start("sim_server", ["view", file, ...flags]);
     return (await server.prints("stdout", /^(http:\S+)$/m))[1]!;
   }
 

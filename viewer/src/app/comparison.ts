@@ -1,0 +1,62 @@
+/**
+ * Two recordings side by side, with linked time: the page twice, each in a frame of this one.
+ *
+ * What is done to the time of one side (seek, play, pause, rate) happens on the other as well. Both
+ * play by their own clocks, so that the longer one goes on when the shorter one has ended; the side
+ * that was touched last leads, and the other is set right if it drifts. Cameras, layers and
+ * selections are not linked.
+ */
+import { el } from "./dom.ts";
+import { PLAYBACK_EVENT, type Handle } from "./handle.ts";
+import { besideOf } from "./shared-link.ts";
+
+/** Drift after which the other side is set right, seconds of wall time. */
+const DRIFT_S = 0.1;
+
+/** Names of the sides, for screen readers. */
+const NAMES = ["First recording", "Second recording"] as const;
+
+export class Comparison {
+  readonly #frames: readonly HTMLIFrameElement[];
+  #leader = 0;
+
+  /** `search` is the query of the page, with `recording` and `beside`. */
+  constructor(root: HTMLElement, search: string) {
+    this.#frames = [search, besideOf(search)].map((query, side) => {
+      const address = new URLSearchParams(query);
+      address.set("side", String(side + 1));
+      const frame = el("iframe", { class: "side-by-side", title: NAMES[side]!, testid: `side-${side + 1}` });
+      frame.src = `?${address.toString()}`;
+      frame.addEventListener("load", () => this.#listen(side));
+      return frame;
+    });
+    root.classList.add("is-comparison");
+    root.append(...this.#frames);
+    document.title = "Two recordings - MAES viewer";
+    requestAnimationFrame(() => this.#correct());
+  }
+
+  #handle(side: number): Handle | undefined {
+    return this.#frames[side]!.contentWindow?.maes;
+  }
+
+  #listen(side: number): void {
+    this.#frames[side]!.contentWindow?.addEventListener(PLAYBACK_EVENT, () => {
+      this.#leader = side;
+      const leader = this.#handle(side);
+      if (leader) this.#handle(1 - side)?.follow(leader.state);
+    });
+    // Keys belong to the side that has the focus: the first one, until the other is touched.
+    if (side === 0) this.#frames[0]!.contentWindow?.focus();
+  }
+
+  /** Sets the other side right while both play. */
+  #correct(): void {
+    const [leader, other] = [this.#handle(this.#leader), this.#handle(1 - this.#leader)];
+    if (leader?.state.isPlaying === true && other?.state.isPlaying === true) {
+      const drift = Math.abs(leader.state.timeS - other.state.timeS);
+      if (drift > DRIFT_S * leader.state.rate) other.follow(leader.state);
+    }
+    requestAnimationFrame(() => this.#correct());
+  }
+}

@@ -1,0 +1,83 @@
+/** Two recordings side by side: their time is linked. */
+import type { Frame, Page } from "@playwright/test";
+import { expect, test } from "./support/fixtures.ts";
+import { recording } from "./support/recordings.ts";
+
+/** The frames of both sides, with their recordings read completely. */
+async function sidesOf(page: Page): Promise<[Frame, Frame]> {
+  const frame = async (testid: string) => {
+    const found = await (await page.getByTestId(testid).elementHandle())!.contentFrame();
+    await found!.waitForFunction(() => window.maes?.run?.isComplete);
+    return found!;
+  };
+  return [await frame("side-1"), await frame("side-2")];
+}
+
+const stateOf = (side: Frame) => side.evaluate(() => window.maes!.state);
+const endOf = (side: Frame) => side.evaluate(() => window.maes!.run!.endS);
+
+async function expectTimes(sides: [Frame, Frame], times: [number, number]): Promise<void> {
+  for (const index of [0, 1] as const) {
+    const timeOf = async () => (await stateOf(sides[index])).timeS;
+    await expect.poll(timeOf).toBeCloseTo(times[index], 6);
+  }
+}
+
+test("shows two recordings with linked time", async ({ page, servers }) => {
+  await page.goto(`${await servers.view(recording("cave"), recording("radio"))}&time=30`);
+  const sides = await sidesOf(page);
+  const [cave, radio] = sides;
+  await expect(cave.getByTestId("run-title")).toHaveText("cave.mcap");
+  await expect(radio.getByTestId("run-title")).toHaveText("radio.mcap");
+  await expectTimes(sides, [30, 30]);
+
+  // A side that is shorter stays at its end.
+  await radio.getByTestId("timeline").press("End");
+  const shortS = await endOf(radio);
+  await expectTimes(sides, [shortS, shortS]);
+  await cave.getByTestId("timeline").press("End");
+  const longS = await endOf(cave);
+  expect(longS).toBeGreaterThan(shortS);
+  await expectTimes(sides, [longS, shortS]);
+
+  // Both play, at one rate, and stop together.
+  await cave.getByTestId("timeline").press("Home");
+  await expectTimes(sides, [0, 0]);
+  await radio.getByTestId("play").click();
+  for (const side of sides) {
+    await side.waitForFunction(() => window.maes!.state.isPlaying && window.maes!.state.timeS > 0);
+  }
+  await cave.getByTestId("play").click();
+  await expect.poll(async () => (await stateOf(radio)).isPlaying).toBe(false);
+  const [one, two] = [await stateOf(cave), await stateOf(radio)];
+  expect(one.isPlaying).toBe(false);
+  expect(two).toMatchObject({ timeS: one.timeS, rate: one.rate });
+});
+
+test("a side that drifts is set right", async ({ page, servers }) => {
+  await page.goto(await servers.view(recording("cave"), recording("radio")));
+  const [cave, radio] = await sidesOf(page);
+  await cave.getByTestId("play").click();
+  await radio.waitForFunction(() => window.maes!.state.isPlaying);
+  // As if its frames had taken longer.
+  await radio.evaluate(() => window.maes!.follow({ timeS: 100, isPlaying: true, rate: 0.1 }));
+  await radio.waitForFunction(() => window.maes!.state.timeS < 90);
+  expect((await stateOf(radio)).rate).toBe((await stateOf(cave)).rate);
+});
+
+test("a link leads to both", async ({ page, servers }) => {
+  await page.goto(`${await servers.view(recording("cave"), recording("radio"))}&time=20`);
+  const [, radio] = await sidesOf(page);
+  // Without the permission to write to the clipboard the page shows the link.
+  await radio.evaluate(() => {
+    navigator.clipboard.writeText = () => Promise.reject(new Error("not allowed"));
+  });
+  await radio.getByTestId("toolbar-link").click();
+  const link = await radio.getByTestId("share-link").innerText();
+  expect(link).toContain("?recording=beside/radio.mcap&beside=recording/cave.mcap&time=20&");
+  await page.goto(link);
+  const sides = await sidesOf(page);
+  await expect(sides[0].getByTestId("run-title")).toHaveText("radio.mcap");
+  await expect(sides[1].getByTestId("run-title")).toHaveText("cave.mcap");
+  await expectTimes(sides, [20, 20]);
+});
