@@ -28,6 +28,9 @@ export class CameraBar {
     });
     const unexplored = toggle("Show unexplored", "show-unexplored", isUnexploredShown, actions.setUnexplored);
     this.#unexplored = unexplored.input;
+    // The text of the label has no room on a narrow screen.
+    this.#unexplored.ariaLabel = "Show unexplored";
+    this.#unexplored.title = "Show unexplored (U)";
     this.root = el(
       "div",
       { class: "camera-bar float", testid: "camera-bar", role: "toolbar", "aria-label": "Camera" },

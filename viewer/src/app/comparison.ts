@@ -30,8 +30,7 @@ export class Comparison {
       frame.addEventListener("load", () => this.#listen(side));
       return frame;
     });
-    root.classList.add("is-comparison");
-    root.append(...this.#frames);
+    root.append(el("main", { class: "comparison" }, el("h1", {}, "Two recordings"), ...this.#frames));
     document.title = "Two recordings - MAES viewer";
     requestAnimationFrame(() => this.#correct());
   }

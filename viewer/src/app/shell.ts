@@ -142,7 +142,7 @@ export class Shell {
       }),
     );
     this.#stage = el(
-      "div",
+      "main",
       { class: "stage", testid: "stage" },
       canvas,
       this.axes.root,

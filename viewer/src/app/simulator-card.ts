@@ -32,7 +32,7 @@ export class SimulatorCard {
       onclick: () => actions.control((live) => (this.#isPlaying ? live.pause() : live.play())),
     });
     this.#steps = STEPS.map((ticks) => {
-      const label = ticks === 1 ? "Step one tick" : `Step ${ticks} ticks`;
+      const label = ticks === 1 ? "+1 tick" : `+${ticks} ticks`;
       const button = textButton(`+${ticks}`, {
         title: `${label} of 0.02 s`,
         "aria-label": label,

@@ -32,6 +32,8 @@ export class Timeline {
   readonly #labels = el("div", { class: "tl-labels", "aria-hidden": "true" });
   readonly #hint = el("div", { class: "tl-hint", hidden: true });
   readonly #track: HTMLElement;
+  /** The track, and the marks over it. */
+  readonly #line: HTMLElement;
   readonly #seek: (timeS: number) => void;
   #run: Run | null = null;
   #timeS = 0;
@@ -52,11 +54,11 @@ export class Timeline {
         testid: "timeline",
       },
       el("div", { class: "tl-rail" }, this.#known, this.#played),
-      this.#marks,
       this.#handle,
       this.#hint,
     );
-    this.root = el("div", { class: "tl" }, this.#track, this.#labels);
+    this.#line = el("div", { class: "tl-line" }, this.#track, this.#marks);
+    this.root = el("div", { class: "tl" }, this.#line, this.#labels);
     this.#listen();
   }
 
@@ -95,7 +97,6 @@ export class Timeline {
       const mark = el("button", {
         type: "button",
         class: "tl-mark",
-        tabindex: -1,
         title: name,
         "aria-label": name,
         testid: `milestone-${Number((share * 100).toFixed(1))}`,
@@ -123,22 +124,22 @@ export class Timeline {
   }
 
   #listen(): void {
-    const track = this.#track;
+    const line = this.#line;
     const at = (event: PointerEvent) => {
-      const box = track.getBoundingClientRect();
+      const box = line.getBoundingClientRect();
       return timeAt(event.clientX - box.left, box.width, this.#lineEndS);
     };
-    track.addEventListener("pointerdown", (event) => {
+    line.addEventListener("pointerdown", (event) => {
       if (event.button !== 0 || (event.target as HTMLElement).closest(".tl-mark")) return;
-      track.setPointerCapture(event.pointerId);
+      line.setPointerCapture(event.pointerId);
       this.#seek(at(event));
     });
-    track.addEventListener("pointermove", (event) => {
+    line.addEventListener("pointermove", (event) => {
       this.#showHint(at(event));
-      if (track.hasPointerCapture(event.pointerId)) this.#seek(at(event));
+      if (line.hasPointerCapture(event.pointerId)) this.#seek(at(event));
     });
-    track.addEventListener("pointerleave", () => (this.#hint.hidden = true));
-    track.addEventListener("keydown", (event) => {
+    line.addEventListener("pointerleave", () => (this.#hint.hidden = true));
+    this.#track.addEventListener("keydown", (event) => {
       const stepS = KEY_STEPS_S[event.key];
       if (stepS === undefined) return;
       event.preventDefault();

@@ -89,7 +89,7 @@ export class Welcome {
       }),
     );
     this.root = el(
-      "main",
+      "section",
       { class: "welcome", testid: "welcome" },
       el("h1", {}, "MAES viewer"),
       el(

@@ -1,0 +1,79 @@
+/**
+ * The page has no violation that axe finds (https://github.com/dequelabs/axe-core): names and roles
+ * for screen readers, contrast, order of headings, labels of fields. What is drawn into the canvas
+ * is beyond it.
+ */
+import { createRequire } from "node:module";
+import type { AxeResults } from "axe-core";
+import type { Page } from "@playwright/test";
+import { expect, test } from "./support/fixtures.ts";
+import { addressWith } from "./support/paths.ts";
+import { recording } from "./support/recordings.ts";
+import * as shown from "./support/shown.ts";
+
+const AXE = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
+
+declare global {
+  interface Window {
+    axe: { run(): Promise<AxeResults> };
+  }
+}
+
+/** Checks all frames of the page, in its present state. */
+async function expectAccessible(page: Page, state: string): Promise<void> {
+  for (const frame of page.frames()) {
+    await frame.addScriptTag({ path: AXE });
+    const { violations } = await frame.evaluate(() => window.axe.run());
+    const found = violations.flatMap(({ id, help, nodes }) =>
+      nodes.map(({ html, failureSummary }) => `${id}: ${help}\n${html}\n${failureSummary}`),
+    );
+    expect(found, `${state}, ${frame.url()}`).toEqual([]);
+  }
+}
+
+// Scripts of the test are no files of the page.
+test.use({ bypassCSP: true });
+
+test("a recording", async ({ page, servers }) => {
+  await shown.openWhole(page, await servers.view(recording("cave")));
+  await expectAccessible(page, "the cave");
+  await page.keyboard.press("2");
+  await expect(page.getByTestId("agent-title")).toHaveText("Agent 2");
+  await page.getByTestId("toolbar-layers").click();
+  await expectAccessible(page, "an agent, with layers");
+  await page.keyboard.press("?");
+  await expect(page.getByRole("dialog")).toBeVisible();
+  await expectAccessible(page, "the help");
+});
+
+test("the welcome screen", async ({ page, servers }) => {
+  await page.goto(addressWith(await servers.view(recording("cave")), { recording: "" }));
+  await expect(page.getByTestId("welcome")).toBeVisible();
+  await expectAccessible(page, "the welcome screen");
+});
+
+test("two recordings", async ({ page, servers }) => {
+  await page.goto(await servers.view(recording("cave"), recording("radio")));
+  await expect(page.getByRole("heading")).toHaveText("Two recordings");
+  for (const frame of page.frames().slice(1)) {
+    await frame.waitForFunction(() => window.maes?.run?.isComplete);
+  }
+  await expectAccessible(page, "two recordings");
+});
+
+test("the start form", async ({ page, servers }) => {
+  const { url } = await servers.run(["--idle"]);
+  await page.goto(url);
+  await page.getByTestId("welcome-new").click();
+  await expect(page.getByTestId("start-form")).toBeVisible();
+  await page.getByTestId("start-advanced").getByText("Advanced").click();
+  await expectAccessible(page, "the start form");
+});
+
+test("a live run", async ({ page, servers }) => {
+  const flags = ["--agents", "2", "--size", "30", "--rtf", "2"];
+  const { url } = await servers.run(["../launch_scripts/scenarios/default.toml", ...flags]);
+  servers.agents(2);
+  await shown.open(page, url);
+  await expectAccessible(page, "a live run");
+});
