@@ -246,5 +246,11 @@ fn view_errors_are_reported_at_start() {
     let no_recording = site.file("text.mcap", "no recording");
     let no_page = site.start(site.binary("maes").args(["view", text(&no_recording)])).ended().with_code(2);
     assert!(no_page.stderr.contains("text.mcap"), "{no_page}");
+    for (shown, words) in [("default.toml", "expected two recordings"), ("text.mcap", "text.mcap")] {
+        let file = if shown == "default.toml" { scenario.clone() } else { site.path(shown) };
+        let view = ["view", text(&file), "--beside", text(&no_recording)];
+        let refused = site.start(site.binary("maes").args(view)).ended().with_code(2);
+        assert!(refused.stderr.contains(words), "{refused}");
+    }
     refused(&["run", text(&scenario), "--view", ANYWHERE, "--page", "/nowhere"], 2, "/nowhere");
 }
