@@ -27,7 +27,7 @@ mod suggestion;
 pub(crate) mod testing;
 /// The example of docs/controllers.md, word for word.
 #[cfg(test)]
-mod zigzag;
+pub mod zigzag;
 
 use std::fmt;
 
