@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Builds the site: the documentation as a book, the API of the crates, and the page with recordings
-# that play without a server:
+# Builds the site: the documentation as a book, the API of the crates and of the Python package, and
+# the page with recordings that play without a server:
 #
 #   launch_scripts/site.sh [FOLDER]     default: out/site
 #
-# Needs mdbook (cargo install mdbook --locked) and npm. `--no-api` leaves the API of the crates out.
+# Needs mdbook (cargo install mdbook --locked), npm and Python. `--no-api` leaves both APIs out.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
@@ -50,5 +50,10 @@ done
 if [[ -n $api ]]; then
     cargo doc --release --workspace --no-deps --locked --quiet
     cp -r "${CARGO_TARGET_DIR:-target}/doc" "$out/api"
+    python=$(tests/python_env.sh package)
+    cargo build --release --package maes_python --features unified --locked --quiet
+    cp -r python/maes "$stage/maes"
+    cp "${CARGO_TARGET_DIR:-target}/release/lib_maes.so" "$stage/maes/_maes.abi3.so"
+    PYTHONPATH=$stage "$python" -m pdoc maes maes.envs maes.node --output-directory "$out/api/python" >&2
 fi
 echo "$out/index.html"

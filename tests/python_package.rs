@@ -77,6 +77,21 @@ fn tests_of_the_package_pass() {
     assert!(text.contains(" passed"), "{text}");
 }
 
+/// What `launch_scripts/site.sh` makes: each public name has its documentation.
+#[test]
+fn documentation_of_the_package_can_be_made() {
+    let folder = tempfile::tempdir().expect("there is room for a folder");
+    let modules = ["maes", "maes.envs", "maes.node"];
+    passed(command().args(["-m", "pdoc"]).args(modules).arg("--output-directory").arg(folder.path()));
+    let page = |name: &str| fs::read_to_string(folder.path().join(name)).expect("a page");
+    let (package, environments) = (page("maes.html"), page("maes/envs.html"));
+    for name in ["Scenario", "Recording", "Controller", "Auction", "batch"] {
+        assert!(package.contains(&format!("id=\"{name}\"")), "{name} is in the page");
+    }
+    // From the stubs, because the library is native.
+    assert!(package.contains("id=\"Ctx.search\"") && environments.contains("id=\"Worlds.step\""));
+}
+
 /// Tables do not depend on where runs are executed, nor on a worker that is killed meanwhile.
 #[test]
 #[ignore = "installs Dask, Ray and submitit"]

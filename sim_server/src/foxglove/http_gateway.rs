@@ -66,8 +66,8 @@ const RECORDING: &str = "recording";
 const BESIDE: &str = "beside";
 
 /// Headers of every response. The page runs scripts of its own files only (styles may be inline,
-/// because browsers that make images add some), and frames only itself, for two recordings; it reads
-/// recordings from, and connects to, any address that the user names, and decompresses with
+/// because browsers that make images add some), and frames only itself, for two recordings; it
+/// reads recordings from, and connects to, any address that the user names, and decompresses with
 /// WebAssembly from a data URL.
 const HEADERS: [(HeaderName, HeaderValue); 6] = [
     (
