@@ -57,12 +57,13 @@ impl Browser {
         }
     }
 
-    /// Shows the page at an address `ADDR:PORT` once a server accepts connections there.
+    /// Shows the page at an address `ADDR:PORT` once a server accepts connections there: whoever
+    /// reads the address may open it, or interrupt the command, at once.
     pub(super) fn open_when_served(self, address: &str, token: &Token) -> Opening {
         let (given_up, is_given_up) = channel();
         let url = format!("http://{address}/?token={}", token.as_str());
         let address = address.to_owned();
-        if matches!(self, Self::Opened) {
+        if !matches!(self, Self::None) {
             thread::spawn(move || {
                 for _ in 0..ATTEMPTS {
                     if TcpStream::connect(&address).is_ok() {
@@ -73,8 +74,6 @@ impl Browser {
                     }
                 }
             });
-        } else {
-            self.open(&url);
         }
         Opening { _given_up: given_up }
     }
