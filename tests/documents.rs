@@ -6,7 +6,7 @@ use regex_lite::Regex;
 use simulation::scenario::keys;
 
 use crate::support::root;
-use crate::tidy::{CRATES, files, name, read};
+use crate::tidy::{CRATES, documents, files, name, read, sources};
 
 /// Every path of the workspace in a document exists.
 #[test]
@@ -35,13 +35,10 @@ fn documents_name_files_that_exist() {
 /// Every link between documents leads to a file, and to a heading if it names one.
 #[test]
 fn links_of_documents_lead_somewhere() {
-    let mut documents = files("docs", "md");
-    let tops = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"];
-    documents.extend(tops.map(|document| root().join(document)));
     let link = Regex::new(r"\]\(([^)\s]+)\)").expect("it is written here");
     let mut checked = 0;
     let mut broken = Vec::new();
-    for document in documents {
+    for document in documents() {
         for found in link.captures_iter(&read(&document)) {
             let target = &found[1];
             if target.contains("://") || target.starts_with("mailto:") {
@@ -95,9 +92,7 @@ fn documented_keys_exist() {
     let code = Regex::new(r"`([a-z]+(?:\.[a-z_]+)+)(?: = [^`]*)?`").expect("it is written here");
     let mut checked = 0;
     let mut unknown = Vec::new();
-    let mut documents = files("docs", "md");
-    documents.extend(["README.md", "ARCHITECTURE.md", "SECURITY.md"].map(|document| root().join(document)));
-    for document in documents {
+    for document in documents() {
         for found in code.captures_iter(&read(&document)) {
             let path = &found[1];
             let (first, _) = path.split_once('.').expect("the pattern has a dot");
@@ -128,13 +123,9 @@ const OF_THE_SYSTEM: [&str; 1] = [": Address already in use"];
 /// Every message that docs/troubleshooting.md explains is printed by some source.
 #[test]
 fn explained_messages_exist() {
-    let mut sources = String::new();
-    for folder in CRATES {
-        for file in files(&format!("{folder}/src"), "rs") {
-            sources += &unwrapped(&read(&file));
-        }
-    }
-    sources.extend(files("launch_scripts", "sh").iter().map(|script| read(script)));
+    let code = CRATES.into_iter().flat_map(sources).map(|(_, code)| unwrapped(&code));
+    let scripts = files("launch_scripts", "sh").into_iter().map(|script| read(&script));
+    let printed: String = code.chain(scripts).collect();
     let text = read(&root().join("docs/troubleshooting.md"));
     let message = Regex::new(r"`([^`]+)`").expect("it is written here");
     // A name or number of the example, where the source has a placeholder.
@@ -151,7 +142,7 @@ fn explained_messages_exist() {
                     continue;
                 }
                 checked += 1;
-                let is_known = sources.contains(part) || OF_THE_SYSTEM.iter().any(|known| known.contains(part));
+                let is_known = printed.contains(part) || OF_THE_SYSTEM.iter().any(|known| known.contains(part));
                 if !is_known {
                     missing.push(part.to_owned());
                 }

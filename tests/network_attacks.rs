@@ -32,6 +32,7 @@ impl Waiting {
         let site = Site::new();
         let agent = Process::start(site.binary("agent_node").args(["--id", "0"]));
         let mut server = site.binary("sim_server");
+        // It waits for as long as it is attacked: hours, if it is fuzzed.
         server.arg("run").arg(scenario("default.toml")).args(SHORT).args(["--join-timeout", "1e6"]);
         let mut server = site.start(&mut server);
         server.process().says("waiting for agents: 1");

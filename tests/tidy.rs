@@ -54,13 +54,19 @@ pub(crate) fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
+/// The documents: those of docs/, and those at the top of the workspace.
+pub(crate) fn documents() -> Vec<PathBuf> {
+    let tops = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"];
+    files("docs", "md").into_iter().chain(tops.map(|top| root().join(top))).collect()
+}
+
 /// A path relative to the workspace.
 pub(crate) fn name(path: &Path) -> String {
     path.strip_prefix(root()).unwrap_or(path).display().to_string()
 }
 
 /// Sources of a crate: without files of tests, and up to the first `cfg(test)` of a file.
-fn sources(of: &str) -> Vec<(String, String)> {
+pub(crate) fn sources(of: &str) -> Vec<(String, String)> {
     let is_code = |path: &PathBuf| path.file_name().is_some_and(|name| name != "tests.rs");
     let without_tests = |path: PathBuf| {
         let text = read(&path);
@@ -208,8 +214,7 @@ fn comments_and_documents_wrap() {
             assert!(is_block || !is_too_long(line), "{}:{}: {line}", name(&file), number + 1);
         }
     }
-    let tops = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"];
-    for file in files("docs", "md").into_iter().chain(tops.map(|top| root().join(top))) {
+    for file in documents() {
         let mut is_block = false;
         for (number, line) in read(&file).lines().enumerate() {
             is_block ^= line.trim_start().starts_with("```");

@@ -1,10 +1,10 @@
 /**
  * Entry point of the page: parses the query of its address and opens what it names.
  *
- * `?recording=URL`, `?beside=URL` (a second recording, shown beside it), `?server=ws://host:port`, `?picture=1`, and the view (`shared-link.ts`):
- * `?time=S`, `?agent=N`, `?layers=NAME,...`, `?camera=X,Y,Z,YAW,PITCH,DISTANCE`. Without a
- * recording or a server, the page connects to the simulator that served it, and shows the welcome
- * screen if there is none.
+ * `?recording=URL`, `?beside=URL` (a second recording, shown beside it), `?server=ws://host:port`,
+ * `?picture=1`, and the view (`shared-link.ts`): `?time=S`, `?agent=N`, `?layers=NAME,...`,
+ * `?camera=X,Y,Z,YAW,PITCH,DISTANCE`. Without a recording or a server, the page connects to the
+ * simulator that served it, and shows the welcome screen if there is none.
  */
 import "./app/base.css";
 import "./app/layout.css";
@@ -16,12 +16,13 @@ import { isComparison, parseLink } from "./app/shared-link.ts";
 
 const root = document.getElementById("app")!;
 if (isComparison(location.search)) new Comparison(root, location.search);
-else showOne(root, new URLSearchParams(location.search));
+else showOne(root, location.search);
 
 /** Shows a run: the whole page, or a frame of a comparison. */
-function showOne(root: HTMLElement, query: URLSearchParams): void {
+function showOne(root: HTMLElement, search: string): void {
+  const query = new URLSearchParams(search);
   const app = new App(root, {
-    view: parseLink(location.search),
+    view: parseLink(search),
     isPicture: query.get("picture") === "1",
   });
 

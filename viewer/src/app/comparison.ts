@@ -2,7 +2,7 @@
  * Two recordings side by side, with linked time: the page twice, each in a frame of this one.
  *
  * What is done to the time of one side (seek, play, pause, rate) happens on the other as well. Both
- * play by their own clocks, so that the longer one goes on when the shorter one has ended; the side
+ * play by their own clocks, so that the longer one continues when the shorter one has ended; the side
  * that was touched last leads, and the other is set right if it drifts. Cameras, layers and
  * selections are not linked.
  */
@@ -51,10 +51,11 @@ export class Comparison {
 
   /** Sets the other side right while both play. */
   #correct(): void {
-    const [leader, other] = [this.#handle(this.#leader), this.#handle(1 - this.#leader)];
-    if (leader?.state.isPlaying === true && other?.state.isPlaying === true) {
-      const drift = Math.abs(leader.state.timeS - other.state.timeS);
-      if (drift > DRIFT_S * leader.state.rate) other.follow(leader.state);
+    const other = this.#handle(1 - this.#leader);
+    const [led, present] = [this.#handle(this.#leader)?.state, other?.state];
+    if (led?.isPlaying === true && present?.isPlaying === true) {
+      const drift = Math.abs(led.timeS - present.timeS);
+      if (drift > DRIFT_S * led.rate) other!.follow(led);
     }
     requestAnimationFrame(() => this.#correct());
   }
