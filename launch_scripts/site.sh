@@ -50,7 +50,7 @@ done
 if [[ -n $api ]]; then
     cargo doc --release --workspace --no-deps --locked --quiet
     cp -r "${CARGO_TARGET_DIR:-target}/doc" "$out/api"
-    python=$(tests/python_env.sh package)
+    python=$(tests/python_env.sh documentation)
     cargo build --release --package maes_python --features unified --locked --quiet
     cp -r python/maes "$stage/maes"
     cp "${CARGO_TARGET_DIR:-target}/release/lib_maes.so" "$stage/maes/_maes.abi3.so"

@@ -52,10 +52,20 @@ fn viewer_unit_tests_pass() {
 }
 
 #[test]
-fn viewer_browser_tests_pass() {
+fn viewer_works_in_a_browser() {
+    browser_tests("e2e:short");
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn all_browser_tests_of_the_viewer_pass() {
+    browser_tests("e2e");
+}
+
+fn browser_tests(script: &str) {
     // No run is under way meanwhile, because browsers that draw in software use all cores.
     let _slots = Slot::take_all();
-    let played = npm(&["run", "e2e:short"]);
+    let played = npm(&["run", script]);
     assert!(played.contains(" passed"), "{played}");
 }
 

@@ -27,6 +27,12 @@ pub(crate) fn for_package() -> &'static Path {
     PYTHON.get_or_init(|| environment("package"))
 }
 
+/// The interpreter that makes the documentation of the Python package, and executes notebooks.
+pub(crate) fn for_documentation() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("documentation"))
+}
+
 /// The interpreter with Dask, Ray and submitit.
 pub(crate) fn for_executors() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();

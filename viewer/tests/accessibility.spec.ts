@@ -6,7 +6,7 @@
 import { createRequire } from "node:module";
 import type { AxeResults } from "axe-core";
 import type { Page } from "@playwright/test";
-import { expect, test } from "./support/fixtures.ts";
+import { expect, LONG, test } from "./support/fixtures.ts";
 import { addressWith } from "./support/paths.ts";
 import { recording } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";
@@ -46,13 +46,13 @@ test("a recording", async ({ page, servers }) => {
   await expectAccessible(page, "the help");
 });
 
-test("the welcome screen", async ({ page, servers }) => {
+test("the welcome screen", LONG, async ({ page, servers }) => {
   await page.goto(addressWith(await servers.view(recording("cave")), { recording: "" }));
   await expect(page.getByTestId("welcome")).toBeVisible();
   await expectAccessible(page, "the welcome screen");
 });
 
-test("two recordings", async ({ page, servers }) => {
+test("two recordings", LONG, async ({ page, servers }) => {
   await page.goto(await servers.view(recording("cave"), recording("radio")));
   await expect(page.getByRole("heading")).toHaveText("Two recordings");
   for (const frame of page.frames().slice(1)) {
@@ -61,7 +61,7 @@ test("two recordings", async ({ page, servers }) => {
   await expectAccessible(page, "two recordings");
 });
 
-test("the start form", async ({ page, servers }) => {
+test("the start form", LONG, async ({ page, servers }) => {
   const { url } = await servers.run(["--idle"]);
   await page.goto(url);
   await page.getByTestId("welcome-new").click();
@@ -70,7 +70,7 @@ test("the start form", async ({ page, servers }) => {
   await expectAccessible(page, "the start form");
 });
 
-test("a live run", async ({ page, servers }) => {
+test("a live run", LONG, async ({ page, servers }) => {
   const flags = ["--agents", "2", "--size", "30", "--rtf", "2"];
   const { url } = await servers.run(["../launch_scripts/scenarios/default.toml", ...flags]);
   servers.agents(2);

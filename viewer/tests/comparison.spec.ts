@@ -1,6 +1,6 @@
 /** Two recordings side by side: their time is linked. */
 import type { Frame, Page } from "@playwright/test";
-import { expect, test } from "./support/fixtures.ts";
+import { expect, LONG, test } from "./support/fixtures.ts";
 import { recording } from "./support/recordings.ts";
 
 /** The frames of both sides, with their recordings read completely. */
@@ -54,7 +54,7 @@ test("shows two recordings with linked time", async ({ page, servers }) => {
   expect(two).toMatchObject({ timeS: one.timeS, rate: one.rate });
 });
 
-test("a side that drifts is set right", async ({ page, servers }) => {
+test("a side that drifts is set right", LONG, async ({ page, servers }) => {
   await page.goto(await servers.view(recording("cave"), recording("radio")));
   const [cave, radio] = await sidesOf(page);
   await cave.getByTestId("play").click();
@@ -65,7 +65,7 @@ test("a side that drifts is set right", async ({ page, servers }) => {
   expect((await stateOf(radio)).rate).toBe((await stateOf(cave)).rate);
 });
 
-test("a link leads to both", async ({ page, servers }) => {
+test("a link leads to both", LONG, async ({ page, servers }) => {
   await page.goto(`${await servers.view(recording("cave"), recording("radio"))}&time=20`);
   const [, radio] = await sidesOf(page);
   // Without the permission to write to the clipboard the page shows the link.

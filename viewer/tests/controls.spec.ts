@@ -92,7 +92,7 @@ test("walls become solid, and the cave is cut open along each axis", LONG, async
   shown.expectSame(before, await shown.pictureAt(page, TIME_S), "cut put back");
 });
 
-test("unexplored cells have a switch and a key", async ({ page, servers }) => {
+test("unexplored cells have a switch and a key", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const before = await shown.pictureAt(page, TIME_S);
   const input = page.getByTestId("show-unexplored");
@@ -160,7 +160,7 @@ test("agents are selected by buttons, keys, clicks and the table", async ({ page
   await expectSelected(page, place!.agent);
 });
 
-test("the panel shows the state of the selected agent", async ({ page, servers }) => {
+test("the panel shows the state of the selected agent", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const fact = (name: string) => page.getByTestId(`fact-${name}`);
   const thousands = (value: number): string => String(value).replace(/\B(?=(\d{3})+(?!\d))/g, "\u202f");
@@ -299,7 +299,7 @@ test("a page for captures has only the image and a caption", LONG, async ({ page
   await expect(page.getByTestId("caption")).toContainText(`${shown.finePercent(share)} explored`);
 });
 
-test("a link shows the same view", async ({ page, servers }) => {
+test("a link shows the same view", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, `${await servers.view(FILE)}&agent=${AGENT}`);
   await page.getByTestId("toolbar-layers").click();
   await page.getByTestId("layer-trails").uncheck();
@@ -331,7 +331,7 @@ test("a link shows the same view", async ({ page, servers }) => {
   expect(page.url()).toBe(link);
 });
 
-test("pictures and movies are saved", async ({ page, servers }) => {
+test("pictures and movies are saved", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await shown.showAt(page, TIME_S);
   const picture = page.waitForEvent("download");
@@ -346,22 +346,24 @@ test("pictures and movies are saved", async ({ page, servers }) => {
   await expect(page.getByTestId("toolbar-movie")).toHaveAttribute("aria-pressed", "false");
 });
 
-test("the legend explains the visible layers, and the scale follows the camera", async ({
-  page,
-  servers,
-}) => {
-  await shown.openWhole(page, await servers.view(FILE));
-  await shown.showAt(page, TIME_S);
-  const legend = page.getByTestId("legend");
-  await expect(legend).toContainText("unexplored cell");
-  await expect(legend.getByText("visited cell")).toBeHidden();
-  await page.keyboard.press("u");
-  await expect(legend.getByText("unexplored cell")).toBeHidden();
-  const lengthM = async (): Promise<number> => Number.parseFloat(await page.getByTestId("scale").innerText());
-  const far = await lengthM();
-  expect(far).toBeGreaterThanOrEqual(1);
-  await page.getByTestId("canvas").hover();
-  for (let turn = 0; turn < 8; turn++) await page.mouse.wheel(0, -240);
-  await shown.showAt(page, TIME_S);
-  expect(await lengthM()).toBeLessThan(far);
-});
+test(
+  "the legend explains the visible layers, and the scale follows the camera",
+  LONG,
+  async ({ page, servers }) => {
+    await shown.openWhole(page, await servers.view(FILE));
+    await shown.showAt(page, TIME_S);
+    const legend = page.getByTestId("legend");
+    await expect(legend).toContainText("unexplored cell");
+    await expect(legend.getByText("visited cell")).toBeHidden();
+    await page.keyboard.press("u");
+    await expect(legend.getByText("unexplored cell")).toBeHidden();
+    const lengthM = async (): Promise<number> =>
+      Number.parseFloat(await page.getByTestId("scale").innerText());
+    const far = await lengthM();
+    expect(far).toBeGreaterThanOrEqual(1);
+    await page.getByTestId("canvas").hover();
+    for (let turn = 0; turn < 8; turn++) await page.mouse.wheel(0, -240);
+    await shown.showAt(page, TIME_S);
+    expect(await lengthM()).toBeLessThan(far);
+  },
+);

@@ -3,7 +3,7 @@ import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { McapWriter } from "@mcap/core";
 import type { Page } from "@playwright/test";
-import { expect, test } from "./support/fixtures.ts";
+import { expect, LONG, test } from "./support/fixtures.ts";
 import { addressWith, SCENARIO } from "./support/paths.ts";
 import { recording, temporaryFolder } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";
@@ -47,7 +47,7 @@ async function choose(page: Page, name: string, content: Buffer): Promise<void> 
   await page.getByTestId("file").setInputFiles(path);
 }
 
-test("other files are rejected with a message", async ({ page, servers }) => {
+test("other files are rejected with a message", LONG, async ({ page, servers }) => {
   await page.goto(addressWith(await servers.view(recording("cave")), { recording: "" }));
   const banner = page.getByTestId("banner-opening");
   for (const [name, content, expected] of [
@@ -93,7 +93,7 @@ test("a cut recording is shown up to the cut", async ({ page, servers }) => {
   shown.expectSame(cut, await shown.pictureAt(page, 20), "20 s of a part and of the whole");
 });
 
-test("an unreachable address is reported", async ({ page, servers }) => {
+test("an unreachable address is reported", LONG, async ({ page, servers }) => {
   const url = await servers.view(recording("cave"));
   await page.goto(addressWith(url, { recording: "nothing.mcap" }));
   await expect(page.getByTestId("banner-opening")).toContainText("nothing.mcap");
@@ -114,7 +114,7 @@ test("an unreachable address is reported", async ({ page, servers }) => {
   await expect(page.getByTestId("run-title")).toHaveText(name.split("/").at(-1)!);
 });
 
-test("the page survives the death of its server", async ({ page, servers }) => {
+test("the page survives the death of its server", LONG, async ({ page, servers }) => {
   const flags = [SCENARIO, "--rtf", "5", "--set", "stop_when_explored=false"];
   const { server, url } = await servers.run(flags);
   const agents = servers.agents(AGENTS);

@@ -2,7 +2,7 @@
 import { existsSync, mkdtempSync, readdirSync, readFileSync, rmSync } from "node:fs";
 import { join } from "node:path";
 import type { Page } from "@playwright/test";
-import { expect, test, type Servers } from "./support/fixtures.ts";
+import { expect, LONG, test, type Servers } from "./support/fixtures.ts";
 import { temporaryFolder } from "./support/recordings.ts";
 import * as shown from "./support/shown.ts";
 
@@ -53,7 +53,7 @@ async function openForm(page: Page, button: string): Promise<void> {
 
 const toml = (page: Page): Promise<string> => page.getByTestId("start-toml").inputValue();
 
-test("the form has the defaults and ranges of the reference", async ({ page, servers }) => {
+test("the form has the defaults and ranges of the reference", LONG, async ({ page, servers }) => {
   const { url } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");
@@ -102,7 +102,7 @@ test("the form has the defaults and ranges of the reference", async ({ page, ser
   expect((await toml(page)).split("\n")).toContain("fill = 0.53");
 });
 
-test("errors of a scenario are shown beside the form", async ({ page, servers }) => {
+test("errors of a scenario are shown beside the form", LONG, async ({ page, servers }) => {
   const { url } = await idle(servers);
   await page.goto(url);
   await openForm(page, "welcome-new");

@@ -84,7 +84,7 @@ test("a paused run is resumed, paused and stepped", async ({ page, servers }) =>
   await expectState(page, "paused");
 });
 
-test("the real-time factor is the server's", async ({ page, servers }) => {
+test("the real-time factor is the server's", LONG, async ({ page, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "2"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
@@ -135,7 +135,7 @@ test("earlier times can be shown while the run continues", LONG, async ({ page, 
   await expect.poll(async () => (await shown.endOf(page)) - (await shown.timeOf(page))).toBeCloseTo(0, 6);
 });
 
-test("a run is restarted, and stopped", async ({ page, servers }) => {
+test("a run is restarted, and stopped", LONG, async ({ page, servers }) => {
   const { server, url } = await servers.run([...ENDLESS, "--rtf", "10"]);
   servers.agents(AGENTS);
   await shown.open(page, url);

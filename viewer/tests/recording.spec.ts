@@ -42,14 +42,14 @@ test("opens by drag and drop", LONG, async ({ page, servers }) => {
   await expect(page.getByTestId("run-title")).toHaveText("dropped.mcap");
 });
 
-test("opens at a time, with an agent", async ({ page, servers }) => {
+test("opens at a time, with an agent", LONG, async ({ page, servers }) => {
   await shown.open(page, `${await servers.view(FILE)}&time=100&agent=3`);
   await shown.expectTime(page, 100);
   await expect(page.getByTestId("agent-title")).toHaveText("Agent 3");
   await expect(page.getByTestId("time-now")).toHaveText("01:40");
 });
 
-test("shows its numbers", async ({ page, servers }) => {
+test("shows its numbers", LONG, async ({ page, servers }) => {
   const info = await servers.info(FILE);
   await shown.openWhole(page, await servers.view(FILE));
   const end = shown.secondsOf(info.endTime);
@@ -202,7 +202,7 @@ test("the timeline seeks", LONG, async ({ page, servers }) => {
   await expect(line).toHaveAttribute("aria-valuetext", `00:00 of ${shown.clock(end)}`);
 });
 
-test("milestones show when shares were explored, and seek there", async ({ page, servers }) => {
+test("milestones show when shares were explored, and seek there", LONG, async ({ page, servers }) => {
   const info = await servers.info(FILE);
   await shown.openWhole(page, await servers.view(FILE));
   expect([...info.reached.keys()]).toEqual(["50", "90", "99", "99.9", "100"]);

@@ -31,7 +31,7 @@ pub(crate) fn compare<M: Message + Default + PartialEq + Debug>(way: Way, bytes:
 }
 
 fn fixtures() -> impl Iterator<Item = (&'static str, Way, Vec<u8>)> {
-    include_str!("../fixtures/cdr.txt").lines().map(|line| {
+    include_str!("fixtures/cdr.txt").lines().map(|line| {
         let [name, way, digits] = line.split(' ').collect::<Vec<_>>()[..] else { panic!("not three words: {line}") };
         let way = match way {
             "default" => Way::Default,

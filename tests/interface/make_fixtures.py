@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Writes fixtures/cdr.txt: messages as a real ROS 2 serialises them, for the tests in interface/.
+"""Writes fixtures/cdr.txt: messages as a real ROS 2 serialises them, for the tests in this folder.
 
-    eval "$(launch_scripts/ros_env.sh)" && python3 msgs/tests/make_fixtures.py
+    eval "$(launch_scripts/ros_env.sh)" && python3 tests/interface/make_fixtures.py
 
 One line for each type and way of filling it: type, way, bytes in hexadecimal. "default" is the message as it is created;
-"sample" has another value in every field, by the rule below, which interface/sample.rs repeats. To be run again whenever a
+"sample" has another value in every field, by the rule below, which sample.rs repeats. To be run again whenever a
 .msg file changes; the same messages give the same file.
 """
 
@@ -125,7 +125,7 @@ def serialised(message):
 def main():
     if os.environ.get("GLIBC_TUNABLES") != NO_CACHE:
         os.execve(sys.executable, [sys.executable, __file__], {**os.environ, "GLIBC_TUNABLES": NO_CACHE})
-    ours = [f"maes_msgs/{path.stem}" for path in (HERE.parent / "msg").glob("*.msg")]
+    ours = [f"maes_msgs/{path.stem}" for path in (HERE.parents[1] / "msgs" / "msg").glob("*.msg")]
     with FIXTURES.open("w") as out:
         for name in sorted(STANDARD + ours):
             default = message_class(name)()

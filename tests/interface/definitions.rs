@@ -104,7 +104,7 @@ fn constants_are_those_of_the_structs() {
 
 #[test]
 fn the_package_builds_every_file_there_is() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../msgs");
     let mut files: Vec<String> = fs::read_dir(folder.join("msg"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())

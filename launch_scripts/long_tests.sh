@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# The tests that `cargo test` and .ci/run leave out because they take long:
+#
+#   launch_scripts/long_tests.sh [WORD...]      default: all; with words, those that have one in their name
+#
+# All browser tests of the page, the notebooks and the API pages of the Python package, plans over
+# Dask, Ray and submitit, and SIERRA; without words also every code block of the documents that takes
+# long, such as movies and benchmarks. Installs the Python packages that they need, and takes an
+# hour on two cores. Exit code 1 if a test fails.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+launch_scripts/patched_rustdds.sh >/dev/null
+
+failed=0
+cargo test --release --workspace --locked --no-fail-fast -- --ignored "$@" || failed=1
+if (($# == 0)); then
+    MAES_DOCUMENTED=long cargo test --release --locked -p tests --test end_to_end documented_blocks || failed=1
+fi
+exit "$failed"
