@@ -4,9 +4,9 @@
 #   launch_scripts/long_tests.sh [WORD...]      default: all; with words, those that have one in their name
 #
 # All browser tests of the page, the notebooks and the API pages of the Python package, plans over
-# Dask, Ray and submitit, and SIERRA; without words also every code block of the documents that takes
-# long, such as movies and benchmarks. Installs the Python packages that they need, and takes an
-# hour on two cores. Exit code 1 if a test fails.
+# Dask, Ray and submitit, SIERRA, and what `cargo install` installs; without words also every code
+# block of the documents that takes long, such as movies and benchmarks. Installs the Python packages
+# that they need, and takes an hour on two cores. Exit code 1 if a test fails.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 launch_scripts/patched_rustdds.sh >/dev/null
