@@ -1,8 +1,8 @@
 //! Processes, ROS domains, recordings and in-memory runs for the end-to-end tests.
 //!
 //! Invariants: no process outlives the test that started it; no two tests share a ROS domain; at
-//! most three runs are under way at a time, because the processes of two leave the two cores of the
-//! smallest machine idle now and then; a wait that takes longer than [`HANG`] is a failure.
+//! most four runs are under way at a time, because the processes of three leave the two cores of
+//! the smallest machine idle now and then; a wait that takes longer than [`HANG`] is a failure.
 
 pub(crate) mod binaries;
 pub(crate) mod domains;
@@ -31,7 +31,7 @@ pub(crate) fn root() -> &'static Path {
 }
 
 /// Most runs under way at a time.
-const SLOTS: u32 = 3;
+const SLOTS: u32 = 4;
 
 /// Permission to have a run under way, or several of them.
 #[derive(Debug)]
