@@ -19,6 +19,7 @@ mod inbox;
 mod loopback;
 mod parameters;
 mod services;
+mod static_peers;
 mod subscription_tracker;
 
 pub mod join_secret;
@@ -93,6 +94,11 @@ pub enum RosError {
     /// `ROS_AUTOMATIC_DISCOVERY_RANGE` is OFF.
     #[error("{0}: no process can be found without discovery; set ROS_AUTOMATIC_DISCOVERY_RANGE to LOCALHOST or SUBNET")]
     DiscoveryOff(RosEnv),
+    /// A name in `ROS_STATIC_PEERS` has no address.
+    #[error(
+        "ROS_STATIC_PEERS: {peer}: {reason}; expected names or IPv4 addresses of machines, separated by semicolons"
+    )]
+    StaticPeer { peer: String, reason: String },
     /// The middleware failed to create a participant.
     #[error("joining {env}: {source} (a machine has room for 120 processes in a domain)")]
     Participant { env: RosEnv, source: CreateError },
@@ -142,8 +148,9 @@ pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
 /// If discovery is off or the middleware fails to create a participant.
 #[expect(clippy::disallowed_methods, reason = "no event marks that an endpoint was announced")]
 pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, EndpointFactory), RosError> {
+    let peers = static_peers::destinations(env)?;
     let participant = || {
-        let builder = DomainParticipantBuilder::new(env.domain_id);
+        let builder = static_peers::announce_to(DomainParticipantBuilder::new(env.domain_id), &peers);
         match env.range {
             DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
             DiscoveryRange::Off | DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
@@ -151,7 +158,7 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, Endpoi
         .build()
     };
     if env.range == DiscoveryRange::Off {
-        return Err(RosError::DiscoveryOff(*env));
+        return Err(RosError::DiscoveryOff(env.clone()));
     }
     let joined = if is_discovered_by_all {
         participant()
@@ -178,7 +185,7 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, Endpoi
             }
         })
         .and_then(Context::from_domain_participant)
-        .map_err(|source| RosError::Participant { env: *env, source })?;
+        .map_err(|source| RosError::Participant { env: env.clone(), source })?;
     if announcement_time == ANNOUNCEMENT_TIME_FOREIGN {
         std::thread::sleep(NODES_TOPIC_TIME_FOREIGN);
     }
@@ -388,7 +395,7 @@ mod tests {
 
     #[test]
     fn joining_without_discovery_is_refused() {
-        let env = RosEnv { domain_id: 3, range: DiscoveryRange::Off };
+        let env = RosEnv { domain_id: 3, range: DiscoveryRange::Off, static_peers: Vec::new() };
         let error = join(&env, true).err().unwrap();
         assert!(error.to_string().starts_with("ROS domain 3, range OFF: "), "{error}");
     }
