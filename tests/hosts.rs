@@ -1,5 +1,5 @@
-//! Runs over several hosts, which are network namespaces with an emulated link between them: with
-//! delays, losses, reordering and an outage the run is the same, and a lost host is its agents lost.
+//! Runs over several hosts, which are network namespaces with an emulated link between them: the run
+//! is the same with delays, losses, reordering and an outage, and a lost host is its agents lost.
 //!
 //! They need root and TAP devices, and say `NOT TESTED` elsewhere.
 
@@ -13,7 +13,7 @@ use link_emulator::{Link, Network, NetworkError, Outage};
 use crate::support::binaries;
 use crate::support::processes::{Ended, signal};
 use crate::support::recordings::counter;
-use crate::support::runs::{Site, text};
+use crate::support::runs::{Site, scenario, text};
 
 /// The run of most tests.
 const RUN: [&str; 10] = ["--agents", "4", "--controller", "rbw", "--size", "40", "--seed", "7", "--duration", "120"];
@@ -85,9 +85,8 @@ fn logged(site: &Site, name: &str) -> String {
 fn hosts_in_one_subnet_find_each_other() {
     let Some(network) = network(2, bad_link()) else { return };
     let site = Site::new();
-    let scenario = site.file("s.toml", scenario_of(&site));
     let mut server = on_host(&site, &network, 0, "sim_server");
-    let server = site.start(server.arg("run").arg(&scenario));
+    let server = site.start(server.arg("run").arg(scenario("default.toml")).args(RUN));
     let mut agents = on_host(&site, &network, 1, "agent_node");
     let agents = site.start(agents.args(["--id", "0-3"]));
     let digest = server.ended().with_code(0).digest();
@@ -95,13 +94,6 @@ fn hosts_in_one_subnet_find_each_other() {
     assert_eq!(digest, in_memory(&site, &RUN));
     let counts = network.counts();
     assert!(counts.lost > 0 && counts.held_back > 0, "{counts:?}");
-}
-
-/// The scenario of [`RUN`].
-fn scenario_of(site: &Site) -> String {
-    let mut command = site.binary("maes");
-    let printed = site.start(command.arg("scenario").args(RUN)).ended().with_code(0);
-    printed.stdout
 }
 
 #[test]
