@@ -1,4 +1,4 @@
-//! Runs over several hosts, which are network namespaces with an emulated link between them: the run
+//! Runs over several hosts, which are network namespaces with an emulated link between them: a run
 //! is the same with delays, losses, reordering and an outage, and a lost host is its agents lost.
 //!
 //! They need root and TAP devices, and say `NOT TESTED` elsewhere.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use msgs::signing;
@@ -29,7 +29,7 @@ const HELLO: Duration = Duration::from_secs(60);
 pub(crate) struct RemoteTeam {
     hosts: Option<Hosts>,
     build: &'static str,
-    connections: Vec<Arc<Connection>>,
+    connections: Vec<Rc<Connection>>,
     begun: Instant,
     binaries: PathBuf,
     logs: PathBuf,
@@ -43,7 +43,7 @@ pub(crate) struct RemoteTeam {
 
 /// A process of agents on a host.
 pub(crate) struct RemoteProcess {
-    connection: Arc<Connection>,
+    connection: Rc<Connection>,
     first: u32,
 }
 
@@ -90,7 +90,7 @@ impl RemoteTeam {
         ]);
         environment.extend(secret.text().map(|secret| (signing::JOIN_SECRET.to_owned(), secret)));
         let binaries = outside::within(std::path::Path::new(""), &run.binaries);
-        let open = |host| Connection::open(host, &binaries, &run.logs).map(Arc::new);
+        let open = |host| Connection::open(host, &binaries, &run.logs).map(Rc::new);
         let connections = hosts.hosts.iter().map(open).collect::<Result<_, _>>()?;
         Ok(Self {
             hosts: Some(hosts.clone()),
@@ -149,12 +149,12 @@ impl RemoteTeam {
         let hosts = self.hosts.as_ref().map_or(&[][..], |hosts| &hosts.hosts);
         let place = self.places.iter().find(|(other, _)| *other == group).map_or(0, |&(_, place)| place);
         if self.connections[place].launcher_code().is_some() {
-            self.connections[place] = Arc::new(Connection::open(&hosts[place], &self.binaries, &self.logs)?);
+            self.connections[place] = Rc::new(Connection::open(&hosts[place], &self.binaries, &self.logs)?);
             self.reported.remove(&place);
         }
         let mut environment = self.environment.clone();
         environment.extend(hosts[place].environment.clone());
-        let connection = Arc::clone(&self.connections[place]);
+        let connection = Rc::clone(&self.connections[place]);
         connection.start(group, run.remote_arguments(group), environment, &run.log_of(group))?;
         Ok(RemoteProcess { connection, first: group.first })
     }

@@ -1,5 +1,6 @@
 //! The supervisor's end of the connection to a host.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufReader, Write};
@@ -35,7 +36,7 @@ struct State {
 #[derive(Debug)]
 pub(crate) struct Connection {
     name: String,
-    launcher: Mutex<ChildGuard>,
+    launcher: RefCell<ChildGuard>,
     /// `None` while it is dropped.
     requests: Option<Sender<ToHost>>,
     state: Arc<Mutex<State>>,
@@ -64,7 +65,7 @@ impl Connection {
             // The connection may be gone.
             let _ = close.send(());
         });
-        let launcher = Mutex::new(launcher);
+        let launcher = RefCell::new(launcher);
         Ok(Self { name: host.name.clone(), launcher, requests: Some(requests), state, closed, log })
     }
 
@@ -118,7 +119,7 @@ impl Connection {
 
     /// The exit code of the launcher, if it has ended.
     pub(crate) fn launcher_code(&self) -> Option<u8> {
-        let ended = lock(&self.launcher).ended();
+        let ended = self.launcher.borrow_mut().ended();
         ended.ok().flatten().map(exit_code)
     }
 
@@ -166,9 +167,9 @@ fn quoted(word: &str) -> String {
 }
 
 fn send(mut input: impl Write, requests: &Receiver<ToHost>) {
-    let mut send = |request: ToHost| input.write_all(line(&request).as_bytes()).and_then(|()| input.flush());
+    let send = |request: ToHost| input.write_all(line(&request).as_bytes()).and_then(|()| input.flush());
     // Whoever waits for an answer learns of the end from the launcher.
-    drop(requests.iter().try_for_each(|request| send(request)));
+    drop(requests.iter().try_for_each(send));
 }
 
 /// Takes note of what comes, to the end of the stream.
