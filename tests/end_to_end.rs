@@ -37,6 +37,8 @@ mod file_attacks;
 mod forged_commands;
 /// Illegal, foreign and undecodable messages: refused, counted, without effect.
 mod hostile_agents;
+/// Runs over several hosts: the same over bad links, and a lost host is its agents lost.
+mod hosts;
 /// What `cargo install` installs.
 mod installation;
 /// Interrupted runs, killed servers, full disks.

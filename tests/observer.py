@@ -89,6 +89,7 @@ class Observer:
         self.node = node
         self.agents = arguments.agents
         self.size = arguments.size
+        self.type_hashes = arguments.type_hashes
         self.wanted = {topic: count for topic, (_, _, count) in SUBSCRIPTIONS.items()}
         if arguments.look_ahead:
             self.wanted["/agent_0/observation"] = 1
@@ -135,6 +136,12 @@ class Observer:
                 offered = offer.qos_profile
                 check(offered.reliability == qos.reliability, f"{topic} is {offered.reliability}")
                 check(offered.durability == qos.durability, f"{topic} is {offered.durability}")
+            if self.type_hashes:
+                # That of this node is made by the middleware.
+                name = self.node.get_name()
+                own = [end for end in self.node.get_subscriptions_info_by_topic(topic) if end.node_name == name]
+                hashes = {str(end.topic_type_hash) for end in offers + own}
+                check(len(hashes) == 1 and "RIHS01_" in hashes.pop(), f"{topic} has the type hashes {hashes}")
 
     def check_protocol(self):
         times_ns = [nanoseconds(clock.clock) for clock in self.received["/clock"]]
@@ -237,6 +244,7 @@ def main():
     parser.add_argument("--agents", type=int, default=2)
     parser.add_argument("--size", type=int, default=20)
     parser.add_argument("--look-ahead", action="store_true")
+    parser.add_argument("--type-hashes", action="store_true")
     parser.add_argument("--then", choices=["forever", "result"])
     arguments = parser.parse_args()
     rclpy.init()

@@ -18,6 +18,9 @@ fn observer(site: &Site, arguments: &[&str]) -> Process {
     python::prepare_ros();
     let mut command = site.command("bash");
     command.args(python::in_ros()).arg("python3").arg(root().join("tests/observer.py")).args(arguments);
+    if ros_node::has_dds_fixes() {
+        command.arg("--type-hashes");
+    }
     let mut observer = Process::start(&mut command);
     observer.prints("ready");
     observer

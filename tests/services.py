@@ -285,6 +285,18 @@ def entities(_argument):
     equal(caller.set_state(QUITTING), OK, "quit")
 
 
+def crowd(argument):
+    """The states of a large team come in one answer."""
+    caller = Caller()
+    admitted(caller)
+    agents = [f"agent_{agent}" for agent in range(int(argument))]
+    equal(caller.found(), (OK, agents), "all names")
+    all_states = caller.call("get_entities_states", filters=EntityFilters())
+    equal((all_states.result.result, list(all_states.entities)), (OK, agents), "all states")
+    equal(all_states.states[-1], caller.entity(agents[-1]), "the last state")
+    equal(caller.set_state(QUITTING), OK, "quit")
+
+
 def joining(_argument):
     """Agent 2, in reserve, takes the place of agent 1; refused requests leave no trace."""
     caller = Caller()
@@ -460,7 +472,7 @@ def pace(argument):
 
 def main():
     rclpy.init()
-    scenes = {scene.__name__: scene for scene in (states, again, entities, joining, intervention, parameters, nonsense, hurry, pace)}
+    scenes = {scene.__name__: scene for scene in (states, again, entities, crowd, joining, intervention, parameters, nonsense, hurry, pace)}
     scenes[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()

@@ -67,6 +67,21 @@ fn run_is_paused_stepped_and_ended_by_services() {
     recording.assert_begins(&undisturbed(&site, "600"), 1);
 }
 
+/// Some 20 kB, which the DDS library sends in fragments.
+#[test]
+fn states_of_a_hundred_agents_come_in_one_answer() {
+    if !ros_node::has_dds_fixes() {
+        eprintln!("NOT TESTED: this build has the published DDS library; launch_scripts/patched_rustdds.sh patches it");
+        return;
+    }
+    let site = Site::new();
+    python::prepare_ros();
+    let team = ["--agents", "100", "--agents-per-process", "50", "--size", "40", "--duration", "600"];
+    let run = site.start(site.run_sh(&team).args(["--paused", "true"]));
+    play(&site, &["crowd", "100"]);
+    run.ended().with_code(130);
+}
+
 #[test]
 fn agents_are_entities() {
     let site = Site::new();

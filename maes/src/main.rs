@@ -2,7 +2,8 @@
 //!
 //! Each module is a subcommand or a few of one kind; what they do is in the libraries. `maes run`
 //! starts `sim_server` and `agent_node`, which lie beside it. Where they do not, as after
-//! `cargo install`, `maes sim_server` and `maes agent_node` are the same programs.
+//! `cargo install`, `maes sim_server` and `maes agent_node` are the same programs. `maes serve-agents` is
+//! what `maes run --hosts` starts on a host.
 
 mod bench;
 mod controllers;
@@ -40,6 +41,7 @@ use run::RunArgs;
 use scenario::ScenarioArgs;
 use sim_server::exit;
 use supervisor::SupervisorError;
+use supervisor::hosts::serve;
 use view::ViewArgs;
 
 /// A deterministic simulator of multi-robot exploration for ROS 2.
@@ -102,6 +104,7 @@ fn main() -> ExitCode {
     match arguments.next().as_deref().and_then(OsStr::to_str) {
         Some("sim_server") => return sim_server::program::main(arguments),
         Some("agent_node") => return agent_node::program::run(arguments, &[]),
+        Some(serve::SUBCOMMAND) => return serve_agents(),
         _ => {}
     }
     let parsed = Cli::command().try_get_matches().and_then(|matches| {
@@ -143,6 +146,21 @@ fn main() -> ExitCode {
         output::say(&msgs::printable::line(&format!("error: {error}")));
         exit_code(&error)
     })
+}
+
+/// What a launcher starts on a host of `maes run --hosts`.
+fn serve_agents() -> ExitCode {
+    let served = match std::env::current_exe() {
+        Ok(maes) => serve::serve(&maes, BUILD).map_err(|error| (error.to_string(), error.exit_code())),
+        Err(error) => Err((error.to_string(), exit::FAILED)),
+    };
+    match served {
+        Ok(()) => ExitCode::SUCCESS,
+        Err((reason, code)) => {
+            output::say(&msgs::printable::line(&format!("error: {reason}")));
+            ExitCode::from(code)
+        }
+    }
 }
 
 fn exit_code(error: &anyhow::Error) -> ExitCode {

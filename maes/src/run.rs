@@ -12,12 +12,14 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, ValueEnum};
+use experiments::plan::BUILD;
 use sim_server::cli::{ForkArgs, KeyArgs, assignment, trace_file};
 use sim_server::foxglove::{PageOrigin, TOKEN_VARIABLE, Token};
 use sim_server::recording::Recording;
 use sim_server::{exit, setup};
 use simulation::scenario::{Override, Scenario};
-use supervisor::run::{Console, Run, Source};
+use supervisor::hosts::Hosts;
+use supervisor::run::{Console, RemoteHosts, Run, Source};
 use supervisor::team::{Order, Team};
 use supervisor::{binaries, logs, outside};
 
@@ -91,6 +93,9 @@ pub(crate) struct RunArgs {
     /// Let each agent wait up to so long, at random, before each reply
     #[arg(long, value_name = "MS", help_heading = "Agents")]
     chaos_delay_ms: Option<u64>,
+    /// Run the agents on the hosts of this file; the server stays here (docs/hosts.md)
+    #[arg(long, value_name = "FILE.toml", help_heading = "Agents")]
+    hosts: Option<PathBuf>,
     /// Offer the properties of each agent as ROS parameters [default: if a process runs no more
     /// than 8 agents]
     #[arg(long, value_name = "true|false", hide_possible_values = true, help_heading = "Agents")]
@@ -245,6 +250,9 @@ impl RunArgs {
             }
             return Ok(());
         }
+        if let Some(file) = &self.hosts {
+            bail!("--hosts {}: over memory no processes are started; leave it out", file.display());
+        }
         if let Some(size) = self.agents_per_process {
             bail!("--agents-per-process {size}: over memory there is one process; leave it out");
         }
@@ -358,6 +366,7 @@ pub(crate) fn run_with(args: &RunArgs, server_flags: Vec<OsString>, token: Optio
     if interruptions() > 0 {
         return Ok(ExitCode::from(exit::BY_SIGNAL));
     }
+    let hosts = args.hosts.as_deref().map(Hosts::read).transpose()?;
     let run = Run {
         binaries: binaries::folder()?,
         domain: None,
@@ -366,6 +375,7 @@ pub(crate) fn run_with(args: &RunArgs, server_flags: Vec<OsString>, token: Optio
         server_flags,
         server_env: token.map(token_env).unwrap_or_default(),
         team,
+        hosts: hosts.map(|hosts| RemoteHosts { hosts, build: BUILD }),
         folder: PathBuf::new(),
         logs: args.logs.clone().unwrap_or_else(logs::default_folder),
         console: Console::Inherited,
@@ -452,6 +462,7 @@ mod tests {
         assert_eq!(refused("run --together"), "--together: only with --transport memory");
         let over_memory = |flags: &str| refused(&format!("run --transport memory {flags}"));
         assert!(over_memory("--order shuffle").starts_with("--order shuffle: over memory no processes are started"));
+        assert!(over_memory("--hosts h.toml").starts_with("--hosts h.toml: over memory no processes are started"));
         assert!(over_memory("--external 1,0").starts_with("--external 0,1: over memory"));
         assert!(over_memory("--view").starts_with("--view: "));
         assert!(over_memory("--resume a.mcap").starts_with("--resume a.mcap: "));

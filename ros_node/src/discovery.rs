@@ -20,7 +20,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustdds::{DomainParticipant, DomainParticipantStatusEvent as Event, StatusEvented};
 
@@ -40,6 +40,9 @@ const OWN_VENDOR: [u8; 2] = [0x01, 0x12];
 
 /// Wall time between two polls of the discovery events.
 const POLL_PERIOD: Duration = Duration::from_millis(5);
+
+/// Wall time between two looks at the list of sockets, which costs as much as there are sockets.
+const SOCKETS_PERIOD: Duration = Duration::from_millis(50);
 
 /// Where Linux lists the UDP sockets of this network namespace.
 const SOCKETS: &str = "/proc/net/udp";
@@ -102,17 +105,20 @@ pub(super) fn wait_for_discovery(participant: &DomainParticipant) -> bool {
     let ports = discovery_port(participant.domain_id(), 0)..discovery_port(participant.domain_id(), DISCOVERABLE_IDS);
     let mut discovery = Discovery::default();
     let begun = now();
-    let mut last = begun;
+    let (mut last, mut looked) = (begun, None);
     while begun.elapsed() < DISCOVERY_TIMEOUT {
         while let Some(event) = events.try_recv_status() {
             if discovery.note(event) {
                 last = now();
             }
         }
-        // The ports are looked at each time: a process that ends, or that only tries a port, frees
-        // it.
-        if last.elapsed() >= QUIET_PERIOD && discovery.is_complete(other_participants_here(&ports, own_port)) {
-            break;
+        // The ports are looked at again and again: a process that ends, or that only tries a port,
+        // frees it.
+        if last.elapsed() >= QUIET_PERIOD && looked.is_none_or(|looked: Instant| looked.elapsed() >= SOCKETS_PERIOD) {
+            looked = Some(now());
+            if discovery.is_complete(other_participants_here(&ports, own_port)) {
+                break;
+            }
         }
         sleep(POLL_PERIOD);
     }

@@ -19,7 +19,9 @@ mod inbox;
 mod loopback;
 mod parameters;
 mod services;
+mod static_peers;
 mod subscription_tracker;
+mod type_hash;
 
 pub mod join_secret;
 pub mod process_guard;
@@ -56,9 +58,14 @@ pub use subscription_tracker::{SubscriptionTracker, dds_topic_name};
 /// these, or not at all.
 const DISCOVERABLE_IDS: u16 = 12;
 
-/// How many of these ids are left free for processes that all others must discover but that may
-/// start later.
-const RESERVED_IDS: u16 = 2;
+/// How many of these ids agents leave free, for processes that all others must discover: the server
+/// and tools. So agents, which need the server and not each other, do not hear of each other: a
+/// team of N exchanges N introductions, and not N times 12.
+const RESERVED_IDS: u16 = DISCOVERABLE_IDS;
+
+/// The same with the published DDS library, where an agent occupies these ids while it joins, and a
+/// tool that joins just then gets none of them.
+const RESERVED_IDS_PUBLISHED: u16 = 2;
 
 /// Minimum wall time between two replacements of a publisher whose window is full.
 const RENEWAL_PERIOD: Duration = Duration::from_secs(1);
@@ -93,6 +100,11 @@ pub enum RosError {
     /// `ROS_AUTOMATIC_DISCOVERY_RANGE` is OFF.
     #[error("{0}: no process can be found without discovery; set ROS_AUTOMATIC_DISCOVERY_RANGE to LOCALHOST or SUBNET")]
     DiscoveryOff(RosEnv),
+    /// A name in `ROS_STATIC_PEERS` has no address.
+    #[error(
+        "ROS_STATIC_PEERS: {peer}: {reason}; expected names or IPv4 addresses of machines, separated by semicolons"
+    )]
+    StaticPeer { peer: String, reason: String },
     /// The middleware failed to create a participant.
     #[error("joining {env}: {source} (a machine has room for 120 processes in a domain)")]
     Participant { env: RosEnv, source: CreateError },
@@ -142,8 +154,11 @@ pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
 /// If discovery is off or the middleware fails to create a participant.
 #[expect(clippy::disallowed_methods, reason = "no event marks that an endpoint was announced")]
 pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, EndpointFactory), RosError> {
-    let participant = || {
-        let builder = DomainParticipantBuilder::new(env.domain_id);
+    let peers = static_peers::destinations(env)?;
+    type_hash::announce();
+    let participant = |first_id| {
+        let builder = static_peers::announce_to(DomainParticipantBuilder::new(env.domain_id), &peers);
+        let builder = first_participant_id(builder, first_id);
         match env.range {
             DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
             DiscoveryRange::Off | DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
@@ -151,18 +166,20 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, Endpoi
         .build()
     };
     if env.range == DiscoveryRange::Off {
-        return Err(RosError::DiscoveryOff(*env));
+        return Err(RosError::DiscoveryOff(env.clone()));
     }
     let joined = if is_discovered_by_all {
-        participant()
+        participant(0)
+    } else if has_dds_fixes() {
+        participant(RESERVED_IDS).or_else(|_| participant(0))
     } else {
         // The middleware takes the first id whose port is free.
-        let taken: Vec<UdpSocket> = (0..RESERVED_IDS)
+        let taken: Vec<UdpSocket> = (0..RESERVED_IDS_PUBLISHED)
             .filter_map(|id| UdpSocket::bind((Ipv4Addr::UNSPECIFIED, discovery_port(env.domain_id, id))).ok())
             .collect();
-        let joined = participant();
+        let joined = participant(0);
         drop(taken);
-        joined.or_else(|_| participant())
+        joined.or_else(|_| participant(0))
     };
     if env.range == DiscoveryRange::Localhost
         && let Err(error) = loopback::confine_sockets()
@@ -178,7 +195,7 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, Endpoi
             }
         })
         .and_then(Context::from_domain_participant)
-        .map_err(|source| RosError::Participant { env: *env, source })?;
+        .map_err(|source| RosError::Participant { env: env.clone(), source })?;
     if announcement_time == ANNOUNCEMENT_TIME_FOREIGN {
         std::thread::sleep(NODES_TOPIC_TIME_FOREIGN);
     }
@@ -191,6 +208,21 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, Endpoi
     }
     let participant = context.domain_participant();
     Ok((context, EndpointFactory { made: 0, participant, announcement_time }))
+}
+
+/// Lets the search for a free participant id begin at this one, which the DDS library can with the
+/// fixes of `contrib/rustdds` only.
+fn first_participant_id(builder: DomainParticipantBuilder, id: u16) -> DomainParticipantBuilder {
+    /// What the published library does, which has no such method: a method of the type itself comes
+    /// before one of a trait.
+    trait WithoutFirstId: Sized {
+        #[allow(dead_code, reason = "the copy with the fixes has the method")]
+        fn first_participant_id(self, _id: u16) -> Self {
+            self
+        }
+    }
+    impl WithoutFirstId for DomainParticipantBuilder {}
+    builder.first_participant_id(id)
 }
 
 /// UDP port of a participant's unicast discovery traffic (RTPS 2.5, section 9.6.2.3).
@@ -383,12 +415,24 @@ mod tests {
     #[test]
     fn discovery_ports_follow_rtps() {
         assert_eq!(discovery_port(0, 0), 7410);
-        assert_eq!(discovery_port(232, RESERVED_IDS), 65414);
+        assert_eq!(discovery_port(232, RESERVED_IDS_PUBLISHED), 65414);
+    }
+
+    #[test]
+    fn agents_leave_the_first_ids_to_those_that_all_discover() {
+        let env = RosEnv { domain_id: 29, range: DiscoveryRange::Localhost, static_peers: Vec::new() };
+        let joined = |is_discovered_by_all| join(&env, is_discovered_by_all).unwrap();
+        let id = |(context, _): &(Context, EndpointFactory)| context.domain_participant().participant_id();
+        let agents = [joined(false), joined(false)];
+        let server = joined(true);
+        assert!(id(&server) < DISCOVERABLE_IDS);
+        let least = if has_dds_fixes() { RESERVED_IDS } else { RESERVED_IDS_PUBLISHED };
+        assert!(agents.iter().all(|agent| id(agent) >= least));
     }
 
     #[test]
     fn joining_without_discovery_is_refused() {
-        let env = RosEnv { domain_id: 3, range: DiscoveryRange::Off };
+        let env = RosEnv { domain_id: 3, range: DiscoveryRange::Off, static_peers: Vec::new() };
         let error = join(&env, true).err().unwrap();
         assert!(error.to_string().starts_with("ROS domain 3, range OFF: "), "{error}");
     }

@@ -5,7 +5,8 @@
 //! does not use the ROS client.
 //!
 //! One default differs from ROS: without any variable, discovery is limited to this machine.
-//! `ROS_STATIC_PEERS` is not supported, because the middleware has no such list.
+//! Static peers need a range that reaches them: with `LOCALHOST` the list has no effect, because
+//! nothing leaves the machine then.
 
 use std::fmt;
 
@@ -22,6 +23,12 @@ const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
 
 /// The older variable; a value of 1 takes precedence, as in ROS.
 const LOCALHOST_ONLY: &str = "ROS_LOCALHOST_ONLY";
+
+/// Addresses of machines, separated by semicolons.
+const STATIC_PEERS: &str = "ROS_STATIC_PEERS";
+
+/// Most static peers: each gets twelve packets with every announcement.
+const STATIC_PEERS_MAX: usize = 32;
 
 /// An environment variable with an unknown value.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -58,16 +65,19 @@ impl fmt::Display for DiscoveryRange {
 }
 
 /// The ROS network that a process joins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RosEnv {
     /// Domain id, 0 to 232: processes of different domains do not discover each other.
     pub domain_id: u16,
     pub range: DiscoveryRange,
+    /// Names or addresses of machines that multicast does not reach; empty with `OFF` and
+    /// `LOCALHOST`.
+    pub static_peers: Vec<String>,
 }
 
 impl RosEnv {
-    /// Reads `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_LOCALHOST_ONLY`. An empty
-    /// variable counts as unset.
+    /// Reads `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_LOCALHOST_ONLY` and
+    /// `ROS_STATIC_PEERS`. An empty variable counts as unset.
     ///
     /// Defaults: domain 0, this machine only. `ROS_LOCALHOST_ONLY=0` selects the network unless a
     /// range is set.
@@ -79,17 +89,24 @@ impl RosEnv {
     /// use ros_node::ros_env::{DiscoveryRange, RosEnv};
     ///
     /// let env = RosEnv::from_vars(|name| (name == "ROS_DOMAIN_ID").then(|| "7".to_owned())).unwrap();
-    /// assert_eq!(env, RosEnv { domain_id: 7, range: DiscoveryRange::Localhost });
+    /// assert_eq!(env.domain_id, 7);
+    /// assert_eq!(env.range, DiscoveryRange::Localhost);
     /// ```
     pub fn from_vars(variable: impl Fn(&str) -> Option<String>) -> Result<Self, RosEnvError> {
         let set = |name| variable(name).filter(|value| !value.is_empty());
-        Ok(RosEnv { domain_id: domain_id(set(DOMAIN_ID))?, range: range(set(RANGE), set(LOCALHOST_ONLY))? })
+        let range = range(set(RANGE), set(LOCALHOST_ONLY))?;
+        let static_peers = match range {
+            DiscoveryRange::Off | DiscoveryRange::Localhost => Vec::new(),
+            DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => static_peers(set(STATIC_PEERS))?,
+        };
+        Ok(RosEnv { domain_id: domain_id(set(DOMAIN_ID))?, range, static_peers })
     }
 }
 
 impl fmt::Display for RosEnv {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "ROS domain {}, range {}", self.domain_id, self.range)
+        write!(f, "ROS domain {}, range {}", self.domain_id, self.range)?;
+        if self.static_peers.is_empty() { Ok(()) } else { write!(f, ", peers {}", self.static_peers.join(";")) }
     }
 }
 
@@ -120,6 +137,17 @@ fn range(range: Option<String>, localhost_only: Option<String>) -> Result<Discov
     }
 }
 
+fn static_peers(value: Option<String>) -> Result<Vec<String>, RosEnvError> {
+    let Some(value) = value else { return Ok(Vec::new()) };
+    let peers: Vec<String> =
+        value.split(';').map(str::trim).filter(|peer| !peer.is_empty()).map(str::to_owned).collect();
+    if peers.len() <= STATIC_PEERS_MAX {
+        return Ok(peers);
+    }
+    let allowed = "at most 32 names or addresses, separated by semicolons";
+    Err(RosEnvError { variable: STATIC_PEERS, value, allowed })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,9 +158,10 @@ mod tests {
 
     #[test]
     fn default_is_this_machine_only() {
-        let home = RosEnv { domain_id: 0, range: DiscoveryRange::Localhost };
-        assert_eq!(env(&[]), Ok(home));
-        assert_eq!(env(&[(DOMAIN_ID, ""), (RANGE, ""), (LOCALHOST_ONLY, "")]), Ok(home));
+        let home = RosEnv { domain_id: 0, range: DiscoveryRange::Localhost, static_peers: Vec::new() };
+        assert_eq!(env(&[]), Ok(home.clone()));
+        let empty = [(DOMAIN_ID, ""), (RANGE, ""), (LOCALHOST_ONLY, ""), (STATIC_PEERS, "")];
+        assert_eq!(env(&empty), Ok(home.clone()));
         assert_eq!(home.to_string(), "ROS domain 0, range LOCALHOST");
     }
 
@@ -160,6 +189,20 @@ mod tests {
             let error = env(&[(DOMAIN_ID, value)]).unwrap_err();
             assert_eq!(error.to_string(), format!("ROS_DOMAIN_ID is {value:?}; allowed are 0 to 232"));
         }
+    }
+
+    #[test]
+    fn static_peers_are_of_ranges_that_reach_them() {
+        let peers =
+            |range: &str, peers: &str| env(&[(RANGE, range), (STATIC_PEERS, peers)]).map(|env| env.static_peers);
+        assert_eq!(peers("SUBNET", "10.0.0.1; server ;"), Ok(vec!["10.0.0.1".to_owned(), "server".to_owned()]));
+        assert_eq!(peers("SUBNET", ";"), Ok(Vec::new()));
+        assert_eq!(peers("LOCALHOST", "10.0.0.1"), Ok(Vec::new()));
+        assert_eq!(peers("OFF", "10.0.0.1"), Ok(Vec::new()));
+        let many = "a;".repeat(STATIC_PEERS_MAX + 1);
+        assert!(peers("SUBNET", &many).unwrap_err().to_string().contains("at most 32"));
+        let env = env(&[(RANGE, "SUBNET"), (STATIC_PEERS, "a;b")]).unwrap();
+        assert_eq!(env.to_string(), "ROS domain 0, range SUBNET, peers a;b");
     }
 
     #[test]

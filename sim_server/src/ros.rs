@@ -19,6 +19,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
+use msgs::limits::{ANSWER_BYTES_MAX, OBSERVATION_BYTES_MAX};
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedCommand, SignedObservation};
 use msgs::nav_msgs::Odometry;
 use msgs::rosgraph_msgs::Clock;
@@ -287,6 +288,11 @@ impl ControlInput for RosTransport {
 
     fn accepts_requests(&self) -> bool {
         true
+    }
+
+    /// Without the fixes of the DDS library, others drop an answer that is sent in fragments.
+    fn answer_bytes_max(&self) -> usize {
+        if ros_node::has_dds_fixes() { OBSERVATION_BYTES_MAX } else { ANSWER_BYTES_MAX }
     }
 }
 

@@ -13,6 +13,7 @@
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
+use msgs::limits::ANSWER_BYTES_MAX;
 use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
@@ -122,6 +123,10 @@ pub trait ControlInput {
     /// Whether requests can arrive at all: without them, a paused run would stay paused.
     fn accepts_requests(&self) -> bool {
         false
+    }
+    /// The longest answer to a request that can be sent, bytes.
+    fn answer_bytes_max(&self) -> usize {
+        ANSWER_BYTES_MAX
     }
 }
 

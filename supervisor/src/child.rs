@@ -7,7 +7,7 @@
 
 use std::io;
 use std::os::unix::process::ExitStatusExt;
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 
 use nix::errno::Errno;
 pub use nix::sys::signal::Signal;
@@ -30,6 +30,21 @@ impl ChildGuard {
         command.stdin(Stdio::null());
         let child = CommandWrap::from(command).wrap(ProcessSession).spawn()?;
         Ok(Self { child, status: None })
+    }
+
+    /// Starts a command whose input and output this process writes and reads.
+    ///
+    /// # Errors
+    /// If the system does not start it.
+    pub fn start_connected(mut command: Command) -> io::Result<(Self, ChildStdin, ChildStdout)> {
+        command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = CommandWrap::from(command).wrap(ProcessSession).spawn()?;
+        let pipes = (child.stdin().take(), child.stdout().take());
+        let guard = Self { child, status: None };
+        match pipes {
+            (Some(stdin), Some(stdout)) => Ok((guard, stdin, stdout)),
+            _ => Err(io::Error::other("no pipes")),
+        }
     }
 
     /// Process id.

@@ -1,5 +1,5 @@
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sim_server::exit;
 use thiserror::Error;
@@ -16,6 +16,12 @@ pub enum SupervisorError {
     /// External agents are processes of their own, so the others have to be, too.
     #[error("--agents-per-process {0}: expected 1 if some agents are external, or have a program of their own")]
     SharedProcess(u32),
+    /// A file of hosts, or what it says.
+    #[error("{}: {reason}", file.display())]
+    Hosts { file: PathBuf, reason: String },
+    /// A host that agents cannot run on.
+    #[error("{0}")]
+    Host(String),
     #[error("{what}: {source}")]
     Io { what: String, source: io::Error },
     /// A program of the user cannot run the agents of a scenario.

@@ -9,9 +9,9 @@ use sim_server::setup;
 
 use crate::SupervisorError;
 use crate::binaries;
-use crate::child::{ChildGuard, Signal, exit_code};
+use crate::child::{Signal, exit_code};
 use crate::domain::{self, DomainLock};
-use crate::processes::{self, ChildEvents, JoinSecret, send};
+use crate::processes::{self, AgentProcess, ChildEvents, JoinSecret, send};
 use crate::ready::ReadyPipe;
 use crate::team::Team;
 
@@ -56,7 +56,7 @@ impl IdleServer {
         command.arg("--log").arg(self.logs.join("server.log")).arg("--ready").arg(ready.path());
         let mut server = processes::start(command)?;
         begun();
-        let mut agents: Vec<ChildGuard> = Vec::new();
+        let mut agents: Vec<AgentProcess> = Vec::new();
         let mut forwarded = 0;
         let code = loop {
             while forwarded < interruptions() {
@@ -74,7 +74,7 @@ impl IdleServer {
             events.wait(Some(std::os::fd::AsFd::as_fd(&ready)))?;
         };
         if code != 0 {
-            agents.iter().for_each(|agent| send(agent, Signal::SIGTERM));
+            agents.iter().for_each(|agent| agent.signal(Signal::SIGTERM));
         }
         processes::await_end(agents, &mut events)?;
         Ok(code)
@@ -84,7 +84,7 @@ impl IdleServer {
         &self,
         file: &Path,
         secret: &JoinSecret,
-        agents: &mut Vec<ChildGuard>,
+        agents: &mut Vec<AgentProcess>,
     ) -> Result<(), SupervisorError> {
         // The server has read it before; if it is gone, so is the run.
         let Ok(scenario) = setup::load(file, &[]) else { return Ok(()) };
@@ -92,7 +92,8 @@ impl IdleServer {
         for group in Team::default().groups(&scenario) {
             let log = self.logs.join(format!("{run}_agent_{}.log", group.first));
             let command = processes::command(&self.binaries, "agent_node", None, secret);
-            agents.push(processes::start_agents(processes::with_ids(command, group), &log)?);
+            let process = processes::start_agents(processes::with_ids(command, group), &log)?;
+            agents.push(AgentProcess::Local(process));
         }
         Ok(())
     }

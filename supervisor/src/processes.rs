@@ -16,8 +16,9 @@ use signal_hook::consts::SIGCHLD;
 
 use crate::SupervisorError;
 use crate::binaries;
-use crate::child::{ChildGuard, Signal};
+use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain;
+use crate::remote::RemoteProcess;
 use crate::team::Group;
 
 /// Wall time after which a supervisor looks for interruptions again.
@@ -81,6 +82,11 @@ impl JoinSecret {
         Ok(Self(Some(random.iter().map(|byte| format!("{byte:02x}")).collect())))
     }
 
+    /// The secret itself, for a process that has another environment.
+    pub(crate) fn text(&self) -> Option<String> {
+        self.0.clone().or_else(|| std::env::var(signing::JOIN_SECRET).ok())
+    }
+
     /// Gives it to a process that does not inherit it.
     pub(crate) fn give_to(&self, command: &mut Command) {
         if let Self(Some(secret)) = self {
@@ -129,8 +135,34 @@ pub(crate) fn start_agents(mut command: Command, log: &Path) -> Result<ChildGuar
     start(command)
 }
 
+/// A process of agents, here or on a host.
+pub(crate) enum AgentProcess {
+    Local(ChildGuard),
+    Remote(RemoteProcess),
+}
+
+impl AgentProcess {
+    /// Its exit code, if it has ended.
+    pub(crate) fn ended(&mut self) -> Result<Option<u8>, SupervisorError> {
+        match self {
+            Self::Local(child) => {
+                let status = child.ended().map_err(|source| SupervisorError::io("agent_node", source))?;
+                Ok(status.map(exit_code))
+            }
+            Self::Remote(process) => Ok(process.ended()),
+        }
+    }
+
+    pub(crate) fn signal(&self, signal: Signal) {
+        match self {
+            Self::Local(child) => send(child, signal),
+            Self::Remote(process) => process.signal(signal),
+        }
+    }
+}
+
 /// Waits for agent processes whose server has ended; those that do not end are killed.
-pub(crate) fn await_end(mut agents: Vec<ChildGuard>, events: &mut ChildEvents) -> Result<(), SupervisorError> {
+pub(crate) fn await_end(mut agents: Vec<AgentProcess>, events: &mut ChildEvents) -> Result<(), SupervisorError> {
     let begun = now();
     loop {
         agents.retain_mut(|agent| matches!(agent.ended(), Ok(None)));

@@ -15,8 +15,10 @@ use simulation::scenario::{OnAgentLoss, Scenario};
 
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain::{self, DomainLock};
-use crate::processes::{self, ChildEvents, JoinSecret, send};
+use crate::hosts::Hosts;
+use crate::processes::{self, AgentProcess, ChildEvents, JoinSecret, send};
 use crate::ready::ReadyPipe;
+use crate::remote::{self, RANGE, RemoteTeam, SUBNET};
 use crate::team::{Group, Team};
 use crate::{SupervisorError, outside};
 
@@ -69,12 +71,21 @@ pub struct Run<'a> {
     /// Further environment variables of `sim_server`, for what other users must not see.
     pub server_env: Vec<(&'static str, String)>,
     pub team: Team,
+    /// Where the agents run, if that is not here.
+    pub hosts: Option<RemoteHosts>,
     /// The folder that relative paths of the scenario start from; empty: the present one. Unless it
     /// is empty, the paths in `server_flags` and `logs` have to be absolute.
     pub folder: PathBuf,
     /// The folder of the logs.
     pub logs: PathBuf,
     pub console: Console,
+}
+
+/// Hosts, and the build that they must have.
+#[derive(Debug, Clone)]
+pub struct RemoteHosts {
+    pub hosts: Hosts,
+    pub build: &'static str,
 }
 
 /// How a supervised run has ended.
@@ -104,12 +115,16 @@ impl Run<'_> {
         let mut events = ChildEvents::new()?;
         let mut ready = ReadyPipe::create(&self.logs)?;
         let secret = JoinSecret::of_environment()?;
+        let Some(remote) = self.connect(&secret, interruptions, &mut events)? else {
+            return Ok(Ended { code: exit::BY_SIGNAL, summary: None });
+        };
         let server = processes::start(self.server(&ready, &summary, &secret)?)?;
         let mut supervision = Supervision {
             run: self,
             interruptions,
             say,
             secret,
+            remote,
             server,
             forwarded: 0,
             agents: BTreeMap::new(),
@@ -128,6 +143,26 @@ impl Run<'_> {
         Ok(Ended { code, summary: Summary::read(&summary) })
     }
 
+    /// Connects to the hosts; nothing if the user has interrupted that.
+    fn connect(
+        &self,
+        secret: &JoinSecret,
+        interruptions: &dyn Fn() -> u32,
+        events: &mut ChildEvents,
+    ) -> Result<Option<RemoteTeam>, SupervisorError> {
+        let Some(RemoteHosts { hosts, build }) = &self.hosts else { return Ok(Some(RemoteTeam::default())) };
+        let agents = hosts.distribute(&self.team.agents(self.scenario))?;
+        let mut team = RemoteTeam::open(hosts, build, self, secret)?;
+        while !team.is_ready()? {
+            if interruptions() > 0 {
+                return Ok(None);
+            }
+            events.wait(None)?;
+        }
+        team.assign(self, &agents);
+        Ok(Some(team))
+    }
+
     fn server(&self, ready: &ReadyPipe, summary: &Path, secret: &JoinSecret) -> Result<Command, SupervisorError> {
         let mut command = self.command("sim_server", secret);
         command.arg("run");
@@ -141,6 +176,9 @@ impl Run<'_> {
             Source::Resumed => {}
         }
         command.envs(self.server_env.iter().cloned());
+        if self.hosts.is_some() && !remote::reaches_hosts(std::env::var(RANGE).ok().as_deref()) {
+            command.env(RANGE, SUBNET);
+        }
         if !self.team.external.is_empty() {
             let ids: Vec<String> = self.team.external.iter().map(u32::to_string).collect();
             command.arg("--external").arg(ids.join(","));
@@ -154,7 +192,7 @@ impl Run<'_> {
         Ok(command)
     }
 
-    fn log_of(&self, group: Group) -> PathBuf {
+    pub(crate) fn log_of(&self, group: Group) -> PathBuf {
         self.logs.join(format!("agent_{}.log", group.first))
     }
 
@@ -166,6 +204,18 @@ impl Run<'_> {
             command.current_dir(&self.folder);
         }
         command
+    }
+
+    /// The arguments of an `agent_node` on a host.
+    pub(crate) fn remote_arguments(&self, group: Group) -> Vec<String> {
+        let mut arguments = vec!["--id".to_owned(), format!("{}-{}", group.first, group.last)];
+        if let Some(parameters) = self.team.parameters(self.scenario) {
+            arguments.extend(["--parameters".to_owned(), parameters.to_string()]);
+        }
+        if let Some(delay) = self.team.chaos_delay_ms {
+            arguments.extend(["--chaos-delay-ms".to_owned(), delay.to_string()]);
+        }
+        arguments
     }
 
     fn start_agents(&self, group: Group, secret: &JoinSecret) -> Result<ChildGuard, SupervisorError> {
@@ -203,10 +253,11 @@ struct Supervision<'a> {
     interruptions: &'a dyn Fn() -> u32,
     say: &'a dyn Fn(&str),
     secret: JoinSecret,
+    remote: RemoteTeam,
     server: ChildGuard,
     /// Interruptions that the server was sent.
     forwarded: u32,
-    agents: BTreeMap<Group, ChildGuard>,
+    agents: BTreeMap<Group, AgentProcess>,
     restarts: BTreeMap<Group, u32>,
     /// The exit code of a run that ends because of its agents.
     refusal: Option<u8>,
@@ -246,16 +297,27 @@ impl Supervision<'_> {
     }
 
     fn start_team(&mut self) -> Result<(), SupervisorError> {
-        for group in self.run.team.groups(self.run.scenario) {
+        let groups = match self.run.hosts {
+            Some(_) => self.remote.groups(),
+            None => self.run.team.groups(self.run.scenario),
+        };
+        for group in groups {
             self.forward_interruptions();
             if self.is_interrupted() {
                 break;
             }
             drop(fs::remove_file(self.run.log_of(group)));
-            let process = self.run.start_agents(group, &self.secret)?;
+            let process = self.start_agents(group)?;
             self.agents.insert(group, process);
         }
         Ok(())
+    }
+
+    fn start_agents(&mut self, group: Group) -> Result<AgentProcess, SupervisorError> {
+        match self.run.hosts {
+            Some(_) => self.remote.start(group, self.run).map(AgentProcess::Remote),
+            None => self.run.start_agents(group, &self.secret).map(AgentProcess::Local),
+        }
     }
 
     /// Looks after the agents until the server ends; its exit code.
@@ -273,10 +335,11 @@ impl Supervision<'_> {
     fn look_after_agents(&mut self) -> Result<(), SupervisorError> {
         let mut ended = Vec::new();
         for (&group, process) in &mut self.agents {
-            if let Some(status) = process.ended().map_err(|source| SupervisorError::io("agent_node", source))? {
-                ended.push((group, exit_code(status)));
+            if let Some(code) = process.ended()? {
+                ended.push((group, code));
             }
         }
+        self.remote.lost_hosts().into_iter().for_each(|line| (self.say)(&line));
         for (group, code) in ended {
             self.agents.remove(&group);
             self.agents_ended(group, code)?;
@@ -308,7 +371,7 @@ impl Supervision<'_> {
         let restarts = self.restarts.entry(group).or_default();
         *restarts += 1;
         if *restarts <= RESTARTS_MAX {
-            let process = self.run.start_agents(group, &self.secret)?;
+            let process = self.start_agents(group)?;
             self.agents.insert(group, process);
         } else if self.refusal.is_none() {
             let first = group.first;
@@ -325,8 +388,8 @@ impl Supervision<'_> {
         // Agents that are driven by standard messages are sent none.
         let is_driven = |group: &Group| self.run.scenario.agents.cmd_vel.contains(&group.first);
         let unnotified = self.agents.iter().filter(|(group, _)| code != 0 || is_driven(group));
-        unnotified.for_each(|(_, agent)| send(agent, Signal::SIGTERM));
-        let agents: Vec<ChildGuard> = self.agents.into_values().collect();
+        unnotified.for_each(|(_, agent)| agent.signal(Signal::SIGTERM));
+        let agents: Vec<AgentProcess> = self.agents.into_values().collect();
         processes::await_end(agents, events)?;
         Ok(self.refusal.unwrap_or(code))
     }

@@ -89,13 +89,19 @@ impl Team {
         self.parameters.or_else(|| (scenario.agents.count > PARAMETERS_AGENTS_MAX).then_some(false))
     }
 
+    /// The agents that are started here.
+    pub(crate) fn agents(&self, scenario: &Scenario) -> BTreeSet<u32> {
+        let external = self.all_external(scenario);
+        (0..scenario.agents.count).filter(|agent| !external.contains(agent)).collect()
+    }
+
     /// The processes to start, in order.
     pub(crate) fn groups(&self, scenario: &Scenario) -> Vec<Group> {
         self.groups_on(scenario, thread::available_parallelism().map_or(1, NonZero::get))
     }
 
-    /// The agents in each process on a machine with so many cores.
-    fn process_size(&self, scenario: &Scenario, cores: usize) -> u32 {
+    /// The agents in each process on a machine with so many cores that runs so many agents.
+    pub(crate) fn process_size(&self, scenario: &Scenario, agents: u32, cores: usize) -> u32 {
         if let Some(size) = self.per_process {
             return size.get();
         }
@@ -105,23 +111,28 @@ impl Team {
         }
         let cores = u32::try_from(cores).unwrap_or(u32::MAX);
         let processes = PROCESSES_PER_CORE.saturating_mul(cores).max(PROCESSES_MIN);
-        scenario.agents.count.div_ceil(processes).max(1)
+        agents.div_ceil(processes).max(1)
     }
 
     fn groups_on(&self, scenario: &Scenario, cores: usize) -> Vec<Group> {
         let count = scenario.agents.count;
-        let size = self.process_size(scenario, cores);
+        let size = self.process_size(scenario, count, cores);
         let external = self.all_external(scenario);
         let first_ids = (0..count).step_by(size as usize).filter(|first| !external.contains(first));
         let mut groups: Vec<Group> =
             first_ids.map(|first| Group { first, last: (count - 1).min(first + size - 1) }).collect();
+        self.arrange(&mut groups);
+        groups
+    }
+
+    /// Puts processes into the order in which they start.
+    pub(crate) fn arrange<T>(&self, processes: &mut [T]) {
         match self.order {
             Order::Forward => {}
-            Order::Reverse => groups.reverse(),
+            Order::Reverse => processes.reverse(),
             // Without random numbers the order stays; no run depends on it.
-            Order::Shuffle => groups.sort_by_cached_key(|_| getrandom::u64().unwrap_or_default()),
+            Order::Shuffle => processes.sort_by_cached_key(|_| getrandom::u64().unwrap_or_default()),
         }
-        groups
     }
 }
 

@@ -53,6 +53,7 @@ impl Launcher {
             server_flags: vec!["--record".into(), recording.clone().into()],
             server_env: Vec::new(),
             team: Team::default(),
+            hosts: None,
             folder: run.folder.clone(),
             logs: folder.path().join("logs"),
             console: Console::Quiet { stderr: stderr.clone() },

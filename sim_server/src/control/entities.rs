@@ -3,12 +3,11 @@
 //! Entity `agent_3` is agent 3: category `ROBOT`, tagged with its controller. Its state is the
 //! ground truth, in the frame `map`.
 //!
-//! Invariant: a response fits into a datagram ([`ANSWER_BYTES_MAX`]); a larger one is refused.
+//! Invariant: no response is longer than the transport can send; a longer one is refused.
 
 use msgs::cdr;
 use msgs::geometry_msgs::{Accel, Point, PoseStamped, Quaternion, Twist, Vector3 as Triple};
 use msgs::ids::AgentId;
-use msgs::limits::ANSWER_BYTES_MAX;
 use msgs::simulation_interfaces::{
     Bounds, EntitiesResponse, EntitiesStatesResponse, EntityBoundsResponse, EntityCategory, EntityFilters, EntityInfo,
     EntityInfoResponse, EntityState, EntityStateResponse, INVALID_POSE, INVALID_SPAWN_POSE, NAME_INVALID,
@@ -44,6 +43,8 @@ pub struct Team<'a> {
     pub controllers: &'a [String],
     /// Whether an agent has left the run, by agent.
     pub has_left: &'a [bool],
+    /// Longest response, bytes.
+    pub answer_bytes_max: usize,
 }
 
 #[must_use]
@@ -102,6 +103,15 @@ impl Team<'_> {
         controller.into_iter().map(|name| name.chars().take(TEXT_CHARS_MAX).collect()).collect()
     }
 
+    fn fits(&self, response: &impl Serialize) -> bool {
+        cdr::encode(response).len() <= self.answer_bytes_max
+    }
+
+    fn too_many(&self, what: &str, count: usize) -> Outcome {
+        let max = self.answer_bytes_max;
+        failed(format!("the {what} of {count} entities do not fit into an answer of {max} bytes: filter for fewer"))
+    }
+
     /// The answer to `GetEntities`.
     #[must_use]
     pub fn entities(&self, filters: &EntityFilters) -> EntitiesResponse {
@@ -110,8 +120,8 @@ impl Team<'_> {
                 let count = agents.len();
                 let entities = agents.into_iter().map(name).collect();
                 let response = EntitiesResponse { result: Outcome::ok(), entities };
-                let refused = || EntitiesResponse { result: too_many("names", count), entities: Vec::new() };
-                if fits(&response) { response } else { refused() }
+                let refused = || EntitiesResponse { result: self.too_many("names", count), entities: Vec::new() };
+                if self.fits(&response) { response } else { refused() }
             }
             Err(result) => EntitiesResponse { result, entities: Vec::new() },
         }
@@ -127,7 +137,7 @@ impl Team<'_> {
                 let entities = agents.into_iter().map(name).collect();
                 let response = EntitiesStatesResponse { result: Outcome::ok(), entities, states };
                 let count = response.entities.len();
-                if fits(&response) { response } else { refused(too_many("states", count)) }
+                if self.fits(&response) { response } else { refused(self.too_many("states", count)) }
             }
             Err(result) => refused(result),
         }
@@ -326,18 +336,8 @@ impl Region {
     }
 }
 
-fn too_many(what: &str, count: usize) -> Outcome {
-    failed(format!(
-        "the {what} of {count} entities do not fit into an answer of {ANSWER_BYTES_MAX} bytes: filter for fewer"
-    ))
-}
-
 fn failed(reason: impl Into<String>) -> Outcome {
     Outcome::failure(Outcome::OPERATION_FAILED, reason)
-}
-
-fn fits(response: &impl Serialize) -> bool {
-    cdr::encode(response).len() <= ANSWER_BYTES_MAX
 }
 
 #[cfg(test)]

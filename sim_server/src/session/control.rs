@@ -136,7 +136,8 @@ impl Session<'_, '_> {
         let world = &self.engine.world;
         let is_out = |agent| self.engine.lost.contains(&agent) || world.presence(agent) != Presence::Active;
         let has_left: Vec<bool> = world.agents().map(is_out).collect();
-        read(&Team { world, controllers: &self.sessions.controllers(), has_left: &has_left })
+        let answer_bytes_max = self.transport.answer_bytes_max();
+        read(&Team { world, controllers: &self.sessions.controllers(), has_left: &has_left, answer_bytes_max })
     }
 
     fn set_entity_state(&mut self, request: &SetEntityStateRequest, phase: Phase) -> Result<Outcome, RunError> {

@@ -33,7 +33,23 @@ fn world() -> World {
 fn with_team<T>(has_left: [bool; 3], check: impl FnOnce(&Team<'_>) -> T) -> T {
     let world = world();
     let controllers = ["rbw", "lvd", "rbw"].map(str::to_owned);
-    check(&Team { world: &world, controllers: &controllers, has_left: &has_left })
+    check(&Team { world: &world, controllers: &controllers, has_left: &has_left, answer_bytes_max: BYTES_MAX })
+}
+
+/// As much as three agents need.
+const BYTES_MAX: usize = 1000;
+
+#[test]
+fn responses_that_are_too_long_are_refused() {
+    with_team([false; 3], |team| {
+        let all = EntityFilters::default();
+        assert_eq!(team.states(&all).states.len(), 3);
+        let short = Team { answer_bytes_max: 200, ..*team };
+        let refused = short.states(&all);
+        assert_eq!((refused.states.len(), refused.result.result), (0, Outcome::OPERATION_FAILED));
+        assert!(refused.result.error_message.contains("states of 3 entities do not fit"), "{:?}", refused.result);
+        assert_eq!(short.entities(&all).entities.len(), 3);
+    });
 }
 
 fn found(filters: &EntityFilters) -> Result<Vec<u32>, u8> {
