@@ -136,6 +136,18 @@ pub const REGISTRY: &[Registration] = &[
         construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_tours(settings, rng)?)),
     },
     Registration {
+        name: "dsvp-voronoi",
+        description: "dual-stage viewpoint planner with Voronoi regions: agents keep to what they reach first",
+        stream: "dsvp",
+        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_voronoi(settings, rng)?)),
+    },
+    Registration {
+        name: "dsvp-swift",
+        description: "dual-stage viewpoint planner in seconds: an auction of goals by the time they take",
+        stream: "dsvp",
+        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_time(settings, rng)?)),
+    },
+    Registration {
         name: "nearest-frontier",
         description: "greedy exploration: by the shortest path to the nearest frontier of its map",
         stream: "nearest-frontier",

@@ -90,6 +90,19 @@ pub struct Claim {
     pub ends: Tick,
 }
 
+/// Where and when an agent is expected to be free for another goal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Presence {
+    /// The agent.
+    pub agent: AgentId,
+    /// Where.
+    pub cell: Cell,
+    /// When, seconds from now.
+    pub free_in_s: f64,
+    /// Its planning speed.
+    pub speed_m_s: f64,
+}
+
 /// The claims that an agent knows, its own included.
 #[derive(Debug, Clone)]
 pub struct Auction {
@@ -151,6 +164,35 @@ impl Auction {
             bytes.extend(claim.ends.0.to_le_bytes());
         }
         bytes
+    }
+
+    /// Cost of a frontier that another agent will reach sooner, metres of path.
+    pub fn trespass_m(&self) -> f64 {
+        self.params.trespass_m
+    }
+
+    /// Where this agent expects the others, by agent: at their claimed goals once they are there, and
+    /// those in contact that claim none where they are. A claim whose lease has ended says nothing.
+    pub fn presences(&self, contacts: &[Contact], now: Tick) -> Vec<Presence> {
+        let of_claim = |(agent, claim): (AgentId, &Claim)| {
+            let speed_m_s = self.speed_m_s(agent);
+            Presence { agent, cell: claim.cell, free_in_s: self.remaining_m(agent, claim, now) / speed_m_s, speed_m_s }
+        };
+        let beside =
+            contacts.iter().filter(|contact| !self.claims.contains_key(&contact.agent)).map(|contact| Presence {
+                agent: contact.agent,
+                cell: self.extent.cell_of(&contact.position),
+                free_in_s: 0.0,
+                speed_m_s: self.speed_m_s(contact.agent),
+            });
+        let mut presences: Vec<Presence> = self.rival_claims().map(of_claim).chain(beside).collect();
+        presences.sort_by_key(|presence| presence.agent);
+        presences
+    }
+
+    /// The planning speed of the agent itself, m/s.
+    pub fn own_speed_m_s(&self) -> f64 {
+        self.speed_m_s(self.own)
     }
 
     fn rival_claims(&self) -> impl Iterator<Item = (AgentId, &Claim)> {
@@ -339,6 +381,24 @@ mod tests {
         let to_goal = |auction: &Auction, cell, path_m| auction.penalty_m(cell, path_m, &[], Tick(101));
         assert_eq!(to_goal(&submarine, BESIDE, 8.0), 40.0, "it will be there sooner, although its path is longer");
         assert!(to_goal(&flyer, FAR, 12.0) < 40.0);
+    }
+
+    #[test]
+    fn agents_are_expected_at_their_goals_until_their_leases_end() {
+        let [_, mut auction] = two([(GOAL, 8.0), (FAR, 9.0)]);
+        let contact = |agent, x| Contact { agent: AgentId(agent), position: Point3::new(x, 20.5, 20.5) };
+        let contacts = [contact(3, 12.5), contact(2, 30.5)];
+        let at = |agent, x, free_in_s| Presence {
+            agent: AgentId(agent),
+            cell: Cell::new(x, 20, 20),
+            free_in_s,
+            speed_m_s: 0.8,
+        };
+        assert_eq!(auction.presences(&contacts, Tick(100)), [at(2, 30, 0.0), at(3, 20, 10.0)]);
+        assert_eq!(auction.presences(&[], Tick(700)), [at(3, 20, 0.0)], "out of contact, and arrived");
+        auction.receive(&[], Tick(100 + 500 + 1500), 4);
+        assert_eq!(auction.presences(&[], Tick(2100)), [], "it says nothing any more");
+        assert_eq!(auction.presences(&contacts, Tick(2100)), [at(2, 30, 0.0), at(3, 12, 0.0)]);
     }
 
     #[test]

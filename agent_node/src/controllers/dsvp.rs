@@ -31,6 +31,7 @@ mod relocation;
 mod tests;
 mod tours;
 mod tree;
+mod voronoi;
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -145,6 +146,29 @@ impl Dsvp {
     pub fn with_tours(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let params = Params::from_settings(settings, Params { beside_wall: 0.1, ..Params::default() })?;
         Ok(Self::with(params, Scheme::Tours(ToursParams::from_settings(settings)?), rng))
+    }
+
+    /// The planner with a Voronoi decomposition of the map. Settings: those of
+    /// [`Dsvp::with_auction`], and `clump_m` (see docs/controllers.md).
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    pub fn with_voronoi(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        let params = Params::from_settings(settings, Params::default())?;
+        let auction = AuctionParams::from_settings(settings)?;
+        let clump_m = settings.number("clump_m", 6.0, 0.0, 1000.0)?;
+        Ok(Self::with(params, Scheme::Voronoi(auction, clump_m), rng))
+    }
+
+    /// The planner with an auction that counts seconds. Settings: those of [`Dsvp::with_auction`],
+    /// and `lambda_time_per_s`, `share_min`, `hope`, `start_m` (see docs/controllers.md).
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    pub fn with_time(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        let default = Params { lambda_time_per_s: 0.03, ..Params::default() };
+        let params = Params::with_time(settings, default)?;
+        Ok(Self::with(params, Scheme::Auction(AuctionParams::from_settings(settings)?), rng))
     }
 
     fn with(params: Params, scheme: Scheme, rng: ChaCha8Rng) -> Self {
@@ -263,6 +287,9 @@ impl Dsvp {
         if self.tours().is_some_and(Tours::explores_own) {
             self.update_tours(observation, ctx);
         }
+        if let Some(WorldModel { graph, coordination, .. }) = &mut self.model {
+            coordination.share_out(graph, ctx.cell(), observation);
+        }
         let obstacles = obstacles_near(observation, ctx);
         let plan = match self.explore(observation, ctx, &obstacles) {
             Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
@@ -312,7 +339,7 @@ impl Dsvp {
     fn message_trigger(&self) -> Trigger {
         match self.scheme {
             Scheme::Tours(_) => Trigger::on(Events::CONTACTS | Events::PARCEL),
-            Scheme::Alone | Scheme::Auction(_) => Trigger::on(0),
+            Scheme::Alone | Scheme::Auction(_) | Scheme::Voronoi(..) => Trigger::on(0),
         }
     }
 
@@ -358,7 +385,7 @@ impl Dsvp {
     fn explore(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
         let Some(model) = &mut self.model else { return Plan::Nothing };
         let (map, here) = (ctx.map(), ctx.cell());
-        let growth = self.params.growth(map.extent().cell_m(), ctx.body().radius_m);
+        let growth = self.params.growth(map.extent().cell_m(), ctx.body(), ctx.yaw_rad());
         let WorldModel { graph, gain_estimator, coordination, .. } = model;
         let frontiers = local_frontiers(graph, coordination, here, growth.horizon);
         if frontiers.is_empty() {
@@ -377,12 +404,13 @@ impl Dsvp {
         {
             self.unproductive.insert(here);
         }
-        let unproductive = &self.unproductive;
+        let (unproductive, share_min) = (&self.unproductive, self.params.share_min);
         let utility_factor = |cell: Cell, path_m: f64| {
             if unproductive.contains(&cell) {
                 return 0.0;
             }
-            coordination.utility_factor(graph, cell, path_m, observation.tick)
+            let share = coordination.utility_factor(graph, cell, path_m, observation.tick);
+            if share < share_min { 0.0 } else { share }
         };
         let branch = tree.best(map, gain_estimator, &self.params.valuation(), self.direction, &utility_factor);
         self.tree = Some(tree);

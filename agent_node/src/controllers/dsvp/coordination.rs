@@ -1,14 +1,15 @@
-//! How the planners of a team keep out of each other's way: not at all, by an auction of goals, or
-//! by an auction and tours over shared-out tasks.
+//! How the planners of a team keep out of each other's way: not at all, by an auction of goals,
+//! by an auction and tours over shared-out tasks, or by Voronoi regions.
 //!
 //! The planner asks here what a goal is worth beside those of others; the answers are in
-//! [`crate::controllers::auction`] and [`super::tours`].
+//! [`crate::controllers::auction`], [`super::tours`] and [`super::voronoi`].
 
 use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
 use voxels::Cell;
 
 use super::tours::{Tours, ToursParams};
+use super::voronoi::Territories;
 use crate::abstract_graph::{AbstractGraph, RegionId};
 use crate::command::{Command, Trigger};
 use crate::controllers::Ctx;
@@ -22,6 +23,8 @@ pub(super) enum Scheme {
     Alone,
     Auction(AuctionParams),
     Tours(ToursParams),
+    /// Voronoi regions; agents within so many metres of each other are a clump.
+    Voronoi(AuctionParams, f64),
 }
 
 impl Scheme {
@@ -29,7 +32,7 @@ impl Scheme {
     pub(super) fn trigger(self) -> Trigger {
         match self {
             Self::Alone => Trigger::on(0),
-            Self::Auction(_) | Self::Tours(_) => Trigger::on(Events::CONTACTS | Events::PARCEL),
+            Self::Auction(_) | Self::Tours(_) | Self::Voronoi(..) => Trigger::on(Events::CONTACTS | Events::PARCEL),
         }
     }
 
@@ -40,6 +43,10 @@ impl Scheme {
             Self::Auction(params) => {
                 Coordination::Auction(Auction::new(params, &run_info.bodies, ctx.agent(), run_info.extent))
             }
+            Self::Voronoi(params, clump_m) => Coordination::Voronoi(
+                Auction::new(params, &run_info.bodies, ctx.agent(), run_info.extent),
+                Box::new(Territories::new(ctx.agent(), run_info.extent, clump_m)),
+            ),
             Self::Tours(params) => Coordination::Tours(
                 Auction::new(params.auction, &run_info.bodies, ctx.agent(), run_info.extent),
                 Box::new(Tours::new(params, ctx.agent(), run_info.agents, run_info.extent)),
@@ -54,6 +61,7 @@ pub(super) enum Coordination {
     Alone,
     Auction(Auction),
     Tours(Auction, Box<Tours>),
+    Voronoi(Auction, Box<Territories>),
 }
 
 impl Coordination {
@@ -61,7 +69,9 @@ impl Coordination {
     pub(super) fn receive(&mut self, observation: &Observation, agents: u32) {
         match self {
             Self::Alone => {}
-            Self::Auction(auction) => auction.receive(&observation.messages, observation.tick, agents),
+            Self::Auction(auction) | Self::Voronoi(auction, _) => {
+                auction.receive(&observation.messages, observation.tick, agents)
+            }
             Self::Tours(auction, tours) => {
                 auction.receive(&observation.messages, observation.tick, agents);
                 tours.receive(&observation.messages, observation.tick);
@@ -69,11 +79,20 @@ impl Coordination {
         }
     }
 
+    /// Divides the map among the agents that this one knows of, if that is the scheme. The graph must
+    /// be up to date.
+    pub(super) fn share_out(&mut self, graph: &AbstractGraph, here: Cell, observation: &Observation) {
+        let Self::Voronoi(auction, territories) = self else { return };
+        let others = auction.presences(&observation.contacts, observation.tick);
+        territories.divide(graph, (here, auction.own_speed_m_s()), &others);
+    }
+
     /// Whether the goal last claimed belongs to another agent.
     pub(super) fn is_lost(&self, now: Tick) -> bool {
         match self {
             Self::Alone => false,
             Self::Auction(auction) => auction.is_outbid(now),
+            Self::Voronoi(..) => false,
             Self::Tours(_, tours) if tours.explores_own() => tours.is_lost(now),
             Self::Tours(auction, _) => auction.is_outbid(now),
         }
@@ -83,7 +102,7 @@ impl Coordination {
     pub(super) fn claim(&mut self, graph: &AbstractGraph, cell: Cell, path_m: f64, now: Tick) {
         match self {
             Self::Alone => {}
-            Self::Auction(auction) => auction.claim(cell, path_m, now),
+            Self::Auction(auction) | Self::Voronoi(auction, _) => auction.claim(cell, path_m, now),
             Self::Tours(auction, tours) => {
                 auction.claim(cell, path_m, now);
                 tours.claim(graph, cell);
@@ -95,7 +114,7 @@ impl Coordination {
     pub(super) fn withdraw(&mut self) {
         match self {
             Self::Alone => {}
-            Self::Auction(auction) => auction.withdraw(),
+            Self::Auction(auction) | Self::Voronoi(auction, _) => auction.withdraw(),
             Self::Tours(auction, tours) => {
                 auction.withdraw();
                 tours.withdraw();
@@ -107,6 +126,7 @@ impl Coordination {
     pub(super) fn is_open(&self, graph: &AbstractGraph, centre: Cell) -> bool {
         match self {
             Self::Alone | Self::Auction(_) => true,
+            Self::Voronoi(_, territories) => territories.is_own(graph, centre),
             Self::Tours(_, tours) => !tours.explores_own() || tours.is_own(graph, centre),
         }
     }
@@ -115,6 +135,7 @@ impl Coordination {
     pub(super) fn utility_factor(&self, graph: &AbstractGraph, cell: Cell, path_m: f64, now: Tick) -> f64 {
         match self {
             Self::Alone => 1.0,
+            Self::Voronoi(_, territories) => f64::from(u8::from(territories.is_own(graph, cell))),
             Self::Tours(_, tours) if tours.explores_own() => f64::from(u8::from(tours.is_own(graph, cell))),
             Self::Auction(auction) | Self::Tours(auction, _) => auction.utility_factor(cell, path_m, now),
         }
@@ -125,6 +146,13 @@ impl Coordination {
         match self {
             Self::Alone => 0.0,
             Self::Auction(auction) => auction.penalty_m(cell, path_m, &observation.contacts, observation.tick),
+            Self::Voronoi(auction, territories) => {
+                if territories.owns(region) {
+                    0.0
+                } else {
+                    auction.trespass_m()
+                }
+            }
             Self::Tours(auction, tours) => {
                 let bid_m = auction.penalty_m(cell, path_m, &observation.contacts, observation.tick);
                 tours.penalty_m(region, path_m, bid_m, observation.tick)
@@ -135,7 +163,9 @@ impl Coordination {
     /// Adds the claims for the agents in contact to a command, if there is an auction.
     pub(super) fn with_claims(&self, command: Command, observation: &Observation) -> Command {
         match self {
-            Self::Auction(auction) | Self::Tours(auction, _) if !observation.contacts.is_empty() => {
+            Self::Auction(auction) | Self::Tours(auction, _) | Self::Voronoi(auction, _)
+                if !observation.contacts.is_empty() =>
+            {
                 command.with_message(None, CLAIMS_MESSAGE, auction.encode())
             }
             _ => command,

@@ -4,7 +4,8 @@ use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
 use super::tours::ToursParams;
-use super::tree::{Growth, Valuation};
+use super::tree::{Growth, Legs, Valuation};
+use crate::bodies::BodyModel;
 use crate::controllers::auction::AuctionParams;
 
 /// Parameters of the planner. Lengths in metres.
@@ -41,6 +42,16 @@ pub struct Params {
     pub beside_wall: f64,
     /// A viewpoint is dropped once its gain has fallen below this share of its gain when chosen.
     pub gain_left: f64,
+    /// Discount of a gain with the time until it is seen, per second, turns and stops included; 0:
+    /// gains are discounted by path length.
+    pub lambda_time_per_s: f64,
+    /// Viewpoints of which others leave less than this share count as having no gain.
+    pub share_min: f64,
+    /// How much the relocation stage prefers frontiers that probably hide free cells: the exponent of
+    /// that probability, by which costs are divided.
+    pub hope: f64,
+    /// Path length that counts for the stop and the turn before a relocation, metres.
+    pub start_m: f64,
 }
 
 impl Default for Params {
@@ -60,6 +71,10 @@ impl Default for Params {
             gain_min: 3,
             beside_wall: 1.0,
             gain_left: 0.1,
+            lambda_time_per_s: 0.0,
+            share_min: 0.0,
+            hope: 0.0,
+            start_m: 0.0,
         }
     }
 }
@@ -103,22 +118,40 @@ impl Params {
             gain_min,
             beside_wall: settings.number("beside_wall", default.beside_wall, 0.0, 1.0)?,
             gain_left: settings.number("gain_left", default.gain_left, 0.0, 1.0)?,
+            ..default
         })
     }
 
-    pub(super) fn growth(&self, cell_m: f64, radius_m: f64) -> Growth {
+    /// Takes the parameters of planners that count seconds from settings of the same names as well.
+    ///
+    /// # Errors
+    /// If a value is out of range.
+    pub fn with_time(settings: &mut Settings, default: Self) -> Result<Self, SettingError> {
+        let base = Self::from_settings(settings, default)?;
+        Ok(Self {
+            lambda_time_per_s: settings.number("lambda_time_per_s", default.lambda_time_per_s, 0.0, 100.0)?,
+            share_min: settings.number("share_min", default.share_min, 0.0, 1.0)?,
+            hope: settings.number("hope", default.hope, 0.0, 10.0)?,
+            start_m: settings.number("start_m", default.start_m, 0.0, 1000.0)?,
+            ..base
+        })
+    }
+
+    pub(super) fn growth(&self, cell_m: f64, body: &BodyModel, yaw_rad: f64) -> Growth {
         Growth {
             horizon: (self.horizon_m / cell_m).round().max(1.0) as i32,
             extension: (self.extension_m / cell_m).max(1.0),
             samples: self.samples,
             bias: self.bias,
             jitter: (self.jitter_m / cell_m).round() as i32,
-            radius_m,
+            radius_m: body.radius_m,
+            legs: (self.lambda_time_per_s > 0.0).then_some(Legs { body: *body, yaw_rad }),
         }
     }
 
     pub(super) fn valuation(&self) -> Valuation {
         Valuation {
+            lambda_time: self.lambda_time_per_s,
             lambda_distance: self.lambda_distance_per_m,
             lambda_direction: self.lambda_direction_per_m,
             gain_min: self.gain_min,

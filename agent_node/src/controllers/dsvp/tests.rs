@@ -20,6 +20,16 @@ fn tourist(settings: &[&str]) -> Dsvp {
     Dsvp::with_tours(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
 }
 
+fn neighbour(settings: &[&str]) -> Dsvp {
+    let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
+    Dsvp::with_voronoi(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
+}
+
+fn swift(settings: &[&str]) -> Dsvp {
+    let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
+    Dsvp::with_time(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
+}
+
 const CORRIDOR: &str = "
 ####################
 #..................#
@@ -74,6 +84,9 @@ fn explores_small_worlds_completely() {
             ("dsvp", planner(&[])),
             ("dsvp-auction", bidder(0)),
             ("dsvp-tours", tourist(&[])),
+            ("dsvp-voronoi", neighbour(&[])),
+            ("dsvp-swift", swift(&[])),
+            ("dsvp-swift by hope", swift(&["hope=2", "start_m=5", "share_min=0.5", "beside_wall=0.17"])),
             ("dsvp-tours by tours alone", tourist(&["explores=own", "relocates=tour"])),
         ] {
             let mut world = World::new(drawing.trim_start(), start);
@@ -94,6 +107,19 @@ fn relocates_without_gain_nearby() {
     let is_relocation = |said: &String| said.starts_with("relocation");
     assert!(world.said.iter().any(is_relocation), "{:?}", world.said);
     assert!(!world.said.iter().any(|said| said.starts_with("exploration")), "{:?}", world.said);
+}
+
+#[test]
+fn relocation_goes_where_free_cells_are_likely() {
+    // The dead end on the left is nearer than the open space on the right.
+    let drawing = "##########????\n?.........????\n##########????";
+    let said = |settings: &[&str]| {
+        let mut world = World::known(drawing, Cell::new(3, 1, 0));
+        world.observation.scan_tick = Some(world.observation.tick);
+        world.ask(&mut swift(&[settings, &["gain_min=1000"]].concat())).info
+    };
+    assert_eq!(said(&[]), "relocation to (1, 1, 0)");
+    assert_eq!(said(&["hope=1", "start_m=5"]), "relocation to (9, 1, 0)");
 }
 
 #[test]
