@@ -83,6 +83,8 @@ pub struct AbstractGraph {
     /// Number of slots ever used, and those that are free again.
     slots: u32,
     free_slots: Vec<u32>,
+    /// By block what an update has found out about it; 0 between updates.
+    marks: Vec<u8>,
 }
 
 impl AbstractGraph {
@@ -90,9 +92,18 @@ impl AbstractGraph {
     #[must_use]
     pub fn new(extent: Extent, radius_m: f64) -> Self {
         let size = extent.size().map(|cells| cells.div_ceil(BLOCK_CELLS as u32) as i32);
-        let blocks = size.iter().map(|&blocks| blocks as usize).product();
+        let blocks: usize = size.iter().map(|&blocks| blocks as usize).product();
         let reach = 1.max((radius_m / extent.cell_m() + 0.5).floor() as i32);
-        Self { extent, size, blocks: vec![None; blocks], read: 0, reach, slots: 0, free_slots: Vec::new() }
+        Self {
+            extent,
+            size,
+            blocks: vec![None; blocks],
+            read: 0,
+            reach,
+            slots: 0,
+            free_slots: Vec::new(),
+            marks: vec![0; blocks],
+        }
     }
 
     /// Applies the changes of the map since the last update. It must be the same map each time;
@@ -100,23 +111,26 @@ impl AbstractGraph {
     pub fn update(&mut self, map: &ExplorationMap, moves: &Moves) {
         let mut changed = Vec::new();
         let mut reviewed = Vec::new();
+        let mut marks = std::mem::take(&mut self.marks);
         for change in map.changes_since(self.read) {
             let cell = self.extent.cell_at(change.cell as usize);
             // A change affects the frontiers of the cells beside it and, if the cell is free, which
             // cells are usable.
-            self.for_blocks_near(cell, 1, |block| push(&mut reviewed, block));
+            self.for_blocks_near(cell, 1, |block| add(&mut reviewed, &mut marks, block, REVIEWED));
             if self.reach > 1 {
-                self.for_blocks_near(cell, self.reach, |block| push(&mut changed, block));
+                self.for_blocks_near(cell, self.reach, |block| add(&mut changed, &mut marks, block, CHANGED));
             } else if self.region_of(cell).is_some() != (change.finding != Finding::Wall)
                 && let Some(block) = self.block_of(cell)
             {
-                push(&mut changed, block);
+                add(&mut changed, &mut marks, block, CHANGED);
             }
         }
+        reviewed.iter().chain(&changed).for_each(|&block: &u32| marks[block as usize] = 0);
+        self.marks = marks;
         self.read = map.journal_len();
         let mut relinked = changed.clone();
-        sort_and_dedup(&mut changed);
-        sort_and_dedup(&mut reviewed);
+        changed.sort_unstable();
+        reviewed.sort_unstable();
         let graph = Graph::new(map, moves);
         for &block in &changed {
             self.label(block, graph);
@@ -125,7 +139,8 @@ impl AbstractGraph {
         for &block in changed.iter().chain(reviewed.iter().filter(|block| changed.binary_search(block).is_err())) {
             self.list_frontiers(block, map);
         }
-        sort_and_dedup(&mut relinked);
+        relinked.sort_unstable();
+        relinked.dedup();
         for block in relinked {
             self.edge(block);
         }
@@ -188,9 +203,13 @@ impl AbstractGraph {
         ((z * BLOCK_CELLS + y) * BLOCK_CELLS + x) as usize
     }
 
+    /// Visits the blocks within this many cells of a cell of the map.
     fn for_blocks_near(&self, cell: Cell, reach: i32, mut visit: impl FnMut(u32)) {
+        const BLOCK: u32 = BLOCK_CELLS as u32;
         let axis = |at: i32, size: i32| {
-            ((at - reach).div_euclid(BLOCK_CELLS).max(0), (at + reach).div_euclid(BLOCK_CELLS).min(size - 1))
+            let low = (at - reach).max(0).cast_unsigned() / BLOCK;
+            let high = (at + reach).cast_unsigned() / BLOCK;
+            (low.cast_signed(), high.cast_signed().min(size - 1))
         };
         let [(x0, x1), (y0, y1), (z0, z1)] =
             [axis(cell.x, self.size[0]), axis(cell.y, self.size[1]), axis(cell.z, self.size[2])];
@@ -327,16 +346,18 @@ impl AbstractGraph {
     }
 }
 
-/// Appends a block unless it is the last one already.
-fn push(blocks: &mut Vec<u32>, block: u32) {
-    if blocks.last() != Some(&block) {
+/// Mark of a block whose regions may have changed.
+const CHANGED: u8 = 1;
+/// Mark of a block whose frontiers may have changed.
+const REVIEWED: u8 = 2;
+
+/// Appends a block unless it has this mark, which it gets.
+fn add(blocks: &mut Vec<u32>, marks: &mut [u8], block: u32, mark: u8) {
+    let marks = &mut marks[block as usize];
+    if *marks & mark == 0 {
+        *marks |= mark;
         blocks.push(block);
     }
-}
-
-fn sort_and_dedup(blocks: &mut Vec<u32>) {
-    blocks.sort_unstable();
-    blocks.dedup();
 }
 
 /// The cells of a block at one of its faces, relative to its corner.

@@ -12,6 +12,9 @@
 //! agree with the cells; the journal holds each change once, in order, and nothing else: at most
 //! [`CHANGES_MAX`] entries for a cell, the last of which is its present state.
 //!
+//! The states are kept a second time as bits, by blocks of 4 x 4 x 4 cells, so that of a report that
+//! says mostly what is known only the news are looked at.
+//!
 //! A *frontier* is a free or covered cell with an unexplored face neighbour inside the map. The set
 //! of frontiers is updated with every change; nothing here ever iterates over the whole map.
 //!
@@ -112,6 +115,10 @@ pub struct ExplorationMap {
     /// explored face neighbours. All are 0 at first, which costs no memory where the system
     /// provides it page by page.
     cells: Grid<u8>,
+    layout: Layout,
+    /// Three words for each block: its explored cells, those of them that are wall, and those that
+    /// are covered.
+    blocks: Vec<u64>,
     frontier: CellSet,
     journal: Vec<Entry>,
     free: usize,
@@ -126,8 +133,19 @@ impl ExplorationMap {
     #[must_use]
     pub fn new(extent: Extent) -> Self {
         let cells = Grid::new(extent, 0);
-        let frontier = CellSet::new(extent.volume());
-        Self { cells, frontier, journal: Vec::new(), free: 0, wall: 0, covered: 0, contradictions: 0, corrections: 0 }
+        let layout = Layout::new(extent);
+        Self {
+            cells,
+            layout,
+            blocks: vec![0; 3 * layout.count() as usize],
+            frontier: CellSet::new(extent.volume()),
+            journal: Vec::new(),
+            free: 0,
+            wall: 0,
+            covered: 0,
+            contradictions: 0,
+            corrections: 0,
+        }
     }
 
     /// The extent of the map.
@@ -247,7 +265,25 @@ impl ExplorationMap {
     /// Merges the report of another agent, except where it contradicts the own sensor. Indices
     /// outside the map are ignored.
     pub fn merge(&mut self, delta: &Delta, from: AgentId) {
-        delta.findings(self.extent()).for_each(|(cell, finding)| self.learn(cell, finding, from.0));
+        let offsets = self.layout.offsets();
+        for block in &delta.blocks {
+            let start = self.layout.start(block.index);
+            for number in bits(self.news_of(block)) {
+                self.learn(start + offsets[number as usize], block.finding(number), from.0);
+            }
+        }
+    }
+
+    /// The cells of a reported block whose finding differs from what is known. [`Self::learn`]
+    /// would ignore all others.
+    fn news_of(&self, block: &Block) -> u64 {
+        let Some(&[known, wall, covered]) =
+            self.blocks.get(3 * block.index as usize..).and_then(|words| words.first_chunk())
+        else {
+            return 0;
+        };
+        let visited = block.covered & !covered;
+        block.known & self.layout.inside(block.index) & (!known | (block.wall ^ wall) | visited)
     }
 
     fn learn(&mut self, cell: u32, finding: Finding, from: u32) {
@@ -271,6 +307,12 @@ impl ExplorationMap {
         *packed = *packed & !3 | finding as u8;
         let packed = *packed;
         let place = Place::of(cell, self.extent().size());
+        let (block, number) = self.layout.place(place.at.map(i32::cast_unsigned));
+        let words = &mut self.blocks[3 * block as usize..][..3];
+        let bit = 1 << number;
+        words[0] |= bit;
+        words[1] = words[1] & !bit | if finding == Finding::Wall { bit } else { 0 };
+        words[2] = words[2] & !bit | if finding == Finding::Covered { bit } else { 0 };
         self.journal.push(Entry { what: cell << 2 | finding as u32, from });
         self.corrections += u64::from(is_corrected);
         match known {

@@ -25,6 +25,7 @@
 //! This module does not schedule the agent; it states when it is due ([`Sharing::next_trigger`]).
 //! Call it in committed ticks only.
 
+mod agent_set;
 mod bits;
 mod map_message;
 #[cfg(test)]
@@ -32,6 +33,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
@@ -40,6 +42,7 @@ use msgs::maes_msgs::Wake as Events;
 use crate::command::{AgentMessage, Trigger};
 use crate::exploration_map::{CHANGES_MAX, Delta, ExplorationMap};
 use crate::observation::{Contact, ReceivedMessage};
+use agent_set::AgentSet;
 pub use map_message::{MapMessageError, VERSION};
 
 /// The mark of map messages; all other marks are the controllers'.
@@ -59,7 +62,8 @@ const BUDGET_MIN: usize = 1024;
 pub struct Sharing {
     period: u64,
     agents: u32,
-    peers: BTreeMap<AgentId, Peer>,
+    /// By agent; those beyond the end have exchanged nothing.
+    peers: Vec<Peer>,
     provenances: Vec<Provenance>,
     totals: Totals,
 }
@@ -85,8 +89,9 @@ struct Peer {
 #[derive(Debug, Clone)]
 struct Provenance {
     positions: Range<usize>,
-    /// The sender, and all receivers of the message.
-    holders: Vec<AgentId>,
+    from: AgentId,
+    /// The sender, and all receivers of the message. Messages of one exchange mostly have the same.
+    holders: Arc<AgentSet>,
 }
 
 /// The outcome of the messages of one observation.
@@ -135,7 +140,7 @@ impl Sharing {
         Self {
             period: period_ticks.into(),
             agents,
-            peers: BTreeMap::new(),
+            peers: Vec::new(),
             provenances: Vec::new(),
             totals: Totals::default(),
         }
@@ -176,9 +181,7 @@ impl Sharing {
             report.messages += 1;
             report.news += positions.len();
             if !positions.is_empty() {
-                let mut holders = receivers;
-                holders.push(*from);
-                self.remember(Provenance { positions, holders });
+                self.remember(positions, *from, AgentSet::of(receivers.into_iter().chain([*from])));
             }
         }
         report
@@ -193,7 +196,7 @@ impl Sharing {
         data: &[u8],
     ) -> Result<(Vec<AgentId>, Delta), MapMessageError> {
         let allowance = (CHANGES_MAX * map.extent().volume()) as u64;
-        let sender = self.peers.entry(from).or_default();
+        let sender = peer(&mut self.peers, from);
         if sender.is_barred {
             return Err(MapMessageError::Barred { allowance });
         }
@@ -208,13 +211,18 @@ impl Sharing {
         Ok((receivers, delta))
     }
 
-    /// Adds a section of the journal, which is not empty.
-    fn remember(&mut self, provenance: Provenance) {
-        match self.provenances.last_mut() {
-            Some(last) if last.positions.end == provenance.positions.start && last.holders == provenance.holders => {
-                last.positions.end = provenance.positions.end;
+    /// Notes who knows a section of the journal, which is not empty.
+    fn remember(&mut self, positions: Range<usize>, from: AgentId, holders: AgentSet) {
+        let last = self.provenances.last_mut();
+        let same = last.as_ref().filter(|last| *last.holders == holders).map(|last| Arc::clone(&last.holders));
+        match (last, same) {
+            (Some(last), Some(_)) if last.positions.end == positions.start && last.from == from => {
+                last.positions.end = positions.end;
             }
-            _ => self.provenances.push(provenance),
+            (_, same) => {
+                let holders = same.unwrap_or_else(|| Arc::new(holders));
+                self.provenances.push(Provenance { positions, from, holders });
+            }
         }
     }
 
@@ -232,7 +240,7 @@ impl Sharing {
             return messages;
         }
         for contact in contacts {
-            let peer = self.peers.entry(contact.agent).or_default();
+            let peer = peer(&mut self.peers, contact.agent);
             let is_due = peer.last.is_none_or(|last| now.0 / self.period > last.0 / self.period);
             if is_due {
                 *peer = Peer { until: map.journal_len(), bytes: 0, last: Some(now), ..*peer };
@@ -243,7 +251,7 @@ impl Sharing {
         {
             for (receivers, data) in batch {
                 for receiver in &receivers {
-                    self.peers.entry(*receiver).or_default().bytes += data.len();
+                    peer(&mut self.peers, *receiver).bytes += data.len();
                 }
                 let mut send = |to, data: Vec<u8>| {
                     budget -= data.len() + PARCEL_BYTES_BARE;
@@ -274,7 +282,7 @@ impl Sharing {
             for (receivers, positions) in news {
                 let delta = Delta::of(map.extent(), positions.into_iter().flat_map(|range| map.changes(range)));
                 let data = map_message::encode(&receivers, &delta);
-                bytes += copies(&receivers, contacts) * (data.len() + PARCEL_BYTES_BARE);
+                bytes += copies(receivers.len(), contacts) * (data.len() + PARCEL_BYTES_BARE);
                 batch.push((receivers, data));
             }
             if bytes <= budget {
@@ -294,7 +302,7 @@ impl Sharing {
         if self.period == 0 || self.agents < 2 {
             return Trigger { at: Tick(u64::MAX), events: 0 };
         }
-        let due = |contact: &Contact| match self.peers.get(&contact.agent) {
+        let due = |contact: &Contact| match self.peers.get(contact.agent.index()) {
             Some(Peer { cursor, until, last: Some(last), .. }) if cursor == until => {
                 Tick((last.0 / self.period).saturating_add(1).saturating_mul(self.period))
             }
@@ -308,59 +316,79 @@ impl Sharing {
     fn news(&self, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<(News, usize)> {
         let waiting: Vec<(AgentId, &Peer)> = contacts
             .iter()
-            .filter_map(|contact| Some((contact.agent, self.peers.get(&contact.agent)?)))
+            .filter_map(|contact| Some((contact.agent, self.peers.get(contact.agent.index())?)))
             .filter(|(_, peer)| peer.cursor < peer.until)
             .collect();
         let start = waiting.iter().map(|(_, peer)| peer.cursor).min()?;
         let mut at = start;
-        let mut news = News::new();
+        let mut news: Vec<(AgentSet, Vec<Range<usize>>)> = Vec::new();
         let mut provenances =
             self.provenances[self.provenances.partition_point(|provenance| provenance.positions.end <= at)..].iter();
         let mut provenance = provenances.next();
-        // Section by section of the journal; a section is new to the same peers throughout.
-        loop {
-            if provenance.is_some_and(|provenance| provenance.positions.end <= at) {
-                provenance = provenances.next();
+        // Between two edges, the same peers are within their exchanges.
+        let mut edges: Vec<usize> = waiting.iter().flat_map(|(_, peer)| [peer.cursor, peer.until]).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        for between in edges.windows(2) {
+            let exchanging = waiting.iter().filter(|(_, peer)| peer.cursor <= between[0] && between[0] < peer.until);
+            let exchanging = AgentSet::of(exchanging.map(|&(agent, _)| agent));
+            // Who lacks the section before, given who holds it, and its place in the news.
+            let mut before: Option<(Option<&Arc<AgentSet>>, AgentSet, Option<usize>)> = None;
+            // Section by section of the journal; a section is new to the same peers throughout.
+            while at < between[1] {
+                if provenance.is_some_and(|provenance| provenance.positions.end <= at) {
+                    provenance = provenances.next();
+                }
+                let heard = provenance.filter(|provenance| provenance.positions.start <= at);
+                let hearing_edge = match (heard, provenance) {
+                    (Some(heard), _) => heard.positions.end,
+                    (None, Some(next)) => next.positions.start,
+                    (None, None) => usize::MAX,
+                };
+                let end = hearing_edge.min(between[1]);
+                let holders = heard.map(|provenance| &provenance.holders);
+                let is_alike = |before: Option<&Arc<AgentSet>>| match (before, holders) {
+                    (Some(before), Some(holders)) => Arc::ptr_eq(before, holders),
+                    (before, holders) => before.is_none() && holders.is_none(),
+                };
+                if before.as_ref().is_none_or(|(before, ..)| !is_alike(*before)) {
+                    let receivers = holders.map_or_else(|| exchanging.clone(), |holders| exchanging.without(holders));
+                    let place = news.iter().position(|(same, _)| *same == receivers);
+                    before = Some((holders, receivers, place));
+                }
+                let Some((_, receivers, place)) = &mut before else { unreachable!("it has just been set") };
+                let count = receivers.len();
+                if count == 0 {
+                    at = end;
+                    continue;
+                }
+                let copies = copies(count, contacts);
+                let bare = match place {
+                    Some(_) => 0,
+                    None => copies * (map_message::bare_bytes_max(count) + PARCEL_BYTES_BARE),
+                };
+                let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
+                let taken = (end - at).min(fitting);
+                if taken == 0 {
+                    return (at > start).then(|| (in_order(news), at));
+                }
+                budget -= bare + (taken * copies * cell_bits).div_ceil(8);
+                let place = *place.get_or_insert_with(|| {
+                    news.push((receivers.clone(), Vec::new()));
+                    news.len() - 1
+                });
+                news[place].1.push(at..at + taken);
+                at += taken;
             }
-            let heard = provenance.filter(|provenance| provenance.positions.start <= at);
-            let hearing_edge = provenance
-                .map(|provenance| if heard.is_some() { provenance.positions.end } else { provenance.positions.start });
-            let peer_edges = waiting.iter().flat_map(|(_, peer)| [peer.cursor, peer.until]);
-            let Some(end) = peer_edges.chain(hearing_edge).filter(|&edge| edge > at).min() else {
-                break;
-            };
-            let knows = |agent: &AgentId| heard.is_some_and(|provenance| provenance.holders.contains(agent));
-            let receivers: Vec<AgentId> = waiting
-                .iter()
-                .filter(|(agent, peer)| peer.cursor <= at && at < peer.until && !knows(agent))
-                .map(|&(agent, _)| agent)
-                .collect();
-            if receivers.is_empty() {
-                at = end;
-                continue;
-            }
-            let copies = copies(&receivers, contacts);
-            let bare = match news.contains_key(&receivers) {
-                true => 0,
-                false => copies * (map_message::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE),
-            };
-            let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
-            let taken = (end - at).min(fitting);
-            if taken == 0 {
-                break;
-            }
-            budget -= bare + (taken * copies * cell_bits).div_ceil(8);
-            news.entry(receivers).or_default().push(at..at + taken);
-            at += taken;
         }
-        (at > start).then_some((news, at))
+        (at > start).then(|| (in_order(news), at))
     }
 
     /// Records that the contacts have been sent everything before this position.
     fn record_sent(&mut self, contacts: &[Contact], end: usize) {
         let bytes_max = INBOX_BYTES / (2 * self.agents.max(1) as usize);
         for contact in contacts {
-            let peer = self.peers.entry(contact.agent).or_default();
+            let peer = peer(&mut self.peers, contact.agent);
             peer.cursor = peer.cursor.max(end.min(peer.until));
             if peer.bytes >= bytes_max {
                 peer.until = peer.cursor;
@@ -369,7 +397,20 @@ impl Sharing {
     }
 }
 
-/// Number of messages that it takes to send the same to some of the contacts.
-fn copies(receivers: &[AgentId], contacts: &[Contact]) -> usize {
-    if receivers.len() == contacts.len() { 1 } else { receivers.len() }
+/// The state of the exchanges with an agent.
+fn peer(peers: &mut Vec<Peer>, agent: AgentId) -> &mut Peer {
+    if agent.index() >= peers.len() {
+        peers.resize(agent.index() + 1, Peer::default());
+    }
+    &mut peers[agent.index()]
+}
+
+/// News in the order in which they are sent.
+fn in_order(news: Vec<(AgentSet, Vec<Range<usize>>)>) -> News {
+    news.into_iter().map(|(receivers, positions)| (receivers.iter().collect(), positions)).collect()
+}
+
+/// Number of messages that it takes to send the same to so many of the contacts.
+fn copies(receivers: usize, contacts: &[Contact]) -> usize {
+    if receivers == contacts.len() { 1 } else { receivers }
 }

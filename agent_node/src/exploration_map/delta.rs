@@ -28,6 +28,15 @@ pub struct Block {
 }
 
 impl Block {
+    /// The finding about a reported cell, by its number in the block.
+    pub(super) fn finding(&self, number: u32) -> Finding {
+        match () {
+            () if self.wall >> number & 1 != 0 => Finding::Wall,
+            () if self.covered >> number & 1 != 0 => Finding::Covered,
+            () => Finding::Free,
+        }
+    }
+
     /// Overrides the report with a later one.
     fn say(&mut self, later: Self) {
         self.known |= later.known;
@@ -51,7 +60,7 @@ impl Delta {
         let layout = Layout::new(extent);
         let mut pieces: Vec<Block> = Vec::new();
         for Change { cell, finding, .. } in changes {
-            let (index, number) = layout.place(cell);
+            let (index, number) = layout.place(layout.at(cell));
             let known = 1 << number;
             let piece = Block {
                 index,
@@ -93,16 +102,10 @@ impl Delta {
     pub fn findings(&self, extent: Extent) -> impl Iterator<Item = (u32, Finding)> + '_ {
         let layout = Layout::new(extent);
         let offsets = layout.offsets();
-        self.blocks.iter().flat_map(move |&Block { index, known, wall, covered }| {
-            let start = layout.start(index);
-            bits(known & layout.inside(index)).map(move |number| {
-                let finding = match () {
-                    () if wall >> number & 1 != 0 => Finding::Wall,
-                    () if covered >> number & 1 != 0 => Finding::Covered,
-                    () => Finding::Free,
-                };
-                (start + offsets[number as usize], finding)
-            })
+        self.blocks.iter().flat_map(move |block| {
+            let start = layout.start(block.index);
+            let cells = bits(block.known & layout.inside(block.index));
+            cells.map(move |number| (start + offsets[number as usize], block.finding(number)))
         })
     }
 }
@@ -134,12 +137,16 @@ impl Layout {
         self.blocks.iter().product()
     }
 
-    /// The block of a cell, and the number of the cell in it.
-    fn place(&self, cell: u32) -> (u32, u32) {
+    /// The coordinates of a cell.
+    fn at(&self, cell: u32) -> [u32; 3] {
+        let row = cell / self.size[0];
+        [cell % self.size[0], row % self.size[1], row / self.size[1]]
+    }
+
+    /// The block of the cell with these coordinates, and the number of the cell in it.
+    pub(super) fn place(&self, [x, y, z]: [u32; 3]) -> (u32, u32) {
         const SPREAD: [u32; SIDE as usize] = [0, 1, 8, 9];
         let spread = |at: u32| SPREAD[(at % SIDE) as usize];
-        let row = cell / self.size[0];
-        let (x, y, z) = (cell % self.size[0], row % self.size[1], row / self.size[1]);
         let index = (z / SIDE * self.blocks[1] + y / SIDE) * self.blocks[0] + x / SIDE;
         (index, spread(x) | spread(y) << 1 | spread(z) << 2)
     }
@@ -151,7 +158,7 @@ impl Layout {
     }
 
     /// Index of the lowest cell of a block, 0 for blocks outside the map.
-    fn start(&self, block: u32) -> u32 {
+    pub(super) fn start(&self, block: u32) -> u32 {
         if block >= self.count() {
             return 0;
         }
@@ -160,7 +167,7 @@ impl Layout {
     }
 
     /// Index offset of each cell of a block from the lowest one.
-    fn offsets(&self) -> [u32; 64] {
+    pub(super) fn offsets(&self) -> [u32; 64] {
         std::array::from_fn(|number| {
             let [x, y, z] = place_in_block(number as u32);
             (z * self.size[1] + y) * self.size[0] + x

@@ -232,3 +232,42 @@ proptest! {
         prop_assert_eq!(there.contradictions() + back.contradictions() + again.contradictions(), 0);
     }
 }
+
+proptest! {
+    /// Looking at the news of each block alone leaves the map that looking at each cell leaves.
+    #[test]
+    fn merged_blocks_leave_what_merged_cells_leave(
+        size in prop::array::uniform3(1u32..10),
+        reports in prop::collection::vec(
+            (0u32..3, prop::collection::vec((0u32..10, any::<u64>(), any::<u64>(), any::<u64>()), 0..6)),
+            1..8,
+        ),
+        sparse in any::<u64>(),
+    ) {
+        let extent = Extent::new(size, 1.0).unwrap();
+        let mut by_blocks = ExplorationMap::new(extent);
+        let mut by_cells = by_blocks.clone();
+        for (from, blocks) in reports {
+            let block = |(index, known, wall, covered)| Block { index, known, wall: wall & sparse, covered };
+            let delta = Delta { blocks: blocks.into_iter().map(block).collect() };
+            if from == 0 {
+                let (wall, free): (Vec<_>, Vec<_>) =
+                    delta.findings(extent).partition(|&(_, finding)| finding == Finding::Wall);
+                for map in [&mut by_blocks, &mut by_cells] {
+                    map.note_free(&free.iter().map(|&(cell, _)| cell).collect::<Vec<_>>());
+                    map.note_wall(&wall.iter().map(|&(cell, _)| cell).collect::<Vec<_>>());
+                    map.note_covered(extent.cell_at(free.len() % extent.volume()));
+                }
+                continue;
+            }
+            by_blocks.merge(&delta, AgentId(from));
+            delta.findings(extent).for_each(|(cell, finding)| by_cells.learn(cell, finding, from));
+            prop_assert!(by_blocks.changes_since(0).eq(by_cells.changes_since(0)));
+            prop_assert_eq!(by_blocks.cells.as_slice(), by_cells.cells.as_slice());
+            prop_assert_eq!(&by_blocks.blocks, &by_cells.blocks);
+            let counts = |map: &ExplorationMap| (map.contradictions(), map.corrections(), map.free(), map.covered());
+            prop_assert_eq!(counts(&by_blocks), counts(&by_cells));
+            prop_assert!(by_blocks.frontiers().eq(by_cells.frontiers()));
+        }
+    }
+}

@@ -37,6 +37,7 @@ impl Team {
             let report = self.sharings[index].incoming(&mut self.maps[index], &received);
             assert_eq!(report.refused, []);
             let contacts = contacts(agent, pairs);
+            check_news(&self.sharings[index], &self.maps[index], &contacts, budget);
             let messages = self.sharings[index].outgoing(&self.maps[index], &contacts, Tick(now), budget);
             sent[index] = messages.iter().map(|message| message.data.len()).sum();
             assert!(sent[index] + messages.len() * PARCEL_BYTES_BARE <= budget);
@@ -74,6 +75,57 @@ impl Team {
     fn trigger(&self, agent: u32, pairs: &[(u32, u32)], now: u64) -> Trigger {
         self.sharings[agent as usize].next_trigger(&contacts(agent, pairs), Tick(now))
     }
+}
+
+/// Compares the news for peers that are sent all of the journal with what a search cell by cell
+/// finds.
+fn check_news(sharing: &Sharing, map: &ExplorationMap, contacts: &[Contact], budget: usize) {
+    let mut sharing = sharing.clone();
+    for contact in contacts {
+        peer(&mut sharing.peers, contact.agent).until = map.journal_len();
+    }
+    for (budget, cell_bits) in [(BUDGET, 2), (budget, 2), (500, 40)] {
+        assert_eq!(sharing.news(contacts, budget, cell_bits), plain_news(&sharing, contacts, budget, cell_bits));
+    }
+}
+
+/// What [`Sharing::news`] is to find.
+fn plain_news(sharing: &Sharing, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<(News, usize)> {
+    let waits = |agent: AgentId| sharing.peers.get(agent.index()).filter(|peer| peer.cursor < peer.until);
+    let waiting: Vec<AgentId> =
+        contacts.iter().map(|contact| contact.agent).filter(|&agent| waits(agent).is_some()).collect();
+    let lacks = |agent: AgentId, at: usize| {
+        let holds = |provenance: &Provenance| provenance.holders.iter().any(|holder| holder == agent);
+        let heard = sharing.provenances.iter().find(|provenance| provenance.positions.contains(&at));
+        waits(agent).is_some_and(|peer| (peer.cursor..peer.until).contains(&at)) && !heard.is_some_and(holds)
+    };
+    let is_edge = |at: usize| {
+        let is_end = |range: Range<usize>| range.start == at || range.end == at;
+        sharing.provenances.iter().any(|provenance| is_end(provenance.positions.clone()))
+            || waiting.iter().filter_map(|&agent| waits(agent)).any(|peer| is_end(peer.cursor..peer.until))
+    };
+    let start = waiting.iter().filter_map(|&agent| waits(agent)).map(|peer| peer.cursor).min()?;
+    let last = waiting.iter().filter_map(|&agent| waits(agent)).map(|peer| peer.until).max()?;
+    let (mut at, mut news) = (start, News::new());
+    while at < last {
+        let end = (at + 1..=last).find(|&at| is_edge(at)).unwrap_or(last);
+        let receivers: Vec<AgentId> = waiting.iter().copied().filter(|&agent| lacks(agent, at)).collect();
+        if receivers.is_empty() {
+            at = end;
+            continue;
+        }
+        let copies = copies(receivers.len(), contacts);
+        let is_begun = news.contains_key(&receivers);
+        let bare = if is_begun { 0 } else { map_message::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE };
+        let taken = (end - at).min(8 * budget.saturating_sub(copies * bare) / (copies * cell_bits));
+        if taken == 0 {
+            break;
+        }
+        budget -= copies * bare + (taken * copies * cell_bits).div_ceil(8);
+        news.entry(receivers).or_default().push(at..at + taken);
+        at += taken;
+    }
+    (at > start).then_some((news, at))
 }
 
 fn contacts(agent: u32, pairs: &[(u32, u32)]) -> Vec<Contact> {

@@ -336,7 +336,8 @@ impl AgentSessions {
         barrier.missing().chain(self.observation_log.replaying()).collect()
     }
 
-    /// Sends to each agent of `to_prompt` its next replayed observation, or else the present one.
+    /// Sends to each agent of `to_prompt` its next replayed observation, or else the present one;
+    /// `requests` ascend by agent.
     fn prompt(
         &mut self,
         requests: &[ObservationRequest],
@@ -351,7 +352,10 @@ impl AgentSessions {
             }
         };
         for agent in std::mem::take(&mut self.to_prompt) {
-            let present = || requests.iter().find(|request| request.agent == agent && barrier.awaits(agent));
+            let present = || {
+                let place = requests.binary_search_by_key(&agent, |request| request.agent).ok()?;
+                barrier.awaits(agent).then(|| &requests[place])
+            };
             if let Some(fragments) = self.observation_log.next(agent) {
                 send(agent, fragments);
             } else if let Some(request) = present() {

@@ -1,0 +1,46 @@
+//! Sets of agents.
+
+use msgs::ids::AgentId;
+
+/// A set of agents, one bit each.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct AgentSet {
+    words: Vec<u64>,
+}
+
+impl AgentSet {
+    /// These agents. Equal sets are equal in any order.
+    pub(super) fn of(agents: impl IntoIterator<Item = AgentId>) -> Self {
+        let mut set = Self::default();
+        for agent in agents {
+            let word = agent.index() / 64;
+            if word >= set.words.len() {
+                set.words.resize(word + 1, 0);
+            }
+            set.words[word] |= 1 << (agent.index() % 64);
+        }
+        set
+    }
+
+    /// The agents that are not in another set.
+    pub(super) fn without(&self, other: &Self) -> Self {
+        let others = other.words.iter().copied().chain(std::iter::repeat(0));
+        let mut words: Vec<u64> = self.words.iter().zip(others).map(|(word, other)| word & !other).collect();
+        words.truncate(words.iter().rposition(|&word| word != 0).map_or(0, |last| last + 1));
+        Self { words }
+    }
+
+    /// Number of agents.
+    pub(super) fn len(&self) -> usize {
+        self.words.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
+    /// The agents, ascending.
+    pub(super) fn iter(&self) -> impl Iterator<Item = AgentId> + '_ {
+        let bits = |word: u64| (0..64).filter(move |bit| word >> bit & 1 != 0);
+        self.words
+            .iter()
+            .enumerate()
+            .flat_map(move |(place, &word)| bits(word).map(move |bit| AgentId::from_index(64 * place + bit)))
+    }
+}
