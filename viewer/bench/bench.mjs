@@ -10,7 +10,7 @@
  * ../target/release. Prints one line of JSON per measurement, and medians at the end. Uses the GPU
  * if `MAES_GPU=1`; otherwise rendering is done in software.
  */
-/* global window, document, setTimeout -- inside the page */
+/* global window, setTimeout -- inside the page */
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -122,30 +122,40 @@ async function run(isObserved) {
 }
 
 /**
- * Executed in the page: `window.finishedFrames` collects the frames that the GPU has finished and in
+ * Executed in the page before its scripts: `window.finishedFrames` collects the frames that the GPU has finished and in
  * which nothing is missing, with their sim time, whether they are in full quality, and the wall
  * time (milliseconds since 1970).
  */
 function watchFrames() {
-  const { scene } = window.maes;
-  const gl = document.querySelector("[data-testid=canvas]").getContext("webgl2");
-  const render = scene.render.bind(scene);
   window.finishedFrames = [];
-  scene.render = (timeS, quality) => {
-    render(timeS, quality);
-    if (scene.needsRedraw) return;
-    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-    gl.flush();
-    const check = () => {
-      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(check, 3);
-      window.finishedFrames.push({
-        timeS,
-        isFull: !quality.isCoarse && quality.share === 1,
-        atMs: Date.now(),
-      });
+  const watch = (scene) => {
+    const gl = scene.canvas.getContext("webgl2");
+    const render = scene.render.bind(scene);
+    scene.render = (timeS, quality) => {
+      render(timeS, quality);
+      if (scene.needsRedraw) return;
+      const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+      gl.flush();
+      const check = () => {
+        if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return void setTimeout(check, 3);
+        window.finishedFrames.push({
+          timeS,
+          isFull: !quality.isCoarse && quality.share === 1,
+          atMs: Date.now(),
+        });
+      };
+      check();
     };
-    check();
   };
+  // The page sets its handle before it draws; while it is being loaded, the handle has no scene.
+  let handle;
+  Object.defineProperty(window, "maes", {
+    get: () => handle,
+    set: (given) => {
+      handle = given;
+      if (given.scene) watch(given.scene);
+    },
+  });
 }
 
 /**
@@ -183,10 +193,9 @@ async function recording(file) {
   const browser = await chromium.launch({ executablePath: chromiumIn(process.env), args: flags });
   try {
     const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
+    await tab.addInitScript(watchFrames);
     const begunMs = Date.now();
     await tab.goto(address);
-    await tab.waitForFunction(() => window.maes?.scene, null, { timeout: 60_000 });
-    await tab.evaluate(watchFrames);
     const begin = await framesAfter(tab, begunMs);
     await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
     const line = await tab.getByTestId("timeline").boundingBox();

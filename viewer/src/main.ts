@@ -1,5 +1,6 @@
 /**
- * Entry point of the page: parses the query of its address and opens what it names.
+ * Entry point of the page: opens the recording that its address names, and loads the page
+ * meanwhile.
  *
  * `?recording=URL`, `?beside=URL` (a second recording, shown beside it), `?server=ws://host:port`,
  * `?picture=1`, and the view (`shared-link.ts`): `?time=S`, `?agent=N`, `?layers=NAME,...`,
@@ -9,50 +10,22 @@
 import "./app/base.css";
 import "./app/layout.css";
 import "./app/panels.css";
-import { App } from "./app/app.ts";
-import { Comparison } from "./app/comparison.ts";
-import type { Handle } from "./app/handle.ts";
-import { isComparison, parseLink } from "./app/shared-link.ts";
+import { pendingHandle } from "./app/handle.ts";
+import { isComparison } from "./app/shared-link.ts";
+import type { Run } from "./data/run.ts";
+import { openUrl } from "./data/sources.ts";
 
 const root = document.getElementById("app")!;
-if (isComparison(location.search)) new Comparison(root, location.search);
-else showOne(root, location.search);
-
-/** Shows a run: the whole page, or a frame of a comparison. */
-function showOne(root: HTMLElement, search: string): void {
-  const query = new URLSearchParams(search);
-  const app = new App(root, {
-    view: parseLink(search),
-    isPicture: query.get("picture") === "1",
-  });
-
-  const handle: Handle = {
-    get run() {
-      return app.run;
-    },
-    get scene() {
-      return app.scene;
-    },
-    ready: app.ready,
-    showAt: (timeS) => app.showAt(timeS),
-    follow: (playback) => app.follow(playback),
-    get state() {
-      return app.state;
-    },
-  };
-  window.maes = handle;
-
-  // Unhandled errors are shown as well.
-  window.addEventListener("error", ({ message }) => app.shell.banners.set("error", message));
-  window.addEventListener("unhandledrejection", ({ reason }) =>
-    app.shell.banners.set("error", String(reason)),
-  );
-
-  const recording = query.get("recording");
-  const server = query.get("server");
-  if (recording) void app.openUrl(recording);
-  else if (server) app.connect(server);
-  else if (location.protocol.startsWith("http")) {
-    app.connect(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`, true);
-  }
+const { search } = location;
+const recording = new URLSearchParams(search).get("recording");
+let opening: Promise<Run> | null = null;
+if (recording && !isComparison(search)) {
+  opening = openUrl(recording);
+  // The page reports a failure, once it is there.
+  opening.catch(() => undefined);
 }
+const page = import("./page.ts").then(({ showPage }) => {
+  showPage(root, search, opening);
+  return window.maes!;
+});
+if (!isComparison(search)) window.maes = pendingHandle(page);

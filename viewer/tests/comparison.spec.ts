@@ -3,14 +3,18 @@ import type { Frame, Page } from "@playwright/test";
 import { expect, LONG, test } from "./support/fixtures.ts";
 import { recording } from "./support/recordings.ts";
 
+async function sideOf(page: Page, testid: string): Promise<Frame> {
+  return (await (await page.getByTestId(testid).elementHandle())!.contentFrame())!;
+}
+
 /** The frames of both sides, with their recordings read completely. */
 async function sidesOf(page: Page): Promise<[Frame, Frame]> {
-  const frame = async (testid: string) => {
-    const found = await (await page.getByTestId(testid).elementHandle())!.contentFrame();
-    await found!.waitForFunction(() => window.maes?.run?.isComplete);
-    return found!;
-  };
-  return [await frame("side-1"), await frame("side-2")];
+  const sides: [Frame, Frame] = [await sideOf(page, "side-1"), await sideOf(page, "side-2")];
+  for (const side of sides) {
+    await side.waitForFunction(() => window.maes?.run?.isComplete);
+    await side.evaluate(() => window.maes!.ready);
+  }
+  return sides;
 }
 
 const stateOf = (side: Frame) => side.evaluate(() => window.maes!.state);
@@ -63,6 +67,32 @@ test("a side that drifts is set right", LONG, async ({ page, servers }) => {
   await radio.evaluate(() => window.maes!.follow({ timeS: 100, isPlaying: true, rate: 0.1 }));
   await radio.waitForFunction(() => window.maes!.state.timeS < 90);
   expect((await stateOf(radio)).rate).toBe((await stateOf(cave)).rate);
+});
+
+test("a side that is still being read comes after", async ({ page, servers }) => {
+  const server = servers.held({
+    "cave.mcap": { file: recording("cave"), bytes: Infinity },
+    "radio.mcap": { file: recording("radio"), bytes: 100_000 },
+  });
+  await page.goto(await server.open("recording=cave.mcap&beside=radio.mcap"));
+  const cave = await sideOf(page, "side-1");
+  await cave.waitForFunction(() => window.maes?.run?.isComplete);
+  const radio = await sideOf(page, "side-2");
+  await radio.waitForFunction(() => (window.maes?.run?.endS ?? 0) > 0);
+  await cave.evaluate(() => window.maes!.ready);
+
+  // A time that only one of them knows, then play from there.
+  await cave.getByTestId("timeline").press("Home");
+  await cave.getByTestId("timeline").press("Shift+PageUp");
+  const aheadS = (await stateOf(cave)).timeS;
+  const readS = await endOf(radio);
+  expect(readS).toBeLessThan(aheadS);
+  await expect.poll(async () => (await stateOf(radio)).timeS).toBeCloseTo(readS, 6);
+  server.release();
+  await expect.poll(() => endOf(radio)).toBeGreaterThan(readS);
+  await radio.waitForFunction(() => window.maes!.run!.isComplete);
+  const wantedS = Math.min(aheadS, await endOf(radio));
+  await expect.poll(async () => (await stateOf(radio)).timeS).toBeCloseTo(wantedS, 6);
 });
 
 test("a link leads to both", LONG, async ({ page, servers }) => {

@@ -300,3 +300,19 @@ test(
     await expect.poll(async () => exact.equals(await shown.picture(page))).toBe(true);
   },
 );
+
+test("the picture of the start, in full, does not wait for the rest", async ({ page, servers }) => {
+  const held = servers.held({ "cave.mcap": { file: recording("cave"), bytes: 300_000 } });
+  await shown.open(page, await held.open("recording=cave.mcap"));
+  const endS = await shown.endOf(page);
+  expect(endS).toBeGreaterThan(0);
+  await expect(page.getByTestId("run-title")).toBeVisible();
+  const early = await shown.pictureAt(page, 0);
+  expect(await page.evaluate(() => window.maes!.run!.isComplete)).toBe(false);
+  held.release();
+  await page.waitForFunction(() => window.maes!.run!.isComplete);
+  expect(await shown.endOf(page)).toBeGreaterThan(endS);
+  // What has been read since changes nothing of it, so it was not drawn again.
+  expect(await page.evaluate(() => window.maes!.scene!.needsRedraw)).toBe(false);
+  shown.expectSame(early, await shown.pictureAt(page, 0), "before and after the rest was read");
+});

@@ -33,6 +33,15 @@ const PANEL_PERIOD_S = 0.12;
  */
 const PROBE_MS = 600;
 
+/** Time after which the panels are shown in any case, so that a long opening can be cancelled. */
+const OPENING_MS = 3000;
+
+/** Time for the full picture before the rest of a recording is read. */
+const FULL_PICTURE_MS = 1500;
+
+/** Period of updates of the panels while a recording is read. */
+const READING_PERIOD_MS = 250;
+
 const NO_VIEW: SharedView = parseLink("");
 
 /** Options in the address of the page. */
@@ -63,6 +72,12 @@ export class App implements PageActions {
   /** Whether the time in the address has not been read yet. */
   #isSeeking = false;
   #movie: MovieCapture | null = null;
+  /** The playback of a page beside this one, until a run is there. */
+  #followed: Playback | null = null;
+  /** Whether an update of the panels is scheduled. */
+  #isWaking = false;
+  /** Whether a complete frame of the run has been drawn. */
+  #hasPicture = false;
   readonly #settings: ViewSettings;
   #options: PageOptions;
   readonly #digits = new AgentNumberInput();
@@ -70,8 +85,8 @@ export class App implements PageActions {
   constructor(root: HTMLElement, options: PageOptions) {
     this.#options = options;
     this.ready = new Promise((resolve) => (this.#isReady = resolve));
-    const canvas = document.createElement("canvas");
-    const { scene, problem } = createScene(canvas, options.isPicture);
+    const { scene, problem } = createScene(options.isPicture);
+    const canvas = scene?.canvas ?? document.createElement("canvas");
     this.scene = scene;
     this.#settings = new ViewSettings(!options.isPicture);
     if (scene) {
@@ -85,7 +100,11 @@ export class App implements PageActions {
     this.loop = new RenderLoop(canvas, scene, {
       advance: (wallS) => this.#advance(wallS),
       frameDone: (wallS, isDrawn) => this.#afterFrame(wallS, isDrawn),
-      failed: (error) => this.shell.banners.set("render", `Rendering failed: ${error.message}`),
+      frameFinished: (isFull) => this.#frameFinished(isFull),
+      failed: (error) => {
+        this.shell.banners.set("render", `Rendering failed: ${error.message}`);
+        this.#frameFinished(true);
+      },
     });
     this.shell.onResize((width, height) => this.loop.resize(width, height));
     this.shell.onPick((x, y) => {
@@ -95,6 +114,7 @@ export class App implements PageActions {
     for (const event of ["pointerdown", "pointermove", "pointerup", "wheel"]) {
       canvas.addEventListener(event, () => this.loop.request(), { passive: true });
     }
+    document.addEventListener("visibilitychange", () => document.hidden && this.run?.readOn());
     if (!options.isPicture) this.#listen();
     this.#applySettings();
   }
@@ -103,6 +123,16 @@ export class App implements PageActions {
 
   openFile(file: File): Promise<void> {
     return this.#open(`Opening ${file.name}`, () => openFile(file));
+  }
+
+  /**
+   * Shows the recording of the address. The panels come after the first picture, because drawing
+   * them takes as long as drawing it.
+   */
+  openFirst(url: string, opening: Promise<Run>): Promise<void> {
+    this.shell.setOpening(true);
+    setTimeout(() => this.run === null && this.shell.setOpening(false), OPENING_MS);
+    return this.#open(`Opening ${url}`, () => opening);
   }
 
   openUrl(url: string): Promise<void> {
@@ -121,7 +151,10 @@ export class App implements PageActions {
     } catch (error) {
       if (opening === this.#opening) this.shell.banners.set("opening", (error as Error).message);
     } finally {
-      if (opening === this.#opening) this.#setBusy(null);
+      if (opening === this.#opening) {
+        this.#setBusy(null);
+        if (this.run === null) this.shell.setOpening(false);
+      }
     }
   }
 
@@ -129,6 +162,7 @@ export class App implements PageActions {
   cancel(): void {
     this.#opening += 1;
     this.disconnect();
+    this.shell.setOpening(false);
     this.#setBusy(null);
   }
 
@@ -202,7 +236,7 @@ export class App implements PageActions {
     this.#selected = null;
     this.clock.reset();
     this.scene?.setRun(run);
-    this.#unlisten = run.onUpdate(() => this.loop.request());
+    this.#unlisten = run.onUpdate(() => this.#updated());
     document.title = `${run.title} - MAES viewer`;
     const { timeS, agent, camera } = this.#options.view;
     this.#options = { ...this.#options, view: NO_VIEW };
@@ -212,7 +246,28 @@ export class App implements PageActions {
     const wanted = agent ?? (this.live ? wasSelected : null);
     if (wanted !== null && wanted < run.setup.agents) this.select(wanted, false);
     if (camera !== null) this.scene?.setOrbit(camera);
+    if (this.#followed) this.follow(this.#followed);
+    this.#hasPicture = false;
+    if (this.scene === null) this.shell.setOpening(false);
+    if (this.#isSeeking || this.scene === null || document.hidden) run.readOn();
     this.#changed();
+  }
+
+  /** More of the run is known. */
+  #updated(): void {
+    this.#isStale = true;
+    // Most of what is read of a recording changes the panels only.
+    if (this.clock.isAwaiting) this.loop.request();
+    else if (this.scene === null || this.scene.needsRedraw || this.run?.isComplete) this.loop.wake();
+    else if (!this.#isWaking) {
+      this.#isWaking = true;
+      setTimeout(() => this.#wake(), READING_PERIOD_MS);
+    }
+  }
+
+  #wake(): void {
+    this.#isWaking = false;
+    this.loop.wake();
   }
 
   async #seekWhenKnown(run: Run, timeS: number): Promise<void> {
@@ -241,18 +296,29 @@ export class App implements PageActions {
 
   seek(timeS: number): void {
     if (!this.run) return;
-    this.clock.seek(timeS, this.run.endS);
+    this.clock.seek(timeS, this.run.endS, this.#isGrowing);
     this.#playbackChanged();
   }
 
-  /** Takes over the playback of a page beside this one. */
-  follow({ timeS, isPlaying, rate }: Playback): void {
+  get playback(): Playback {
+    const { wantedS, isPlaying, rate } = this.clock;
+    return { timeS: wantedS, isPlaying, rate };
+  }
+
+  /** Takes over the playback of a page beside this one, before or after the run is there. */
+  follow(playback: Playback): void {
     const { run, clock } = this;
+    this.#followed = run ? null : playback;
     if (!run) return;
-    clock.rate = rate;
-    clock.seek(timeS, run.endS);
-    clock.isPlaying = isPlaying && timeS < run.endS;
+    clock.rate = playback.rate;
+    clock.seek(playback.timeS, run.endS, this.#isGrowing);
+    clock.isPlaying = playback.isPlaying && (this.#isGrowing || playback.timeS < run.endS);
     this.#changed();
+  }
+
+  /** Whether a recording is shown whose rest is still being read. */
+  get #isGrowing(): boolean {
+    return this.run?.isComplete === false && this.live === null;
   }
 
   /** Toggles the simulator while it is followed, else the playback. */
@@ -404,6 +470,23 @@ export class App implements PageActions {
     return { timeS: clock.timeS, isMoving: clock.isMoving || clock.timeS !== before };
   }
 
+  /**
+   * The GPU has finished a frame: after the first one of a run come the panels and the same picture
+   * in full, and then the rest of the recording is read.
+   */
+  #frameFinished(isFull: boolean): void {
+    const { run, scene } = this;
+    if (!run || this.#isSeeking || scene?.needsRedraw) return;
+    if (isFull) run.readOn();
+    if (this.#hasPicture) return;
+    this.#hasPicture = true;
+    this.loop.hurry();
+    this.shell.setOpening(false);
+    this.#updatePanels(performance.now() / 1000);
+    this.#isReady();
+    setTimeout(() => run.readOn(), FULL_PICTURE_MS);
+  }
+
   #afterFrame(wallS: number, isDrawn: boolean): void {
     if (isDrawn) {
       this.shell.renderStats.frameDrawn(wallS);
@@ -412,7 +495,7 @@ export class App implements PageActions {
     // Panels are updated periodically while frames are drawn, and once more at rest.
     if (!this.#isStale || (isDrawn && wallS - this.#panelsUpdatedS < PANEL_PERIOD_S)) return;
     this.#updatePanels(wallS);
-    if (this.run && !this.#isSeeking) this.#isReady();
+    if (this.run && this.scene === null && !this.#isSeeking) this.#isReady();
   }
 
   #updatePanels(wallS: number): void {
@@ -474,12 +557,9 @@ export class App implements PageActions {
   }
 }
 
-function createScene(
-  canvas: HTMLCanvasElement,
-  isForPictures: boolean,
-): { scene: Scene | null; problem: string | null } {
+function createScene(isForPictures: boolean): { scene: Scene | null; problem: string | null } {
   try {
-    return { scene: new Scene(canvas, { isForPictures }), problem: null };
+    return { scene: new Scene({ isForPictures }), problem: null };
   } catch (error) {
     return { scene: null, problem: (error as Error).message };
   }

@@ -35,6 +35,23 @@ describe("a recording", () => {
     expect(clock.timeS).toBeCloseTo(15, 9);
   });
 
+  it("shows a time beyond what was read once it is read", () => {
+    const clock = new Clock();
+    clock.seek(20, 5, true);
+    expect([clock.timeS, clock.wantedS]).toEqual([5, 20]);
+    clock.isPlaying = true;
+    clock.advance(0, 12, false, false);
+    expect([clock.timeS, clock.wantedS]).toEqual([12, 20]);
+    clock.advance(0.1, 25, false, false);
+    expect([clock.timeS, clock.wantedS]).toEqual([20, 20]);
+    // From there on it plays.
+    clock.advance(0.2, 25, false, false);
+    expect(clock.timeS).toBeCloseTo(21, 9);
+    clock.seek(99, 25, true);
+    clock.advance(0.3, 30, true, false);
+    expect([clock.timeS, clock.wantedS, clock.isAwaiting]).toEqual([30, 30, false]);
+  });
+
   it("does not skip the time while the page was hidden", () => {
     const clock = new Clock();
     clock.rate = 1;

@@ -30,6 +30,8 @@ export class Clock {
   rate = 10;
   /** Whether the end of a live run is followed. */
   isFollowing = false;
+  /** Time to show as soon as it is known; null: that which is shown. */
+  #awaitedS: number | null = null;
   #wallS: number | null = null;
   #samples: Sample[] = [];
 
@@ -38,14 +40,28 @@ export class Clock {
     this.timeS = 0;
     this.isPlaying = false;
     this.isFollowing = false;
+    this.#awaitedS = null;
     this.#wallS = null;
     this.#samples = [];
   }
 
-  /** Sets the time and ends following. */
-  seek(timeS: number, endS: number): void {
+  get isAwaiting(): boolean {
+    return this.#awaitedS !== null;
+  }
+
+  /** The time shown, or awaited. */
+  get wantedS(): number {
+    return this.#awaitedS ?? this.timeS;
+  }
+
+  /**
+   * Sets the time and ends following. `isGrowing`: a time beyond the known end is awaited, because a
+   * recording is still being read.
+   */
+  seek(timeS: number, endS: number, isGrowing = false): void {
     this.isFollowing = false;
     this.timeS = Math.min(Math.max(0, timeS), endS);
+    this.#awaitedS = isGrowing && timeS > endS ? timeS : null;
   }
 
   /** Plays from the present time, or from the start if that is the end of a complete run. */
@@ -55,6 +71,7 @@ export class Clock {
   }
 
   follow(): void {
+    this.#awaitedS = null;
     this.isFollowing = true;
     this.isPlaying = false;
   }
@@ -69,6 +86,11 @@ export class Clock {
     this.#recordSample(wallS, endS);
     if (this.isFollowing) {
       this.timeS = Math.min(endS, Math.max(this.#endAt(wallS - FOLLOW_LAG_S), 0));
+      return;
+    }
+    if (this.#awaitedS !== null) {
+      this.timeS = Math.min(this.#awaitedS, endS);
+      if (this.#awaitedS <= endS || isComplete) this.#awaitedS = null;
       return;
     }
     if (!this.isPlaying) return;

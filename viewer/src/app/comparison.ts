@@ -3,8 +3,8 @@
  *
  * What is done to the time of one side (seek, play, pause, rate) happens on the other as well. Both
  * play by their own clocks, so that the longer one continues when the shorter one has ended; the side
- * that was touched last leads, and the other is set right if it drifts. Cameras, layers and
- * selections are not linked.
+ * that was touched last leads, and the other is set right if it drifts. A side whose recording is
+ * still being read comes after as soon as it can. Cameras, layers and selections are not linked.
  */
 import { el } from "./dom.ts";
 import { PLAYBACK_EVENT, type Handle } from "./handle.ts";
@@ -43,7 +43,7 @@ export class Comparison {
     this.#frames[side]!.contentWindow?.addEventListener(PLAYBACK_EVENT, () => {
       this.#leader = side;
       const leader = this.#handle(side);
-      if (leader) this.#handle(1 - side)?.follow(leader.state);
+      if (leader) this.#handle(1 - side)?.follow(leader.playback);
     });
     // Keys belong to the side that has the focus: the first one, until the other is touched.
     if (side === 0) this.#frames[0]!.contentWindow?.focus();
@@ -52,7 +52,7 @@ export class Comparison {
   /** Sets the other side right while both play. */
   #correct(): void {
     const other = this.#handle(1 - this.#leader);
-    const [led, present] = [this.#handle(this.#leader)?.state, other?.state];
+    const [led, present] = [this.#handle(this.#leader)?.playback, other?.playback];
     if (led?.isPlaying === true && present?.isPlaying === true) {
       const drift = Math.abs(led.timeS - present.timeS);
       if (drift > DRIFT_S * led.rate) other!.follow(led);

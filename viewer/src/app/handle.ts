@@ -28,7 +28,10 @@ export interface HandleState {
   readonly problems: Readonly<Record<string, string>>;
 }
 
-/** What two pages that show recordings side by side have in common. */
+/**
+ * What two pages that show recordings side by side have in common. The time may be one that is not
+ * known yet.
+ */
 export type Playback = Pick<HandleState, "timeS" | "isPlaying" | "rate">;
 
 /** Event of the window after the user has changed the playback. */
@@ -46,9 +49,24 @@ export interface Handle {
    * recording has been read that far.
    */
   showAt(timeS: number): Promise<void>;
+  readonly playback: Playback;
   /** Takes over a playback, up to the end of the run, without an event. */
   follow(playback: Playback): void;
   readonly state: HandleState;
+}
+
+/** The handle while the page is being loaded. */
+export function pendingHandle(page: Promise<Handle>): Handle {
+  const playback: Playback = { timeS: 0, isPlaying: false, rate: 1 };
+  return {
+    run: null,
+    scene: null,
+    ready: page.then((handle) => handle.ready),
+    showAt: async (timeS) => (await page).showAt(timeS),
+    playback,
+    follow: (followed) => void page.then((handle) => handle.follow(followed)),
+    state: { ...playback, isFollowing: false, selected: null, connection: null, problems: {} },
+  };
 }
 
 declare global {

@@ -23,6 +23,8 @@ export interface RenderLoopHost {
   advance(wallS: number): { timeS: number; isMoving: boolean };
   /** A frame has been drawn, or none was needed. */
   frameDone(wallS: number, isDrawn: boolean): void;
+  /** The GPU has finished a frame. */
+  frameFinished(isFull: boolean): void;
   /** Drawing a frame failed. */
   failed(error: Error): void;
 }
@@ -43,6 +45,7 @@ export class RenderLoop {
   #isExact = false;
   /** Whether the last frame was in full quality. */
   #isFull = false;
+  #isHurried = false;
   #changedMs = 0;
   #size = { width: 1, height: 1, ratio: 0 };
 
@@ -61,6 +64,17 @@ export class RenderLoop {
   /** Requests a frame. */
   request(): void {
     this.#isRequested = true;
+    this.#schedule();
+  }
+
+  /** Draws a frame if the scene needs one, and has the panels updated in any case. */
+  wake(): void {
+    this.#schedule();
+  }
+
+  /** Draws in full quality as soon as nothing moves, without waiting. */
+  hurry(): void {
+    this.#isHurried = true;
     this.#schedule();
   }
 
@@ -102,14 +116,18 @@ export class RenderLoop {
     const { timeS, isMoving } = this.#host.advance(nowMs / 1000);
     const isChanged = this.#isRequested || isMoving || (this.#scene?.needsRedraw ?? false);
     this.#isRequested = false;
-    if (isMoving) this.#isExact = false;
+    if (isMoving) {
+      this.#isExact = false;
+      this.#isHurried = false;
+    }
     if (isChanged) {
       this.#changedMs = nowMs;
       const quality = this.#isExact ? FULL : this.pacer.quality;
       this.#isFull = quality === FULL;
       this.#drawFrame(timeS, nowMs, quality);
-    } else if (!this.#isFull && nowMs - this.#changedMs > REST_MS) {
+    } else if (!this.#isFull && (this.#isHurried || nowMs - this.#changedMs > REST_MS)) {
       this.#isFull = this.#scene?.prepare(timeS) ?? true;
+      if (this.#isFull) this.#isHurried = false;
       if (this.#isFull) this.#drawFrame(timeS, nowMs, FULL);
     }
     this.#host.frameDone(nowMs / 1000, isChanged);
@@ -129,6 +147,7 @@ export class RenderLoop {
     void this.#graphicsDone().then(() => {
       this.#isDrawing = false;
       this.pacer.done(nowMs, performance.now(), quality === this.pacer.quality);
+      this.#host.frameFinished(quality === FULL);
     });
   }
 

@@ -55,6 +55,7 @@ export class Shell {
   readonly #toolbar: HTMLElement;
   readonly #view: View | null;
   readonly #isPicture: boolean;
+  #isOpening = false;
 
   constructor(
     root: HTMLElement,
@@ -201,13 +202,21 @@ export class Shell {
     pressed("toolbar-panel", isPanelOpen);
   }
 
+  /** While the first picture is awaited, the panels keep their room, but are not drawn. */
+  setOpening(isOpening: boolean): void {
+    if (this.#isPicture || isOpening === this.#isOpening) return;
+    this.#isOpening = isOpening;
+    this.#frame.classList.toggle("is-opening", isOpening);
+    if (isOpening) this.#frame.classList.add("has-run");
+  }
+
   setCapturing(isCapturing: boolean): void {
     setIcon(this.#movie, isCapturing ? "stop" : "movie", isCapturing ? "Save the movie" : "Capture a movie");
     this.#movie.setAttribute("aria-pressed", String(isCapturing));
   }
 
   update(panel: PanelState | null, clock: Clock, live: LiveConnection | null, busy: string | null): void {
-    this.#frame.classList.toggle("has-run", panel !== null);
+    this.#frame.classList.toggle("has-run", panel !== null || this.#isOpening);
     setHidden(this.#welcome.root, panel !== null || this.#isPicture);
     if (!panel) {
       this.#welcome.update(busy, live);

@@ -7,9 +7,9 @@
  */
 
 import type { Runs } from "./cdr.ts";
+import { CellSet } from "./cell-set.ts";
 import { Growable } from "./growable.ts";
 import type { MapMessageReader } from "./map-message.ts";
-import { NEVER } from "./run.ts";
 
 /**
  * Columns of the row of each observation fragment: its tick, and where its runs and messages end.
@@ -70,23 +70,14 @@ export class BeliefTracker {
   readonly request: number;
   readonly #log: BeliefLog;
   readonly #reader: MapMessageReader;
-  readonly #isKnown: Uint8Array;
+  readonly #known: CellSet;
   #fragments = 0;
 
   constructor(request: number, log: BeliefLog, reader: MapMessageReader, cells: number) {
     this.request = request;
     this.#log = log;
     this.#reader = reader;
-    this.#isKnown = new Uint8Array(cells);
-  }
-
-  /** Tick in which the agent learned of each cell, for all fragments so far. */
-  all(): Uint32Array {
-    const knownTick = new Uint32Array(this.#isKnown.length).fill(NEVER);
-    this.#replay((tick, cell) => {
-      knownTick[cell] = tick;
-    });
-    return knownTick;
+    this.#known = new CellSet(cells);
   }
 
   /** Tick and cell of everything learned since the last call. */
@@ -100,10 +91,10 @@ export class BeliefTracker {
   }
 
   #replay(learn: (tick: number, cell: number) => void): void {
-    const isKnown = this.#isKnown;
+    const known = this.#known;
     this.#log.replay(this.#fragments, this.#reader, (tick, cell) => {
-      if (isKnown[cell] === 0) {
-        isKnown[cell] = 1;
+      if (!known.has(cell)) {
+        known.add(cell);
         learn(tick, cell);
       }
     });

@@ -1,5 +1,6 @@
 /** The map of a recording as an occupancy grid. */
 
+import type { CellSet } from "./cell-set.ts";
 import type { Vec3 } from "./run.ts";
 
 export interface CellMap {
@@ -7,6 +8,6 @@ export interface CellMap {
   readonly size: Vec3;
   /** Cell edge in metres; null if the map format does not have it. */
   readonly cellM: number | null;
-  /** 1 is wall, 0 free; by cell number. */
-  readonly walls: Uint8Array;
+  /** The cells that are wall; the others are free. */
+  readonly walls: CellSet;
 }

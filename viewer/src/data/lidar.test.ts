@@ -1,3 +1,4 @@
+import { CellSet } from "./cell-set.ts";
 import { describe, expect, test } from "vitest";
 import { cast, firstWall, lattice, shell } from "./lidar.ts";
 import type { Terrain, Vec3 } from "./run.ts";
@@ -11,7 +12,7 @@ function room(): Terrain {
       walls.fill(0, (z * 7 + y) * 10 + 1, (z * 7 + y) * 10 + 9);
     }
   }
-  return { size, cellM: 0.5, walls, freeCells: 200 };
+  return { size, cellM: 0.5, walls: CellSet.of(walls), freeCells: 200 };
 }
 
 const POSITION: Vec3 = [1.15, 1.7, 1.8];
@@ -81,13 +82,13 @@ describe("limits of a scan", () => {
 });
 
 test("the lower axis steps first where two boundaries are reached at once", () => {
-  const walls = Uint8Array.of(0, 0, 1, 0, 0, 0, 0, 0);
-  const terrain = { size: [2, 2, 2] as Vec3, cellM: 1, walls };
+  const terrain = { size: [2, 2, 2] as Vec3, cellM: 1 };
+  const walls = CellSet.of([0, 0, 1, 0, 0, 0, 0, 0]);
   // From the centre of the lowest cell through its uppermost corner: first (1, 0, 0), then (1, 1,
   // 0).
-  expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBeNull();
-  walls.set([0, 1, 0, 0]);
-  expect(firstWall(terrain, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBe(0.5);
+  expect(firstWall({ ...terrain, walls }, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBeNull();
+  walls.add(1);
+  expect(firstWall({ ...terrain, walls }, [0.5, 0.5, 0.5], [1, 1, 1], Infinity)).toBe(0.5);
 });
 
 test("invalid positions and directions have no hit", () => {

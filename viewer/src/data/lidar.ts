@@ -74,7 +74,7 @@ export function firstWall(
   let nextZ = dz === 0 ? Infinity : (dz < 0 ? pz - z : z + 1 - pz) * deltaZ;
   let entry = 0;
   while (x >= 0 && x < sizeX && y >= 0 && y < sizeY && z >= 0 && z < sizeZ) {
-    if (walls[(z * sizeY + y) * sizeX + x] === 1) {
+    if (walls.has((z * sizeY + y) * sizeX + x)) {
       return entry * cellM;
     }
     if (nextX <= nextY && nextX <= nextZ) {

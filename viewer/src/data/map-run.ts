@@ -26,8 +26,7 @@ export function mapRun(name: string, bytes: Uint8Array): { header: RunHeader; ba
     throw new UnreadableError(`${name}: ${(error as Error).message}`);
   }
   const { size, walls, cellM } = map;
-  let freeCells = walls.length;
-  for (let cell = 0; cell < walls.length; cell++) freeCells -= walls[cell]!;
+  const freeCells = walls.length - walls.count;
   const header: RunHeader = {
     setup: {
       agents: 0,

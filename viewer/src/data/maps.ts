@@ -7,6 +7,7 @@
  */
 
 import type { CellMap } from "./cell-map.ts";
+import { CellSet } from "./cell-set.ts";
 import { packedMap, isPacked } from "./packed-map.ts";
 import { UnreadableError } from "./run.ts";
 
@@ -37,12 +38,12 @@ function plainMap(bytes: Uint8Array): CellMap {
   if (bytes[3]! >> (8 - padding) !== 0) {
     throw new UnreadableError("byte 3: the padding of the map is not all 0");
   }
-  const walls = new Uint8Array(cells);
+  const walls = new CellSet(cells);
   let bit = 24 + padding;
   for (let x = 0; x < sizeX; x++) {
     for (let z = 0; z < sizeZ; z++) {
       for (let y = 0; y < sizeY; y++, bit++) {
-        walls[(z * sizeY + y) * sizeX + x] = (bytes[bit >> 3]! >> (7 - (bit & 7))) & 1;
+        if ((bytes[bit >> 3]! >> (7 - (bit & 7))) & 1) walls.add((z * sizeY + y) * sizeX + x);
       }
     }
   }
@@ -57,7 +58,7 @@ function textMap(drawn: string): CellMap {
     .map((layer) => layer.split("\n").filter((row) => row !== ""))
     .filter((layer) => layer.length > 0);
   const [sizeX, sizeY, sizeZ] = [layers[0]?.[0]?.length ?? 0, layers[0]?.length ?? 0, layers.length];
-  const walls = new Uint8Array(sizeX * sizeY * sizeZ);
+  const walls = new CellSet(sizeX * sizeY * sizeZ);
   if (walls.length === 0) {
     throw new UnreadableError("the text map has no cells");
   }
@@ -70,7 +71,7 @@ function textMap(drawn: string): CellMap {
         );
       }
       for (let x = 0; x < sizeX; x++) {
-        walls[(z * sizeY + (sizeY - 1 - line)) * sizeX + x] = row[x] === "#" ? 1 : 0;
+        if (row[x] === "#") walls.add((z * sizeY + (sizeY - 1 - line)) * sizeX + x);
       }
     });
   });

@@ -9,6 +9,7 @@
 
 import { crc32Final, crc32Init, crc32Update } from "@foxglove/crc";
 import type { CellMap } from "./cell-map.ts";
+import { CellSet } from "./cell-set.ts";
 import { UnreadableError, type Vec3 } from "./run.ts";
 
 /** Maximum number of cells along an axis. */
@@ -67,18 +68,21 @@ export function packedMap(bytes: Uint8Array): CellMap {
 }
 
 /** One flat loop, because a map may have a thousand million cells. */
-function decoded(size: Vec3, agreeing: RunReader, differing: RunReader): Uint8Array {
+function decoded(size: Vec3, agreeing: RunReader, differing: RunReader): CellSet {
   const [sizeX, sizeY, sizeZ] = size;
-  const layer = sizeX * sizeY;
-  const walls = new Uint8Array(layer * sizeZ);
+  const area = sizeX * sizeY;
+  const walls = new CellSet(area * sizeZ);
+  // The layer so far, and behind it what is left of the layer below.
+  const layer = new Uint8Array(area).fill(1);
   let agreeingLeft = agreeing.next();
   let differingLeft = differing.next();
   let index = 0;
   for (let z = 0; z < sizeZ; z++) {
+    let at = 0;
     for (let y = 0; y < sizeY; y++) {
       let last = 1;
-      for (let x = 0; x < sizeX; x++, index++) {
-        const around = last + (y === 0 ? 1 : walls[index - sizeX]!) + (z === 0 ? 1 : walls[index - layer]!);
+      for (let x = 0; x < sizeX; x++, at++, index++) {
+        const around = last + (y === 0 ? 1 : layer[at - sizeX]!) + layer[at]!;
         last = around >> 1;
         if (around === 0 || around === 3) {
           if (agreeingLeft-- === 0) {
@@ -89,7 +93,8 @@ function decoded(size: Vec3, agreeing: RunReader, differing: RunReader): Uint8Ar
           last ^= 1;
           differingLeft = differing.next();
         }
-        walls[index] = last;
+        layer[at] = last;
+        if (last === 1) walls.add(index);
       }
     }
   }

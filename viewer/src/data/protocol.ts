@@ -18,6 +18,8 @@ export type Request =
   | { readonly kind: "file"; readonly file: File }
   | { readonly kind: "url"; readonly url: string; readonly title: string }
   | { readonly kind: "live"; readonly title: string }
+  /** Reads the rest of a file or an address, of which only the start was read so far. */
+  | { readonly kind: "readOn" }
   | { readonly kind: "push"; readonly bytes: Uint8Array }
   | { readonly kind: "end" }
   | { readonly kind: "follow"; readonly request: number; readonly agent: number | null }
@@ -30,11 +32,15 @@ export type Request =
     };
 
 export type Reply =
-  | { readonly kind: "opened"; readonly setup: Setup; readonly terrain: Terrain }
+  | { readonly kind: "opened"; readonly setup: Setup; readonly terrain: SentTerrain }
   | { readonly kind: "batch"; readonly batch: Batch }
   | { readonly kind: "unreadable"; readonly message: string }
-  | { readonly kind: "belief"; readonly request: number; readonly knownTick: Uint32Array | null }
+  /** Tick and cell of what the agent has learned so far; null: there is no such agent. */
+  | { readonly kind: "belief"; readonly request: number; readonly learned: Uint32Array | null }
   | { readonly kind: "hits"; readonly request: number; readonly hits: ScanHits | null };
+
+/** The true map, with the bytes of its set of walls. */
+export type SentTerrain = Omit<Terrain, "walls"> & { readonly walls: Uint8Array<ArrayBuffer> };
 
 /** Points of a scan, in the body frame or the `map` frame. */
 export interface ScanHits {

@@ -1,6 +1,8 @@
 import { readFileSync } from "node:fs";
 import { McapStreamReader } from "@mcap/core";
 import { beforeAll, describe, expect, test } from "vitest";
+import type { CellTimes } from "./cell-times.ts";
+import type { RunModel } from "./run-model.ts";
 import { NEVER, UnreadableError, type Run } from "./run.ts";
 import { readRun } from "./testing.ts";
 import * as make from "./testing-recording.ts";
@@ -62,11 +64,40 @@ describe("a recording of the simulator", () => {
     }
   });
 
+  /** Number of free cells with a tick up to this one. */
+  const freeUpTo = (times: CellTimes, tick: number): number => {
+    let count = 0;
+    times.forEach((cell, first) => {
+      if (first <= tick && !run.terrain.walls.has(cell)) count++;
+    });
+    return count;
+  };
+
+  test("an update leaves earlier states as they were", () => {
+    const statesAt = (part: RunModel, timeS: number) => [
+      part.seenAt(timeS),
+      part.coveredAt(timeS),
+      ...[0, 1, 2].map((agent) => part.agentAt(agent, timeS)),
+    ];
+    let fromS = Infinity;
+    let before: { timeS: number; states: unknown[] } | null = null;
+    let checks = 0;
+    readRun(CAVE, 3000, (part) => {
+      if (before === null) part.onUpdate((update) => (fromS = update.fromS));
+      else if (before.timeS < fromS) {
+        expect(statesAt(part, before.timeS)).toEqual(before.states);
+        checks++;
+      }
+      const timeS = part.endS / 2;
+      before = { timeS, states: statesAt(part, timeS) };
+    });
+    expect(checks).toBeGreaterThan(2);
+  });
+
   test("counts cells by the tick they were seen", () => {
     for (const timeS of [0, 3.3, 10, 19.98]) {
       const tick = Math.round(timeS * 50);
-      const seen = run.firstSeenTick.filter((first, cell) => first <= tick && run.terrain.walls[cell] === 0);
-      expect(run.seenAt(timeS)).toBe(seen.length);
+      expect(run.seenAt(timeS)).toBe(freeUpTo(run.firstSeenTick, tick));
     }
   });
 
@@ -74,11 +105,10 @@ describe("a recording of the simulator", () => {
     for (const agent of [0, 1, 2]) {
       const belief = await run.follow(agent);
       const lastAnswer = run.agentAt(agent, run.endS - 0.02).observedS * 50;
-      const { walls } = run.terrain;
-      const known = belief!.knownTick.filter((tick, cell) => tick <= lastAnswer && walls[cell] === 0);
-      expect(known.length).toBeCloseTo(result.believedBy[agent]! * freeCells, 6);
-      const knownAtEnd = belief!.knownTick.filter((tick, cell) => tick !== NEVER && walls[cell] === 0);
-      expect(knownAtEnd.length).toBeGreaterThan(result.exploredBy[agent]! * freeCells);
+      const known = freeUpTo(belief!.knownTick, lastAnswer);
+      expect(known).toBeCloseTo(result.believedBy[agent]! * freeCells, 6);
+      const knownAtEnd = freeUpTo(belief!.knownTick, NEVER - 1);
+      expect(knownAtEnd).toBeGreaterThan(result.exploredBy[agent]! * freeCells);
     }
     expect(await run.follow(null)).toBeNull();
   });
@@ -111,8 +141,8 @@ describe("a recording of the simulator", () => {
       // The wall begins slightly behind the hit.
       const inside = [hx + (hx - x) * 1e-4, hy + (hy - y) * 1e-4, hz + (hz - z) * 1e-4].map(Math.floor);
       const cell = (inside[2]! * size[1] + inside[1]!) * size[0] + inside[0]!;
-      expect(walls[cell]).toBe(1);
-      unseen += run.firstSeenTick[cell]! > 12 * 50 ? 1 : 0;
+      expect(walls.has(cell)).toBe(true);
+      unseen += run.firstSeenTick.get(cell) > 12 * 50 ? 1 : 0;
     }
     // The pose of the scan is interpolated, so some rays graze another wall than they did in the
     // run.
@@ -159,7 +189,7 @@ describe("a run is the same however its bytes arrive", () => {
 
   test("with a belief followed from the start, or at the end", async () => {
     const known = (await readRun(CAVE).follow(1))!.knownTick;
-    const followed = await new Promise<Uint32Array>((resolve) => {
+    const followed = await new Promise<CellTimes>((resolve) => {
       readRun(CAVE, 2000, (run, isLast) => {
         const belief = run.follow(1);
         if (isLast) {
@@ -168,7 +198,7 @@ describe("a run is the same however its bytes arrive", () => {
       });
     });
     expect(followed).toEqual(known);
-    expect(known.some((tick) => tick > 900 && tick !== NEVER)).toBe(true);
+    expect(known.flat!.some((tick) => tick > 900 && tick !== NEVER)).toBe(true);
   });
 
   test("with either decompressor", () => {

@@ -82,6 +82,11 @@ export class RecordingReader {
     return this.#isOpen ? this.#header : null;
   }
 
+  /** Whether the first moment of the run is known: its header and all that its tick 0 has. */
+  get hasStart(): boolean {
+    return this.#isOpen && this.#lastTick > 0;
+  }
+
   /** Whether further bytes are ignored. */
   get isAtEnd(): boolean {
     return this.#scanner.end !== null;
@@ -147,7 +152,7 @@ export class RecordingReader {
   }
 
   /**
-   * Begins to follow an agent's belief and returns the tick in which it learned of each cell. Null
+   * Begins to follow an agent's belief and returns tick and cell of all that it has learned. Null
    * ends following.
    */
   follow(request: number, agent: number | null): Uint32Array | null {
@@ -162,7 +167,7 @@ export class RecordingReader {
       this.#mapMessages,
       this.#header.terrain.walls.length,
     );
-    return this.#beliefTracker.all();
+    return this.#beliefTracker.takeNew();
   }
 
   /**

@@ -40,10 +40,7 @@ export function runHeaderOf(
       `the scenario has ${agents} agents with ${message.rays} rays, expected at most ${AGENTS_MAX} and ${RAYS_MAX}`,
     );
   }
-  let freeCells = map.walls.length;
-  for (let cell = 0; cell < map.walls.length; cell++) {
-    freeCells -= map.walls[cell]!;
-  }
+  const freeCells = map.walls.length - map.walls.count;
   return {
     setup: {
       agents,

@@ -68,10 +68,10 @@ describe("cells", () => {
       ],
       2,
     );
-    expect([a, a + 1, b, b + 1, roomCell(0, 1, 1)].map((cell) => run.firstSeenTick[cell])).toEqual([
+    expect([a, a + 1, b, b + 1, roomCell(0, 1, 1)].map((cell) => run.firstSeenTick.get(cell))).toEqual([
       8, 10, 8, 20, 10,
     ]);
-    expect(run.firstSeenTick[roomCell(6, 4, 2)]).toBe(NEVER);
+    expect(run.firstSeenTick.get(roomCell(6, 4, 2))).toBe(NEVER);
     expect([7, 8, 10, 20].map((tick) => run.seenAt(tick / 50))).toEqual([0, 2, 4, 5]);
   });
 
@@ -101,7 +101,7 @@ describe("cells", () => {
 
   test("are covered in the tick in which a body first entered them", async () => {
     const run = await runOf([make.poses(0, [POSITION]), make.poses(10, [[3.5, 1.5, 1.5]])]);
-    expect([1, 2, 3].map((x) => run.coveredTick[roomCell(x, 1, 1)])).toEqual([0, 3, 8]);
+    expect([1, 2, 3].map((x) => run.coveredTick.get(roomCell(x, 1, 1)))).toEqual([0, 3, 8]);
     expect([0, 0.05, 0.06, 1].map((timeS) => run.coveredAt(timeS))).toEqual([1, 1, 2, 3]);
   });
 });
@@ -275,8 +275,8 @@ describe("listeners and queries", () => {
       close: () => {},
     });
     const answer = (request: Request) => {
-      const knownTick = new Uint32Array(terrain.walls.length).fill(NEVER);
-      run.take({ kind: "belief", request: (request as { request: number }).request, knownTick });
+      const learned = Uint32Array.of(9, 1);
+      run.take({ kind: "belief", request: (request as { request: number }).request, learned });
     };
     const [first, second] = [run.follow(0), run.follow(1)];
     expect(run.follow(1)).toBe(second);

@@ -7,6 +7,7 @@
  */
 
 import { AgentLog, tickAt } from "./agent-log.ts";
+import { CellTimes } from "./cell-times.ts";
 import { TickCounts } from "./tick-counts.ts";
 import { Growable } from "./growable.ts";
 import {
@@ -48,8 +49,8 @@ export class RunModel implements Run {
   readonly title: string;
   readonly setup: Setup;
   readonly terrain: Terrain;
-  readonly firstSeenTick: Uint32Array;
-  readonly coveredTick: Uint32Array;
+  readonly firstSeenTick: CellTimes;
+  readonly coveredTick: CellTimes;
   readonly progress: Progress[] = [];
   result: Result | null = null;
   endS = 0;
@@ -63,6 +64,7 @@ export class RunModel implements Run {
   readonly #hits = new Map<number, (hits: ScanHits | null) => void>();
   #requests = 0;
   #isClosed = false;
+  #hasReadOn = false;
   #belief: GrowingBelief | null = null;
   /** The last request to follow an agent, pending or answered. */
   #following: {
@@ -79,8 +81,8 @@ export class RunModel implements Run {
     this.terrain = terrain;
     this.#reader = reader;
     const cells = terrain.walls.length;
-    this.firstSeenTick = new Uint32Array(cells).fill(NEVER);
-    this.coveredTick = new Uint32Array(cells).fill(NEVER);
+    this.firstSeenTick = new CellTimes(cells);
+    this.coveredTick = new CellTimes(cells);
     this.#agents = Array.from({ length: setup.agents }, (_, agent) => new AgentLog(agent, terrain));
   }
 
@@ -163,6 +165,12 @@ export class RunModel implements Run {
     return { timeS: found.timeS, positions, isCast: false };
   }
 
+  readOn(): void {
+    if (this.#hasReadOn || this.#isClosed) return;
+    this.#hasReadOn = true;
+    this.#reader.send({ kind: "readOn" });
+  }
+
   onUpdate(listener: (update: RunUpdate) => void): () => void {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
@@ -178,7 +186,7 @@ export class RunModel implements Run {
     this.problem = problem;
     this.isComplete = true;
     this.#endReading();
-    this.#notify({ cells: new Uint32Array(0), hasEnded: false });
+    this.#notify({ fromS: this.endS, cells: new Uint32Array(0), hasEnded: false });
   }
 
   #notify(update: RunUpdate): void {
@@ -201,8 +209,10 @@ export class RunModel implements Run {
         this.#takeBatch(reply.batch);
         break;
       case "belief":
-        if (this.#following?.request === reply.request && reply.knownTick) {
-          this.#belief = { agent: this.#following.agent, knownTick: reply.knownTick, revision: 0 };
+        if (this.#following?.request === reply.request && reply.learned) {
+          const knownTick = new CellTimes(this.terrain.walls.length);
+          learn(knownTick, reply.learned);
+          this.#belief = { agent: this.#following.agent, knownTick, revision: 0 };
           this.#following.resolve(this.#belief);
         }
         break;
@@ -218,14 +228,14 @@ export class RunModel implements Run {
 
   #takeBatch(batch: Batch): void {
     const cells = new Growable(new Uint32Array(0));
-    this.#takeSeen(batch.seen, cells);
-    this.#takeCovered(batch.covered, cells);
-    this.#takeAgents(batch);
+    const cellsFromTick = Math.min(
+      this.#takeSeen(batch.seen, cells),
+      this.#takeCovered(batch.covered, cells),
+    );
+    const fromS = Math.min(this.endS, cellsFromTick * TICK_S, this.#takeAgents(batch));
     if (this.#belief && batch.learned?.request === this.#following?.request) {
       const learned = batch.learned!.cells;
-      for (let at = 0; at < learned.length; at += 2) {
-        this.#belief.knownTick[learned[at + 1]!] = learned[at]!;
-      }
+      learn(this.#belief.knownTick, learned);
       this.#belief.revision += learned.length > 0 ? 1 : 0;
     }
     this.progress.push(...batch.progress);
@@ -234,53 +244,67 @@ export class RunModel implements Run {
     this.endS = batch.endTick * TICK_S;
     this.isComplete = batch.isComplete;
     this.problem = batch.problem;
-    this.#notify({ cells: cells.takeAll(), hasEnded });
+    this.#notify({ fromS, cells: cells.takeAll(), hasEnded });
   }
 
-  #takeSeen(seen: Uint32Array, changed: Growable<Uint32Array>): void {
+  /** Returns the earliest tick of a cell that has changed. */
+  #takeSeen(seen: Uint32Array, changed: Growable<Uint32Array>): number {
     const { walls } = this.terrain;
+    let fromTick = Infinity;
     for (let at = 0; at < seen.length; at += 3) {
       const tick = seen[at]!;
       const start = seen[at + 1]!;
       const end = start + seen[at + 2]!;
       for (let cell = start; cell < end; cell++) {
-        const before = this.firstSeenTick[cell]!;
+        const before = this.firstSeenTick.get(cell);
         if (tick < before) {
-          this.firstSeenTick[cell] = tick;
+          fromTick = Math.min(fromTick, tick);
+          this.firstSeenTick.set(cell, tick);
           changed.push(cell);
-          if (walls[cell] === 0) {
+          if (!walls.has(cell)) {
             move(this.#seen, before, tick);
           }
         }
       }
     }
+    return fromTick;
   }
 
-  #takeCovered(covered: Uint32Array, changed: Growable<Uint32Array>): void {
+  #takeCovered(covered: Uint32Array, changed: Growable<Uint32Array>): number {
+    let fromTick = Infinity;
     for (let at = 0; at < covered.length; at += 2) {
       const tick = covered[at]!;
       const cell = covered[at + 1]!;
-      const before = this.coveredTick[cell]!;
+      const before = this.coveredTick.get(cell);
       if (tick < before) {
-        this.coveredTick[cell] = tick;
+        fromTick = Math.min(fromTick, tick);
+        this.coveredTick.set(cell, tick);
         changed.push(cell);
-        if (this.terrain.walls[cell] === 0) {
+        if (!this.terrain.walls.has(cell)) {
           move(this.#covered, before, tick);
         }
       }
     }
+    return fromTick;
   }
 
-  #takeAgents(batch: Batch): void {
+  /** Returns the time before which the states of the agents are as they were. */
+  #takeAgents(batch: Batch): number {
     const { poses, observations, contacts, commands, waypoints } = batch;
+    let fromS = Infinity;
     for (let at = 0; at < poses.length; at += POSE.columns) {
       const [agent, tick, x, y, z, yawRad] = poses.subarray(at, at + POSE.columns);
-      this.#agents[agent!]!.addPose(tick!, x!, y!, z!, yawRad!);
+      const log = this.#agents[agent!]!;
+      // Poses between the last one and this one are interpolated.
+      const { count, timeS } = log.track;
+      fromS = Math.min(fromS, count === 0 ? 0 : timeS[count - 1]!);
+      log.addPose(tick!, x!, y!, z!, yawRad!);
     }
     let used = 0;
     for (let at = 0; at < observations.length; at += OBSERVATION.columns) {
       const row = observations.subarray(at, at + OBSERVATION.columns);
       const end = used + row[OBSERVATION.contacts]!;
+      fromS = Math.min(fromS, row[OBSERVATION.tick]! * TICK_S);
       this.#agents[row[OBSERVATION.agent]!]!.addObservation(row, contacts.subarray(used, end));
       used = end;
     }
@@ -288,13 +312,20 @@ export class RunModel implements Run {
     for (let at = 0; at < commands.length; at += COMMAND.columns) {
       const row = commands.subarray(at, at + COMMAND.columns);
       const end = used + 3 * row[COMMAND.waypoints]!;
+      fromS = Math.min(fromS, row[COMMAND.tick]! * TICK_S);
       this.#agents[row[COMMAND.agent]!]!.addCommand(row, waypoints.subarray(used, end));
       used = end;
     }
     for (const [agent, info] of batch.infos) {
       this.#agents[agent]!.addInfo(info);
     }
+    return fromS;
   }
+}
+
+/** Sets the ticks of cells; `learned` has the tick and the cell of each. */
+function learn(times: CellTimes, learned: Uint32Array): void {
+  for (let at = 0; at < learned.length; at += 2) times.set(learned[at + 1]!, learned[at]!);
 }
 
 /** Moves a cell from one tick to another. */

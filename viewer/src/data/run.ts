@@ -9,6 +9,9 @@
  * This file declares the interface of the scene and the panels; it neither reads nor draws.
  */
 
+import type { CellSet } from "./cell-set.ts";
+import type { CellTimes } from "./cell-times.ts";
+
 /** Tick of an event that has not happened. */
 export const NEVER = 0xffffffff;
 
@@ -23,8 +26,8 @@ export interface Terrain {
   readonly size: Vec3;
   /** Cell edge, metres. */
   readonly cellM: number;
-  /** 1 is wall, 0 free; by cell number. */
-  readonly walls: Uint8Array;
+  /** The cells that are wall; the others are free. */
+  readonly walls: CellSet;
   /** Number of free cells. */
   readonly freeCells: number;
 }
@@ -111,7 +114,7 @@ export interface Track {
  */
 export interface Belief {
   readonly agent: number;
-  readonly knownTick: Uint32Array;
+  readonly knownTick: CellTimes;
   /** Incremented with every change of `knownTick`. */
   readonly revision: number;
 }
@@ -127,6 +130,8 @@ export interface Hits {
 
 /** What became known since the previous update. */
 export interface RunUpdate {
+  /** States before this time are as they were. */
+  readonly fromS: number;
   /** Cells whose `firstSeenTick` or `coveredTick` was set, in no order. */
   readonly cells: Uint32Array;
   /** Whether the result has arrived. */
@@ -149,9 +154,9 @@ export interface Run {
    */
   readonly problem: string | null;
   /** Tick in which the team learned of each cell, free or wall, or NEVER. */
-  readonly firstSeenTick: Uint32Array;
+  readonly firstSeenTick: CellTimes;
   /** Tick in which a body first entered each cell, or NEVER. */
-  readonly coveredTick: Uint32Array;
+  readonly coveredTick: CellTimes;
   /** Number of free cells that had been seen, or covered, at `timeS`. */
   seenAt(timeS: number): number;
   coveredAt(timeS: number): number;
@@ -166,6 +171,8 @@ export interface Run {
   follow(id: number | null): Promise<Belief | null>;
   /** The hits of an agent's last scan before `timeS`. */
   hitsAt(id: number, timeS: number): Promise<Hits | null>;
+  /** Lets the rest of a recording be read, of which only the start was read so far. */
+  readOn(): void;
   /** Adds a listener; the returned function removes it. */
   onUpdate(listener: (update: RunUpdate) => void): () => void;
   /** Releases the reader; no query is allowed afterwards. */

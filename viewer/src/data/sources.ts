@@ -4,6 +4,7 @@
  * Each run has its own worker, which ends with `Run.close`, or if the run cannot be read.
  */
 
+import { CellSet } from "./cell-set.ts";
 import { RunModel } from "./run-model.ts";
 import type { Reply, Request } from "./protocol.ts";
 import { UnreadableError, type Run } from "./run.ts";
@@ -27,10 +28,10 @@ export function openFile(file: File): Promise<Run> {
 }
 
 /** Opens the recording at an address. */
-export function openUrl(url: string): Promise<Run> {
+export async function openUrl(url: string): Promise<Run> {
   const address = new URL(url, location.href);
   const title = decodeURIComponent(address.pathname.split("/").at(-1) || address.host);
-  return open(nextId(title), title, { kind: "url", url: address.href, title }).run;
+  return await open(nextId(title), title, { kind: "url", url: address.href, title }).run;
 }
 
 /** Opens a live run. */
@@ -74,7 +75,9 @@ function open(
       } else if (reply.kind === "opened") {
         const reader = { send, close: () => worker.terminate() };
         try {
-          model = new RunModel(id, title, reply.setup, reply.terrain, reader);
+          const { size, walls } = reply.terrain;
+          const terrain = { ...reply.terrain, walls: new CellSet(size[0] * size[1] * size[2], walls) };
+          model = new RunModel(id, title, reply.setup, terrain, reader);
         } catch (error) {
           // A browser may abort the memory that a large map needs.
           const size = reply.terrain.size.join(" x ");

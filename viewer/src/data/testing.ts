@@ -22,8 +22,8 @@ export function readRun(
   let model: RunModel | null = null;
   const send = (request: Request) => {
     if (request.kind === "follow") {
-      const knownTick = reader.follow(request.request, request.agent);
-      model?.take({ kind: "belief", request: request.request, knownTick });
+      const learned = reader.follow(request.request, request.agent);
+      model?.take({ kind: "belief", request: request.request, learned });
     } else if (request.kind === "hits") {
       const { agent, untilTick, scan } = request;
       void reader

@@ -2,12 +2,14 @@
  * The reader worker: bytes of a file, an address or a live run in; batches out.
  *
  * It sends some twenty batches per second at most, so that the page stays responsive, and answers
- * queries between two pieces of a file. The logic is in `recording-reader.ts`.
+ * queries between two pieces of a file. Of a recording it reads the start, which the first picture
+ * needs, and the rest when the page asks for it. The logic is in `recording-reader.ts`.
  */
 
 import { isMapFile, mapRun } from "./map-run.ts";
 import { transferablesOf, type Reply, type Request } from "./protocol.ts";
 import { RecordingReader, type FetchBytes } from "./recording-reader.ts";
+import type { RunHeader } from "./run-header.ts";
 import { UnreadableError } from "./run.ts";
 import { loadZstd } from "./zstd.ts";
 
@@ -31,6 +33,12 @@ let isOpened = false;
 let hasFailed = false;
 let lastBatchMs = -Infinity;
 let timer: ReturnType<typeof setTimeout> | null = null;
+let readOn: () => void = () => undefined;
+const mayReadOn = new Promise<void>((resolve) => (readOn = resolve));
+
+function postHeader({ setup, terrain }: RunHeader): void {
+  scope.postMessage({ kind: "opened", setup, terrain: { ...terrain, walls: terrain.walls.bytes } });
+}
 
 function sendBatch(): void {
   if (timer !== null) {
@@ -43,7 +51,7 @@ function sendBatch(): void {
   }
   if (!isOpened) {
     isOpened = true;
-    scope.postMessage({ kind: "opened", ...header });
+    postHeader(header);
   }
   const batch = reader.takeBatch();
   if (batch) {
@@ -60,6 +68,12 @@ function sendInTime(): void {
   } else {
     timer ??= setTimeout(sendBatch, waitMs);
   }
+}
+
+/** Sends what was read, and waits for the page when that is the start of a recording. */
+async function pieceRead(reading: RecordingReader): Promise<void> {
+  sendInTime();
+  if (reading.hasStart) await mayReadOn;
 }
 
 /** Reports an error; `subject` names the source unless the error does. */
@@ -86,7 +100,7 @@ async function begin(title: string, fetchBytes: FetchBytes | null): Promise<Reco
 function showMap(name: string, bytes: Uint8Array): void {
   const { header, batch } = mapRun(name, bytes);
   isOpened = true;
-  scope.postMessage({ kind: "opened", ...header });
+  postHeader(header);
   scope.postMessage({ kind: "batch", batch });
 }
 
@@ -101,7 +115,7 @@ async function readFile(file: File): Promise<void> {
   let bytes = FIRST_PIECE_BYTES;
   for (let at = 0; at < file.size && !reading.isAtEnd; at += bytes, bytes = PIECE_BYTES) {
     reading.push(await fetchBytes(at, bytes));
-    sendInTime();
+    await pieceRead(reading);
   }
   reading.finish();
   sendBatch();
@@ -126,7 +140,7 @@ async function readUrl(url: string, title: string): Promise<void> {
   const body = response.body.getReader();
   for (let piece = await body.read(); !piece.done && !reading.isAtEnd; piece = await body.read()) {
     reading.push(piece.value);
-    sendInTime();
+    await pieceRead(reading);
   }
   void body.cancel();
   reading.finish();
@@ -156,10 +170,10 @@ function answer(request: Request): void {
       }
       break;
     case "follow": {
-      const knownTick = reader.follow(request.request, request.agent);
+      const learned = reader.follow(request.request, request.agent);
       scope.postMessage(
-        { kind: "belief", request: request.request, knownTick },
-        knownTick ? [knownTick.buffer] : [],
+        { kind: "belief", request: request.request, learned },
+        learned ? [learned.buffer] : [],
       );
       break;
     }
@@ -178,6 +192,9 @@ scope.onmessage = ({ data: request }) => {
       break;
     case "url":
       readUrl(request.url, request.title).catch((error: unknown) => fail(request.url, error));
+      break;
+    case "readOn":
+      readOn();
       break;
     case "live":
       begin(request.title, null).catch((error: unknown) => fail(request.title, error));

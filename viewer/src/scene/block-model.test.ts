@@ -1,4 +1,6 @@
 import { describe, expect, it } from "vitest";
+import { CellSet } from "../data/cell-set.ts";
+import { CellTimes } from "../data/cell-times.ts";
 import { NEVER, type Terrain } from "../data/run.ts";
 import { BlockTimes, blockModelOf } from "./block-model.ts";
 
@@ -6,7 +8,7 @@ import { BlockTimes, blockModelOf } from "./block-model.ts";
 function terrain(): Terrain {
   const walls = new Uint8Array(30).fill(1);
   for (const cell of [0, 5, 10, 15, 20, 25, 14, 29]) walls[cell] = 0;
-  return { size: [5, 3, 2], cellM: 0.5, walls, freeCells: 8 };
+  return { size: [5, 3, 2], cellM: 0.5, walls: CellSet.of(walls), freeCells: 8 };
 }
 
 describe("the block model", () => {
@@ -14,11 +16,11 @@ describe("the block model", () => {
     const map = terrain();
     const model = blockModelOf(map, 30, 5);
     expect(model.step).toBe(1);
-    expect(model.walls).toBe(map.walls);
-    const times = new Uint32Array(30).fill(NEVER);
+    expect(model.walls).toEqual(map.walls.toBytes());
+    const times = new CellTimes(30);
     const blocks = new BlockTimes(model, times);
     const cells = Uint32Array.of(3, 4);
-    expect(blocks.times).toBe(times);
+    expect(blocks.times).toBe(times.flat);
     expect(blocks.markChanged(cells)).toBe(cells);
   });
 
@@ -30,16 +32,16 @@ describe("the block model", () => {
   });
 
   it("has the earliest times of the free cells of each block", () => {
-    const times = new Uint32Array(30).fill(NEVER);
-    times[0] = 9;
-    times[5] = 4;
-    times[1] = 2;
+    const times = new CellTimes(30);
+    times.set(0, 9);
+    times.set(5, 4);
+    times.set(1, 2);
     const blocks = new BlockTimes(blockModelOf(terrain(), 30, 4), times);
     expect([...blocks.times]).toEqual([4, NEVER, NEVER, NEVER, NEVER, NEVER]);
-    times[29] = 7;
+    times.set(29, 7);
     expect([...blocks.markChanged(Uint32Array.of(29, 6))]).toEqual([5, 0]);
     expect([...blocks.times]).toEqual([4, NEVER, NEVER, NEVER, NEVER, 7]);
-    times.fill(NEVER);
+    times.flat!.fill(NEVER);
     blocks.markAllChanged();
     expect(new Set(blocks.times)).toEqual(new Set([NEVER]));
   });

@@ -6,6 +6,7 @@
  */
 
 import { NEVER, type Terrain } from "../data/run.ts";
+import type { CellTimes } from "../data/cell-times.ts";
 import type { Size } from "./chunks.ts";
 
 /** A map of blocks. */
@@ -15,7 +16,7 @@ export interface BlockModel {
   readonly cellM: number;
   /** 1 is wall, 0 free; by block number. */
   readonly walls: Uint8Array;
-  /** Block edge in cells; 1: the arrays are those of the map itself. */
+  /** Block edge in cells; 1: the blocks are the cells of the map. */
   readonly step: number;
   readonly terrain: Terrain;
 }
@@ -29,10 +30,10 @@ export function blockModelOf(terrain: Terrain, blocksMax: number, edgeMax: numbe
     step *= 2;
     blocks = [Math.ceil(size[0] / step), Math.ceil(size[1] / step), Math.ceil(size[2] / step)];
   }
-  if (step === 1) return { size, cellM, walls, step, terrain };
+  if (step === 1) return { size, cellM, walls: walls.toBytes(), step, terrain };
   const free = new Uint16Array(blocks[0] * blocks[1] * blocks[2]);
   forEachRow(size, blocks, step, (cell, block) => {
-    for (let x = 0; x < size[0]; x++) if (walls[cell + x] === 0) free[block + Math.floor(x / step)]!++;
+    for (let x = 0; x < size[0]; x++) if (!walls.has(cell + x)) free[block + Math.floor(x / step)]!++;
   });
   const solid = Uint8Array.from(free, (count) => (count * 2 >= step ** 3 ? 0 : 1));
   return { size: blocks, cellM: cellM * step, walls: solid, step, terrain };
@@ -45,9 +46,10 @@ export class BlockTimes {
 
   constructor(
     readonly model: BlockModel,
-    readonly cellTimes: Uint32Array,
+    readonly cellTimes: CellTimes,
   ) {
-    this.times = model.step === 1 ? cellTimes : new Uint32Array(model.walls.length);
+    const own = model.step === 1 ? cellTimes.flat : null;
+    this.times = own ?? new Uint32Array(model.walls.length);
     this.markAllChanged();
   }
 
@@ -58,23 +60,16 @@ export class BlockTimes {
 
   /** Updates all blocks. */
   markAllChanged(): void {
-    const { model, times, cellTimes } = this;
-    const { size, walls } = model.terrain;
-    if (model.step === 1) return;
-    times.fill(NEVER);
-    forEachRow(size, model.size, model.step, (cell, block) => {
-      for (let x = 0; x < size[0]; x++) {
-        const at = block + Math.floor(x / model.step);
-        if (walls[cell + x] === 0 && cellTimes[cell + x]! < times[at]!) times[at] = cellTimes[cell + x]!;
-      }
-    });
+    if (this.times === this.cellTimes.flat) return;
+    this.times.fill(NEVER);
+    this.cellTimes.forEach((cell) => this.#note(cell));
   }
 
   #note(cell: number): number {
     const { model } = this;
     const block = blockOf(cell, model.terrain.size, model.size, model.step);
-    const time = this.cellTimes[cell]!;
-    if (time < this.times[block]! && model.terrain.walls[cell] === 0) this.times[block] = time;
+    const time = this.cellTimes.get(cell);
+    if (time < this.times[block]! && !model.terrain.walls.has(cell)) this.times[block] = time;
     return block;
   }
 }

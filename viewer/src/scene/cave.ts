@@ -8,6 +8,8 @@
 
 import { Group, Vector3, type WebGLRenderer } from "three";
 import type { Belief, RunUpdate, Run, Vec3 } from "../data/run.ts";
+import type { CellSet } from "../data/cell-set.ts";
+import { FLAT_CELLS_MAX } from "../data/cell-times.ts";
 import { DetailLevel, type Progress } from "./detail-level.ts";
 import type { SharedUniforms } from "./glsl.ts";
 import { blockModelOf, type BlockModel } from "./block-model.ts";
@@ -15,7 +17,7 @@ import { Segments, type Segment } from "./ribbons.ts";
 import type { View } from "./view.ts";
 
 /** Maps with more cells are drawn in blocks: 256 along each axis. */
-const BLOCKS_MAX = 2 ** 24;
+const BLOCKS_MAX = FLAT_CELLS_MAX;
 /** Likewise in coarse detail: 64 along each axis. */
 const COARSE_BLOCKS_MAX = 2 ** 18;
 
@@ -120,7 +122,7 @@ export class Cave {
     for (let step = 1; step <= steps; step++) {
       const cell = line.map((part, axis) => Math.floor(from[axis]! / cellM + (part * step) / steps));
       const isInside = cell.every((value, axis) => value >= 0 && value < size[axis]!);
-      if (!isInside || walls[(cell[2]! * size[1] + cell[1]!) * size[0] + cell[0]!] !== 0)
+      if (!isInside || walls.has((cell[2]! * size[1] + cell[1]!) * size[0] + cell[0]!))
         return (step - 1) / steps;
     }
     return 1;
@@ -166,14 +168,14 @@ const SIGHT_STEPS_PER_CELL = 8;
 const CUT_SLACK = 0.002;
 
 /** Bounding box of all free cells, in cells; the whole map if there are none. */
-function boundsOf(walls: Uint8Array, size: Vec3): [Vec3, Vec3] {
+function boundsOf(walls: CellSet, size: Vec3): [Vec3, Vec3] {
   const low: Vec3 = [...size];
   const high: Vec3 = [0, 0, 0];
   let cell = 0;
   for (let z = 0; z < size[2]; z++) {
     for (let y = 0; y < size[1]; y++) {
       for (let x = 0; x < size[0]; x++, cell++) {
-        if (walls[cell] !== 0) continue;
+        if (walls.has(cell)) continue;
         if (x < low[0]) low[0] = x;
         if (y < low[1]) low[1] = y;
         if (z < low[2]) low[2] = z;

@@ -6,7 +6,7 @@ import { CellLayer, type CellLayerStyle } from "./cell-layer.ts";
 import { agentRgb } from "./colours.ts";
 import { QuadIndex } from "./faces.ts";
 import type { SharedUniforms } from "./glsl.ts";
-import { computeOcclusion } from "./ambient-occlusion.ts";
+import { computeOcclusion, type AmbientOcclusion } from "./ambient-occlusion.ts";
 import { BlockTimes, type BlockModel } from "./block-model.ts";
 import type { View } from "./view.ts";
 import { TimesVolume } from "./volumes.ts";
@@ -36,9 +36,11 @@ export class DetailLevel {
   readonly group = new Group();
   readonly #walls: Walls;
   readonly #unexplored: CellLayer;
-  readonly #covered: CellLayer;
   readonly #seen: BlockTimes;
-  readonly #visited: BlockTimes;
+  /** Created when it is first shown. */
+  #covered: { readonly times: BlockTimes; readonly layer: CellLayer } | null = null;
+  readonly #index = new QuadIndex();
+  readonly #occlusion: AmbientOcclusion;
   readonly #times: TimesVolume;
   #known: Known | null = null;
 
@@ -47,27 +49,37 @@ export class DetailLevel {
     readonly model: BlockModel,
     readonly common: SharedUniforms,
   ) {
-    const index = new QuadIndex();
-    const occlusion = computeOcclusion(model.walls, model.size, OCCLUSION_TEXELS_MAX);
+    this.#occlusion = computeOcclusion(model.walls, model.size, OCCLUSION_TEXELS_MAX);
     this.#seen = new BlockTimes(model, run.firstSeenTick);
-    this.#visited = new BlockTimes(model, run.coveredTick);
     this.#times = new TimesVolume(this.#seen.times, model.size);
-    this.#walls = new Walls(model, index, common, this.#times, occlusion);
-    const layer = ({ times }: BlockTimes, kind: Omit<CellLayerStyle, "counts">): CellLayer => {
-      const counts = (cell: number): boolean => model.walls[cell] === 0;
-      return new CellLayer(model.size, times, { ...kind, counts }, index, common, occlusion);
-    };
-    this.#unexplored = layer(this.#seen, UNEXPLORED);
-    this.#covered = layer(this.#visited, COVERED);
-    this.group.add(this.#walls.group, this.#unexplored.group, this.#covered.group);
+    this.#walls = new Walls(model, this.#index, common, this.#times, this.#occlusion);
+    this.#unexplored = this.#layer(this.#seen, UNEXPLORED);
+    this.group.add(this.#walls.group);
     this.group.scale.setScalar(model.cellM);
+  }
+
+  #layer({ times }: BlockTimes, kind: Omit<CellLayerStyle, "counts">): CellLayer {
+    const { walls, size } = this.model;
+    const counts = (cell: number): boolean => walls[cell] === 0;
+    const layer = new CellLayer(size, times, { ...kind, counts }, this.#index, this.common, this.#occlusion);
+    this.group.add(layer.group);
+    return layer;
+  }
+
+  /** The layer of the covered cells; null if it was never shown. */
+  #coveredLayer(isShown: boolean): CellLayer | null {
+    if (isShown && this.#covered === null) {
+      const times = new BlockTimes(this.model, this.run.coveredTick);
+      this.#covered = { times, layer: this.#layer(times, COVERED) };
+    }
+    return this.#covered?.layer ?? null;
   }
 
   markChanged(update: RunUpdate): void {
     const seen = this.#seen.markChanged(update.cells);
     this.#times.markChanged(seen);
     this.#unexplored.markChanged(seen);
-    this.#covered.markChanged(this.#visited.markChanged(update.cells));
+    this.#covered?.layer.markChanged(this.#covered.times.markChanged(update.cells));
   }
 
   /** Sets the belief that the walls are compared with, or null. */
@@ -92,8 +104,9 @@ export class DetailLevel {
     let isComplete = this.hasWalls;
     for (const [layer, isShown] of [
       [this.#unexplored, layers.unexplored],
-      [this.#covered, layers.covered],
+      [this.#coveredLayer(layers.covered), layers.covered],
     ] as const) {
+      if (layer === null) continue;
       layer.group.visible = isShown;
       if (!isShown) continue;
       const done = layer.show(tick, hasTime);
@@ -113,13 +126,13 @@ export class DetailLevel {
     this.#times.upload(renderer);
     const eye = this.common.eye.value.clone().divideScalar(this.model.cellM);
     this.#showWalls(renderer, view, eye, isCut);
-    for (const layer of [this.#unexplored, this.#covered]) layer.selectFacing(eye, isCut);
+    for (const layer of [this.#unexplored, this.#covered?.layer]) layer?.selectFacing(eye, isCut);
   }
 
   dispose(): void {
     this.#walls.dispose();
     this.#unexplored.dispose();
-    this.#covered.dispose();
+    this.#covered?.layer.dispose();
     this.#times.dispose();
     this.#known?.volume.dispose();
   }

@@ -7,12 +7,12 @@
  */
 
 import { Scene as Graph, Vector3, WebGLRenderer } from "three";
-import { TICK_S, type Belief, type Hits, type Run, type Vec3 } from "../data/run.ts";
+import { TICK_S, type Belief, type Hits, type Run, type RunUpdate, type Vec3 } from "../data/run.ts";
 import { Background } from "./background.ts";
 import { Cave } from "./cave.ts";
 import { CameraRig } from "./camera-rig.ts";
 import { makeSharedUniforms } from "./glsl.ts";
-import { isSoftwareRenderer } from "./graphics.ts";
+import { openGraphics } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
 import { Team } from "./team.ts";
@@ -61,11 +61,12 @@ interface LoadedRun {
 
 export class Scene {
   readonly view: View = defaultView();
+  readonly canvas: HTMLCanvasElement;
   /**
    * Whether frames are rendered by the CPU, as far as the browser reveals it: then the cost is per
    * pixel.
    */
-  readonly isSoftware = isSoftwareRenderer();
+  readonly isSoftware: boolean;
   readonly #renderer: WebGLRenderer;
   readonly #graph = new Graph();
   readonly #common = makeSharedUniforms();
@@ -91,27 +92,21 @@ export class Scene {
    * Throws a readable error without WebGL 2. `isForPictures`: antialias in any case; otherwise
    * software rendering does not.
    */
-  constructor(
-    readonly canvas: HTMLCanvasElement,
-    { isForPictures }: { readonly isForPictures: boolean } = { isForPictures: false },
-  ) {
-    try {
-      this.#renderer = new WebGLRenderer({
-        canvas,
-        antialias: isForPictures || !this.isSoftware,
-        powerPreference: "high-performance",
-      });
-    } catch (error) {
+  constructor({ isForPictures }: { readonly isForPictures: boolean } = { isForPictures: false }) {
+    const graphics = openGraphics(isForPictures);
+    if (graphics === null) {
       throw new Error(
         "This browser does not support WebGL 2, which rendering needs. Try another browser, or enable graphics " +
           "acceleration in its settings.",
-        { cause: error },
       );
     }
+    const { canvas, context } = graphics;
+    this.canvas = canvas;
+    this.isSoftware = graphics.isSoftware;
+    this.#renderer = new WebGLRenderer({ canvas, context });
     // Checking shader errors would wait for their compilation.
     this.#renderer.debug.checkShaderErrors = import.meta.env.DEV;
-    const gl = this.#renderer.getContext() as WebGL2RenderingContext;
-    this.#edgeMax = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
+    this.#edgeMax = context.getParameter(context.MAX_3D_TEXTURE_SIZE) as number;
     this.#background = new Background(this.#common);
     this.#hitPoints = new HitPoints(this.#common);
     this.#graph.add(this.#background.mesh, this.#hitPoints.points);
@@ -161,7 +156,7 @@ export class Scene {
     this.#graph.add(cave.root, team.root);
     const stopListening = run.onUpdate((update) => {
       cave.markChanged(update);
-      this.#isDirty = true;
+      this.#isDirty ||= this.#concerns(update);
     });
     this.#loaded = { run, cave, team, stopListening };
     const { cellM } = run.terrain;
@@ -381,6 +376,13 @@ export class Scene {
       loaded.cave.setBelief(belief);
       this.#isDirty = true;
     });
+  }
+
+  /** Whether an update changes the picture of the present time. */
+  #concerns({ fromS }: RunUpdate): boolean {
+    const { heat, belief } = this.view.layers;
+    // The scale of the heat map ends with the run; what an agent believes comes with the updates.
+    return fromS <= this.#timeS || heat || (belief && this.#selected !== null);
   }
 
   #needsHits(timeS: number): boolean {

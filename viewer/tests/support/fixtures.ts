@@ -1,5 +1,6 @@
 /** Test fixtures: servers, which end with the test, and a page whose unexpected errors fail it. */
 import { test as base, type Page } from "@playwright/test";
+import { HeldServer } from "./held-server.ts";
 import { binary, environment, PAGE, RUN_SCRIPT, SCENARIO } from "./paths.ts";
 import { outputOf, Program } from "./programs.ts";
 import { digestIn, parseInfo, type Info } from "./info.ts";
@@ -15,6 +16,7 @@ export const LONG = { tag: "@long" };
 
 export class Servers {
   readonly #programs: Program[] = [];
+  readonly #held: HeldServer[] = [];
   readonly #env: NodeJS.ProcessEnv;
 
   constructor(worker: number) {
@@ -41,6 +43,16 @@ export class Servers {
     return this.#start("agent_node", ["--id", `0-${count - 1}`]);
   }
 
+  /**
+   * Serves the page without a simulator, and recordings of which the first bytes are sent at once and
+   * the rest when they are released.
+   */
+  held(recordings: ConstructorParameters<typeof HeldServer>[0]): HeldServer {
+    const server = new HeldServer(recordings);
+    this.#held.push(server);
+    return server;
+  }
+
   async info(file: string): Promise<Info> {
     return parseInfo(await outputOf(binary("sim_server"), ["info", file], this.#env));
   }
@@ -56,6 +68,7 @@ export class Servers {
   }
 
   async endAll(): Promise<void> {
+    for (const server of this.#held) server.close();
     await Promise.all(this.#programs.map((program) => program.kill()));
   }
 
