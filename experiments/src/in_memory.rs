@@ -20,6 +20,7 @@ use msgs::signing::NONE;
 use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
 
+use crate::measure::stages::StageTimes;
 pub use team::Team;
 
 /// The server's end of the transport.
@@ -29,6 +30,7 @@ pub struct ServerEnd {
     /// The groups that subscribe to the topics of an agent, by index.
     groups_of: BTreeMap<AgentId, Vec<usize>>,
     progress: Vec<Progress>,
+    stages: StageTimes,
 }
 
 /// The end of one group of agents, which corresponds to one agent process.
@@ -53,14 +55,23 @@ pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
         let source = SourceId((number as u128).to_le_bytes());
         ends.push(AgentsEnd { inbox, server: to_server.clone(), source });
     }
-    (ServerEnd { inbox: server_inbox, groups: senders, groups_of, progress: Vec::new() }, ends)
+    (
+        ServerEnd {
+            inbox: server_inbox,
+            groups: senders,
+            groups_of,
+            progress: Vec::new(),
+            stages: StageTimes::default(),
+        },
+        ends,
+    )
 }
 
 impl ServerEnd {
-    /// All progress messages that the server has published.
+    /// All progress messages that the server has published, and the stages that agents have named.
     #[must_use]
-    pub fn into_progress(self) -> Vec<Progress> {
-        self.progress
+    pub fn into_course(self) -> (Vec<Progress>, StageTimes) {
+        (self.progress, self.stages)
     }
 
     fn send_to_all(&self, message: &ToAgents) {
@@ -85,8 +96,17 @@ impl ServerEnd {
     }
 
     /// The next message, if one has arrived.
-    fn receive_now(&self) -> Option<Incoming> {
-        self.inbox.try_recv().ok()
+    fn receive_now(&mut self) -> Option<Incoming> {
+        self.inbox.try_recv().ok().inspect(|incoming| note(&mut self.stages, incoming))
+    }
+}
+
+/// Takes the status text of a message, if it is a command.
+fn note(stages: &mut StageTimes, incoming: &Incoming) {
+    match &incoming.message {
+        ToServer::Command(command) => stages.note(command),
+        ToServer::SignedCommand(signed) => stages.note(&signed.command),
+        _ => {}
     }
 }
 
@@ -112,7 +132,7 @@ impl AgentTransport for ServerEnd {
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.inbox.recv_timeout(timeout).ok()
+        self.inbox.recv_timeout(timeout).ok().inspect(|incoming| note(&mut self.stages, incoming))
     }
 }
 

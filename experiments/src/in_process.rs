@@ -21,6 +21,7 @@ use simulation::world::World;
 use thiserror::Error;
 
 use crate::in_memory::{self, Team};
+use crate::measure::stages::StageTimes;
 
 /// Why a run has no result.
 #[derive(Debug, Error)]
@@ -88,6 +89,8 @@ pub struct CompletedRun {
     pub size: [u32; 3],
     /// Progress from the start on, every ten seconds of sim time, and at the end.
     pub progress: Vec<Progress>,
+    /// The stages that its agents have named.
+    pub stages: StageTimes,
 }
 
 /// Runs a scenario, and records it to the file that the scenario names. `stop` ends the run early;
@@ -194,8 +197,8 @@ fn run_mode<'a>(
     let mut team = Team::new(processes, workers, stop);
     let config = RunConfig::new(scenario, mode)?;
     let outcome = sim_server::session::run(config, world, &mut team, recorder, observer, stop);
-    let progress = team.into_progress()?;
-    Ok(CompletedRun { outcome: outcome?, size, progress })
+    let (progress, stages) = team.into_course()?;
+    Ok(CompletedRun { outcome: outcome?, size, progress, stages })
 }
 
 /// The options of a process of some agents.
@@ -257,7 +260,8 @@ fn run_on_threads<'a>(
         }
         Ok(outcome?)
     })?;
-    Ok(CompletedRun { outcome, size, progress: server_end.into_progress() })
+    let (progress, stages) = server_end.into_course();
+    Ok(CompletedRun { outcome, size, progress, stages })
 }
 
 /// Sets a flag at the end of a scope, also when the scope panics.

@@ -1,7 +1,11 @@
 //! The metrics of a run: its row and its time series.
 //!
-//! All metrics derive from recorded messages: the progress, every ten seconds of sim time, and the
-//! result. The row of a run is therefore the same with every transport.
+//! All metrics derive from recorded messages: the progress, every ten seconds of sim time, the
+//! status texts of the agents, and the result. The row of a run is therefore the same with every
+//! transport. Wall times are not, and the split of the redundancy needs the maps of the agents,
+//! which only runs in this process show.
+
+pub mod stages;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -10,6 +14,7 @@ use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
 use simulation::digest::Digest;
 
+use crate::measure::stages::StageTimes;
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
 
@@ -24,13 +29,17 @@ pub struct Trace<'a> {
     /// From the start on, every ten seconds of sim time, and at the end.
     pub progress: &'a [Progress],
     pub result: &'a RunResult,
+    pub stages: &'a StageTimes,
+    /// Cells that agents saw with their own sensors and had on their maps before, summed over the
+    /// agents; `None` if their maps are not known.
+    pub seen_again: Option<u64>,
     pub wall: WallRow,
 }
 
 /// The record of a planned run.
 #[must_use]
 pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
-    let Trace { size, progress, result, wall } = trace;
+    let Trace { size, progress, result, stages, seen_again, wall } = trace;
     let scenario = &run.scenario;
     let counters = Counters(result.counters.iter().map(|counter| (counter.name.as_str(), counter.value)).collect());
     let reached = |permille: u32| {
@@ -39,7 +48,10 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
     };
     let series: Vec<Sample> = progress.iter().map(sample).collect();
     let (seen_mean, seen_deviation) = mean_and_deviation(&result.explored_by);
-    let seen_sum: f64 = result.explored_by.iter().sum();
+    let stages = stages.until(Tick(result.tick));
+    let free_cells = counters.of("free_cells");
+    let redundancy = redundancy(&result.explored_by, result.explored);
+    let known = seen_again.map(|cells| ratio(cells as f64, free_cells as f64 * result.explored).unwrap_or(0.0));
     let row = RunRow {
         id: run.id.clone(),
         build: BUILD.to_owned(),
@@ -51,7 +63,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         duration_s: scenario.duration_s,
         end_s: seconds(result.tick),
         reason: result.reason.clone(),
-        free_cells: counters.of("free_cells"),
+        free_cells,
         explored: result.explored,
         covered: result.covered,
         believed_mean: mean_and_deviation(&result.believed_by).0,
@@ -64,7 +76,14 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         area_under_explored: area_under(&series, scenario.duration_s),
         distance_m: result.distance_m.iter().sum(),
         distance_max_m: result.distance_m.iter().copied().fold(0.0, f64::max),
-        redundancy: ratio(seen_sum, result.explored).map_or(0.0, |times| times - 1.0),
+        redundancy,
+        redundancy_known: known,
+        redundancy_unknown: known.map(|known| (redundancy - known).max(0.0)),
+        redundancy_first_minute: first_minute(progress).map(|at| self::redundancy(&at.explored_by, at.explored)),
+        exploring_s: stages.exploring_s,
+        relocating_s: stages.relocating_s,
+        carrying_s: stages.carrying_s,
+        waiting_s: stages.waiting_s,
         imbalance: ratio(seen_deviation, seen_mean).unwrap_or(0.0),
         contact_share: contact_share(progress, scenario.agents.count),
         parcels: counters.of("parcels_delivered"),
@@ -151,6 +170,16 @@ fn agents(progress: &Progress) -> Vec<AgentSample> {
 
 fn ratio(numerator: f64, denominator: f64) -> Option<f64> {
     (denominator > 0.0).then(|| numerator / denominator)
+}
+
+/// The sum of what the agents have seen over what the team has, less 1.
+fn redundancy(explored_by: &[f64], explored: f64) -> f64 {
+    ratio(explored_by.iter().sum(), explored).map_or(0.0, |times| times - 1.0)
+}
+
+/// The progress after a minute, if the run was that long.
+fn first_minute(progress: &[Progress]) -> Option<&Progress> {
+    progress.iter().find(|progress| progress.tick == 60_000_000_000 / Tick::TICK_NS)
 }
 
 /// Mean and standard deviation of a population; 0 and 0 for an empty one.

@@ -114,6 +114,28 @@ pub struct RunRow {
     /// Cells seen by each agent itself, summed over the agents, divided by the cells seen by the
     /// team, minus 1.
     pub redundancy: f64,
+    /// The part of it that agents had on their maps before they saw it; `None` if not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redundancy_known: Option<f64>,
+    /// The other part: what only others had seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redundancy_unknown: Option<f64>,
+    /// The redundancy after the first minute; `None` if the run was shorter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redundancy_first_minute: Option<f64>,
+    /// Sim time in which agents were on the way to viewpoints nearby, summed over the agents, s.
+    /// See [`crate::measure::stages`].
+    #[serde(default)]
+    pub exploring_s: f64,
+    /// The same, to frontiers that are not nearby.
+    #[serde(default)]
+    pub relocating_s: f64,
+    /// The same, to other agents, with news.
+    #[serde(default)]
+    pub carrying_s: f64,
+    /// The same, without a goal or out of the way of others.
+    #[serde(default)]
+    pub waiting_s: f64,
     /// Coefficient of variation of the cells that each agent has seen itself.
     pub imbalance: f64,
     /// Share of the pairs of agents in contact: mean over the samples; 0 for one agent.

@@ -89,6 +89,13 @@ pub fn runs(records: &[RunRecord]) -> Table {
     table.number("distance_m", |record| record.row.distance_m);
     table.number("distance_max_m", |record| record.row.distance_max_m);
     table.number("redundancy", |record| record.row.redundancy);
+    table.some_number("redundancy_known", |record| record.row.redundancy_known);
+    table.some_number("redundancy_unknown", |record| record.row.redundancy_unknown);
+    table.some_number("redundancy_first_minute", |record| record.row.redundancy_first_minute);
+    table.number("exploring_s", |record| record.row.exploring_s);
+    table.number("relocating_s", |record| record.row.relocating_s);
+    table.number("carrying_s", |record| record.row.carrying_s);
+    table.number("waiting_s", |record| record.row.waiting_s);
     table.number("imbalance", |record| record.row.imbalance);
     table.number("contact_share", |record| record.row.contact_share);
     table.whole("parcels", |record| record.row.parcels);

@@ -31,7 +31,14 @@ fn completed(scenario: &Scenario, done: in_process::CompletedRun) -> PyResult<Py
     let planned = Plan::run_of(plain).map_err(bad_input)?;
     let result = done.outcome.result;
     let wall = measure::wall_row(Tick(result.tick), done.outcome.wall, &[], &execute::machine());
-    let trace = Trace { size: done.size, progress: &done.progress, result: &result, wall };
+    let trace = Trace {
+        size: done.size,
+        progress: &done.progress,
+        result: &result,
+        stages: &done.stages,
+        seen_again: None,
+        wall,
+    };
     let record = measure::record(&planned, trace);
     Ok(PyRunResult { record, result })
 }

@@ -21,6 +21,8 @@ pub struct Info {
     pub announced: Option<maes_msgs::Scenario>,
     /// Progress messages, in order.
     pub progress: Vec<maes_msgs::Progress>,
+    /// The commands with a status text, in order: agent, tick and text alone.
+    pub statuses: Vec<maes_msgs::Command>,
     /// The result, if the run ended.
     pub result: Option<maes_msgs::Result>,
     /// Where and why reading stopped, unless at the end.
@@ -51,6 +53,12 @@ pub fn of(recording: &Recording) -> Info {
             info.progress.extend(message.decode());
         } else if *topic == topics::scenario().name {
             info.announced = message.decode().ok();
+        } else if topic.starts_with("/agent_")
+            && topic.ends_with("/command")
+            && let Ok(maes_msgs::Command { agent, tick, info: text, .. }) = message.decode()
+            && !text.is_empty()
+        {
+            info.statuses.push(maes_msgs::Command { agent, tick, info: text, ..maes_msgs::Command::default() });
         }
     }
     if let Some(end @ (End::CutOff { .. } | End::Damage { .. })) = messages.end() {

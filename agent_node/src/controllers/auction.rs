@@ -171,8 +171,9 @@ impl Auction {
         self.params.trespass_m
     }
 
-    /// Where this agent expects the others, by agent: at their claimed goals once they are there, and
-    /// those in contact that claim none where they are. A claim whose lease has ended says nothing.
+    /// Where this agent expects the others, by agent: at their claimed goals once they are there,
+    /// and those in contact that claim none where they are. A claim whose lease has ended says
+    /// nothing.
     pub fn presences(&self, contacts: &[Contact], now: Tick) -> Vec<Presence> {
         let of_claim = |(agent, claim): (AgentId, &Claim)| {
             let speed_m_s = self.speed_m_s(agent);

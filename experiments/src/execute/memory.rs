@@ -42,7 +42,15 @@ pub(super) fn carry_out(
         return Err(RunFailure::Interrupted);
     }
     let wall = measure::wall_row(Tick(result.tick), completed.outcome.wall, &times.sorted(), &machine());
-    Ok(measure::record(run, Trace { size: completed.size, progress: &completed.progress, result, wall }))
+    let trace = Trace {
+        size: completed.size,
+        progress: &completed.progress,
+        result,
+        stages: &completed.stages,
+        seen_again: Some(times.all().iter().map(|decision| u64::from(decision.seen_again)).sum()),
+        wall,
+    };
+    Ok(measure::record(run, trace))
 }
 
 /// Ends a run when its plan ends. The failure of an agent sets the stop flag of its run as well,

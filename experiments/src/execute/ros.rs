@@ -14,6 +14,7 @@ use supervisor::run::{Console, Run, Source};
 use supervisor::team::Team;
 
 use super::{RunFailure, machine};
+use crate::measure::stages::StageTimes;
 use crate::measure::{self, Trace};
 use crate::plan::PlannedRun;
 use crate::rows::RunRecord;
@@ -87,11 +88,14 @@ impl Launcher {
             return Err(RunFailure::Failed("the server has written no summary".to_owned()));
         };
         let info = info::read(&recording).map_err(|error| failed(&error))?;
-        let Info { announced: Some(told), result: Some(result), progress, .. } = info else {
+        let Info { announced: Some(told), result: Some(result), progress, statuses, .. } = info else {
             return Err(RunFailure::Failed("the recording has no end".to_owned()));
         };
         let wall = measure::wall_row(Tick(result.tick), summary.wall(), &[], &machine());
-        Ok(measure::record(run, Trace { size: told.size, progress: &progress, result: &result, wall }))
+        let mut stages = StageTimes::default();
+        statuses.iter().for_each(|command| stages.note(command));
+        let (stages, progress, result) = (&stages, &progress, &result);
+        Ok(measure::record(run, Trace { size: told.size, progress, result, stages, seen_again: None, wall }))
     }
 }
 

@@ -60,6 +60,22 @@ fn rows_are_reproducible_and_an_interrupted_plan_resumes_to_them() {
 }
 
 #[test]
+fn rows_tell_stages_and_parts_of_the_redundancy() {
+    let site = tempfile::tempdir().unwrap();
+    let folder = site.path().join("stages");
+    let text = PLAN_TEXT.replace("rbw", "dsvp");
+    let plan = Plan::parse("p.toml", &text, Path::new(".")).unwrap();
+    execute(&plan, folder.clone(), &options(Part::WHOLE), &mut (), &Stop::default()).unwrap();
+    for RunRecord { row, .. } in records(&folder) {
+        let [known, unknown] = [row.redundancy_known, row.redundancy_unknown].map(Option::unwrap);
+        assert!((known + unknown - row.redundancy).abs() < 1e-9 || unknown == 0.0, "{known} {unknown}");
+        assert!(known > 0.0, "two agents in one small cave meet");
+        let stages = row.exploring_s + row.relocating_s + row.carrying_s + row.waiting_s;
+        assert!(stages > 0.8 * row.end_s && stages <= 2.0 * row.end_s + 1e-9, "{stages} s of 2 times {} s", row.end_s);
+    }
+}
+
+#[test]
 fn stop_leaves_pending_runs() {
     let site = tempfile::tempdir().unwrap();
     let stop = Stop { soon: AtomicBool::new(true), at_once: AtomicBool::new(false) };

@@ -22,6 +22,7 @@ use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutp
 use simulation::workers::Workers;
 
 use super::{AgentsEnd, ServerEnd};
+use crate::measure::stages::StageTimes;
 
 /// The server's end of a link whose other ends it executes itself.
 pub struct Team<'a> {
@@ -59,12 +60,12 @@ impl<'a> Team<'a> {
         Self { server, ready: (0..processes.len()).collect(), processes, workers, failure: None, stop }
     }
 
-    /// All progress messages that the server has published.
+    /// All progress messages that the server has published, and the stages that agents have named.
     ///
     /// # Errors
     /// Why an agent has failed.
-    pub fn into_progress(self) -> Result<Vec<Progress>, AgentError> {
-        self.failure.map_or_else(|| Ok(self.server.into_progress()), Err)
+    pub fn into_course(self) -> Result<(Vec<Progress>, StageTimes), AgentError> {
+        self.failure.map_or_else(|| Ok(self.server.into_course()), Err)
     }
 
     /// Executes the groups that are ready until each waits for a message.

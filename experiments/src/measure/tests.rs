@@ -1,4 +1,4 @@
-use msgs::maes_msgs::Counter;
+use msgs::maes_msgs::{Command, Counter};
 use std::path::Path;
 
 use super::*;
@@ -25,6 +25,10 @@ fn metrics_match_hand_calculation() {
         at(1000, 1.0, [1.0, 0.5], 1),
         at(1200, 1.0, [1.0, 0.75], 0),
     ];
+    let mut stages = StageTimes::default();
+    let said = |agent, tick, info: &str| Command { agent, tick, info: info.to_owned(), ..Command::default() };
+    stages.note(&said(1, 200, "exploration to (1, 1, 1), 3 unexplored cells"));
+    stages.note(&said(1, 700, "waiting for news"));
     let counter = |name: &str, value| Counter { name: name.to_owned(), value };
     let result = RunResult {
         tick: 1200,
@@ -46,12 +50,20 @@ fn metrics_match_hand_calculation() {
     let wall = wall_row(Tick(1200), Duration::from_secs(2), &decisions, "here");
     assert_eq!((wall.decision_p50_us, wall.decision_p99_us, wall.real_time_factor), (Some(50.0), Some(99.0), 12.0));
     assert_eq!(wall_row(Tick(1), Duration::ZERO, &[], "here").decision_p50_us, None);
-    let RunRecord { row, series } =
-        record(&plan.runs[0], Trace { size: [24; 3], progress: &progress, result: &result, wall });
+    let RunRecord { row, series } = record(
+        &plan.runs[0],
+        Trace { size: [24; 3], progress: &progress, result: &result, stages: &stages, seen_again: Some(20), wall },
+    );
     assert_eq!((row.end_s, row.t50_s, row.t90_s), (24.0, Some(10.02), None));
     // 10 s at 0.25 on average, 10 s at 0.75, 4 s at 1, and 16 s of 40 that stay at 1.
     assert_eq!(row.area_under_explored, (2.5 + 7.5 + 4.0 + 16.0) / 40.0);
     assert_eq!((row.redundancy, row.imbalance), (0.25, 0.2));
+    // 20 of the 100 free cells were seen again by those who knew them.
+    let known = row.redundancy_known.unwrap();
+    assert_eq!((known, row.redundancy_unknown), (0.2, Some(0.25 - known)));
+    assert_eq!(row.redundancy_first_minute, None, "it ended before");
+    let stages = [row.exploring_s, row.relocating_s, row.carrying_s, row.waiting_s];
+    assert_eq!(stages, [10.0, 0.0, 0.0, 10.0]);
     assert_eq!((row.believed_mean, row.believed_min), (0.875, 0.75));
     // In contact at 0 and 20 s of the three regular samples; staleness 0, 1/2, 0 and 1/2 from the
     // first explored cell on.

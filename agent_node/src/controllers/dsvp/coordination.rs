@@ -79,8 +79,8 @@ impl Coordination {
         }
     }
 
-    /// Divides the map among the agents that this one knows of, if that is the scheme. The graph must
-    /// be up to date.
+    /// Divides the map among the agents that this one knows of, if that is the scheme. The graph
+    /// must be up to date.
     pub(super) fn share_out(&mut self, graph: &AbstractGraph, here: Cell, observation: &Observation) {
         let Self::Voronoi(auction, territories) = self else { return };
         let others = auction.presences(&observation.contacts, observation.tick);

@@ -47,8 +47,8 @@ pub struct Params {
     pub lambda_time_per_s: f64,
     /// Viewpoints of which others leave less than this share count as having no gain.
     pub share_min: f64,
-    /// How much the relocation stage prefers frontiers that probably hide free cells: the exponent of
-    /// that probability, by which costs are divided.
+    /// How much the relocation stage prefers frontiers that probably hide free cells: the exponent
+    /// of that probability, by which costs are divided.
     pub hope: f64,
     /// Path length that counts for the stop and the turn before a relocation, metres.
     pub start_m: f64,

@@ -1,10 +1,10 @@
-//! Territories: the Voronoi decomposition of the abstract graph by travel time, in which each region
-//! belongs to the agent that can be there soonest.
+//! Territories: the Voronoi decomposition of the abstract graph by travel time, in which each
+//! region belongs to the agent that can be there soonest.
 //!
-//! One search starts at once from where each agent that this one knows of is expected to be free for
-//! another goal ([`Presence`]); the edges of the graph count in seconds at the speed of the agent, so
-//! that rock and slow bodies count. An agent that is not heard of lapses with the lease of its claim,
-//! and its regions fall to the others.
+//! One search starts at once from where each agent that this one knows of is expected to be free
+//! for another goal ([`Presence`]); the edges of the graph count in seconds at the speed of the
+//! agent, so that rock and slow bodies count. An agent that is not heard of lapses with the lease
+//! of its claim, and its regions fall to the others.
 //!
 //! Agents that start close together, a *clump*, would leave all regions to the lowest id. They
 //! search as one, and share what they reach by bearing: the regions with frontiers, sorted by their

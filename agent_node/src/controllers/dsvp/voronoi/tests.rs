@@ -42,7 +42,7 @@ fn regions_belong_to_the_agent_that_is_there_soonest() {
 
 #[test]
 fn clump_is_split_by_bearing() {
-    // All at x = 50: one goes left and the others right, or the reverse; nobody has nothing.
+    // All at x = 50, with two bearings for three agents: what has one bearing stays together.
     let three: Vec<Presence> = (0..3).map(|agent| presence(agent, 50, 0.0, 1.0)).collect();
     let of = |own: u32| {
         let others: Vec<Presence> = three.iter().filter(|other| other.agent.0 != own).copied().collect();
