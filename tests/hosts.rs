@@ -109,7 +109,7 @@ fn lossy_link_changes_nothing() {
 /// Three hosts, and 5 s in which nothing arrives.
 #[test]
 fn outage_changes_nothing() {
-    let outage = Some(Outage { after_frames: 1500, lasts: Duration::from_secs(5) });
+    let outage = Some(Outage { after_frames: 600, lasts: Duration::from_secs(5) });
     let Some(network) = network(3, Link { outage, ..bad_link() }) else { return };
     let site = Site::new();
     let flags = [&RUN[..], &["--agents-per-process", "2"]].concat();

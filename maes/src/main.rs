@@ -2,8 +2,8 @@
 //!
 //! Each module is a subcommand or a few of one kind; what they do is in the libraries. `maes run`
 //! starts `sim_server` and `agent_node`, which lie beside it. Where they do not, as after
-//! `cargo install`, `maes sim_server` and `maes agent_node` are the same programs. `maes serve-agents` is
-//! what `maes run --hosts` starts on a host.
+//! `cargo install`, `maes sim_server` and `maes agent_node` are the same programs. `maes
+//! serve-agents` is what `maes run --hosts` starts on a host.
 
 mod bench;
 mod controllers;
