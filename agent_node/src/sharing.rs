@@ -332,8 +332,7 @@ impl Sharing {
         for between in edges.windows(2) {
             let exchanging = waiting.iter().filter(|(_, peer)| peer.cursor <= between[0] && between[0] < peer.until);
             let exchanging = AgentSet::of(exchanging.map(|&(agent, _)| agent));
-            // Who lacks the section before, given who holds it, and its place in the news.
-            let mut before: Option<(Option<&Arc<AgentSet>>, AgentSet, Option<usize>)> = None;
+            let mut before: Option<SectionBefore> = None;
             // Section by section of the journal; a section is new to the same peers throughout.
             while at < between[1] {
                 if provenance.is_some_and(|provenance| provenance.positions.end <= at) {
@@ -351,12 +350,14 @@ impl Sharing {
                     (Some(before), Some(holders)) => Arc::ptr_eq(before, holders),
                     (before, holders) => before.is_none() && holders.is_none(),
                 };
-                if before.as_ref().is_none_or(|(before, ..)| !is_alike(*before)) {
+                if before.as_ref().is_none_or(|before| !is_alike(before.holders)) {
                     let receivers = holders.map_or_else(|| exchanging.clone(), |holders| exchanging.without(holders));
                     let place = news.iter().position(|(same, _)| *same == receivers);
-                    before = Some((holders, receivers, place));
+                    before = Some(SectionBefore { holders, receivers, place });
                 }
-                let Some((_, receivers, place)) = &mut before else { unreachable!("it has just been set") };
+                let Some(SectionBefore { receivers, place, .. }) = &mut before else {
+                    unreachable!("it has just been set")
+                };
                 let count = receivers.len();
                 if count == 0 {
                     at = end;
@@ -395,6 +396,16 @@ impl Sharing {
             }
         }
     }
+}
+
+/// The section of the journal before the present one.
+struct SectionBefore<'a> {
+    /// Who held it already, if it was heard from others.
+    holders: Option<&'a Arc<AgentSet>>,
+    /// Who lacked it.
+    receivers: AgentSet,
+    /// Its place in the news.
+    place: Option<usize>,
 }
 
 /// The state of the exchanges with an agent.

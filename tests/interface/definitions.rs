@@ -87,11 +87,11 @@ fn fields_are_those_of_the_structs() {
 fn constants_are_those_of_the_structs() {
     let mut in_source = constants_in(
         &[
-            include_str!("../../src/maes_msgs.rs"),
-            include_str!("../../src/sensor_msgs.rs"),
-            include_str!("../../src/visualization_msgs.rs"),
-            include_str!("../../src/diagnostic_msgs.rs"),
-            include_str!("../../src/rcl_interfaces.rs"),
+            include_str!("../../msgs/src/maes_msgs.rs"),
+            include_str!("../../msgs/src/sensor_msgs.rs"),
+            include_str!("../../msgs/src/visualization_msgs.rs"),
+            include_str!("../../msgs/src/diagnostic_msgs.rs"),
+            include_str!("../../msgs/src/rcl_interfaces.rs"),
         ]
         .concat(),
     );
