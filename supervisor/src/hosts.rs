@@ -2,7 +2,7 @@
 //!
 //! The server runs where the supervisor does. On each host of the file a launcher, such as ssh,
 //! starts one process, which starts the agents there ([`serve`]) and stays connected through its
-//! standard input and output ([`connection`]). Nothing else is needed on a host but the binaries.
+//! standard input and output (`connection`). Nothing else is needed on a host but the binaries.
 //!
 //! Invariants: every agent of the team runs on one host; which one it is does not change the run;
 //! secrets go through the connection and stand on no command line.
