@@ -12,8 +12,8 @@
 //! agree with the cells; the journal holds each change once, in order, and nothing else: at most
 //! [`CHANGES_MAX`] entries for a cell, the last of which is its present state.
 //!
-//! The states are kept a second time as bits, by blocks of 4 x 4 x 4 cells, so that of a report that
-//! says mostly what is known only the news are looked at.
+//! The states are kept a second time as bits, by blocks of 4 x 4 x 4 cells: of a report that says
+//! mostly what is known, only the news are looked at.
 //!
 //! A *frontier* is a free or covered cell with an unexplored face neighbour inside the map. The set
 //! of frontiers is updated with every change; nothing here ever iterates over the whole map.

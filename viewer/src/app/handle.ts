@@ -55,17 +55,37 @@ export interface Handle {
   readonly state: HandleState;
 }
 
-/** The handle while the page is being loaded. */
+/** The handle while the page is being loaded, and from then on another name of the page's. */
 export function pendingHandle(page: Promise<Handle>): Handle {
+  let loaded: Handle | null = null;
+  page.then(
+    (handle) => (loaded = handle),
+    () => undefined,
+  );
   const playback: Playback = { timeS: 0, isPlaying: false, rate: 1 };
+  const state: HandleState = {
+    ...playback,
+    isFollowing: false,
+    selected: null,
+    connection: null,
+    problems: {},
+  };
   return {
-    run: null,
-    scene: null,
+    get run() {
+      return loaded?.run ?? null;
+    },
+    get scene() {
+      return loaded?.scene ?? null;
+    },
     ready: page.then((handle) => handle.ready),
     showAt: async (timeS) => (await page).showAt(timeS),
-    playback,
+    get playback() {
+      return loaded?.playback ?? playback;
+    },
     follow: (followed) => void page.then((handle) => handle.follow(followed)),
-    state: { ...playback, isFollowing: false, selected: null, connection: null, problems: {} },
+    get state() {
+      return loaded?.state ?? state;
+    },
   };
 }
 
