@@ -12,10 +12,10 @@ mod messages;
 pub mod serve;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use sim_server::input_file;
 
 use crate::SupervisorError;
 use crate::team::Group;
@@ -110,14 +110,7 @@ impl Hosts {
     /// If it cannot be read, or says something that is not allowed.
     pub fn read(file: &Path) -> Result<Self, SupervisorError> {
         let failed = |reason: String| SupervisorError::Hosts { file: file.to_owned(), reason };
-        let bytes = fs::metadata(file).and_then(|metadata| {
-            if metadata.is_file() && metadata.len() <= BYTES_MAX { fs::read(file) } else { Ok(Vec::new()) }
-        });
-        let bytes = bytes.map_err(|error| failed(error.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|_| failed("expected a text".to_owned()))?;
-        if text.is_empty() {
-            return Err(failed("expected a regular file of at most 1 MB that is not empty".to_owned()));
-        }
+        let text = input_file::read_text(file, BYTES_MAX).map_err(|error| failed(error.to_string()))?;
         Self::parse(file, &text)
     }
 
