@@ -73,5 +73,5 @@ check "Debian package" chroot "$system" env HOME=/root
 chroot "$system" dpkg --purge maes >/dev/null
 [[ ! -e $system/usr/bin/maes ]] || fail "the package leaves files behind"
 
-tar --extract --gzip --file "$(echo "$release"/maes-*.tar.gz)" --directory "$system/opt" --strip-components 1
+tar --extract --gzip --file "$(echo "$release"/maes-*-linux.tar.gz)" --directory "$system/opt" --strip-components 1
 check "tarball" chroot "$system" env HOME=/root PATH="/opt/bin:$PATH"

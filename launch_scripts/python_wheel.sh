@@ -18,7 +18,7 @@ trap 'rm -rf "$environment"' EXIT
 
 launch_scripts/patched_rustdds.sh >&2
 python3 -m venv "$environment/build"
-"$environment/build/bin/pip" install --quiet --disable-pip-version-check 'maturin>=1.9,<2' >&2
+"$environment/build/bin/pip" install --quiet --disable-pip-version-check maturin==1.16.0 >&2
 "$environment/build/bin/maturin" build --profile dist --locked --manifest-path python/Cargo.toml \
     ${target:+--target "$target"} --out "$dir" >&2
 "$environment/build/bin/maturin" sdist --manifest-path python/Cargo.toml --out "$dir" >&2

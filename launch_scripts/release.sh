@@ -5,12 +5,15 @@
 #
 #   maes-VERSION-ARCH-linux.tar.gz    binaries with the page in them, completions, manual pages, docs
 #   maes_VERSION_ARCH.deb             the same, as a Debian package
+#   maes-VERSION-*.whl, .tar.gz       the Python package and its sources (python_wheel.sh)
 #   *.cdx.json                        what the binaries and the page are made of (sbom.sh)
 #   SHA256SUMS                        of all of them
+#   SHA256SUMS.asc                    the signature of it, if MAES_SIGNING_KEY names a key of gpg
 #
 # Times in the files are those of the commit, order and owners are fixed, and the paths of this
-# machine are not in the binaries. Needs what a build needs, Node.js with npm, Python 3,
-# crates.io and, for the package, dpkg-deb. `--dirty` builds a checkout with changes.
+# machine are not in the binaries, so that two checkouts of a commit give the same files with the same
+# compilers. Needs what a build needs, Node.js with npm, Python 3 with venv, crates.io, PyPI and, for
+# the package, dpkg-deb. `--dirty` builds a checkout with changes.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
@@ -47,7 +50,11 @@ remap="--remap-path-prefix=$root=/maes --remap-path-prefix=${CARGO_HOME:-$HOME/.
 target=${CARGO_TARGET_DIR:-$root/target}/release-files
 npm --prefix viewer ci --no-audit --no-fund --loglevel=error >&2
 npm --prefix viewer run --silent build >&2
-RUSTFLAGS=$remap CARGO_TARGET_DIR=$target cargo build --profile dist --locked --features maes/embedded_page >&2
+(
+    export RUSTFLAGS=$remap CARGO_TARGET_DIR=$target
+    cargo build --profile dist --locked --features maes/embedded_page >&2
+    launch_scripts/python_wheel.sh "$out"
+)
 
 install -d "$tree/bin" "$tree/share/man/man1" "$tree/share/doc/maes"
 for program in maes sim_server agent_node; do
@@ -92,7 +99,7 @@ Architecture: $debian
 Maintainer: The maintainers <maes@localhost.localdomain>
 Section: science
 Priority: optional
-Installed-Size: $(du -sk "$package/usr" | cut -f 1)
+Installed-Size: $(find "$package/usr" -type f -printf '%s\n' | awk '{ kib += int(($1 + 1023) / 1024) } END { print kib }')
 Depends: libc6 (>= ${libc#GLIBC_}), libgcc-s1
 Suggests: chromium, ffmpeg
 Description: deterministic simulator of 3-D multi-robot exploration for ROS 2
@@ -104,4 +111,11 @@ EOF
 else
     echo "dpkg-deb is missing: no Debian package is made" >&2
 fi
-(cd "$out" && sha256sum -- *.tar.gz *.deb *.json 2>/dev/null >SHA256SUMS && cat SHA256SUMS)
+cd "$out"
+files=()
+for file in *.tar.gz *.deb *.whl *.cdx.json; do [[ ! -e $file ]] || files+=("$file"); done
+sha256sum -- "${files[@]}" | tee SHA256SUMS
+rm -f SHA256SUMS.asc
+if [[ -n ${MAES_SIGNING_KEY:-} ]]; then
+    gpg --batch --local-user "$MAES_SIGNING_KEY" --armor --detach-sign SHA256SUMS
+fi
