@@ -36,7 +36,7 @@ time = datetime.datetime.fromtimestamp(int(os.environ["SOURCE_DATE_EPOCH"]), dat
 for path in map(pathlib.Path, sys.argv[2:]):
     bill = json.loads(path.read_text().replace(f"file://{sys.argv[1]}/", "file:///maes/"))
     bill["metadata"]["timestamp"] = time.strftime("%Y-%m-%dT%H:%M:%SZ")
-    del bill["serialNumber"]
+    bill.pop("serialNumber", None)
     content = json.dumps(bill, sort_keys=True)
     bill["serialNumber"] = uuid.uuid5(uuid.NAMESPACE_OID, content).urn
     path.write_text(json.dumps(bill, indent=2) + "\n")
