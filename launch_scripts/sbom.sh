@@ -3,9 +3,10 @@
 #
 #   launch_scripts/sbom.sh [DIR]      default: target/sbom
 #
-# One file for each binary, with the crates that its build on this machine uses and their checksums,
-# and one for the page, viewer.cdx.json, with the packages of its lock file. cargo-cyclonedx comes
-# from crates.io, into target/tools, unless it is installed. Needs cargo, npm, Python 3 and crates.io.
+# One file for each binary and for the library of the Python package (python.cdx.json), with the
+# crates that its build on this machine uses and their checksums, and one for the page,
+# viewer.cdx.json, with the packages of its lock file. cargo-cyclonedx comes from crates.io, into
+# target/tools, unless it is installed. Needs cargo, npm, Python 3 and crates.io.
 #
 # The same commit gives the same files: their time is that of the commit (or SOURCE_DATE_EPOCH), their
 # serial number is made from their content, and the folder of the checkout is called /maes.
@@ -28,6 +29,7 @@ cargo cyclonedx --quiet --format json --spec-version 1.5 --describe binaries
 for binary in maes sim_server agent_node; do
     mv "$binary/${binary}_bin.cdx.json" "$folder/$binary.cdx.json"
 done
+mv python/*_cdylib.cdx.json "$folder/python.cdx.json"
 npm --prefix viewer sbom --package-lock-only --sbom-format cyclonedx >"$folder/viewer.cdx.json"
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)} python3 - "$root" "$folder"/*.cdx.json <<'EOF'
 import datetime, json, os, pathlib, sys, uuid
