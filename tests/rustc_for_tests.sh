@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A RUSTC_WORKSPACE_WRAPPER for those who build all tests and run them once, as .ci/run does: test
+# A RUSTC_WRAPPER for those who build all tests and run them once, as .ci/run does: test
 # programs are compiled without link-time optimisation, which takes a third of their compile time
 # and which they seldom repay. Libraries and programs are compiled as ever.
 set -eu
