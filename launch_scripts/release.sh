@@ -117,5 +117,5 @@ for file in *.tar.gz *.deb *.whl *.cdx.json; do [[ ! -e $file ]] || files+=("$fi
 sha256sum -- "${files[@]}" | tee SHA256SUMS
 rm -f SHA256SUMS.asc
 if [[ -n ${MAES_SIGNING_KEY:-} ]]; then
-    gpg --batch --local-user "$MAES_SIGNING_KEY" --armor --detach-sign SHA256SUMS
+    gpg --batch --local-user "$MAES_SIGNING_KEY" -a --detach-sign SHA256SUMS
 fi

@@ -3,7 +3,7 @@
 
     eval "$(launch_scripts/ros_env.sh)"
     python examples/python/agent.py 0 &
-    maes run --agents 2 --external 0
+    maes run --agents 2 --duration 300 --external 0
 
 It speaks the protocol of docs/topics.md and nothing more; its decisions are in `decide`. It does not
 sign what it sends, which --external allows.

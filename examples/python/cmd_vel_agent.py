@@ -3,7 +3,7 @@
 
     eval "$(launch_scripts/ros_env.sh)"
     python examples/python/cmd_vel_agent.py 0 &
-    maes run --agents 2 --set 'agents.cmd_vel=[0]'
+    maes run --agents 2 --duration 300 --set 'agents.cmd_vel=[0]'
 
 It flies straight on until a wall comes near, and then turns to the direction with most room. For
 each stamp on /clock it replies once, with that stamp, when it has the odometry of that stamp, and in
