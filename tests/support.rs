@@ -31,7 +31,7 @@ pub(crate) fn root() -> &'static Path {
 }
 
 /// Most runs under way at a time.
-const SLOTS: u32 = 4;
+const SLOTS: u32 = 5;
 
 /// Permission to have a run under way, or several of them.
 #[derive(Debug)]
