@@ -1,8 +1,8 @@
 //! Processes, ROS domains, recordings and in-memory runs for the end-to-end tests.
 //!
 //! Invariants: no process outlives the test that started it; no two tests share a ROS domain; at
-//! most four runs are under way at a time, because the processes of three leave the two cores of
-//! the smallest machine idle now and then; a wait that takes longer than [`HANG`] is a failure.
+//! most [`SLOTS`] runs are under way at a time, because the processes of fewer leave the two cores
+//! of the smallest machine idle now and then; a wait that takes longer than [`HANG`] is a failure.
 
 pub(crate) mod binaries;
 pub(crate) mod domains;
@@ -46,12 +46,8 @@ impl Slot {
         Self::take_some(1)
     }
 
-    /// Waits for all slots: for work that uses all cores.
-    pub(crate) fn take_all() -> Self {
-        Self::take_some(SLOTS)
-    }
-
-    fn take_some(count: u32) -> Self {
+    /// Waits for several free slots: for work that is more than a run.
+    pub(crate) fn take_some(count: u32) -> Self {
         let mut free =
             SLOT_FREED.wait_while(lock(&SLOTS_FREE), |free| *free < count).unwrap_or_else(PoisonError::into_inner);
         *free -= count;
