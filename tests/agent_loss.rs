@@ -59,22 +59,32 @@ fn assert_continued(site: &Site, ended: &Ended) {
 
 #[test]
 fn missing_agents_are_named() {
+    // An agent that is not known in time is missing as well, which may happen on a busy machine: it
+    // is given longer then.
+    assert!(["8", "60", "300"].into_iter().any(only_agent_1_is_there), "agent 1 was never known in time");
+}
+
+/// Whether agent 1 was known when the server gave up on the others, after this time.
+fn only_agent_1_is_there(join_timeout_s: &str) -> bool {
     let site = Site::new();
     let mut server = site.binary("sim_server");
     server.arg("run").arg(scenario("default.toml")).args(["--agents", "3", "--size", "30", "--record", "run.mcap"]);
     // The agent is there before the server, whose time limit starts with its announcement.
     let mut agent = Process::start(site.binary("agent_node").args(["--id", "1"]));
     agent.handles("TERM");
-    let mut run = site.start(server.args(["--join-timeout", "8"]));
-    run.process().says("waiting for agents: 0, 2");
-    let ended = run.ended().with_code(3);
-    let reason = "agents missing after 8 s: 0, 2";
-    assert!(ended.stderr.lines().any(|line| line == format!("error: {reason}")), "{ended}");
+    let ended = site.start(server.args(["--join-timeout", join_timeout_s])).ended().with_code(3);
+    let has_line = |wanted: &str| ended.stderr.lines().any(|line| line == wanted);
+    if has_line(&format!("error: agents missing after {join_timeout_s} s: 0, 1, 2")) {
+        return false;
+    }
+    let reason = format!("agents missing after {join_timeout_s} s: 0, 2");
+    assert!(has_line("waiting for agents: 0, 2") && has_line(&format!("error: {reason}")), "{ended}");
     assert_eq!(ended.stdout, "");
     let result = site.recording("run.mcap").result();
-    assert_eq!((result.reason.as_str(), result.tick), (reason, 0));
+    assert_eq!((result.reason, result.tick), (reason, 0));
     // The agent that was there receives the end of the run.
     agent.ended().with_code(0);
+    true
 }
 
 #[test]

@@ -25,8 +25,8 @@ const FEATURES: &str = "tests/workspace_features";
 const BUILT_AGAIN: [&str; 7] = ["agent_node", "msgs", "random_streams", "ros2-client", "ros_node", "rustdds", "voxels"];
 
 /// The template, built outside of the workspace, with the foreign crates, their features and the
-/// profile of the workspace, so that what is built already is not built again. What has to be is not
-/// optimised, which saves a minute and a half of processor time.
+/// profile of the workspace, so that what is built already is not built again. What has to be is
+/// not optimised, which saves a minute and a half of processor time.
 fn own_controller() -> &'static Path {
     static BUILT: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let (_, program) = BUILT.get_or_init(|| {
