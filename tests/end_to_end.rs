@@ -82,6 +82,8 @@ mod verify;
 mod external_agents;
 /// Observers on a real ROS 2 and on a second DDS do not change a run.
 mod observers;
+/// Rerun, Foxglove and RViz: what ships for them fits the recordings.
+mod other_viewers;
 /// Recordings open with the usual Python packages, and their content is complete.
 mod recordings;
 /// Replay on ROS 2 topics: complete, latched for late readers, no effect on runs beside it.

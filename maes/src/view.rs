@@ -3,6 +3,7 @@
 
 mod browser;
 mod page;
+mod rerun;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -39,6 +40,13 @@ pub(crate) struct ViewArgs {
     /// A second recording, shown beside the first one with the time linked
     #[arg(long, value_name = "FILE.mcap")]
     beside: Option<PathBuf>,
+    /// Show the recording in the viewer Rerun instead of a browser; needs the Python packages maes
+    /// and rerun-sdk
+    #[arg(long)]
+    rerun: bool,
+    /// Write a file for Rerun instead of opening it
+    #[arg(long, value_name = "FILE.rrd", requires = "rerun")]
+    rerun_save: Option<PathBuf>,
     /// Whether to open a browser [default: if there is a desktop]
     #[arg(long, value_name = "true|false")]
     browser: Option<bool>,
@@ -71,7 +79,7 @@ fn address(text: &str) -> Result<String, String> {
 
 /// Shows something in a browser until it ends or is interrupted.
 pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
-    let ViewArgs { run, address, beside, browser, build_only, record_dir, map_dir } = args;
+    let ViewArgs { run, address, beside, rerun, rerun_save, browser, build_only, record_dir, map_dir } = args;
     let file = run.scenario.clone();
     let is_recording = file.as_deref().is_some_and(is_recording);
     if let Some(file) = &file
@@ -96,12 +104,21 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
             Err(error) => page::failed(&error),
         });
     }
+    if rerun && (!is_recording || beside.is_some()) {
+        bail!(
+            "--rerun: expected one recording; record a run first, as in `maes run --record run.mcap` and `maes view \
+             run.mcap --rerun`"
+        );
+    }
     if beside.is_some() && !is_recording {
         bail!("--beside: expected two recordings, as in `maes view a.mcap --beside b.mcap`");
     }
     for recording in file.iter().filter(|_| is_recording).chain(&beside) {
         // What is no recording is reported here, and not in the browser.
         Recording::open(recording)?;
+    }
+    if let Some(file) = file.as_deref().filter(|_| rerun) {
+        return rerun::show(file, rerun_save.as_deref());
     }
     let page = match page::folder(run.page.as_deref()) {
         Ok(page) => page,
