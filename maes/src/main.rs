@@ -63,7 +63,7 @@ enum Command {
     Merge(MergeArgs),
     /// Make figures, tables and a page from the runs of a folder
     Report(ReportArgs),
-    /// Execute a benchmark that can be cited, or verify the results of somebody
+    /// Execute a benchmark that can be cited, or verify the results of others
     #[command(subcommand)]
     Bench(BenchCommand),
     /// Show a recording or a run in a browser, or let runs be started there

@@ -1,4 +1,4 @@
-//! What an agent is told, with the names of `agent_node::observation`.
+//! What an agent observes, with the names of `agent_node::observation`.
 
 use agent_node::observation::{Cells, Observation, Surface};
 use numpy::PyArray1;

@@ -91,7 +91,7 @@ export class App implements PageActions {
     this.#settings = new ViewSettings(!options.isPicture);
     if (scene) {
       this.#settings.applyTo(scene.view);
-      // Those of an address are not stored: they are somebody else's.
+      // Those of an address are not stored: whoever made the link chose them.
       Object.assign(scene.view.layers, options.view.layers);
     }
     this.clock.rate = this.#settings.values.rate;

@@ -12,8 +12,8 @@
 //! stage goes to the next task of the tour, as in the sources; both are slower
 //! (docs/benchmarks.md).
 //!
-//! A task that nobody holds belongs to the agent in contact that is nearest to it, by what all of
-//! them have announced.
+//! An unallocated task belongs to the agent in contact that is nearest to it, by what all of them
+//! have announced.
 //!
 //! Invariants: it depends on the map, the graph and the messages alone; a message has no more than
 //! [`message::RECORD_BYTES_MAX`] bytes for each agent. This module plans no motions.

@@ -11,7 +11,7 @@
 //!    proposal, and answers; with the answer the first one takes over its own.
 //!
 //! Invariants, whatever messages are lost:
-//! - A task is held by nobody for no longer than a lease. Before the answer the proposer keeps what
+//! - A task is unallocated for no longer than a lease. Before the answer the proposer keeps what
 //!   it gives. The other one no longer holds what it gives, but believes that the proposer does,
 //!   until it learns otherwise or the lease of that belief ends.
 //! - Of two agents that hold one task and know of each other the one with the lower id has it. If

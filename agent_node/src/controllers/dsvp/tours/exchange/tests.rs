@@ -20,7 +20,7 @@ fn task(block: u32) -> TaskId {
 struct Team {
     ledgers: Vec<Ledger>,
     now: Tick,
-    /// Since when nobody has held each task.
+    /// Since when each task has been unallocated.
     free_since: BTreeMap<u32, Tick>,
 }
 
@@ -36,9 +36,9 @@ impl Team {
         (0..TASKS).filter(|&block| self.ledgers[agent].holder(task(block), self.now) == Some(own)).collect()
     }
 
-    /// A decision of all agents that are not lost: each holds what belongs to it and what nobody
-    /// holds, proposes to give its first tasks to its first higher contact, and sends its messages,
-    /// of which some arrive.
+    /// A decision of all agents that are not lost: each holds what belongs to it and what is
+    /// unallocated, proposes to give its first tasks to its first higher contact, and sends its
+    /// messages, of which some arrive.
     fn step(
         &mut self,
         is_lost: &[bool],
@@ -85,7 +85,7 @@ impl Team {
         }
     }
 
-    /// The longest time for which a task has been held by nobody until now, ticks.
+    /// The longest time for which a task has been unallocated until now, ticks.
     fn longest_free(&self) -> u64 {
         self.free_since.values().map(|since| self.now.0 - since.0).max().unwrap_or(0)
     }
