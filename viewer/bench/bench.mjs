@@ -6,8 +6,8 @@
  *
  *     node bench/bench.mjs [recording] [run] [--rounds N] [--seconds S]
  *
- * in the folder viewer, with the page in dist (npm run build) and the binaries of MAES_BIN_DIR or
- * ../target/release. Prints one line of JSON per measurement, and medians at the end. Uses the GPU
+ * in the folder viewer, with the page of MAES_PAGE or dist (npm run build) and the binaries of
+ * MAES_BIN_DIR or ../target/release. Prints one line of JSON per measurement, and medians at the end. Uses the GPU
  * if `MAES_GPU=1`; otherwise rendering is done in software.
  */
 /* global window, setTimeout -- inside the page */
@@ -23,7 +23,7 @@ import { chromiumIn } from "../pictures/programs.mjs";
 
 const root = resolve(import.meta.dirname, "../..");
 const binaries = process.env["MAES_BIN_DIR"] ?? join(root, "target/release");
-const page = join(root, "viewer/dist");
+const page = resolve(process.env["MAES_PAGE"] ?? join(root, "viewer/dist"));
 const option = (name, fallback) => {
   const at = process.argv.indexOf(name);
   return at < 0 ? fallback : Number(process.argv[at + 1]);
