@@ -214,6 +214,27 @@ test("dragging rotates the view and the wheel zooms", LONG, async ({ page, serve
   shown.expectSame(before, await shown.pictureAt(page, TIME_S), "the whole cave again");
 });
 
+test("a lost graphics context comes back with the same picture", LONG, async ({ page, servers }) => {
+  await shown.openWhole(page, await servers.view(FILE));
+  const before = await shown.pictureAt(page, TIME_S);
+  await page.evaluate(async () => {
+    const { canvas } = window.maes!.scene!;
+    const extension = canvas.getContext("webgl2")!.getExtension("WEBGL_lose_context")!;
+    for (const [name, act] of [
+      ["webglcontextlost", () => extension.loseContext()],
+      ["webglcontextrestored", () => extension.restoreContext()],
+    ] as const) {
+      // A context can be restored once all listeners have heard of its loss.
+      const happened = new Promise((resolve) =>
+        canvas.addEventListener(name, () => setTimeout(resolve), { once: true }),
+      );
+      act();
+      await happened;
+    }
+  });
+  shown.expectSame(before, await shown.pictureAt(page, TIME_S), "after the loss");
+});
+
 test("labels are sharp in frames of few pixels", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await shown.showAt(page, TIME_S);

@@ -6,7 +6,6 @@
  */
 
 import type { Size } from "./chunks.ts";
-import { CORNERS, NUMBERS_PER_CORNER } from "./mesher.ts";
 
 /** Ambient occlusion at the corners of cells or blocks. */
 export interface AmbientOcclusion {
@@ -30,13 +29,17 @@ const FAR_RADIUS = 4;
 const NEAR_SHARE = 0.6;
 
 /**
- * `walls` is 1 where there is rock; everything outside is rock. The grid has at most `blocks`
- * blocks.
+ * `walls` is 1 where there is rock; everything outside is rock. The grid has at most `blocksMax`
+ * blocks, and `edgeMax` corners along an axis.
  */
-export function computeOcclusion(walls: Uint8Array, size: Size, blocks: number): AmbientOcclusion {
+export function computeOcclusion(
+  walls: Uint8Array,
+  size: Size,
+  { blocksMax, edgeMax }: { readonly blocksMax: number; readonly edgeMax: number },
+): AmbientOcclusion {
   let step = 1;
   let coarse: Size = size;
-  while (coarse[0] * coarse[1] * coarse[2] > blocks) {
+  while (coarse[0] * coarse[1] * coarse[2] > blocksMax || Math.max(...coarse) >= edgeMax) {
     step *= 2;
     coarse = [Math.ceil(size[0] / step), Math.ceil(size[1] / step), Math.ceil(size[2] / step)];
   }
@@ -125,33 +128,4 @@ function encode(near: Float32Array, far: Float32Array, size: Size): Uint8Array {
     }
   }
   return data;
-}
-
-/**
- * Occlusion at the corners of a mesh: four bytes per corner, and for each corner the mean of its
- * rectangle.
- */
-export function occlusionAt(
-  occlusion: AmbientOcclusion,
-  corners: Uint16Array,
-): { readonly each: Uint8Array; readonly mean: Uint8Array } {
-  const { counts, step, data } = occlusion;
-  const each = new Uint8Array(corners.length);
-  const mean = new Uint8Array(corners.length);
-  for (let quad = 0; quad < corners.length; quad += CORNERS * NUMBERS_PER_CORNER) {
-    const sums = [0, 0, 0, 0];
-    for (let at = quad; at < quad + CORNERS * NUMBERS_PER_CORNER; at += NUMBERS_PER_CORNER) {
-      const x = Math.round(corners[at]! / step);
-      const y = Math.round(corners[at + 1]! / step);
-      const z = Math.round(corners[at + 2]! / step);
-      const from = ((z * counts[1] + y) * counts[0] + x) * 4;
-      for (let part = 0; part < 4; part++) {
-        const value = data[from + part]!;
-        each[at + part] = value;
-        sums[part]! += value;
-      }
-    }
-    for (let at = quad; at < quad + CORNERS * NUMBERS_PER_CORNER; at++) mean[at] = sums[at & 3]! / CORNERS;
-  }
-  return { each, mean };
 }

@@ -68,6 +68,7 @@ export class Scene {
    * pixel.
    */
   readonly isSoftware: boolean;
+  readonly #gl: WebGL2RenderingContext;
   readonly #renderer: WebGLRenderer;
   readonly #graph = new Graph();
   /** Labels, which are drawn last, in all pixels of the canvas. */
@@ -83,7 +84,6 @@ export class Scene {
   readonly #background: Background;
   readonly #hitPoints: HitPoints;
   readonly #cameraRig: CameraRig;
-  readonly #edgeMax: number;
   #loaded: LoadedRun | null = null;
   #selected: number | null = null;
   #size = { width: 1, height: 1 };
@@ -112,17 +112,17 @@ export class Scene {
     }
     const { canvas, context } = graphics;
     this.canvas = canvas;
+    this.#gl = context;
     this.isSoftware = graphics.isSoftware;
     this.#renderer = new WebGLRenderer({ canvas, context });
     // Checking shader errors would wait for their compilation.
     this.#renderer.debug.checkShaderErrors = import.meta.env.DEV;
-    this.#edgeMax = context.getParameter(context.MAX_3D_TEXTURE_SIZE) as number;
     this.#reduced = new ReducedFrame(isForPictures || !graphics.isSoftware);
     this.#background = new Background(this.#common);
     this.#hitPoints = new HitPoints(this.#common);
     this.#graph.add(this.#background.mesh, this.#hitPoints.points);
     this.#cameraRig = new CameraRig(canvas);
-    canvas.addEventListener("webglcontextrestored", this.#touch);
+    canvas.addEventListener("webglcontextrestored", this.#restore);
   }
 
   get selected(): number | null {
@@ -162,7 +162,7 @@ export class Scene {
   setRun(run: Run | null): void {
     this.#clear();
     if (run === null) return;
-    const cave = new Cave(run, this.#common, this.#edgeMax);
+    const cave = new Cave(run, this.#common, this.#gl);
     const team = new Team(run, this.#common, this.#labelCommon);
     this.#graph.add(cave.root, team.root);
     this.#labels.add(team.labels);
@@ -292,7 +292,7 @@ export class Scene {
 
   dispose(): void {
     this.#clear();
-    this.canvas.removeEventListener("webglcontextrestored", this.#touch);
+    this.canvas.removeEventListener("webglcontextrestored", this.#restore);
     this.#cameraRig.dispose();
     this.#background.dispose();
     this.#hitPoints.dispose();
@@ -300,7 +300,8 @@ export class Scene {
     this.#renderer.dispose();
   }
 
-  readonly #touch = (): void => {
+  readonly #restore = (): void => {
+    this.#loaded?.cave.rebuild();
     this.#isDirty = true;
   };
 
