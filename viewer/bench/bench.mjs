@@ -199,7 +199,9 @@ async function recording(file) {
     const begunMs = Date.now();
     await tab.goto(address);
     const begin = await framesAfter(tab, begunMs);
-    await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
+    const readMs = await tab.waitForFunction(() => window.maes.run.isComplete && Date.now(), null, {
+      timeout: 60_000,
+    });
     const line = await tab.getByTestId("timeline").boundingBox();
     const seeks = [];
     for (const share of [0.5, 0.05, 0.95, 0.02, 0.1, 0.3]) {
@@ -210,6 +212,8 @@ async function recording(file) {
     return {
       firstFrameS: begin.anyS,
       firstFullFrameS: begin.fullS,
+      readS: ((await readMs.jsonValue()) - begunMs) / 1000,
+      firstSeekS: seeks[0].anyS,
       seekS: Math.max(...seeks.map((seek) => seek.anyS)),
       seekFullS: Math.max(...seeks.map((seek) => seek.fullS)),
     };

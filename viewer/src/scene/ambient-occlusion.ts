@@ -84,7 +84,13 @@ function blur(values: Float32Array, size: Size, radius: number): void {
       for (let i = 0; i < size[u!]!; i++) {
         const start = i * strides[u!]! + j * strides[v!]!;
         line.fill(1, 0, length + 2 * radius);
-        for (let k = 0; k < length; k++) line[radius + k] = values[start + k * stride]!;
+        let isRock = true;
+        for (let k = 0, at = start; k < length; k++, at += stride) {
+          const value = values[at]!;
+          line[radius + k] = value;
+          isRock &&= value === 1;
+        }
+        if (isRock) continue;
         let sum = 0;
         for (let k = 0; k < 2 * radius; k++) sum += line[k]!;
         for (let k = 0; k < length; k++) {
@@ -97,33 +103,47 @@ function blur(values: Float32Array, size: Size, radius: number): void {
   }
 }
 
+/** The first picture waits for this, so the cells left of a corner are kept from the one before. */
 function encode(near: Float32Array, far: Float32Array, size: Size): Uint8Array {
   const [sizeX, sizeY, sizeZ] = size;
   const data = new Uint8Array((sizeX + 1) * (sizeY + 1) * (sizeZ + 1) * 4);
+  // The four rows of cells around a row of corners: below, then above, the lower y first.
+  const starts = new Int32Array(4);
+  // In each of them the rock right of the last corner, near it and with the far surroundings.
+  const right = new Float64Array(4);
+  const rightRock = new Float64Array(4);
   let at = 0;
   for (let z = 0; z <= sizeZ; z++) {
     for (let y = 0; y <= sizeY; y++) {
+      for (let row = 0; row < 4; row++) {
+        const [j, k] = [y - 1 + (row & 1), z - 1 + (row >> 1)];
+        starts[row] = j >= 0 && k >= 0 && j < sizeY && k < sizeZ ? (k * sizeY + j) * sizeX : -1;
+        right[row] = 1;
+        rightRock[row] = 1;
+      }
       for (let x = 0; x <= sizeX; x++, at += 4) {
         let [outX, outY, outZ, rock] = [0, 0, 0, 0];
-        for (let k = z - 1; k <= z; k++) {
-          for (let j = y - 1; j <= y; j++) {
-            const isRowInside = j >= 0 && k >= 0 && j < sizeY && k < sizeZ;
-            const row = (k * sizeY + j) * sizeX;
-            for (let i = x - 1; i <= x; i++) {
-              const isInside = isRowInside && i >= 0 && i < sizeX;
-              const here = isInside ? near[row + i]! : 1;
-              rock += NEAR_SHARE * here + (1 - NEAR_SHARE) * (isInside ? far[row + i]! : 1);
-              outX += i === x ? -here : here;
-              outY += j === y ? -here : here;
-              outZ += k === z ? -here : here;
-            }
-          }
+        for (let row = 0; row < 4; row++) {
+          const before = right[row]!;
+          const beforeRock = rightRock[row]!;
+          const start = starts[row]!;
+          const isInside = start >= 0 && x < sizeX;
+          const here = isInside ? near[start + x]! : 1;
+          const hereRock = isInside ? NEAR_SHARE * here + (1 - NEAR_SHARE) * far[start + x]! : 1;
+          right[row] = here;
+          rightRock[row] = hereRock;
+          rock = rock + beforeRock + hereRock;
+          outX = outX + before - here;
+          outY = (row & 1) === 0 ? outY + before + here : outY - before - here;
+          outZ = row < 2 ? outZ + before + here : outZ - before - here;
         }
-        const scale = 127.5 / Math.max(Math.hypot(outX, outY, outZ), 1e-4);
-        data[at] = Math.round(127.5 + scale * outX);
-        data[at + 1] = Math.round(127.5 + scale * outY);
-        data[at + 2] = Math.round(127.5 + scale * outZ);
-        data[at + 3] = Math.round(255 * Math.min(Math.max(1 - rock / 8, 0), 1));
+        const length = Math.sqrt(outX * outX + outY * outY + outZ * outZ);
+        const scale = 127.5 / Math.max(length, 1e-4);
+        // The array cuts off what follows the point, which rounds 0.5 less.
+        data[at] = 128 + scale * outX;
+        data[at + 1] = 128 + scale * outY;
+        data[at + 2] = 128 + scale * outZ;
+        data[at + 3] = 0.5 + 255 * Math.min(Math.max(1 - rock / 8, 0), 1);
       }
     }
   }
