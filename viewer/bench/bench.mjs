@@ -1,13 +1,13 @@
 #!/usr/bin/env node
 /**
  * Benchmark of the page in a real Chromium: time to the first frame of a recording and of seeks
- * (any frame, and a full one), frame rate of a live run, and the slowdown of the run by its
- * observer.
+ * (any frame, and a full one), frame rate of a live run, the slowdown of the run by its observer,
+ * and the memory that a large map takes.
  *
- *     node bench/bench.mjs [recording] [run] [--rounds N] [--seconds S]
+ *     node bench/bench.mjs [recording] [run] [memory] [--rounds N] [--seconds S]
  *
- * in the folder viewer, with the page in dist (npm run build) and the binaries of MAES_BIN_DIR or
- * ../target/release. Prints one line of JSON per measurement, and medians at the end. Uses the GPU
+ * in the folder viewer, with the page of MAES_PAGE or dist (npm run build) and the binaries of
+ * MAES_BIN_DIR or ../target/release. Prints one line of JSON per measurement, and medians at the end. Uses the GPU
  * if `MAES_GPU=1`; otherwise rendering is done in software.
  */
 /* global window, setTimeout -- inside the page */
@@ -18,19 +18,21 @@ import { join, resolve } from "node:path";
 import { performance } from "node:perf_hooks";
 import process from "node:process";
 import { createInterface } from "node:readline";
+import { clearInterval, setInterval } from "node:timers";
 import { chromium } from "@playwright/test";
 import { chromiumIn } from "../pictures/programs.mjs";
+import { increase, memoryOf } from "./memory.mjs";
 
 const root = resolve(import.meta.dirname, "../..");
 const binaries = process.env["MAES_BIN_DIR"] ?? join(root, "target/release");
-const page = join(root, "viewer/dist");
+const page = resolve(process.env["MAES_PAGE"] ?? join(root, "viewer/dist"));
 const option = (name, fallback) => {
   const at = process.argv.indexOf(name);
   return at < 0 ? fallback : Number(process.argv[at + 1]);
 };
 const rounds = option("--rounds", 3);
 const seconds = option("--seconds", 300);
-const subjects = process.argv.slice(2).filter((word) => word === "recording" || word === "run");
+const subjects = process.argv.slice(2).filter((word) => ["recording", "run", "memory"].includes(word));
 const isAsked = (subject) => subjects.length === 0 || subjects.includes(subject);
 const folder = mkdtempSync(join(tmpdir(), "maes-bench-"));
 const environment = {
@@ -197,7 +199,9 @@ async function recording(file) {
     const begunMs = Date.now();
     await tab.goto(address);
     const begin = await framesAfter(tab, begunMs);
-    await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
+    const readMs = await tab.waitForFunction(() => window.maes.run.isComplete && Date.now(), null, {
+      timeout: 60_000,
+    });
     const line = await tab.getByTestId("timeline").boundingBox();
     const seeks = [];
     for (const share of [0.5, 0.05, 0.95, 0.02, 0.1, 0.3]) {
@@ -208,6 +212,8 @@ async function recording(file) {
     return {
       firstFrameS: begin.anyS,
       firstFullFrameS: begin.fullS,
+      readS: ((await readMs.jsonValue()) - begunMs) / 1000,
+      firstSeekS: seeks[0].anyS,
       seekS: Math.max(...seeks.map((seek) => seek.anyS)),
       seekFullS: Math.max(...seeks.map((seek) => seek.fullS)),
     };
@@ -218,25 +224,101 @@ async function recording(file) {
   }
 }
 
-/** Records ten agents for half an hour. */
-async function record() {
-  const file = join(folder, "half_an_hour.mcap");
-  const words = "--transport memory --agents 10 --controller dsvp --size 100 --seed 2 --duration 1800";
-  const kept = ["--set", "stop_when_explored=false", "--record", file];
-  const made = start(join(root, "launch_scripts/run.sh"), [...words.split(" "), ...kept]);
+/**
+ * What a map of 512^3 cells takes more than an empty page, in full resolution: at most while it is
+ * opened, and then at rest.
+ */
+async function memory(file) {
+  const server = start(join(binaries, "sim_server"), [
+    "view",
+    file,
+    "--address",
+    "127.0.0.1:0",
+    "--page",
+    page,
+  ]);
+  const address = await server.prints(/(http:\/\/\S+)/);
+  const browserServer = await chromium.launchServer({
+    executablePath: chromiumIn(process.env),
+    args: flags,
+  });
+  const browser = await chromium.connect(browserServer.wsEndpoint());
+  try {
+    const tab = await browser.newPage({ viewport: { width: 1280, height: 720 } });
+    const measure = () => memoryOf(browserServer.process().pid);
+    await settled(measure);
+    const empty = measure();
+    let most = empty;
+    const timer = setInterval(() => {
+      const now = measure();
+      if (now.allMB > most.allMB) most = now;
+    }, 50);
+    await tab.goto(address);
+    await tab.evaluate(() => window.maes.ready);
+    await tab.waitForFunction(() => window.maes.run.isComplete, null, { timeout: 60_000 });
+    await tab.evaluate(() => window.maes.showAt(20));
+    const atRest = await settled(measure);
+    clearInterval(timer);
+    return { ...increase(atRest, empty), mostMB: increase(most, empty).allMB };
+  } finally {
+    await browser.close();
+    await browserServer.close();
+    server.child.kill();
+    await server.ended;
+  }
+}
+
+/** The memory once it has stayed the same, to 2 MB, for a second. */
+async function settled(measure) {
+  for (let last = measure(), same = 0; ;) {
+    await new Promise((done) => setTimeout(done, 200));
+    const now = measure();
+    same = Math.abs(now.allMB - last.allMB) < 2 ? same + 1 : 0;
+    if (same === 0) last = now;
+    if (same === 5) return now;
+  }
+}
+
+/** Records a run. */
+async function record(name, words) {
+  const file = join(folder, name);
+  const made = start(join(root, "launch_scripts/run.sh"), [
+    ...words,
+    "--transport",
+    "memory",
+    "--record",
+    file,
+  ]);
   await made.ended;
   return file;
 }
 
+/** Ten agents for half an hour. */
+function recordHalfHour() {
+  const words = "--agents 10 --controller dsvp --size 100 --seed 2 --duration 1800";
+  return record("half_an_hour.mcap", [...words.split(" "), "--set", "stop_when_explored=false"]);
+}
+
+/** The first half minute of 512^3 cells. */
+function recordLarge() {
+  return record("large.mcap", [join(root, "launch_scripts/scenarios/large.toml"), "--duration", "30"]);
+}
+
 const recordings = [];
+const memories = [];
 const alone = [];
 const observed = [];
 try {
-  const file = isAsked("recording") ? await record() : "";
+  const file = isAsked("recording") ? await recordHalfHour() : "";
+  const large = isAsked("memory") ? await recordLarge() : "";
   for (let round = 0; round < rounds; round += 1) {
     if (isAsked("recording")) {
       recordings.push(await recording(file));
       report("recording", recordings.at(-1));
+    }
+    if (isAsked("memory")) {
+      memories.push(await memory(large));
+      report("memory of a large map", memories.at(-1));
     }
     if (isAsked("run")) {
       alone.push(await run(false));
@@ -248,10 +330,14 @@ try {
 } finally {
   rmSync(folder, { recursive: true });
 }
-if (isAsked("recording")) {
-  const names = Object.keys(recordings[0]);
-  const medians = names.map((name) => [name, median(recordings.map((one) => one[name]))]);
-  report("medians of recordings", Object.fromEntries(medians));
+for (const [subject, measured] of [
+  ["recordings", recordings],
+  ["memory of a large map", memories],
+]) {
+  if (measured.length === 0) continue;
+  const names = Object.keys(measured[0]);
+  const medians = names.map((name) => [name, median(measured.map((one) => one[name]))]);
+  report(`medians of ${subject}`, Object.fromEntries(medians));
 }
 if (isAsked("run")) {
   report("medians of runs", {

@@ -214,6 +214,57 @@ test("dragging rotates the view and the wheel zooms", LONG, async ({ page, serve
   shown.expectSame(before, await shown.pictureAt(page, TIME_S), "the whole cave again");
 });
 
+test("a lost graphics context comes back with the same picture", LONG, async ({ page, servers }) => {
+  await shown.openWhole(page, await servers.view(FILE));
+  const before = await shown.pictureAt(page, TIME_S);
+  await page.evaluate(async () => {
+    const { canvas } = window.maes!.scene!;
+    const extension = canvas.getContext("webgl2")!.getExtension("WEBGL_lose_context")!;
+    for (const [name, act] of [
+      ["webglcontextlost", () => extension.loseContext()],
+      ["webglcontextrestored", () => extension.restoreContext()],
+    ] as const) {
+      // A context can be restored once all listeners have heard of its loss.
+      const happened = new Promise((resolve) =>
+        canvas.addEventListener(name, () => setTimeout(resolve), { once: true }),
+      );
+      act();
+      await happened;
+    }
+  });
+  shown.expectSame(before, await shown.pictureAt(page, TIME_S), "after the loss");
+});
+
+test("labels are sharp in frames of few pixels", LONG, async ({ page, servers }) => {
+  await shown.openWhole(page, await servers.view(FILE));
+  await shown.showAt(page, TIME_S);
+  const [full, reduced] = await page.evaluate((timeS) => {
+    const { scene } = window.maes!;
+    const { canvas } = scene!;
+    const { width, height } = canvas.getBoundingClientRect();
+    const gl = canvas.getContext("webgl2")!;
+    // The text of labels is white; nothing else is, while no agent is selected.
+    const drawn = (share: number) => {
+      scene!.resize(width, height, devicePixelRatio, share);
+      scene!.render(timeS);
+      const pixels = new Uint8Array(canvas.width * canvas.height * 4);
+      gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      const white = [];
+      let sum = 0;
+      for (let at = 0; at < pixels.length; at += 4) {
+        if (pixels[at]! > 250 && pixels[at + 1]! > 250 && pixels[at + 2]! > 250) white.push(at / 4);
+        sum = (sum * 31 + pixels[at]!) % 2 ** 32;
+      }
+      return { size: [canvas.width, canvas.height], white, sum };
+    };
+    return [drawn(1), drawn(0.375)] as const;
+  }, TIME_S);
+  expect(reduced.sum, "the rest has fewer pixels").not.toBe(full.sum);
+  expect(reduced.size).toEqual(full.size);
+  expect(full.white.length).toBeGreaterThan(20);
+  expect(reduced.white).toEqual(full.white);
+});
+
 test("help, statistics and panels can be toggled", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   await page.keyboard.press("?");

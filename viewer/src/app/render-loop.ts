@@ -47,6 +47,7 @@ export class RenderLoop {
   #isFull = false;
   #isHurried = false;
   #changedMs = 0;
+  /** In CSS pixels, with the pixels of a frame per CSS pixel; 0: not set yet. */
   #size = { width: 1, height: 1, ratio: 0 };
 
   constructor(canvas: HTMLCanvasElement, scene: Scene | null, host: RenderLoopHost) {
@@ -151,15 +152,12 @@ export class RenderLoop {
     });
   }
 
-  #ratio(share: number): number {
-    return Math.min(window.devicePixelRatio || 1, 2) * share;
-  }
-
   #setRatio(share: number): void {
-    const ratio = this.#ratio(share);
+    const full = Math.min(window.devicePixelRatio || 1, 2);
+    const ratio = full * share;
     if (ratio === this.#size.ratio) return;
     this.#size.ratio = ratio;
-    this.#scene?.resize(this.#size.width, this.#size.height, ratio);
+    this.#scene?.resize(this.#size.width, this.#size.height, full, share);
   }
 
   #graphicsDone(): Promise<void> {

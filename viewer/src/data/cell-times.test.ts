@@ -24,6 +24,25 @@ test("times of a large map are those that were set", () => {
   times.forEach((cell, tick) => visited.push([cell, tick]));
   expected.set(0, 2);
   expect(visited).toEqual([...expected].sort(([a], [b]) => a - b));
+  times.clear();
+  expect([...expected].filter(([cell]) => times.get(cell) !== NEVER)).toEqual([]);
+});
+
+test.each([1000, 0])("parts of the times can be copied (one array up to %i cells)", (flatMax) => {
+  const times = new CellTimes(1000, flatMax);
+  expect(times.flat === null).toBe(flatMax === 0);
+  for (const cell of [0, 99, 100, 163, 164, 299, 300, 999]) times.set(cell, cell + 1);
+  const part = (from: number, cells: number): [number, number][] => {
+    const target = new Uint32Array(cells).fill(5);
+    const isAny = times.copyTo(target, from);
+    expect(isAny || target.every((tick) => tick === NEVER)).toBe(true);
+    return [...target]
+      .map((tick, at): [number, number] => [from + at, tick])
+      .filter(([, tick]) => tick !== NEVER);
+  };
+  expect(part(100, 200)).toEqual([100, 163, 164, 299].map((cell) => [cell, cell + 1]));
+  expect(part(980, 20)).toEqual([[999, 1000]]);
+  expect(times.copyTo(new Uint32Array(100), 400)).toBe(flatMax !== 0);
 });
 
 test("a small map has one array", () => {

@@ -24,13 +24,13 @@ export class CellTimes {
   readonly #pools: Uint32Array[] = [];
   #pages = 0;
 
-  /** `flat`: the times of all cells, unless they all are NEVER. */
+  /** All times are NEVER. They are one array for up to `flatMax` cells. */
   constructor(
     readonly length: number,
-    flat: Uint32Array | null = null,
+    flatMax = FLAT_CELLS_MAX,
   ) {
-    const isFlat = flat !== null || length <= FLAT_CELLS_MAX;
-    this.flat = isFlat ? (flat ?? new Uint32Array(length).fill(NEVER)) : null;
+    const isFlat = length <= flatMax;
+    this.flat = isFlat ? new Uint32Array(length).fill(NEVER) : null;
     this.#pageOf = new Uint32Array(isFlat ? 0 : Math.ceil(length / PAGE_CELLS));
   }
 
@@ -54,6 +54,37 @@ export class CellTimes {
       }
     }
     this.#pools[(page - 1) >>> POOL_BITS]![slotOf(page - 1, cell)] = tick;
+  }
+
+  /** Sets all times to NEVER. */
+  clear(): void {
+    this.flat?.fill(NEVER);
+    this.#pageOf.fill(0);
+    this.#pools.length = 0;
+    this.#pages = 0;
+  }
+
+  /**
+   * Copies the times from a cell on, as many as the target is long. Returns whether any of them may
+   * be other than NEVER.
+   */
+  copyTo(target: Uint32Array, from: number): boolean {
+    const end = from + target.length;
+    if (this.flat !== null) {
+      target.set(this.flat.subarray(from, end));
+      return true;
+    }
+    let isAny = false;
+    target.fill(NEVER);
+    for (let page = from >>> PAGE_BITS; page * PAGE_CELLS < end; page++) {
+      if (this.#pageOf[page] === 0) continue;
+      isAny = true;
+      const last = Math.min((page + 1) * PAGE_CELLS, end);
+      for (let cell = Math.max(page * PAGE_CELLS, from); cell < last; cell++) {
+        target[cell - from] = this.get(cell);
+      }
+    }
+    return isAny;
   }
 
   /** Calls back for each cell with a tick, in their order. */

@@ -6,7 +6,6 @@
  */
 
 import type { Size } from "./chunks.ts";
-import { CORNERS, NUMBERS_PER_CORNER } from "./mesher.ts";
 
 /** Ambient occlusion at the corners of cells or blocks. */
 export interface AmbientOcclusion {
@@ -30,13 +29,17 @@ const FAR_RADIUS = 4;
 const NEAR_SHARE = 0.6;
 
 /**
- * `walls` is 1 where there is rock; everything outside is rock. The grid has at most `blocks`
- * blocks.
+ * `walls` is 1 where there is rock; everything outside is rock. The grid has at most `blocksMax`
+ * blocks, and `edgeMax` corners along an axis.
  */
-export function computeOcclusion(walls: Uint8Array, size: Size, blocks: number): AmbientOcclusion {
+export function computeOcclusion(
+  walls: Uint8Array,
+  size: Size,
+  { blocksMax, edgeMax }: { readonly blocksMax: number; readonly edgeMax: number },
+): AmbientOcclusion {
   let step = 1;
   let coarse: Size = size;
-  while (coarse[0] * coarse[1] * coarse[2] > blocks) {
+  while (coarse[0] * coarse[1] * coarse[2] > blocksMax || Math.max(...coarse) >= edgeMax) {
     step *= 2;
     coarse = [Math.ceil(size[0] / step), Math.ceil(size[1] / step), Math.ceil(size[2] / step)];
   }
@@ -81,7 +84,13 @@ function blur(values: Float32Array, size: Size, radius: number): void {
       for (let i = 0; i < size[u!]!; i++) {
         const start = i * strides[u!]! + j * strides[v!]!;
         line.fill(1, 0, length + 2 * radius);
-        for (let k = 0; k < length; k++) line[radius + k] = values[start + k * stride]!;
+        let isRock = true;
+        for (let k = 0, at = start; k < length; k++, at += stride) {
+          const value = values[at]!;
+          line[radius + k] = value;
+          isRock &&= value === 1;
+        }
+        if (isRock) continue;
         let sum = 0;
         for (let k = 0; k < 2 * radius; k++) sum += line[k]!;
         for (let k = 0; k < length; k++) {
@@ -94,64 +103,49 @@ function blur(values: Float32Array, size: Size, radius: number): void {
   }
 }
 
+/** The first picture waits for this, so the cells left of a corner are kept from the one before. */
 function encode(near: Float32Array, far: Float32Array, size: Size): Uint8Array {
   const [sizeX, sizeY, sizeZ] = size;
   const data = new Uint8Array((sizeX + 1) * (sizeY + 1) * (sizeZ + 1) * 4);
+  // The four rows of cells around a row of corners: below, then above, the lower y first.
+  const starts = new Int32Array(4);
+  // In each of them the rock right of the last corner, near it and with the far surroundings.
+  const right = new Float64Array(4);
+  const rightRock = new Float64Array(4);
   let at = 0;
   for (let z = 0; z <= sizeZ; z++) {
     for (let y = 0; y <= sizeY; y++) {
+      for (let row = 0; row < 4; row++) {
+        const [j, k] = [y - 1 + (row & 1), z - 1 + (row >> 1)];
+        starts[row] = j >= 0 && k >= 0 && j < sizeY && k < sizeZ ? (k * sizeY + j) * sizeX : -1;
+        right[row] = 1;
+        rightRock[row] = 1;
+      }
       for (let x = 0; x <= sizeX; x++, at += 4) {
         let [outX, outY, outZ, rock] = [0, 0, 0, 0];
-        for (let k = z - 1; k <= z; k++) {
-          for (let j = y - 1; j <= y; j++) {
-            const isRowInside = j >= 0 && k >= 0 && j < sizeY && k < sizeZ;
-            const row = (k * sizeY + j) * sizeX;
-            for (let i = x - 1; i <= x; i++) {
-              const isInside = isRowInside && i >= 0 && i < sizeX;
-              const here = isInside ? near[row + i]! : 1;
-              rock += NEAR_SHARE * here + (1 - NEAR_SHARE) * (isInside ? far[row + i]! : 1);
-              outX += i === x ? -here : here;
-              outY += j === y ? -here : here;
-              outZ += k === z ? -here : here;
-            }
-          }
+        for (let row = 0; row < 4; row++) {
+          const before = right[row]!;
+          const beforeRock = rightRock[row]!;
+          const start = starts[row]!;
+          const isInside = start >= 0 && x < sizeX;
+          const here = isInside ? near[start + x]! : 1;
+          const hereRock = isInside ? NEAR_SHARE * here + (1 - NEAR_SHARE) * far[start + x]! : 1;
+          right[row] = here;
+          rightRock[row] = hereRock;
+          rock = rock + beforeRock + hereRock;
+          outX = outX + before - here;
+          outY = (row & 1) === 0 ? outY + before + here : outY - before - here;
+          outZ = row < 2 ? outZ + before + here : outZ - before - here;
         }
-        const scale = 127.5 / Math.max(Math.hypot(outX, outY, outZ), 1e-4);
-        data[at] = Math.round(127.5 + scale * outX);
-        data[at + 1] = Math.round(127.5 + scale * outY);
-        data[at + 2] = Math.round(127.5 + scale * outZ);
-        data[at + 3] = Math.round(255 * Math.min(Math.max(1 - rock / 8, 0), 1));
+        const length = Math.sqrt(outX * outX + outY * outY + outZ * outZ);
+        const scale = 127.5 / Math.max(length, 1e-4);
+        // The array cuts off what follows the point, which rounds 0.5 less.
+        data[at] = 128 + scale * outX;
+        data[at + 1] = 128 + scale * outY;
+        data[at + 2] = 128 + scale * outZ;
+        data[at + 3] = 0.5 + 255 * Math.min(Math.max(1 - rock / 8, 0), 1);
       }
     }
   }
   return data;
-}
-
-/**
- * Occlusion at the corners of a mesh: four bytes per corner, and for each corner the mean of its
- * rectangle.
- */
-export function occlusionAt(
-  occlusion: AmbientOcclusion,
-  corners: Uint16Array,
-): { readonly each: Uint8Array; readonly mean: Uint8Array } {
-  const { counts, step, data } = occlusion;
-  const each = new Uint8Array(corners.length);
-  const mean = new Uint8Array(corners.length);
-  for (let quad = 0; quad < corners.length; quad += CORNERS * NUMBERS_PER_CORNER) {
-    const sums = [0, 0, 0, 0];
-    for (let at = quad; at < quad + CORNERS * NUMBERS_PER_CORNER; at += NUMBERS_PER_CORNER) {
-      const x = Math.round(corners[at]! / step);
-      const y = Math.round(corners[at + 1]! / step);
-      const z = Math.round(corners[at + 2]! / step);
-      const from = ((z * counts[1] + y) * counts[0] + x) * 4;
-      for (let part = 0; part < 4; part++) {
-        const value = data[from + part]!;
-        each[at + part] = value;
-        sums[part]! += value;
-      }
-    }
-    for (let at = quad; at < quad + CORNERS * NUMBERS_PER_CORNER; at++) mean[at] = sums[at & 3]! / CORNERS;
-  }
-  return { each, mean };
 }

@@ -1,7 +1,8 @@
 /** The background of the image: a dark radial gradient. */
 
-import { BufferAttribute, BufferGeometry, GLSL3, Mesh, RawShaderMaterial } from "three";
+import { GLSL3, Mesh, RawShaderMaterial, type BufferGeometry } from "three";
 import { FRAGMENT_HEAD, HEAD, type SharedUniforms } from "./glsl.ts";
+import { screenTriangle } from "./screen-triangle.ts";
 
 const VERTEX = /* glsl */ `${HEAD}
 in vec2 at;
@@ -30,9 +31,6 @@ export class Background {
   readonly mesh: Mesh<BufferGeometry, RawShaderMaterial>;
 
   constructor(common: SharedUniforms) {
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("at", new BufferAttribute(new Float32Array([-1, -1, 3, -1, -1, 3]), 2));
-    geometry.setDrawRange(0, 3);
     const material = new RawShaderMaterial({
       glslVersion: GLSL3,
       uniforms: { ...common },
@@ -41,7 +39,7 @@ export class Background {
       depthTest: false,
       depthWrite: false,
     });
-    this.mesh = new Mesh(geometry, material);
+    this.mesh = new Mesh(screenTriangle(), material);
     this.mesh.frustumCulled = false;
     this.mesh.renderOrder = -1;
   }

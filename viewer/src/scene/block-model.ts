@@ -5,8 +5,8 @@
  * cells.
  */
 
-import { NEVER, type Terrain } from "../data/run.ts";
-import type { CellTimes } from "../data/cell-times.ts";
+import type { Terrain } from "../data/run.ts";
+import { CellTimes } from "../data/cell-times.ts";
 import type { Size } from "./chunks.ts";
 
 /** A map of blocks. */
@@ -31,25 +31,41 @@ export function blockModelOf(terrain: Terrain, blocksMax: number, edgeMax: numbe
     blocks = [Math.ceil(size[0] / step), Math.ceil(size[1] / step), Math.ceil(size[2] / step)];
   }
   if (step === 1) return { size, cellM, walls: walls.toBytes(), step, terrain };
-  const free = new Uint16Array(blocks[0] * blocks[1] * blocks[2]);
-  forEachRow(size, blocks, step, (cell, block) => {
-    for (let x = 0; x < size[0]; x++) if (!walls.has(cell + x)) free[block + Math.floor(x / step)]!++;
-  });
-  const solid = Uint8Array.from(free, (count) => (count * 2 >= step ** 3 ? 0 : 1));
-  return { size: blocks, cellM: cellM * step, walls: solid, step, terrain };
+  return { size: blocks, cellM: cellM * step, walls: solidBlocks(terrain, blocks, step), step, terrain };
 }
+
+/** Counts layer by layer, because a large map has little memory to spare. */
+function solidBlocks({ size, walls }: Terrain, blocks: Size, step: number): Uint8Array {
+  const area = blocks[0] * blocks[1];
+  const solid = new Uint8Array(area * blocks[2]);
+  const free = new Uint32Array(area);
+  let cell = 0;
+  for (let z = 0; z < size[2]; z++) {
+    for (let y = 0; y < size[1]; y++) {
+      const row = Math.floor(y / step) * blocks[0];
+      for (let x = 0; x < size[0]; x++, cell++) if (!walls.has(cell)) free[row + Math.floor(x / step)]!++;
+    }
+    if ((z + 1) % step !== 0 && z + 1 < size[2]) continue;
+    const layer = Math.floor(z / step) * area;
+    for (let block = 0; block < area; block++) solid[layer + block] = free[block]! * 2 >= step ** 3 ? 0 : 1;
+    free.fill(0);
+  }
+  return solid;
+}
+
+/** The times of more blocks have memory only where there are some. */
+const FLAT_BLOCKS_MAX = 2 ** 21;
 
 /** Times of the blocks of a model, derived from those of the cells. */
 export class BlockTimes {
   /** By block number. */
-  readonly times: Uint32Array;
+  readonly times: CellTimes;
 
   constructor(
     readonly model: BlockModel,
     readonly cellTimes: CellTimes,
   ) {
-    const own = model.step === 1 ? cellTimes.flat : null;
-    this.times = own ?? new Uint32Array(model.walls.length);
+    this.times = model.step === 1 ? cellTimes : new CellTimes(model.walls.length, FLAT_BLOCKS_MAX);
     this.markAllChanged();
   }
 
@@ -60,8 +76,8 @@ export class BlockTimes {
 
   /** Updates all blocks. */
   markAllChanged(): void {
-    if (this.times === this.cellTimes.flat) return;
-    this.times.fill(NEVER);
+    if (this.times === this.cellTimes) return;
+    this.times.clear();
     this.cellTimes.forEach((cell) => this.#note(cell));
   }
 
@@ -69,22 +85,8 @@ export class BlockTimes {
     const { model } = this;
     const block = blockOf(cell, model.terrain.size, model.size, model.step);
     const time = this.cellTimes.get(cell);
-    if (time < this.times[block]! && !model.terrain.walls.has(cell)) this.times[block] = time;
+    if (time < this.times.get(block) && !model.terrain.walls.has(cell)) this.times.set(block, time);
     return block;
-  }
-}
-
-/** Calls back with the first cell of each row along x, and its block. */
-function forEachRow(
-  size: Size,
-  blocks: Size,
-  step: number,
-  callback: (cell: number, block: number) => void,
-): void {
-  let cell = 0;
-  for (let z = 0; z < size[2]; z++) {
-    for (let y = 0; y < size[1]; y++, cell += size[0])
-      callback(cell, (Math.floor(z / step) * blocks[1] + Math.floor(y / step)) * blocks[0]);
   }
 }
 

@@ -39,10 +39,10 @@ export class Cave {
   constructor(
     readonly run: Run,
     readonly common: SharedUniforms,
-    readonly edgeMax: number,
+    readonly gl: WebGL2RenderingContext,
   ) {
     const { terrain } = run;
-    this.#full = blockModelOf(terrain, BLOCKS_MAX, edgeMax);
+    this.#full = blockModelOf(terrain, BLOCKS_MAX, this.#edgeMax);
     const { step } = this.#full;
     this.notices =
       step === 1 ? [] : [`The map is large: it is drawn in blocks of ${step} x ${step} x ${step} cells.`];
@@ -55,6 +55,10 @@ export class Cave {
       frameOf(low.map((value) => value * cellM) as Vec3, high.map((value) => value * cellM) as Vec3),
     );
     this.root.add(...this.#frame.meshes);
+  }
+
+  get #edgeMax(): number {
+    return this.gl.getParameter(this.gl.MAX_3D_TEXTURE_SIZE) as number;
   }
 
   markChanged(update: RunUpdate): void {
@@ -128,14 +132,27 @@ export class Cave {
     return 1;
   }
 
+  /** Builds everything again, because the GPU has lost what it alone had. */
+  rebuild(): void {
+    this.#disposeDetails();
+    this.#details.clear();
+  }
+
   dispose(): void {
-    for (const detail of this.#details.values()) detail.dispose();
+    this.#disposeDetails();
     this.#frame.dispose();
+  }
+
+  #disposeDetails(): void {
+    for (const detail of this.#details.values()) {
+      this.root.remove(detail.group);
+      detail.dispose();
+    }
   }
 
   #coarseModel(): BlockModel {
     if (this.#coarse === null) {
-      const coarse = blockModelOf(this.run.terrain, COARSE_BLOCKS_MAX, this.edgeMax);
+      const coarse = blockModelOf(this.run.terrain, COARSE_BLOCKS_MAX, this.#edgeMax);
       this.#coarse = coarse.step === this.#full.step ? this.#full : coarse;
     }
     return this.#coarse;
@@ -144,7 +161,7 @@ export class Cave {
   #detail(model: BlockModel): DetailLevel {
     let detail = this.#details.get(model);
     if (detail === undefined) {
-      detail = new DetailLevel(this.run, model, this.common);
+      detail = new DetailLevel(this.run, model, this.common, this.gl);
       detail.setBelief(this.#belief);
       this.#details.set(model, detail);
       this.root.add(detail.group);

@@ -7,11 +7,19 @@
  */
 
 import { GLSL3, Group, RawShaderMaterial, Vector3, type IUniform } from "three";
+import type { CellTimes } from "../data/cell-times.ts";
 import { ChunkStaleness, Grid, type Size } from "./chunks.ts";
-import { Faces, FacesMesh, type QuadIndex } from "./faces.ts";
-import { setDefines, FRAGMENT_HEAD, NORMALS, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
-import type { AmbientOcclusion } from "./ambient-occlusion.ts";
+import { Faces, FacesMesh, type QuadBuffers } from "./faces.ts";
+import {
+  setDefines,
+  FRAGMENT_HEAD,
+  NORMALS,
+  PACKED_CORNER,
+  VERTEX_HEAD,
+  type SharedUniforms,
+} from "./glsl.ts";
 import { Mesher, type Surface } from "./mesher.ts";
+import type { OcclusionUniforms } from "./volumes.ts";
 
 /** Contents and appearance of a layer. */
 export interface CellLayerStyle {
@@ -26,22 +34,21 @@ export interface CellLayerStyle {
 }
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}${NORMALS}
-in vec4 corner;
-in vec4 occlusion;
+${PACKED_CORNER}
 uniform vec3 tint;
 uniform vec2 alphas;
 out vec3 positionM;
 out vec4 painted;
 const vec3 HAZE_SHOWN = vec3(0.051, 0.065, 0.088);
 void main() {
-  vec3 normal = NORMALS[int(corner.w)];
-  vec4 world = modelMatrix * vec4(corner.xyz, 1.0);
-  positionM = world.xyz;
-  gl_Position = projectionMatrix * viewMatrix * world;
+  vec3 normal = NORMALS[cornerFacing()];
+  ivec3 cells = cornerCells();
+  positionM = vec3(cells) * modelMatrix[0].x;
+  gl_Position = projectionMatrix * viewMatrix * vec4(positionM, 1.0);
   vec3 away = positionM - eye;
   float distanceM = length(away);
   // Against rock the shading normal is as smooth as that of the rock.
-  vec3 rock = occlusion.rgb * 2.0 - 1.0;
+  vec3 rock = occlusionOf(occlusionTexel(cells)).xyz;
   vec3 n = normalize(normal * 0.35 - rock * max(-dot(rock, normal), 0.0));
   float glance = 1.0 - clamp(-dot(n, away) / distanceM, 0.0, 1.0);
   float key = max(dot(n, light), 0.0);
@@ -84,11 +91,11 @@ export class CellLayer {
 
   constructor(
     size: Size,
-    readonly times: Uint32Array,
+    readonly times: CellTimes,
     readonly kind: CellLayerStyle,
-    readonly index: QuadIndex,
+    readonly buffers: QuadBuffers,
     common: SharedUniforms,
-    readonly occlusion: AmbientOcclusion,
+    occlusion: OcclusionUniforms,
   ) {
     this.#edge = edgeFor(size);
     this.#grid = new Grid(size, this.#edge);
@@ -96,6 +103,7 @@ export class CellLayer {
     this.#clocks = new ChunkStaleness(this.#grid, times, kind.counts);
     const uniforms: { [name: string]: IUniform } = {
       ...common,
+      ...occlusion,
       tint: { value: new Vector3(...kind.colour) },
       alphas: { value: kind.alphas },
     };
@@ -152,8 +160,8 @@ export class CellLayer {
   #make(chunk: number, tick: number): void {
     const { times, kind } = this;
     const contains = kind.isBefore
-      ? (cell: number): boolean => times[cell]! > tick && kind.counts(cell)
-      : (cell: number): boolean => times[cell]! <= tick && kind.counts(cell);
+      ? (cell: number): boolean => times.get(cell) > tick && kind.counts(cell)
+      : (cell: number): boolean => times.get(cell) <= tick && kind.counts(cell);
     const isAny = this.#grid.fill(chunk, this.#padded, contains);
     const origin = this.#grid.origin(chunk);
     const block = { edge: this.#edge, origin, padded: this.#padded };
@@ -164,7 +172,7 @@ export class CellLayer {
     if (mesh !== undefined) mesh.mesh.visible = !isEmpty;
     if (isEmpty) return;
     const edge = this.#edge;
-    const faces = new Faces(surface, this.occlusion, this.index, origin, [
+    const faces = new Faces(surface, this.buffers, origin, [
       origin[0] + edge,
       origin[1] + edge,
       origin[2] + edge,

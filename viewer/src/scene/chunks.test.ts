@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { NEVER } from "../data/run.ts";
+import { CellTimes } from "../data/cell-times.ts";
 import { ChunkStaleness, Grid, type Size } from "./chunks.ts";
 import { DIRECTIONS } from "./mesher.ts";
 import { randomNumbers } from "./testing.ts";
@@ -72,7 +73,8 @@ describe("chunk staleness", () => {
   it.each([1, 2, 3])("a chunk is stale exactly if it looks different (seed %i)", (seed) => {
     const next = randomNumbers(seed);
     const grid = new Grid(SIZE, EDGE);
-    const times = new Uint32Array(CELLS).fill(NEVER);
+    const cellTimes = new CellTimes(CELLS);
+    const times = cellTimes.flat!;
     const drawCells = (count: number): number[] => {
       const cells = Array.from({ length: count }, () => Math.floor(next() * CELLS)).filter(
         (cell) => times[cell] === NEVER,
@@ -81,7 +83,7 @@ describe("chunk staleness", () => {
       return cells;
     };
     drawCells(12);
-    const clocks = new ChunkStaleness(grid, times, () => true);
+    const clocks = new ChunkStaleness(grid, cellTimes, () => true);
     const drawn: (string | undefined)[] = Array.from({ length: grid.chunks });
     const drawnFor: number[] = [];
     let kept = 0;
@@ -110,8 +112,9 @@ describe("chunk staleness", () => {
 
   it("ignores cells that do not count", () => {
     const grid = new Grid(SIZE, EDGE);
-    const times = new Uint32Array(CELLS).fill(NEVER);
-    const clocks = new ChunkStaleness(grid, times, (cell) => cell !== 5);
+    const cellTimes = new CellTimes(CELLS);
+    const times = cellTimes.flat!;
+    const clocks = new ChunkStaleness(grid, cellTimes, (cell) => cell !== 5);
     clocks.markBuilt(1, 100);
     times[5] = 50;
     clocks.markChanged([5]);

@@ -6,6 +6,7 @@
  * tick it was built for and the requested one, or if a time up to the former became known since.
  */
 
+import type { CellTimes } from "../data/cell-times.ts";
 import { NEVER } from "../data/run.ts";
 
 export type Size = readonly [number, number, number];
@@ -98,15 +99,13 @@ export class ChunkStaleness {
 
   constructor(
     readonly grid: Grid,
-    readonly times: Uint32Array,
+    readonly times: CellTimes,
     readonly counts: (cell: number) => boolean,
   ) {
     const sets = Array.from({ length: grid.chunks }, () => new Set<number>());
-    for (let cell = 0; cell < times.length; cell++) {
-      const tick = times[cell]!;
-      if (tick === NEVER || !counts(cell)) continue;
-      grid.forTouched(cell, (chunk) => sets[chunk]!.add(tick));
-    }
+    times.forEach((cell, tick) => {
+      if (counts(cell)) grid.forTouched(cell, (chunk) => sets[chunk]!.add(tick));
+    });
     this.#clocks = sets.map((set) => {
       const ticks = Uint32Array.from(set).sort();
       return { ticks, count: ticks.length, builtFor: -1 };
@@ -116,7 +115,7 @@ export class ChunkStaleness {
   /** The times of these cells have become known, or earlier than before. */
   markChanged(cells: Iterable<number>): void {
     for (const cell of cells) {
-      const tick = this.times[cell]!;
+      const tick = this.times.get(cell);
       if (tick === NEVER || !this.counts(cell)) continue;
       this.grid.forTouched(cell, (chunk) => {
         const clock = this.#clocks[chunk]!;

@@ -4,12 +4,12 @@ import { Group, Vector3, type WebGLRenderer } from "three";
 import { TICK_S, type Belief, type RunUpdate, type Run } from "../data/run.ts";
 import { CellLayer, type CellLayerStyle } from "./cell-layer.ts";
 import { agentRgb } from "./colours.ts";
-import { QuadIndex } from "./faces.ts";
+import { QuadBuffers } from "./faces.ts";
 import type { SharedUniforms } from "./glsl.ts";
-import { computeOcclusion, type AmbientOcclusion } from "./ambient-occlusion.ts";
+import { computeOcclusion } from "./ambient-occlusion.ts";
 import { BlockTimes, type BlockModel } from "./block-model.ts";
 import type { View } from "./view.ts";
-import { TimesVolume } from "./volumes.ts";
+import { occlusionUniforms, TimesVolume, type OcclusionUniforms } from "./volumes.ts";
 import { Walls } from "./walls.ts";
 
 /** Maximum number of texels of the ambient occlusion. */
@@ -39,8 +39,8 @@ export class DetailLevel {
   readonly #seen: BlockTimes;
   /** Created when it is first shown. */
   #covered: { readonly times: BlockTimes; readonly layer: CellLayer } | null = null;
-  readonly #index = new QuadIndex();
-  readonly #occlusion: AmbientOcclusion;
+  readonly #buffers: QuadBuffers;
+  readonly #occlusion: OcclusionUniforms;
   readonly #times: TimesVolume;
   #known: Known | null = null;
 
@@ -48,11 +48,15 @@ export class DetailLevel {
     readonly run: Run,
     readonly model: BlockModel,
     readonly common: SharedUniforms,
+    gl: WebGL2RenderingContext,
   ) {
-    this.#occlusion = computeOcclusion(model.walls, model.size, OCCLUSION_TEXELS_MAX);
+    this.#buffers = new QuadBuffers(gl);
+    const edgeMax = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
+    const limits = { blocksMax: OCCLUSION_TEXELS_MAX, edgeMax };
+    this.#occlusion = occlusionUniforms(computeOcclusion(model.walls, model.size, limits));
     this.#seen = new BlockTimes(model, run.firstSeenTick);
     this.#times = new TimesVolume(this.#seen.times, model.size);
-    this.#walls = new Walls(model, this.#index, common, this.#times, this.#occlusion);
+    this.#walls = new Walls(model, this.#buffers, common, this.#times, this.#occlusion);
     this.#unexplored = this.#layer(this.#seen, UNEXPLORED);
     this.group.add(this.#walls.group);
     this.group.scale.setScalar(model.cellM);
@@ -61,7 +65,14 @@ export class DetailLevel {
   #layer({ times }: BlockTimes, kind: Omit<CellLayerStyle, "counts">): CellLayer {
     const { walls, size } = this.model;
     const counts = (cell: number): boolean => walls[cell] === 0;
-    const layer = new CellLayer(size, times, { ...kind, counts }, this.#index, this.common, this.#occlusion);
+    const layer = new CellLayer(
+      size,
+      times,
+      { ...kind, counts },
+      this.#buffers,
+      this.common,
+      this.#occlusion,
+    );
     this.group.add(layer.group);
     return layer;
   }
@@ -134,6 +145,7 @@ export class DetailLevel {
     this.#unexplored.dispose();
     this.#covered?.layer.dispose();
     this.#times.dispose();
+    this.#occlusion.occlusion.value.dispose();
     this.#known?.volume.dispose();
   }
 

@@ -1,34 +1,52 @@
 /**
  * Meshes of the mesher's rectangles for three.js.
  *
- * All geometries share one index buffer, so each consists of its corners only. Shaders derive the
- * corner number from `gl_VertexID`. Only face directions that can be visible from the camera are
- * drawn.
+ * All geometries share one index buffer, so each consists of its corners only: 32 bits for each,
+ * which are in the memory of the GPU alone. Shaders derive the corner
+ * number from `gl_VertexID`, and ambient occlusion from a texture. Only face directions that can be
+ * visible from the camera are drawn.
  */
 
 import {
   BufferAttribute,
   BufferGeometry,
+  GLBufferAttribute,
   Mesh,
   Sphere,
   Uint32BufferAttribute,
   Vector3,
+  type NormalOrGLBufferAttributes,
   type RawShaderMaterial,
 } from "three";
 import type { Size } from "./chunks.ts";
-import { occlusionAt, type AmbientOcclusion } from "./ambient-occlusion.ts";
 import { CORNERS, FACING_ORDER, NUMBERS_PER_CORNER, type Surface } from "./mesher.ts";
 
-/** The index buffer, as large as the largest geometry needs. */
-export class QuadIndex {
-  #attribute = new Uint32BufferAttribute(quadIndices(1024), 1);
+/** The index buffer, as large as the largest geometry needs, and the way of corners to the GPU. */
+export class QuadBuffers {
+  #index = new Uint32BufferAttribute(quadIndices(1024), 1);
+  /** Corners on their way: browsers keep arrays that were given to the GPU for long. */
+  #staged = new Uint32Array(1024 * CORNERS);
 
-  for(quads: number): BufferAttribute {
-    if (this.#attribute.count < quads * 6) {
+  constructor(readonly gl: WebGL2RenderingContext) {}
+
+  indexFor(quads: number): BufferAttribute {
+    if (this.#index.count < quads * 6) {
       const capacity = 2 ** Math.ceil(Math.log2(quads));
-      this.#attribute = new Uint32BufferAttribute(quadIndices(capacity), 1);
+      this.#index = new Uint32BufferAttribute(quadIndices(capacity), 1);
     }
-    return this.#attribute;
+    return this.#index;
+  }
+
+  /** Corners in the memory of the GPU, packed; see `pack`. */
+  upload(corners: Uint16Array, origin: Size): GLBufferAttribute {
+    const { gl } = this;
+    const count = corners.length / NUMBERS_PER_CORNER;
+    if (count > this.#staged.length) this.#staged = new Uint32Array(2 ** Math.ceil(Math.log2(count)));
+    pack(corners, origin, this.#staged);
+    const buffer = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, this.#staged, gl.STATIC_DRAW, 0, count);
+    return new GLBufferAttribute(buffer, gl.UNSIGNED_INT, 1, 4, count);
   }
 }
 
@@ -42,33 +60,74 @@ export function quadIndices(quads: number): Uint32Array {
   return indices;
 }
 
-/** A surface with its ambient occlusion as vertex attributes; several meshes may draw it. */
-export class Faces {
-  readonly #attributes: Readonly<Record<string, BufferAttribute>>;
+/** Bits of a packed corner for each coordinate, and for each length of its rectangle. */
+const PLACE_BITS = 6;
+const LENGTH_BITS = 3;
 
-  /** `low` and `high` bound the surface, in cells. */
+/**
+ * The corners of rectangles in a cube, packed: from the lowest bit x, y and z relative to the lowest
+ * cell of the cube, the direction, and the lengths of the rectangle along the two axes across it,
+ * the lower one first. `PACKED_CORNER` (`glsl.ts`) reads them.
+ */
+export function pack(corners: Uint16Array, origin: Size, words: Uint32Array): void {
+  for (let at = 0; at < corners.length; at += CORNERS * NUMBERS_PER_CORNER) {
+    const opposite = at + 2 * NUMBERS_PER_CORNER;
+    const facing = corners[at + 3]!;
+    const axis = facing >> 1;
+    const [u, v] = axis === 0 ? [1, 2] : axis === 1 ? [0, 2] : [0, 1];
+    const lengthU = Math.abs(corners[at + u]! - corners[opposite + u]!);
+    const lengthV = Math.abs(corners[at + v]! - corners[opposite + v]!);
+    const shared = ((((lengthV << LENGTH_BITS) | lengthU) << 3) | facing) << (3 * PLACE_BITS);
+    for (let corner = 0; corner < CORNERS; corner++) {
+      const from = at + corner * NUMBERS_PER_CORNER;
+      const x = corners[from]! - origin[0];
+      const y = corners[from + 1]! - origin[1];
+      const z = corners[from + 2]! - origin[2];
+      words[from / NUMBERS_PER_CORNER] = shared | (((z << PLACE_BITS) | y) << PLACE_BITS) | x;
+    }
+  }
+}
+
+/** Rectangles as a vertex attribute; several meshes may draw it. */
+export class Faces {
+  /** Where meshes of it are placed, cells: coordinates in the attribute are relative to it. */
+  readonly origin: Vector3;
+  /** Number of rectangles up to the end of each direction of `FACING_ORDER`. */
+  readonly ends: readonly number[];
+  readonly #corner: BufferAttribute | GLBufferAttribute;
+
+  /**
+   * `low` and `high` bound the surface, in cells. Without `isPacked` corners are as in the surface,
+   * for places and lengths that do not fit the bits of packed ones.
+   */
   constructor(
-    readonly surface: Surface,
-    occlusion: AmbientOcclusion,
-    readonly index: QuadIndex,
+    { corners, ends }: Surface,
+    readonly buffers: QuadBuffers,
     readonly low: Size,
     readonly high: Size,
+    isPacked = true,
   ) {
-    const { each, mean } = occlusionAt(occlusion, surface.corners);
-    this.#attributes = {
-      corner: new BufferAttribute(surface.corners, NUMBERS_PER_CORNER),
-      occlusion: new BufferAttribute(each, 4, true),
-      occlusionMean: new BufferAttribute(mean, 4, true),
-    };
+    this.ends = ends;
+    this.origin = isPacked ? new Vector3(...low) : new Vector3();
+    this.#corner = isPacked ? buffers.upload(corners, low) : new BufferAttribute(corners, NUMBERS_PER_CORNER);
   }
 
   geometry(): BufferGeometry {
-    const geometry = new BufferGeometry();
-    for (const [name, attribute] of Object.entries(this.#attributes)) geometry.setAttribute(name, attribute);
-    geometry.setIndex(this.index.for(this.surface.ends.at(-1)!));
-    const [low, high] = [new Vector3(...this.low), new Vector3(...this.high)];
-    geometry.boundingSphere = new Sphere(low.clone().add(high).multiplyScalar(0.5), high.distanceTo(low) / 2);
-    return geometry;
+    const geometry = new BufferGeometry<NormalOrGLBufferAttributes>();
+    geometry.setAttribute("corner", this.#corner);
+    geometry.setIndex(this.buffers.indexFor(this.ends.at(-1)!));
+    const [low, high] = [this.low, this.high].map((end) => new Vector3(...end).sub(this.origin));
+    geometry.boundingSphere = new Sphere(
+      low!.clone().add(high!).multiplyScalar(0.5),
+      high!.distanceTo(low!) / 2,
+    );
+    // The types of meshes do not know that three.js draws these attributes as well.
+    return geometry as BufferGeometry;
+  }
+
+  /** Three.js knows the corners of drawn geometries only. */
+  dispose(): void {
+    if (this.#corner instanceof GLBufferAttribute) this.buffers.gl.deleteBuffer(this.#corner.buffer);
   }
 }
 
@@ -86,19 +145,21 @@ export class FacesMesh {
   ) {
     this.#faces = faces;
     this.mesh = new Mesh(faces.geometry(), [material]);
+    this.mesh.position.copy(faces.origin);
   }
 
   /** Draws other faces from now on. */
   replace(faces: Faces): void {
+    this.dispose();
     this.#faces = faces;
     this.#drawn = -1;
-    this.dispose();
     this.mesh.geometry = faces.geometry();
+    this.mesh.position.copy(faces.origin);
   }
 
   /** Selects the directions that can be visible from a camera position in cells. */
   selectFacing(eye: Vector3): void {
-    const { low, high, surface } = this.#faces;
+    const { low, high, ends } = this.#faces;
     let drawn = 0;
     for (let axis = 0; axis < 3; axis++) {
       const coordinate = eye.getComponent(axis);
@@ -113,7 +174,7 @@ export class FacesMesh {
     let from = 0;
     let to = 0;
     for (const [slot, facing] of FACING_ORDER.entries()) {
-      const end = surface.ends[slot]!;
+      const end = ends[slot]!;
       const isDrawn = ((drawn >> facing) & 1) === 1;
       if (isDrawn) to = end;
       if (!isDrawn || slot === FACING_ORDER.length - 1) {
@@ -124,9 +185,10 @@ export class FacesMesh {
     }
   }
 
-  /** Disposes of the geometry, but not of the shared index buffer. */
+  /** Disposes of the geometry and its faces, but not of the shared index buffer. */
   dispose(): void {
     this.mesh.geometry.setIndex(null);
     this.mesh.geometry.dispose();
+    this.#faces.dispose();
   }
 }

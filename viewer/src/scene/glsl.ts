@@ -85,6 +85,43 @@ const vec3 NORMALS[6] = vec3[6](
   vec3(1, 0, 0), vec3(-1, 0, 0), vec3(0, 1, 0), vec3(0, -1, 0), vec3(0, 0, 1), vec3(0, 0, -1));
 `;
 
+/** Direction from the middle of a rectangle to its corner, along the two axes across the face. */
+export const CORNER_OUTWARD = /* glsl */ `
+ivec2 cornerOutward(int facing) {
+  int turn = gl_VertexID & 3;
+  if (((facing & 1) == 1) != (facing >> 1 == 1)) turn = 3 - turn;
+  return ivec2(turn == 1 || turn == 2 ? 1 : -1, turn >= 2 ? 1 : -1);
+}
+`;
+
+/**
+ * Reads a packed corner (`faces.ts`), with the ambient occlusion there. The origin of a mesh, in
+ * cells, is in its matrix, beside the length of a cell.
+ */
+export const PACKED_CORNER = /* glsl */ `${CORNER_OUTWARD}
+in uint corner;
+uniform usampler3D occlusion;
+uniform int occlusionStep;
+int cornerFacing() { return int((corner >> 18) & 7u); }
+ivec3 cornerCells() {
+  return ivec3(round(modelMatrix[3].xyz / modelMatrix[0].x)) +
+    ivec3(uvec3(corner, corner >> 6, corner >> 12) & 63u);
+}
+uvec4 occlusionTexel(ivec3 cells) {
+  return texelFetch(occlusion, (cells + (occlusionStep >> 1)) / occlusionStep, 0);
+}
+// Direction out of the rock, and openness.
+vec4 occlusionOf(uvec4 texel) { return vec4(vec3(texel.rgb) * (2.0 / 255.0) - 1.0, float(texel.a) / 255.0); }
+// The sum of the texels at the other three corners of the rectangle.
+uvec4 otherTexels(ivec3 cells, int facing) {
+  ivec2 inward = -cornerOutward(facing) * ivec2(uvec2(corner >> 21, corner >> 24) & 7u);
+  int axis = facing >> 1;
+  ivec3 u = axis == 0 ? ivec3(0, inward.x, 0) : ivec3(inward.x, 0, 0);
+  ivec3 v = axis == 2 ? ivec3(0, inward.y, 0) : ivec3(0, 0, inward.y);
+  return occlusionTexel(cells + u) + occlusionTexel(cells + v) + occlusionTexel(cells + u + v);
+}
+`;
+
 export const FRAGMENT_HEAD = /* glsl */ `${HEAD}
 out vec4 colour;
 const vec3 HAZE = vec3(0.0026, 0.0042, 0.0078);

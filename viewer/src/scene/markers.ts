@@ -17,7 +17,7 @@ import type { Vec3 } from "../data/run.ts";
 import { quadIndices } from "./faces.ts";
 import { FRAGMENT_HEAD, VERTEX_HEAD, type SharedUniforms } from "./glsl.ts";
 
-/** Shape of a marker. */
+/** Shape of a marker; labels are markers of their own set. */
 export const MARKER = { glow: 0, ring: 1, target: 2, dot: 3, label: 4 } as const;
 
 export interface Marker {
@@ -77,11 +77,12 @@ void main() {
   float r = length(vAt);
   float alpha = 0.0;
   vec3 c = vTint.rgb;
-  if (vKind == ${MARKER.label}) {
-    vec4 texel = texture(labels, vOnSheet);
-    c = texel.r > 0.0 ? mix(vTint.rgb, vec3(1.0), texel.g) * texel.r : vec3(0.0);
-    alpha = texel.a;
-  } else if (vKind == ${MARKER.glow}) {
+  #ifdef LABELS
+  vec4 texel = texture(labels, vOnSheet);
+  c = texel.r > 0.0 ? mix(vTint.rgb, vec3(1.0), texel.g) * texel.r : vec3(0.0);
+  alpha = texel.a;
+  #else
+  if (vKind == ${MARKER.glow}) {
     alpha = max(exp(-r * r * 4.5) - 0.011, 0.0);
   } else if (vKind == ${MARKER.ring}) {
     alpha = ring(r, 0.86, pixelRatio) + 0.25 * max(1.0 - abs(r - 0.86) * 7.0, 0.0);
@@ -92,6 +93,7 @@ void main() {
   } else {
     alpha = clamp((1.0 - r) * vRadiusPx, 0.0, 1.0);
   }
+  #endif
   alpha *= vTint.a;
   if (alpha < 0.004) discard;
   colour = vec4(c, min(alpha, 1.0));
@@ -102,16 +104,20 @@ const ATTRIBUTES = { anchor: 3, tint: 4, shape: 4, number: 1 };
 
 export class Markers {
   readonly mesh: Mesh<BufferGeometry, RawShaderMaterial>;
-  readonly #sheet: CanvasTexture;
+  readonly #sheet: CanvasTexture | null;
   #capacity = 0;
 
-  /** `labels` is the number of labels, which are 0, 1, 2... */
+  /**
+   * `labels` is the number of labels, which are 0, 1, 2...; all markers are labels, or none is where
+   * it is 0.
+   */
   constructor(common: SharedUniforms, labels: number) {
     const rows = Math.max(1, Math.ceil(labels / COLUMNS));
-    this.#sheet = sheetOf(labels, rows);
+    this.#sheet = labels === 0 ? null : sheetOf(labels, rows);
     const material = new RawShaderMaterial({
       glslVersion: GLSL3,
       uniforms: { ...common, labels: { value: this.#sheet }, sheet: { value: [COLUMNS, rows] } },
+      defines: labels === 0 ? {} : { LABELS: 1 },
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
       transparent: true,
@@ -147,7 +153,7 @@ export class Markers {
   dispose(): void {
     this.mesh.geometry.dispose();
     this.mesh.material.dispose();
-    this.#sheet.dispose();
+    this.#sheet?.dispose();
   }
 
   #grow(markers: number): void {

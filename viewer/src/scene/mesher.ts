@@ -32,7 +32,10 @@ export const FACING_ORDER: readonly number[] = [0, 1, 3, 2, 4, 5];
 
 /** Rectangles. */
 export interface Surface {
-  /** `NUMBERS_PER_CORNER` numbers for each of the `CORNERS` of each rectangle. */
+  /**
+   * `NUMBERS_PER_CORNER` numbers for each of the `CORNERS` of each rectangle. Those of a mesher are
+   * valid until its next call.
+   */
   readonly corners: Uint16Array;
   /** Number of rectangles up to the end of each direction of `FACING_ORDER`. */
   readonly ends: readonly number[];
@@ -70,7 +73,7 @@ export class Mesher {
       }
       return this.#used / NUMBERS_PER_QUAD;
     });
-    return { corners: this.#out.slice(0, this.#used), ends };
+    return { corners: this.#out.subarray(0, this.#used), ends };
   }
 
   /**

@@ -6,15 +6,16 @@
  * behind. The scene selects nothing on its own: it reports what lies at a position (`pick`).
  */
 
-import { Scene as Graph, Vector3, WebGLRenderer } from "three";
+import { Scene as Graph, Vector2, Vector3, WebGLRenderer } from "three";
 import { TICK_S, type Belief, type Hits, type Run, type RunUpdate, type Vec3 } from "../data/run.ts";
 import { Background } from "./background.ts";
 import { Cave } from "./cave.ts";
 import { CameraRig } from "./camera-rig.ts";
-import { makeSharedUniforms } from "./glsl.ts";
+import { makeSharedUniforms, type SharedUniforms } from "./glsl.ts";
 import { openGraphics } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
+import { ReducedFrame } from "./reduced-frame.ts";
 import { Team } from "./team.ts";
 import { defaultView, type View } from "./view.ts";
 import { GLASS_BELOW } from "./wall-shaders.ts";
@@ -67,13 +68,22 @@ export class Scene {
    * pixel.
    */
   readonly isSoftware: boolean;
+  readonly #gl: WebGL2RenderingContext;
   readonly #renderer: WebGLRenderer;
   readonly #graph = new Graph();
+  /** Labels, which are drawn last, in all pixels of the canvas. */
+  readonly #labels = new Graph();
   readonly #common = makeSharedUniforms();
+  /** Those of the labels, whose frame is the canvas. */
+  readonly #labelCommon: SharedUniforms = {
+    ...this.#common,
+    frameSize: { value: new Vector2(1, 1) },
+    pixelRatio: { value: 1 },
+  };
+  readonly #reduced: ReducedFrame;
   readonly #background: Background;
   readonly #hitPoints: HitPoints;
   readonly #cameraRig: CameraRig;
-  readonly #edgeMax: number;
   #loaded: LoadedRun | null = null;
   #selected: number | null = null;
   #size = { width: 1, height: 1 };
@@ -102,16 +112,17 @@ export class Scene {
     }
     const { canvas, context } = graphics;
     this.canvas = canvas;
+    this.#gl = context;
     this.isSoftware = graphics.isSoftware;
     this.#renderer = new WebGLRenderer({ canvas, context });
     // Checking shader errors would wait for their compilation.
     this.#renderer.debug.checkShaderErrors = import.meta.env.DEV;
-    this.#edgeMax = context.getParameter(context.MAX_3D_TEXTURE_SIZE) as number;
+    this.#reduced = new ReducedFrame(isForPictures || !graphics.isSoftware);
     this.#background = new Background(this.#common);
     this.#hitPoints = new HitPoints(this.#common);
     this.#graph.add(this.#background.mesh, this.#hitPoints.points);
     this.#cameraRig = new CameraRig(canvas);
-    canvas.addEventListener("webglcontextrestored", this.#touch);
+    canvas.addEventListener("webglcontextrestored", this.#restore);
   }
 
   get selected(): number | null {
@@ -151,9 +162,10 @@ export class Scene {
   setRun(run: Run | null): void {
     this.#clear();
     if (run === null) return;
-    const cave = new Cave(run, this.#common, this.#edgeMax);
-    const team = new Team(run, this.#common);
+    const cave = new Cave(run, this.#common, this.#gl);
+    const team = new Team(run, this.#common, this.#labelCommon);
     this.#graph.add(cave.root, team.root);
+    this.#labels.add(team.labels);
     const stopListening = run.onUpdate((update) => {
       cave.markChanged(update);
       this.#isDirty ||= this.#concerns(update);
@@ -164,7 +176,7 @@ export class Scene {
     this.#cameraRig.setLimits([1.5 * cellM, reachM * 7], reachM);
     this.#cameraRig.goTo(this.#caveOrbit(cave), cave.middle, false);
     // Shaders compile while the chunks are built.
-    this.#renderer.compile(this.#graph, this.#cameraRig.camera);
+    for (const graph of [this.#graph, this.#labels]) this.#renderer.compile(graph, this.#cameraRig.camera);
   }
 
   /**
@@ -257,25 +269,39 @@ export class Scene {
     if (this.#loaded === loaded && this.needsRedraw) this.#draw(timeS, FULL_EFFORT);
   }
 
-  /** Sets the size of the canvas in CSS pixels, and the frame buffer pixels per CSS pixel. */
-  resize(width: number, height: number, pixelRatio: number): void {
+  /**
+   * Sets the size of the canvas in CSS pixels, its pixels per CSS pixel, and the share of this ratio
+   * in which frames are drawn, except for their labels.
+   */
+  resize(width: number, height: number, pixelRatio: number, share: number): void {
     this.#size = { width: Math.max(width, 1), height: Math.max(height, 1) };
-    this.#common.pixelRatio.value = pixelRatio;
-    this.#common.frameSize.value.set(this.#size.width, this.#size.height).multiplyScalar(pixelRatio).floor();
+    for (const [uniforms, ratio] of [
+      [this.#common, pixelRatio * share],
+      [this.#labelCommon, pixelRatio],
+    ] as const) {
+      uniforms.pixelRatio.value = ratio;
+      uniforms.frameSize.value
+        .set(this.#size.width, this.#size.height)
+        .multiplyScalar(ratio)
+        .floor()
+        .max(ONE);
+    }
     this.#cameraRig.camera.aspect = this.#size.width / this.#size.height;
     this.#isDirty = true;
   }
 
   dispose(): void {
     this.#clear();
-    this.canvas.removeEventListener("webglcontextrestored", this.#touch);
+    this.canvas.removeEventListener("webglcontextrestored", this.#restore);
     this.#cameraRig.dispose();
     this.#background.dispose();
     this.#hitPoints.dispose();
+    this.#reduced.dispose();
     this.#renderer.dispose();
   }
 
-  readonly #touch = (): void => {
+  readonly #restore = (): void => {
+    this.#loaded?.cave.rebuild();
     this.#isDirty = true;
   };
 
@@ -290,6 +316,7 @@ export class Scene {
     if (loaded === null) return;
     loaded.stopListening();
     this.#graph.remove(loaded.cave.root, loaded.team.root);
+    this.#labels.remove(loaded.team.labels);
     loaded.cave.dispose();
     loaded.team.dispose();
   }
@@ -320,9 +347,26 @@ export class Scene {
       this.#hitPoints.show(null, [0, 0, 0]);
     }
     this.#setSize();
-    this.#renderer.render(this.#graph, this.#cameraRig.camera);
-    const { triangles } = this.#renderer.info.render;
+    const triangles = this.#renderAll();
     this.#stats = { triangles, chunksRebuilt: built, milliseconds: performance.now() - beganMs };
+  }
+
+  /** Renders the frame, and the labels over it. Returns the triangles of the frame. */
+  #renderAll(): number {
+    const renderer = this.#renderer;
+    const { camera } = this.#cameraRig;
+    const size = this.#common.frameSize.value;
+    let triangles: number;
+    if (size.equals(this.#labelCommon.frameSize.value)) {
+      renderer.render(this.#graph, camera);
+      triangles = renderer.info.render.triangles;
+    } else {
+      triangles = this.#reduced.render(renderer, this.#graph, camera, size);
+    }
+    renderer.autoClear = false;
+    renderer.render(this.#labels, camera);
+    renderer.autoClear = true;
+    return triangles;
   }
 
   /** Size of a cell at the orbit's centre, at the end of a flight; CSS pixels. */
@@ -335,7 +379,7 @@ export class Scene {
    * last.
    */
   #setSize(): void {
-    const { x, y } = this.#common.frameSize.value;
+    const { x, y } = this.#labelCommon.frameSize.value;
     if (this.canvas.width !== x || this.canvas.height !== y) this.#renderer.setSize(x, y, false);
   }
 
@@ -410,6 +454,8 @@ export class Scene {
     this.#hitPoints.show(shown, from);
   }
 }
+
+const ONE = new Vector2(1, 1);
 
 /** Size of a pixel at a distance of one metre, for an image of this height in pixels. */
 function pixelM(heightPx: number): number {

@@ -1,6 +1,6 @@
 /** The agents of a run at a time: bodies, trails, paths and targets, contacts, labels. */
 
-import { Group, Vector3, type PerspectiveCamera } from "three";
+import { Group, Vector3, type Object3D, type PerspectiveCamera } from "three";
 import type { AgentState, Run, Vec3 } from "../data/run.ts";
 import { Bodies, BODY_RADIUS_PX } from "./bodies.ts";
 import { agentRgb, type Rgb } from "./colours.ts";
@@ -40,20 +40,28 @@ export class Team {
   readonly #trails: readonly Trail[];
   readonly #lines: Segments;
   readonly #markers: Markers;
+  readonly #labels: Markers;
   #onScreen: readonly ScreenAgent[] = [];
 
   constructor(
     readonly run: Run,
     common: SharedUniforms,
+    labelCommon: SharedUniforms,
   ) {
     const ids = Array.from({ length: run.setup.agents }, (_, id) => id);
     this.#colours = ids.map(agentRgb);
     this.#bodies = new Bodies(common, this.#colours);
     this.#trails = this.#colours.map((colour, id) => new Trail(common, colour, this.#radiusM(id)));
     this.#lines = new Segments(common, 0.25, 4);
-    this.#markers = new Markers(common, ids.length);
+    this.#markers = new Markers(common, 0);
+    this.#labels = new Markers(labelCommon, ids.length);
     this.root.add(...this.#bodies.meshes, ...this.#lines.meshes, this.#markers.mesh);
     for (const trail of this.#trails) this.root.add(...trail.meshes);
+  }
+
+  /** The numbers of agents, to be drawn over everything else. */
+  get labels(): Object3D {
+    return this.#labels.mesh;
   }
 
   show(timeS: number, view: View, selected: number | null, viewport: Viewport): void {
@@ -70,9 +78,9 @@ export class Team {
       if (view.layers.paths) this.#showPath(agent.state, selected, segments, markers);
     }
     if (view.layers.contacts) this.#showContacts(states, selected, segments);
-    if (view.layers.labels) markers.push(...this.#labels(selected));
     this.#lines.show(segments);
     this.#markers.show(markers);
+    this.#labels.show(view.layers.labels ? this.#labelMarkers(selected) : []);
   }
 
   /** The agent at a position of the canvas in the last frame. */
@@ -91,6 +99,7 @@ export class Team {
     for (const trail of this.#trails) trail.dispose();
     this.#lines.dispose();
     this.#markers.dispose();
+    this.#labels.dispose();
   }
 
   #radiusM(id: number): number {
@@ -189,7 +198,7 @@ export class Team {
   }
 
   /** Labels, the nearest ones on top; occluded ones are faint. */
-  #labels(selected: number | null): Marker[] {
+  #labelMarkers(selected: number | null): Marker[] {
     const isBefore = (a: ScreenAgent, b: ScreenAgent): number =>
       Number(b.state.id === selected) - Number(a.state.id === selected) ||
       a.depthM - b.depthM ||

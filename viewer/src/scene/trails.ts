@@ -15,6 +15,8 @@ const TOLERANCE_M = 0.1;
 /** Maximum number of points skipped in a row; bounds the cost per point. */
 const SKIPPED_MAX = 48;
 
+type Point = readonly [timeS: number, x: number, y: number, z: number];
+
 /** Simplifies a track: omits points that a straight motion at constant speed approximates. */
 export class TrackSimplifier {
   #anchor: readonly number[] | null = null;
@@ -35,13 +37,22 @@ export class TrackSimplifier {
     this.#skipped.push(point);
   }
 
+  /**
+   * Each point is compared with all that were skipped, so this allocates nothing: the first seek
+   * after reading a recording waits for it.
+   */
   #isNear(from: readonly number[], to: readonly number[]): boolean {
-    const span = Math.max(to[0]! - from[0]!, 1e-9);
-    return this.#skipped.every((point) => {
-      const share = (point[0]! - from[0]!) / span;
-      const off = [1, 2, 3].map((axis) => from[axis]! + (to[axis]! - from[axis]!) * share - point[axis]!);
-      return Math.hypot(off[0]!, off[1]!, off[2]!) <= TOLERANCE_M;
-    });
+    const [fromS, fromX, fromY, fromZ] = from as Point;
+    const [toS, toX, toY, toZ] = to as Point;
+    const span = Math.max(toS - fromS, 1e-9);
+    for (const point of this.#skipped) {
+      const share = (point[0]! - fromS) / span;
+      const x = fromX + (toX - fromX) * share - point[1]!;
+      const y = fromY + (toY - fromY) * share - point[2]!;
+      const z = fromZ + (toZ - fromZ) * share - point[3]!;
+      if (Math.sqrt(x * x + y * y + z * z) > TOLERANCE_M) return false;
+    }
+    return true;
   }
 }
 

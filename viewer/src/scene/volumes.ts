@@ -1,38 +1,50 @@
-/**
- * Times of cells as three-dimensional textures.
- *
- * The texture data is the array of times itself; only changed layers (of z) are uploaded again.
- */
+/** Three-dimensional textures: times of cells, and ambient occlusion. */
 
 import {
   Box3,
   Data3DTexture,
   NearestFilter,
   RedIntegerFormat,
+  RGBAIntegerFormat,
+  UnsignedByteType,
   UnsignedIntType,
+  type IUniform,
   Vector3,
   type WebGLRenderer,
 } from "three";
+import type { CellTimes } from "../data/cell-times.ts";
+import type { AmbientOcclusion } from "./ambient-occlusion.ts";
 import type { Size } from "./chunks.ts";
 
-/** Times of cells, or of blocks of them. */
+/** Times that are copied to a texture at once. */
+const SLAB_CELLS_MAX = 2 ** 18;
+
+/**
+ * Times of cells, or of blocks of them, plus one: what has none, NEVER, is 0, with which the GPU
+ * fills a new texture. Changed layers (of z) are copied in slabs with times, all through one array,
+ * because browsers keep arrays that were given to the GPU for long.
+ */
 export class TimesVolume {
   readonly texture: Data3DTexture;
-  /** A texture of the same array, from which single layers are copied. */
-  readonly #source: Data3DTexture;
-  #isUploaded = false;
-  #low = Infinity;
-  #high = -Infinity;
+  readonly #slab: Data3DTexture;
+  #low = 0;
+  #high: number;
 
   constructor(
-    times: Uint32Array,
+    readonly times: CellTimes,
     readonly size: Size,
   ) {
-    this.texture = integers(times, size);
-    this.#source = integers(times, size);
+    const [x, y, z] = size;
+    this.texture = integers(null, size);
+    // Three.js is to reserve its memory only.
+    this.texture.source.dataReady = false;
+    this.texture.needsUpdate = true;
+    const layers = Math.min(Math.max(Math.floor(SLAB_CELLS_MAX / (x * y)), 1), z);
+    this.#slab = integers(new Uint32Array(x * y * layers), [x, y, layers]);
+    this.#high = z - 1;
   }
 
-  /** The times of these cells have changed. */
+  /** The times of these cells have changed; they have one. */
   markChanged(cells: Uint32Array): void {
     const area = this.size[0] * this.size[1];
     for (const cell of cells) {
@@ -42,7 +54,7 @@ export class TimesVolume {
     }
   }
 
-  /** Any time may have changed. */
+  /** Any time may have changed, but those that there were remain. */
   markAllChanged(): void {
     this.#low = 0;
     this.#high = this.size[2] - 1;
@@ -50,13 +62,15 @@ export class TimesVolume {
 
   /** Uploads the changes to the GPU. */
   upload(renderer: WebGLRenderer): void {
-    if (!this.#isUploaded) {
-      this.texture.needsUpdate = true;
-      this.#isUploaded = true;
-    } else if (this.#low <= this.#high) {
-      const from = new Vector3(0, 0, this.#low);
-      const box = new Box3(from, new Vector3(this.size[0], this.size[1], this.#high + 1));
-      renderer.copyTextureToTexture(this.#source, this.texture, box, from);
+    const [x, y] = this.size;
+    const { data, depth } = this.#slab.image as { data: Uint32Array; depth: number };
+    for (let low = this.#low; low <= this.#high; low += depth) {
+      const layers = Math.min(depth, this.#high + 1 - low);
+      const part = data.subarray(0, x * y * layers);
+      if (!this.times.copyTo(part, x * y * low)) continue;
+      for (let cell = 0; cell < part.length; cell++) part[cell]!++;
+      const box = new Box3(new Vector3(), new Vector3(x, y, layers));
+      renderer.copyTextureToTexture(this.#slab, this.texture, box, new Vector3(0, 0, low));
     }
     this.#low = Infinity;
     this.#high = -Infinity;
@@ -64,12 +78,32 @@ export class TimesVolume {
 
   dispose(): void {
     this.texture.dispose();
-    this.#source.dispose();
+    this.#slab.dispose();
   }
 }
 
-function integers(texels: Uint32Array, size: Size): Data3DTexture {
-  const texture = new Data3DTexture(texels as Uint32Array<ArrayBuffer>, size[0], size[1], size[2]);
+/** Ambient occlusion as shaders read it. */
+export interface OcclusionUniforms {
+  readonly [name: string]: IUniform;
+  readonly occlusion: IUniform<Data3DTexture>;
+  readonly occlusionStep: IUniform<number>;
+}
+
+/** The data is dropped once it has been uploaded. */
+export function occlusionUniforms({ counts, data, step }: AmbientOcclusion): OcclusionUniforms {
+  const texture = new Data3DTexture(data as Uint8Array<ArrayBuffer>, ...counts);
+  texture.format = RGBAIntegerFormat;
+  texture.type = UnsignedByteType;
+  texture.internalFormat = "RGBA8UI";
+  texture.minFilter = NearestFilter;
+  texture.magFilter = NearestFilter;
+  texture.onUpdate = () => (texture.image.data = new Uint8Array(0));
+  texture.needsUpdate = true;
+  return { occlusion: { value: texture }, occlusionStep: { value: step } };
+}
+
+function integers(texels: Uint32Array<ArrayBuffer> | null, size: Size): Data3DTexture {
+  const texture = new Data3DTexture(texels, ...size);
   texture.format = RedIntegerFormat;
   texture.type = UnsignedIntType;
   texture.internalFormat = "R32UI";

@@ -7,7 +7,7 @@
  * compiled, because software evaluates both sides of a condition.
  */
 
-import { FRAGMENT_HEAD, NORMALS, VERTEX_HEAD } from "./glsl.ts";
+import { CORNER_OUTWARD, FRAGMENT_HEAD, NORMALS, PACKED_CORNER, VERTEX_HEAD } from "./glsl.ts";
 
 /** Cell edges are drawn where a cell has at least this many pixels. */
 export const CELL_PX_LEAST = 10;
@@ -19,9 +19,12 @@ export const CELL_PX_LEAST = 10;
 export const GLASS_BELOW = 0.4;
 
 const VERTEX = /* glsl */ `${VERTEX_HEAD}${NORMALS}
+#ifdef RIM
 in vec4 corner;
-in vec4 occlusion;
-in vec4 occlusionMean;
+${CORNER_OUTWARD}
+#else
+${PACKED_CORNER}
+#endif
 uniform float cellM;
 uniform float opacity;
 out vec3 freeCells;
@@ -48,17 +51,24 @@ vec3 look() { return -vec3(viewMatrix[0].z, viewMatrix[1].z, viewMatrix[2].z); }
 // Rectangles of different lengths meet along edges; half a pixel more on each side closes the gaps.
 vec3 widened(vec3 position) {
   int axis = facing >> 1;
-  int turn = gl_VertexID & 3;
-  if (((facing & 1) == 1) != (axis == 1)) turn = 3 - turn;
-  vec2 outward = vec2(turn == 1 || turn == 2 ? 1.0 : -1.0, turn >= 2 ? 1.0 : -1.0);
+  vec2 outward = vec2(cornerOutward(facing));
   vec3 across = axis == 0 ? vec3(0.0, outward) : axis == 1 ? vec3(outward.x, 0.0, outward.y) : vec3(outward, 0.0);
   return position + across * (0.5 * pixelM * distance(eye, position));
 }
 `;
 
 const VERTEX_PLACE = /* glsl */ `
+  #ifdef RIM
   facing = int(corner.w);
-  positionM = widened((modelMatrix * vec4(corner.xyz, 1.0)).xyz);
+  vec3 place = corner.xyz;
+  positionM = (modelMatrix * vec4(place, 1.0)).xyz;
+  #else
+  facing = cornerFacing();
+  ivec3 cells = cornerCells();
+  vec3 place = vec3(cells);
+  positionM = place * cellM;
+  #endif
+  positionM = widened(positionM);
   gl_Position = projectionMatrix * viewMatrix * vec4(positionM, 1.0);
   vec3 away = positionM - eye;
   float distanceM = length(away);
@@ -66,8 +76,15 @@ const VERTEX_PLACE = /* glsl */ `
   haziness = hazinessAt(distanceM);
   vec3 flatNormal = NORMALS[facing];
   // On the free side of the face, half a cell away from it.
-  freeCells = corner.xyz + flatNormal * 0.5;
-  stone = stoneAt(uvec3(corner.xyz));
+  freeCells = place + flatNormal * 0.5;
+  stone = stoneAt(uvec3(place));
+`;
+
+/** The direction out of the rock and openness at the corner, and means of its rectangle. */
+const VERTEX_OCCLUSION = /* glsl */ `
+  uvec4 texel = occlusionTexel(cells);
+  vec4 open = occlusionOf(texel);
+  vec3 outMean = occlusionOf((texel + otherTexels(cells, facing)) >> 2).xyz;
 `;
 
 export const WALL_VERTEX = /* glsl */ `${VERTEX}
@@ -78,13 +95,11 @@ out float edgeStrength;
 #endif
 void main() {
   ${VERTEX_PLACE}
-  #ifndef RIM
+  ${VERTEX_OCCLUSION}
   // A step in a wall that as a whole looks away from the camera would float in the air.
-  if (dot(occlusionMean.rgb * 2.0 - 1.0, look()) > 0.38) gl_Position = NOWHERE;
-  #endif
-  vec3 smoothNormal = occlusion.rgb * 2.0 - 1.0;
-  vec3 n = normalize(flatNormal * 0.75 + smoothNormal * 0.8);
-  float shade = smoothstep(0.08, 0.60, occlusion.a);
+  if (dot(outMean, look()) > 0.38) gl_Position = NOWHERE;
+  vec3 n = normalize(flatNormal * 0.75 + open.xyz * 0.8);
+  float shade = smoothstep(0.08, 0.60, open.a);
   float key = max(dot(n, light) * 0.78 + 0.22, 0.0);
   float fill = max(-dot(n, away), 0.0);
   float sky = 0.5 + 0.5 * n.z;
@@ -103,14 +118,14 @@ out vec3 lit;
 out float alpha;
 void main() {
   ${VERTEX_PLACE}
-  vec3 smoothNormal = occlusion.rgb * 2.0 - 1.0;
-  vec3 n = normalize(flatNormal * 0.2 + smoothNormal);
+  ${VERTEX_OCCLUSION}
+  vec3 n = normalize(flatNormal * 0.2 + open.xyz);
   // The rock's side of the face; glass is clearest where one looks straight through.
   float glance = 1.0 - abs(dot(n, away));
   float key = max(dot(-mix(n, flatNormal, 0.4 + 0.6 * opacity), light), 0.0);
   lit = vec3(0.24, 0.28, 0.36) + vec3(1.1, 1.0, 0.88) * key * key;
   // Glass that would be invisible is omitted.
-  float glanceMean = 1.0 - abs(dot(normalize(flatNormal * 0.2 + occlusionMean.rgb * 2.0 - 1.0), look()));
+  float glanceMean = 1.0 - abs(dot(normalize(flatNormal * 0.2 + outMean), look()));
   if (opacity < ${GLASS_BELOW.toFixed(2)} && glanceMean < 0.35) gl_Position = NOWHERE;
   alpha = mix(opacity * (0.1 + 2.6 * glance * glance * glance), 1.0, opacity * opacity);
 }
@@ -130,16 +145,18 @@ uniform sampler2D heat;
 
 const vec3 NIGHT = vec3(0.058, 0.092, 0.180);
 
+// What has no time yet is 0 in a volume, and later than any tick here.
+uint timeIn(usampler3D volume, ivec3 cell) { return texelFetch(volume, cell, 0).r - 1u; }
 // Unlit colour of the wall in front of a free cell.
 vec3 surface() {
   ivec3 cell = ivec3(freeCells);
-  uint seen = texelFetch(times, cell, 0).r;
+  uint seen = timeIn(times, cell);
   #ifdef HEAT
   vec3 c = square(texture(heat, vec2(sqrt(float(seen) * heatScale), 0.5)).rgb) * 0.9;
   #else
   vec3 c = stone;
   #ifdef KNOWN
-  uint knownTick = texelFetch(known, cell, 0).r;
+  uint knownTick = timeIn(known, cell);
   c = knownTick > nowTick ? c * 0.16 + NIGHT * 0.5 : mix(c, knownColour, 0.42);
   #endif
   // What was seen recently glows for some seconds.
@@ -183,6 +200,12 @@ void main() {
   vec3 c = surface() * lit;
   #endif
   colour = vec4(shown(mix(c, HAZE, haziness)), min(alpha, 1.0));
+}
+`;
+
+export const RIM_VERTEX = /* glsl */ `${VERTEX}
+void main() {
+  ${VERTEX_PLACE}
 }
 `;
 

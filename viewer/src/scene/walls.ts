@@ -23,16 +23,16 @@ import {
 } from "three";
 import { Grid } from "./chunks.ts";
 import { heatRgb } from "./colours.ts";
-import { Faces, FacesMesh, type QuadIndex } from "./faces.ts";
+import { Faces, FacesMesh, type QuadBuffers } from "./faces.ts";
 import { setDefines, type SharedUniforms } from "./glsl.ts";
-import type { AmbientOcclusion } from "./ambient-occlusion.ts";
 import type { BlockModel } from "./block-model.ts";
 import { CORNERS, FACING_ORDER, Mesher, NUMBERS_PER_CORNER } from "./mesher.ts";
-import type { TimesVolume } from "./volumes.ts";
+import type { OcclusionUniforms, TimesVolume } from "./volumes.ts";
 import {
   CELL_PX_LEAST,
   GLASS_BELOW,
   RIM_FRAGMENT,
+  RIM_VERTEX,
   WALL_FRAGMENT,
   WALL_SHELL_FRAGMENT,
   WALL_SHELL_VERTEX,
@@ -71,10 +71,10 @@ export class Walls {
 
   constructor(
     readonly model: BlockModel,
-    readonly index: QuadIndex,
+    readonly buffers: QuadBuffers,
     readonly common: SharedUniforms,
     times: TimesVolume,
-    readonly occlusion: AmbientOcclusion,
+    occlusion: OcclusionUniforms,
   ) {
     this.#grid = new Grid(model.size, EDGE);
     const own = {
@@ -86,7 +86,7 @@ export class Walls {
       heat: { value: this.#heat },
       opacity: { value: 0 },
     };
-    const uniforms = { ...common, ...own };
+    const uniforms = { ...common, ...occlusion, ...own };
     const shared = { glslVersion: GLSL3, uniforms, vertexShader: WALL_VERTEX };
     this.#front = new RawShaderMaterial({ ...shared, fragmentShader: WALL_FRAGMENT, side: FrontSide });
     this.#back = new RawShaderMaterial({
@@ -99,6 +99,7 @@ export class Walls {
     });
     this.#rimMaterial = new RawShaderMaterial({
       ...shared,
+      vertexShader: RIM_VERTEX,
       fragmentShader: RIM_FRAGMENT,
       side: FrontSide,
       defines: { RIM: 1 },
@@ -121,7 +122,7 @@ export class Walls {
     const origin = this.#grid.origin(chunk);
     const surface = this.#mesher.surface({ edge: EDGE, origin, padded: this.#padded }, true);
     if (surface.corners.length === 0) return;
-    const faces = new Faces(surface, this.occlusion, this.index, origin, [
+    const faces = new Faces(surface, this.buffers, origin, [
       origin[0] + EDGE,
       origin[1] + EDGE,
       origin[2] + EDGE,
@@ -167,11 +168,10 @@ export class Walls {
     const { mesh } = this.#rim;
     mesh.visible = cut !== null && layer >= 0 && layer < this.model.size[cut.axis]!;
     if (cut === null || !mesh.visible) return;
-    mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.positionCells - (layer + 1));
     const key = `${cut.axis} ${layer}`;
-    if (key === this.#rimKey) return;
+    if (key !== this.#rimKey) this.#rim.replace(this.#rimFaces(cut.axis, layer));
     this.#rimKey = key;
-    this.#rim.replace(this.#rimFaces(cut.axis, layer));
+    mesh.position.set(0, 0, 0).setComponent(cut.axis, cut.positionCells - (layer + 1));
   }
 
   dispose(): void {
@@ -190,7 +190,7 @@ export class Walls {
     const corners = layer < 0 ? new Uint16Array(0) : rimOf(this.model, axis, layer);
     const count = corners.length / (NUMBERS_PER_CORNER * CORNERS);
     const ends = FACING_ORDER.map((_, slot) => (slot < FACING_ORDER.indexOf(axis * 2) ? 0 : count));
-    return new Faces({ corners, ends }, this.occlusion, this.index, [0, 0, 0], this.model.size);
+    return new Faces({ corners, ends }, this.buffers, [0, 0, 0], this.model.size, false);
   }
 }
 
