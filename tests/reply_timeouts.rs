@@ -162,18 +162,26 @@ fn paced_run_can_be_stopped() {
     assert_eq!((result.reason.as_str(), result.tick), ("interrupted", 1));
 }
 
-/// Agent 1 replies to the observation during which the run is interrupted after the shutdown
-/// message has come, and then acknowledges that, before agent 0 does.
-#[test]
-fn reply_that_crosses_the_shutdown_is_not_refused() {
+/// The run is interrupted at an observation that agent 1 replies to after the shutdown message has
+/// come, and then acknowledges that, before agent 0 does. If the observation is sent again before,
+/// agent 1 has replied to it already.
+#[track_caller]
+fn assert_crossing_is_not_refused(is_sent_again: bool) {
     let play = Play::of_two(DURATION_S);
     let stop = Arc::clone(&play.stop);
     let has_crossed = AtomicBool::new(false);
     let played = play.with(move |inner, ids, is_over| {
         let options = honest(u64::from(ids[0].0), ids.clone());
         let pause = Duration::from_millis(20);
-        let answer = |end: &mut AgentsEnd, command: &Command, _| {
-            if ids == [AgentId(1)] && command.tick == 10 && !stop.swap(true, Ordering::Relaxed) {
+        let answer = |end: &mut AgentsEnd, command: &Command, asked| {
+            if ids == [AgentId(1)] && command.tick == 10 && !stop.load(Ordering::Relaxed) {
+                if is_sent_again {
+                    if asked < 2 {
+                        return;
+                    }
+                    end.send_command(command);
+                }
+                stop.store(true, Ordering::Relaxed);
                 let ends = |inbound| matches!(inbound, Inbound::Observation(part) if part.phase == Observation::ENDED);
                 while !end.receive(pause).is_some_and(ends) {}
                 end.send_command(command);
@@ -181,7 +189,8 @@ fn reply_that_crosses_the_shutdown_is_not_refused() {
                 has_crossed.store(true, Ordering::Relaxed);
                 return;
             }
-            while stop.load(Ordering::Relaxed) && !has_crossed.load(Ordering::Relaxed) {
+            let is_held = || command.tick == 10 || stop.load(Ordering::Relaxed);
+            while ids == [AgentId(0)] && is_held() && !has_crossed.load(Ordering::Relaxed) {
                 end.receive(pause);
             }
             end.send_command(command);
@@ -191,6 +200,16 @@ fn reply_that_crosses_the_shutdown_is_not_refused() {
     });
     let result = &played.outcome().result;
     assert_eq!((result.reason.as_str(), refusals(result)), ("interrupted", BTreeMap::new()));
+}
+
+#[test]
+fn reply_that_crosses_the_shutdown_is_not_refused() {
+    assert_crossing_is_not_refused(false);
+}
+
+#[test]
+fn repeated_reply_that_crosses_the_shutdown_is_not_refused() {
+    assert_crossing_is_not_refused(true);
 }
 
 #[test]

@@ -144,8 +144,9 @@ pub(super) struct AgentSessions {
     /// By agent: how many retransmits of its last command are accepted, because its observation was
     /// resent so often.
     retransmits_due: Vec<u32>,
-    /// Agents whose reply to the last observation is no longer awaited. It may cross the shutdown
-    /// message and be taken for its acknowledgement, which then is a second answer.
+    /// Agents of which a reply to the last observation may still arrive: it is no longer awaited, or
+    /// the observation was resent. It may cross the shutdown message and be taken for its
+    /// acknowledgement, which then is a second answer.
     abandoned: BTreeSet<AgentId>,
     refusals: BTreeMap<&'static str, u64>,
     observation_log: ObservationLog,
@@ -400,6 +401,8 @@ impl AgentSessions {
             self.membership.lease(request.agent).is_some() && !context.transport.is_gone(request.agent)
         };
         let last: Vec<ObservationRequest> = last.iter().filter(can_answer).cloned().collect();
+        let is_resent = |agent: &AgentId| self.retransmits_due[agent.index()] > 0;
+        self.abandoned.extend((0..self.agents).map(AgentId).filter(is_resent));
         let replies = self.request_commands(tick, &last, timeout, TimeoutPolicy::ReturnIncomplete, context)?;
         if let Err(MissingReplies { missing, .. }) = replies {
             let missing = listed(missing);
