@@ -1,8 +1,9 @@
-//! `maes view`: a recording in a browser, a run that begins paused, or runs that are started on the
-//! page, one after the other.
+//! `maes view`: a recording in a browser or in Rerun, a run that begins paused, or runs that are
+//! started on the page, one after the other.
 
 mod browser;
 mod page;
+mod rerun;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -39,6 +40,13 @@ pub(crate) struct ViewArgs {
     /// A second recording, shown beside the first one with the time linked
     #[arg(long, value_name = "FILE.mcap")]
     beside: Option<PathBuf>,
+    /// Show a recording in the viewer Rerun instead of a browser; needs Python with the packages
+    /// `maes` and `rerun-sdk`
+    #[arg(long, conflicts_with_all = ["address", "beside", "browser"])]
+    rerun: bool,
+    /// Save a recording as a file for the viewer Rerun, and show nothing
+    #[arg(long, value_name = "FILE.rrd", conflicts_with_all = ["address", "beside", "browser", "rerun"])]
+    rerun_save: Option<PathBuf>,
     /// Whether to open a browser [default: if there is a desktop]
     #[arg(long, value_name = "true|false")]
     browser: Option<bool>,
@@ -71,7 +79,7 @@ fn address(text: &str) -> Result<String, String> {
 
 /// Shows something in a browser until it ends or is interrupted.
 pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
-    let ViewArgs { run, address, beside, browser, build_only, record_dir, map_dir } = args;
+    let ViewArgs { run, address, beside, rerun, rerun_save, browser, build_only, record_dir, map_dir } = args;
     let file = run.scenario.clone();
     let is_recording = file.as_deref().is_some_and(is_recording);
     if let Some(file) = &file
@@ -99,9 +107,16 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
     if beside.is_some() && !is_recording {
         bail!("--beside: expected two recordings, as in `maes view a.mcap --beside b.mcap`");
     }
+    let is_for_rerun = rerun || rerun_save.is_some();
+    if is_for_rerun && !is_recording {
+        bail!("--rerun: expected a recording, as in `maes view run.mcap --rerun`");
+    }
     for recording in file.iter().filter(|_| is_recording).chain(&beside) {
         // What is no recording is reported here, and not in the browser.
         Recording::open(recording)?;
+    }
+    if let Some(recording) = file.as_deref().filter(|_| is_for_rerun) {
+        return Ok(rerun::show(recording, rerun_save));
     }
     let page = match page::folder(run.page.as_deref()) {
         Ok(page) => page,
