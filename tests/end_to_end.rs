@@ -91,6 +91,9 @@ mod ros_package;
 /// Simulation control from a real ROS 2 node: pause, steps, entities, parameters.
 mod services;
 
+/// What other viewers open: files for Rerun, configurations of RViz 2 and Foxglove.
+mod layouts;
+
 /// The Foxglove server: live stream, control, served recordings.
 mod foxglove_server;
 /// Attacks on the page and the WebSocket, each without effect.
