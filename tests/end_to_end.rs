@@ -82,8 +82,6 @@ mod verify;
 mod external_agents;
 /// Observers on a real ROS 2 and on a second DDS do not change a run.
 mod observers;
-/// Rerun, Foxglove and RViz: what ships for them fits the recordings.
-mod other_viewers;
 /// Recordings open with the usual Python packages, and their content is complete.
 mod recordings;
 /// Replay on ROS 2 topics: complete, latched for late readers, no effect on runs beside it.
@@ -92,6 +90,9 @@ mod replay;
 mod ros_package;
 /// Simulation control from a real ROS 2 node: pause, steps, entities, parameters.
 mod services;
+
+/// What other viewers open: files for Rerun, configurations of RViz 2 and Foxglove.
+mod layouts;
 
 /// The Foxglove server: live stream, control, served recordings.
 mod foxglove_server;

@@ -1,5 +1,5 @@
-//! `maes view`: a recording in a browser, a run that begins paused, or runs that are started on the
-//! page, one after the other.
+//! `maes view`: a recording in a browser or in Rerun, a run that begins paused, or runs that are
+//! started on the page, one after the other.
 
 mod browser;
 mod page;
@@ -40,12 +40,12 @@ pub(crate) struct ViewArgs {
     /// A second recording, shown beside the first one with the time linked
     #[arg(long, value_name = "FILE.mcap")]
     beside: Option<PathBuf>,
-    /// Show the recording in the viewer Rerun instead of a browser; needs the Python packages maes
-    /// and rerun-sdk
-    #[arg(long)]
+    /// Show a recording in the viewer Rerun instead of a browser; needs Python with the packages
+    /// `maes` and `rerun-sdk`
+    #[arg(long, conflicts_with_all = ["address", "beside", "browser"])]
     rerun: bool,
-    /// Write a file for Rerun instead of opening it
-    #[arg(long, value_name = "FILE.rrd", requires = "rerun")]
+    /// Save a recording as a file for the viewer Rerun, and show nothing
+    #[arg(long, value_name = "FILE.rrd", conflicts_with_all = ["address", "beside", "browser", "rerun"])]
     rerun_save: Option<PathBuf>,
     /// Whether to open a browser [default: if there is a desktop]
     #[arg(long, value_name = "true|false")]
@@ -104,21 +104,19 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
             Err(error) => page::failed(&error),
         });
     }
-    if rerun && (!is_recording || beside.is_some()) {
-        bail!(
-            "--rerun: expected one recording; record a run first, as in `maes run --record run.mcap` and `maes view \
-             run.mcap --rerun`"
-        );
-    }
     if beside.is_some() && !is_recording {
         bail!("--beside: expected two recordings, as in `maes view a.mcap --beside b.mcap`");
+    }
+    let is_for_rerun = rerun || rerun_save.is_some();
+    if is_for_rerun && !is_recording {
+        bail!("--rerun: expected a recording, as in `maes view run.mcap --rerun`");
     }
     for recording in file.iter().filter(|_| is_recording).chain(&beside) {
         // What is no recording is reported here, and not in the browser.
         Recording::open(recording)?;
     }
-    if let Some(file) = file.as_deref().filter(|_| rerun) {
-        return rerun::show(file, rerun_save.as_deref());
+    if let Some(recording) = file.as_deref().filter(|_| is_for_rerun) {
+        return Ok(rerun::show(recording, rerun_save));
     }
     let page = match page::folder(run.page.as_deref()) {
         Ok(page) => page,

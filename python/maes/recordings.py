@@ -35,6 +35,15 @@ class Scan(NamedTuple):
     """Indices of walls, ascending."""
 
 
+class Hits(NamedTuple):
+    """Where the rays of a scan have hit walls."""
+
+    time_s: float
+    """Sim time of the scan, seconds."""
+    point_m: npt.NDArray[np.float32]
+    """Metres, in the frame of the body at that time: shape (N, 3)."""
+
+
 class Recording:
     """A recording (.mcap) of a run (docs/recording.md), read into memory."""
 
@@ -70,6 +79,11 @@ class Recording:
     def scans(self, agent: int) -> list[Scan]:
         """What an agent saw for the first time, by observation."""
         return [Scan(*scan) for scan in self._native.scans(agent)]
+
+    def hits(self, agent: int) -> list[Hits]:
+        """Where the rays of an agent's scans have hit walls; empty unless the recording has the
+        topic `points` of that agent (`views.record`)."""
+        return [Hits(*scan) for scan in self._native.hits(agent)]
 
     def result(self) -> dict[str, Any] | None:
         """Digest, reason, tick and metrics at the end; `None` if the recording has no result."""

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{self, Observation};
-use msgs::topics;
+use msgs::sensor_msgs::PointCloud2;
+use msgs::topics::{self, Topic};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -31,6 +32,9 @@ type Poses<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Bound<'
 /// Times in s, and indices of the cells that were first seen then, free and wall.
 type Scans<'py> = Vec<(f64, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>)>;
 
+/// Times of scans in s, and their hits in m, frame of the body, of shape (N, 3).
+type Hits<'py> = Vec<(f64, Bound<'py, PyArray2<f32>>)>;
+
 fn seconds(time_ns: u64) -> f64 {
     time_ns as f64 / 1e9
 }
@@ -53,19 +57,25 @@ fn fields(message: &Message) -> Option<serde_json::Value> {
         "nav_msgs/msg/Path" => of::<msgs::nav_msgs::Path>(message),
         "rosgraph_msgs/msg/Clock" => of::<msgs::rosgraph_msgs::Clock>(message),
         "tf2_msgs/msg/TFMessage" => of::<msgs::tf2_msgs::TFMessage>(message),
+        "visualization_msgs/msg/Marker" => of::<msgs::visualization_msgs::Marker>(message),
         _ => None,
     }
 }
 
 impl PyRecording {
-    fn observations(&self, agent: u32) -> PyResult<Vec<Observation>> {
+    /// The messages of a topic of an agent, decoded.
+    fn of_agent<M: msgs::message::Message>(&self, agent: u32, topic: fn(AgentId) -> Topic) -> PyResult<Vec<M>> {
         if agent >= self.scenario.agents.count {
             let last = self.scenario.agents.count.saturating_sub(1);
             return Err(bad_input(format!("agent = {agent}: expected an agent of the run, 0 to {last}")));
         }
-        let topic = topics::observation(AgentId(agent)).name;
+        let topic = topic(AgentId(agent)).name;
         let messages = self.recording.messages().filter(|message| message.channel.topic == topic);
         messages.map(|message| message.decode().map_err(bad_input)).collect()
+    }
+
+    fn observations(&self, agent: u32) -> PyResult<Vec<Observation>> {
+        self.of_agent(agent, topics::observation)
     }
 }
 
@@ -147,6 +157,21 @@ impl PyRecording {
             (time_s, cells(&observation.seen_free), cells(&observation.seen_wall))
         };
         Ok(observations.iter().map(row).collect())
+    }
+
+    /// Where the rays of an agent have hit walls, by scan; none if the recording has no points.
+    fn hits<'py>(&self, py: Python<'py>, agent: u32) -> PyResult<Hits<'py>> {
+        let clouds: Vec<PointCloud2> = py.detach(|| self.of_agent(agent, topics::points))?;
+        let rows = clouds.iter().map(|cloud| {
+            let stamp = &cloud.header.stamp;
+            let time_s = f64::from(stamp.sec) + f64::from(stamp.nanosec) / 1e9;
+            // Of one type and without gaps, see `simulation::visualisation::points`.
+            let (numbers, _) = cloud.data.as_chunks();
+            let coordinates = numbers.iter().map(|&bytes| f32::from_le_bytes(bytes));
+            let points = PyArray1::from_iter(py, coordinates).reshape([cloud.width as usize, 3])?;
+            Ok((time_s, points))
+        });
+        rows.collect()
     }
 
     /// The metrics at the end, or `None` if the recording has no result.

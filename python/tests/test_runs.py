@@ -70,10 +70,28 @@ def test_recording_as_arrays(small, tmp_path):
     topic = "/agent_0/command"
     commands = recording.messages(topic)
     assert len(commands) == recording.topics()[topic] and commands[0][1]["agent"] == 0
+    assert recording.hits(0) == []
     with pytest.raises(maes.BadInput, match="0 to 1"):
         recording.poses(2)
     with pytest.raises(maes.BadInput, match="no such file|No such file"):
         maes.Recording(tmp_path / "none.mcap")
+
+
+def test_hits_and_contacts_of_a_recording(small, tmp_path):
+    file = tmp_path / "run.mcap"
+    maes.run(small.replace(duration=5.0, views={"record": ["points", "contacts"]}), record=file)
+    recording, walls = maes.Recording(file), small.map().walls()
+    first = recording.hits(0)[0]
+    # At the start an agent looks along x, so that its frame is that of the map, moved.
+    assert first.time_s == 0.0 and first.point_m.dtype == np.float32 and len(first.point_m) > 100
+    places = recording.poses(0).position_m[0] + first.point_m
+    # On a face, so that one of the cells beside it is a wall.
+    beside = [np.floor(places + step * first.point_m).astype(int) for step in (-1e-3, 1e-3)]
+    assert (walls[tuple(beside[0].T)] | walls[tuple(beside[1].T)]).mean() > 0.99
+    _, marker = recording.messages("/sim/contacts")[0]
+    assert marker["type"] == 5 and len(marker["points"]) == 2
+    with pytest.raises(maes.BadInput, match="0 to 1"):
+        recording.hits(2)
 
 
 def test_fork_without_changes_is_the_run(small, tmp_path):

@@ -1,38 +1,87 @@
-//! A recording in the viewer Rerun, by the module `maes.rerun` of the Python package.
+//! A recording in the viewer Rerun, by the Python package.
 
-use std::io::ErrorKind;
-use std::path::Path;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use anyhow::{Context, bail};
 use sim_server::exit;
+use thiserror::Error;
 
-const PYTHON: &str = "python3";
+use super::browser::in_path;
+use crate::output::say;
+use crate::run;
 
-const REMEDY: &str = "--rerun needs the Python packages maes and rerun-sdk: pip install './python[rerun]'";
+/// Names the interpreter.
+const INTERPRETER: &str = "MAES_PYTHON";
 
-/// Opens a recording in Rerun, or writes the file that Rerun opens. The exit code of Python.
-pub(super) fn show(recording: &Path, save: Option<&Path>) -> anyhow::Result<ExitCode> {
-    check_package()?;
-    let mut python = Command::new(PYTHON);
-    python.args(["-m", "maes.rerun"]).arg(recording);
-    if let Some(file) = save {
-        python.arg("--save").arg(file);
-    }
-    let ended = python.status().context(PYTHON)?;
-    Ok(ended.code().map_or(ExitCode::from(exit::FAILED), |code| ExitCode::from(code.clamp(0, 255) as u8)))
+/// Without it, the first of these in the path that has the packages.
+const INTERPRETERS: [&str; 2] = ["python3", "python"];
+
+/// The module that sends a recording to Rerun.
+const MODULE: &str = "maes.rerun";
+
+/// Why there is no interpreter with the packages.
+#[derive(Debug, Error)]
+enum NoInterpreter {
+    #[error("there is no python3 in the path")]
+    None,
+    #[error("{}: {reason}", interpreter.display())]
+    Unfit { interpreter: PathBuf, reason: String },
 }
 
-/// Fails unless Python has what is needed, with the line in which it says what is missing.
-fn check_package() -> anyhow::Result<()> {
-    let checked = match Command::new(PYTHON).args(["-c", "import maes.rerun"]).output() {
-        Ok(checked) => checked,
-        Err(error) if error.kind() == ErrorKind::NotFound => bail!("{PYTHON}: no such program; {REMEDY}"),
-        Err(error) => return Err(error).context(PYTHON),
+/// Shows a recording in a window of Rerun, or saves it as a file of Rerun. Replaces this process;
+/// returns if that fails.
+pub(super) fn show(recording: &Path, save: Option<PathBuf>) -> ExitCode {
+    let interpreter = match interpreter() {
+        Ok(interpreter) => interpreter,
+        Err(reason) => {
+            say(&format!(
+                "error: --rerun: it needs Python with the packages `maes` and `rerun-sdk`, and {reason}; `pip \
+                 install './python[rerun]'` in a checkout installs both, and {INTERPRETER} names another interpreter"
+            ));
+            return ExitCode::from(exit::FAILED);
+        }
     };
-    if !checked.status.success() {
-        let complaint = String::from_utf8_lossy(&checked.stderr);
-        bail!("{PYTHON}: {}; {REMEDY}", complaint.lines().next_back().unwrap_or("it fails"));
+    let mut command = command(&interpreter);
+    command.args(["-m", MODULE]).args(save.map(|file| run::flag("save", file))).arg("--").arg(recording);
+    let error = command.exec();
+    say(&format!("error: {}: {error}", interpreter.display()));
+    ExitCode::from(exit::FAILED)
+}
+
+fn interpreter() -> Result<PathBuf, NoInterpreter> {
+    let given = std::env::var_os(INTERPRETER).filter(|given| !given.is_empty());
+    let candidates: Vec<PathBuf> = match given {
+        Some(given) => vec![PathBuf::from(given)],
+        None => INTERPRETERS.iter().filter_map(|name| in_path(name)).collect(),
+    };
+    let mut first_reason = NoInterpreter::None;
+    for interpreter in candidates {
+        match import(&interpreter) {
+            Ok(()) => return Ok(interpreter),
+            Err(reason) if matches!(first_reason, NoInterpreter::None) => {
+                first_reason = NoInterpreter::Unfit { interpreter, reason };
+            }
+            Err(_) => {}
+        }
     }
-    Ok(())
+    Err(first_reason)
+}
+
+/// Whether an interpreter has the packages; otherwise why not.
+fn import(interpreter: &Path) -> Result<(), String> {
+    let output = command(interpreter).arg("-c").arg(format!("import {MODULE}")).output();
+    let output = output.map_err(|error| error.to_string())?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let text = String::from_utf8_lossy(&output.stderr);
+    Err(text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it fails without a word").to_owned())
+}
+
+/// An interpreter that imports nothing from the working folder, which may be anybody's.
+fn command(interpreter: &Path) -> Command {
+    let mut command = Command::new(interpreter);
+    command.env("PYTHONSAFEPATH", "1");
+    command
 }

@@ -144,8 +144,8 @@ pub(super) struct AgentSessions {
     /// By agent: how many retransmits of its last command are accepted, because its observation was
     /// resent so often.
     retransmits_due: Vec<u32>,
-    /// Agents of which a reply to the last observation may still arrive: it is no longer awaited, or
-    /// the observation was resent. It may cross the shutdown message and be taken for its
+    /// Agents of which a reply to the last observation may still arrive: it is no longer awaited,
+    /// or the observation was resent. It may cross the shutdown message and be taken for its
     /// acknowledgement, which then is a second answer.
     abandoned: BTreeSet<AgentId>,
     refusals: BTreeMap<&'static str, u64>,
