@@ -177,6 +177,9 @@ test("observing and controlling a run does not change its digest", async ({ page
   const { server, url } = await servers.run([SCENARIO, ...flags, "--paused", "true", "--rtf", "5"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
+  // What appears in the panel later does not move the buttons, so that no click misses one.
+  const place = () => page.getByTestId("sim-play").boundingBox();
+  const first = await place();
   await page.getByTestId("sim-step-10").click();
   await page.getByTestId("sim-play").click();
   await expectKnown(page, 4);
@@ -190,6 +193,7 @@ test("observing and controlling a run does not change its digest", async ({ page
   await expectState(page, "ended");
   await page.keyboard.press("End");
   await expect(page.getByTestId("fact-digest")).toHaveAttribute("title", digestIn(server.stdout));
+  expect(await place()).toEqual(first);
   expect(digestIn(server.stdout)).toBe(await servers.digestUnobserved(flags));
 });
 

@@ -45,6 +45,8 @@ export class FactList {
 /** Title, state, progress and setup of the run. */
 export class RunCard {
   readonly root: HTMLElement;
+  /** What is known of the run: more in its course, so that what has to keep its place is above. */
+  readonly facts: HTMLElement;
   readonly #title = el("h1", { class: "run-title", testid: "run-title" });
   readonly #state = el("span", { class: "chip", testid: "run-state" });
   readonly #bar = el("div", { class: "progress-bar" });
@@ -79,8 +81,8 @@ export class RunCard {
         figure("explored", this.#explored, "explored"),
         figure("covered", this.#covered, "covered"),
       ),
-      this.#facts.root,
     );
+    this.facts = el("section", { class: "card", testid: "facts-card" }, this.#facts.root);
   }
 
   update(panel: PanelState): void {

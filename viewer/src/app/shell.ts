@@ -161,6 +161,7 @@ export class Shell {
       { class: "side", testid: "side", "aria-label": "Run" },
       this.#run.root,
       this.#simulator.root,
+      this.#run.facts,
       this.#agent.root,
       this.#agents.root,
       this.#chartCard,
