@@ -1,4 +1,4 @@
-"""Prints what a file of the viewer Rerun has, as JSON, for tests/recordings.rs.
+"""Prints what a file of the viewer Rerun has, as JSON, for tests/layouts.rs.
 
     read_rerun.py FILE.rrd
 

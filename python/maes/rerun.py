@@ -159,7 +159,7 @@ def _faces(free: _Floats, wall: _Floats) -> tuple[_Floats, _Floats, _Floats]:
 
 def _send_explored(stream: rr.RecordingStream, recording: Recording, agents: int) -> None:
     cave = _cave(recording)
-    size, cell_m = cave.walls().shape, cave.cell_m
+    size, cell_m = cave.size, cave.cell_m
     seen_at = []
     for kind, name, colour in (("free", "free", _FREE), ("wall", "walls", _WALL)):
         cells, times = _first_seen(recording, agents, kind)
@@ -308,7 +308,7 @@ def send(recording: Recording, stream: rr.RecordingStream) -> None:
 def blueprint(recording: Recording) -> rrb.Blueprint:
     """The layout: the explored cave with the agents, and beside it the shares over time."""
     cave = _cave(recording)
-    edges = np.array(cave.walls().shape) * cave.cell_m
+    edges = np.array(cave.size) * cave.cell_m
     eye = rrb.EyeControls3D(
         position=edges * (-0.3, -0.7, 0.9), look_target=edges / 2, eye_up=(0.0, 0.0, 1.0)
     )

@@ -7,8 +7,8 @@
  *     node bench/bench.mjs [recording] [run] [memory] [--rounds N] [--seconds S]
  *
  * in the folder viewer, with the page of MAES_PAGE or dist (npm run build) and the binaries of
- * MAES_BIN_DIR or ../target/release. Prints one line of JSON per measurement, and medians at the end. Uses the GPU
- * if `MAES_GPU=1`; otherwise rendering is done in software.
+ * MAES_BIN_DIR or ../target/release. Prints one line of JSON per measurement, and medians at the
+ * end. Uses the GPU if `MAES_GPU=1`; otherwise rendering is done in software.
  */
 /* global window, setTimeout -- inside the page */
 import { spawn } from "node:child_process";
@@ -72,6 +72,10 @@ function start(program, words) {
     });
   return { child, lines, ended, prints };
 }
+
+/** Serves a recording, and the page. */
+const serve = (file) =>
+  start(join(binaries, "sim_server"), ["view", file, "--address", "127.0.0.1:0", "--page", page]);
 
 const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
 const report = (what, values) => process.stdout.write(`${JSON.stringify({ what, ...values })}\n`);
@@ -183,14 +187,7 @@ async function framesAfter(tab, sinceMs) {
 
 /** Half an hour of ten agents from disk: the first frame, reading to the end, and seeks. */
 async function recording(file) {
-  const server = start(join(binaries, "sim_server"), [
-    "view",
-    file,
-    "--address",
-    "127.0.0.1:0",
-    "--page",
-    page,
-  ]);
+  const server = serve(file);
   const address = await server.prints(/(http:\/\/\S+)/);
   const browser = await chromium.launch({ executablePath: chromiumIn(process.env), args: flags });
   try {
@@ -229,14 +226,7 @@ async function recording(file) {
  * opened, and then at rest.
  */
 async function memory(file) {
-  const server = start(join(binaries, "sim_server"), [
-    "view",
-    file,
-    "--address",
-    "127.0.0.1:0",
-    "--page",
-    page,
-  ]);
+  const server = serve(file);
   const address = await server.prints(/(http:\/\/\S+)/);
   const browserServer = await chromium.launchServer({
     executablePath: chromiumIn(process.env),

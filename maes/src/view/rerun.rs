@@ -55,17 +55,16 @@ fn interpreter() -> Result<PathBuf, NoInterpreter> {
         Some(given) => vec![PathBuf::from(given)],
         None => INTERPRETERS.iter().filter_map(|name| in_path(name)).collect(),
     };
-    let mut first_reason = NoInterpreter::None;
+    let mut first_unfit = None;
     for interpreter in candidates {
         match import(&interpreter) {
             Ok(()) => return Ok(interpreter),
-            Err(reason) if matches!(first_reason, NoInterpreter::None) => {
-                first_reason = NoInterpreter::Unfit { interpreter, reason };
+            Err(reason) => {
+                first_unfit.get_or_insert(NoInterpreter::Unfit { interpreter, reason });
             }
-            Err(_) => {}
         }
     }
-    Err(first_reason)
+    Err(first_unfit.unwrap_or(NoInterpreter::None))
 }
 
 /// Whether an interpreter has the packages; otherwise why not.

@@ -77,12 +77,13 @@ export class CellTimes {
     let isAny = false;
     target.fill(NEVER);
     for (let page = from >>> PAGE_BITS; page * PAGE_CELLS < end; page++) {
-      if (this.#pageOf[page] === 0) continue;
+      const number = this.#pageOf[page]!;
+      if (number === 0) continue;
       isAny = true;
-      const last = Math.min((page + 1) * PAGE_CELLS, end);
-      for (let cell = Math.max(page * PAGE_CELLS, from); cell < last; cell++) {
-        target[cell - from] = this.get(cell);
-      }
+      const first = Math.max(page * PAGE_CELLS, from);
+      const cells = Math.min((page + 1) * PAGE_CELLS, end) - first;
+      const slot = slotOf(number - 1, first);
+      target.set(this.#pools[(number - 1) >>> POOL_BITS]!.subarray(slot, slot + cells), first - from);
     }
     return isAny;
   }

@@ -15,6 +15,7 @@ import type { SharedUniforms } from "./glsl.ts";
 import { blockModelOf, type BlockModel } from "./block-model.ts";
 import { Segments, type Segment } from "./ribbons.ts";
 import type { View } from "./view.ts";
+import { edgeMaxOf } from "./volumes.ts";
 
 /** Maps with more cells are drawn in blocks: 256 along each axis. */
 const BLOCKS_MAX = FLAT_CELLS_MAX;
@@ -42,7 +43,7 @@ export class Cave {
     readonly gl: WebGL2RenderingContext,
   ) {
     const { terrain } = run;
-    this.#full = blockModelOf(terrain, BLOCKS_MAX, this.#edgeMax);
+    this.#full = blockModelOf(terrain, BLOCKS_MAX, edgeMaxOf(gl));
     const { step } = this.#full;
     this.notices =
       step === 1 ? [] : [`The map is large: it is drawn in blocks of ${step} x ${step} x ${step} cells.`];
@@ -55,10 +56,6 @@ export class Cave {
       frameOf(low.map((value) => value * cellM) as Vec3, high.map((value) => value * cellM) as Vec3),
     );
     this.root.add(...this.#frame.meshes);
-  }
-
-  get #edgeMax(): number {
-    return this.gl.getParameter(this.gl.MAX_3D_TEXTURE_SIZE) as number;
   }
 
   markChanged(update: RunUpdate): void {
@@ -152,7 +149,7 @@ export class Cave {
 
   #coarseModel(): BlockModel {
     if (this.#coarse === null) {
-      const coarse = blockModelOf(this.run.terrain, COARSE_BLOCKS_MAX, this.#edgeMax);
+      const coarse = blockModelOf(this.run.terrain, COARSE_BLOCKS_MAX, edgeMaxOf(this.gl));
       this.#coarse = coarse.step === this.#full.step ? this.#full : coarse;
     }
     return this.#coarse;

@@ -9,7 +9,7 @@ import type { SharedUniforms } from "./glsl.ts";
 import { computeOcclusion } from "./ambient-occlusion.ts";
 import { BlockTimes, type BlockModel } from "./block-model.ts";
 import type { View } from "./view.ts";
-import { occlusionUniforms, TimesVolume, type OcclusionUniforms } from "./volumes.ts";
+import { edgeMaxOf, occlusionUniforms, TimesVolume, type OcclusionUniforms } from "./volumes.ts";
 import { Walls } from "./walls.ts";
 
 /** Maximum number of texels of the ambient occlusion. */
@@ -51,8 +51,7 @@ export class DetailLevel {
     gl: WebGL2RenderingContext,
   ) {
     this.#buffers = new QuadBuffers(gl);
-    const edgeMax = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
-    const limits = { blocksMax: OCCLUSION_TEXELS_MAX, edgeMax };
+    const limits = { blocksMax: OCCLUSION_TEXELS_MAX, edgeMax: edgeMaxOf(gl) };
     this.#occlusion = occlusionUniforms(computeOcclusion(model.walls, model.size, limits));
     this.#seen = new BlockTimes(model, run.firstSeenTick);
     this.#times = new TimesVolume(this.#seen.times, model.size);

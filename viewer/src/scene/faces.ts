@@ -2,9 +2,9 @@
  * Meshes of the mesher's rectangles for three.js.
  *
  * All geometries share one index buffer, so each consists of its corners only: 32 bits for each,
- * which are in the memory of the GPU alone. Shaders derive the corner
- * number from `gl_VertexID`, and ambient occlusion from a texture. Only face directions that can be
- * visible from the camera are drawn.
+ * which are in the memory of the GPU alone. Shaders derive the corner number from `gl_VertexID`, and
+ * ambient occlusion from a texture. Only face directions that can be visible from the camera are
+ * drawn.
  */
 
 import {

@@ -16,6 +16,11 @@ import type { CellTimes } from "../data/cell-times.ts";
 import type { AmbientOcclusion } from "./ambient-occlusion.ts";
 import type { Size } from "./chunks.ts";
 
+/** Maximum number of texels along an edge. */
+export function edgeMaxOf(gl: WebGL2RenderingContext): number {
+  return gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
+}
+
 /** Times that are copied to a texture at once. */
 const SLAB_CELLS_MAX = 2 ** 18;
 
