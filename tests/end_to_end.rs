@@ -91,8 +91,10 @@ mod ros_package;
 /// Simulation control from a real ROS 2 node: pause, steps, entities, parameters.
 mod services;
 
-/// What other viewers open: files for Rerun, configurations of RViz 2 and Foxglove.
+/// The configurations of RViz 2 and Foxglove.
 mod layouts;
+/// Recordings in the viewer Rerun.
+mod rerun;
 
 /// The Foxglove server: live stream, control, served recordings.
 mod foxglove_server;

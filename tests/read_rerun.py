@@ -1,4 +1,4 @@
-"""Prints what a file of the viewer Rerun has, as JSON, for tests/layouts.rs.
+"""Prints what a file of the viewer Rerun has, as JSON, for tests/rerun.rs.
 
     read_rerun.py FILE.rrd
 

@@ -1,5 +1,4 @@
-//! Recordings open with `rosbags`, `mcap`, `mcap-ros2-support` and `rerun-sdk` from PyPI, which the
-//! test installs.
+//! Recordings open with `rosbags`, `mcap` and `mcap-ros2-support` from PyPI, which the test installs.
 //!
 //! `check_recording.py` checks their content, independently of this project's code.
 
@@ -63,37 +62,4 @@ fn reference_settings() {
     let loaded = setup::load(&path, &[]).expect("the scenario is legal");
     let (_, report) = setup::build(&loaded).expect("there is such a world");
     assert_opens(&site, &file, report.free_cells);
-}
-
-/// Points and frames have their own types in Rerun, every other message its fields.
-#[test]
-fn rerun_shows_all_topics() {
-    let site = Site::new();
-    let (file, shown) = (site.path("run.mcap"), site.path("run.rrd"));
-    let topics = "points,odom,path,map,unexplored,contacts,info,tf_static";
-    let flags =
-        ["--transport", "memory", "--agents", "2", "--size", "30", "--duration", "30", "--record-topics", topics];
-    site.start(&mut site.run_sh(&[&flags[..], &["--record", text(&file)]].concat())).ended().with_code(0);
-    let rerun = python::for_rerun().with_file_name("rerun");
-    let mut convert = site.command(&rerun);
-    convert.args(["mcap", "convert", text(&file), "-o", text(&shown)]);
-    Process::start(&mut convert).ended().with_code(0);
-    let mut print = site.command(&rerun);
-    print.args(["rrd", "print", text(&shown)]);
-    let printed = Process::start(&mut print).ended().with_code(0).stdout;
-    for (topic, column) in [
-        ("/agent_0/points", "Points3D:positions"),
-        ("/agent_1/points", "Points3D:positions"),
-        ("/tf", "Transform3D:translation"),
-        ("/tf_static", "Transform3D:translation"),
-        ("/agent_0/odom", "nav_msgs.msg.Odometry:message"),
-        ("/agent_0/path", "nav_msgs.msg.Path:message"),
-        ("/sim/map", "visualization_msgs.msg.Marker:message"),
-        ("/agent_0/observation", "maes_msgs.msg.Observation:message"),
-        ("/sim/result", "maes_msgs.msg.Result:message"),
-    ] {
-        let topic = format!(" - {topic} - ");
-        let is_there = printed.lines().any(|line| line.contains(&topic) && line.contains(column));
-        assert!(is_there, "{topic}: no {column}");
-    }
 }

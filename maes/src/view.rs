@@ -40,8 +40,8 @@ pub(crate) struct ViewArgs {
     /// A second recording, shown beside the first one with the time linked
     #[arg(long, value_name = "FILE.mcap")]
     beside: Option<PathBuf>,
-    /// Show a recording in the viewer Rerun instead of a browser; needs Python with the packages
-    /// `maes` and `rerun-sdk`
+    /// Show a recording in the viewer Rerun instead of a browser, also while a run writes it; needs
+    /// Python with the packages `maes` and `rerun-sdk`
     #[arg(long, conflicts_with_all = ["address", "beside", "browser"])]
     rerun: bool,
     /// Save a recording as a file for the viewer Rerun, and show nothing
@@ -107,15 +107,15 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
     if beside.is_some() && !is_recording {
         bail!("--beside: expected two recordings, as in `maes view a.mcap --beside b.mcap`");
     }
-    let is_for_rerun = rerun || rerun_save.is_some();
-    if is_for_rerun && !is_recording {
-        bail!("--rerun: expected a recording, as in `maes view run.mcap --rerun`");
+    let for_rerun = if rerun { Some("--rerun") } else { rerun_save.is_some().then_some("--rerun-save") };
+    if let Some(flag) = for_rerun.filter(|_| !is_recording) {
+        bail!("{flag}: expected a recording; that of a run under way is the file of `maes run --record run.mcap`");
     }
     for recording in file.iter().filter(|_| is_recording).chain(&beside) {
         // What is no recording is reported here, and not in the browser.
         Recording::open(recording)?;
     }
-    if let Some(recording) = file.as_deref().filter(|_| is_for_rerun) {
+    if let Some(recording) = file.as_deref().filter(|_| for_rerun.is_some()) {
         return Ok(rerun::show(recording, rerun_save));
     }
     let page = match page::folder(run.page.as_deref()) {

@@ -22,7 +22,7 @@ from ._maes import (
 from .controllers import CellState, Controller, Events, controllers
 from .maps import Map
 from .plans import Batch, batch
-from .recordings import Recording
+from .recordings import Recording, RecordingFollower
 from .runs import Result, fork, run
 from .scenarios import Scenario
 
@@ -44,6 +44,7 @@ __all__ = [
     "Observation",
     "Path",
     "Recording",
+    "RecordingFollower",
     "Result",
     "Rng",
     "RunFailed",

@@ -89,5 +89,33 @@ class Recording:
         """Digest, reason, tick and metrics at the end; `None` if the recording has no result."""
         return self._native.result()
 
+    @classmethod
+    def _of(cls, file: str, native: _maes.NativeRecording) -> Recording:
+        recording = cls.__new__(cls)
+        recording.file, recording._native = file, native
+        return recording
+
     def __repr__(self) -> str:
         return f"Recording({self.file!r})"
+
+
+class RecordingFollower:
+    """A recording that a run is still writing, read part by part.
+
+    Runs save their recordings every half second of wall time. That of a killed server has no end.
+    """
+
+    __slots__ = ("_native", "file")
+
+    def __init__(self, file: str | os.PathLike[str]) -> None:
+        self.file = os.fspath(file)
+        self._native = _maes.NativeFollower(self.file)
+
+    def read(self) -> Recording:
+        """A recording of the messages since the last call, each tick with all of its messages."""
+        return Recording._of(self.file, self._native.read())
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the end of the recording has been read."""
+        return self._native.has_ended

@@ -57,7 +57,7 @@ mod _maes {
     #[pymodule_export]
     use crate::plan::{PyPlan, execute_plan, stored_table};
     #[pymodule_export]
-    use crate::recording::PyRecording;
+    use crate::recording::{PyFollower, PyRecording};
     #[pymodule_export]
     use crate::result::PyRunResult;
     #[pymodule_export]

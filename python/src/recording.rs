@@ -1,7 +1,9 @@
 //! Recordings as NumPy arrays and dictionaries.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{self, Observation};
@@ -10,7 +12,7 @@ use msgs::topics::{self, Topic};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use sim_server::recording::{Message, Recording};
+use sim_server::recording::{Follower, Message, Recording};
 use sim_server::setup;
 use simulation::scenario::Scenario;
 
@@ -19,11 +21,29 @@ use crate::error::bad_input;
 use crate::map::PyMap;
 use crate::scenario::PyScenario;
 
-/// A recording in memory.
+/// A recording in memory, or a part of one.
 #[pyclass(name = "NativeRecording", module = "maes._maes", frozen)]
 pub(crate) struct PyRecording {
+    file: Arc<RecordingFile>,
+    messages: Messages,
+}
+
+struct RecordingFile {
     recording: Recording,
     scenario: Scenario,
+}
+
+enum Messages {
+    /// All of the file as it was read.
+    OfFile,
+    Part(Vec<Message>),
+}
+
+/// A recording that may still be written.
+#[pyclass(name = "NativeFollower", module = "maes._maes", frozen)]
+pub(crate) struct PyFollower {
+    file: Arc<RecordingFile>,
+    follower: Mutex<Follower>,
 }
 
 /// Times in s, positions in m of shape (N, 3), headings in rad.
@@ -62,15 +82,30 @@ fn fields(message: &Message) -> Option<serde_json::Value> {
     }
 }
 
+impl RecordingFile {
+    fn open(file: &Path) -> PyResult<Arc<Self>> {
+        let recording = Recording::open(file).map_err(bad_input)?;
+        let scenario = setup::load_recorded(&recording, None, &[]).map_err(bad_input)?;
+        Ok(Arc::new(Self { recording, scenario }))
+    }
+}
+
 impl PyRecording {
+    fn all(&self) -> Box<dyn Iterator<Item = Cow<'_, Message>> + '_> {
+        match &self.messages {
+            Messages::OfFile => Box::new(self.file.recording.messages().map(Cow::Owned)),
+            Messages::Part(messages) => Box::new(messages.iter().map(Cow::Borrowed)),
+        }
+    }
+
     /// The messages of a topic of an agent, decoded.
     fn of_agent<M: msgs::message::Message>(&self, agent: u32, topic: fn(AgentId) -> Topic) -> PyResult<Vec<M>> {
-        if agent >= self.scenario.agents.count {
-            let last = self.scenario.agents.count.saturating_sub(1);
+        if agent >= self.file.scenario.agents.count {
+            let last = self.file.scenario.agents.count.saturating_sub(1);
             return Err(bad_input(format!("agent = {agent}: expected an agent of the run, 0 to {last}")));
         }
         let topic = topic(AgentId(agent)).name;
-        let messages = self.recording.messages().filter(|message| message.channel.topic == topic);
+        let messages = self.all().filter(|message| message.channel.topic == topic);
         messages.map(|message| message.decode().map_err(bad_input)).collect()
     }
 
@@ -84,22 +119,19 @@ impl PyRecording {
     /// Reads a file.
     #[staticmethod]
     fn open(py: Python<'_>, file: PathBuf) -> PyResult<Self> {
-        py.detach(|| {
-            let recording = Recording::open(&file).map_err(bad_input)?;
-            let scenario = setup::load_recorded(&recording, None, &[]).map_err(bad_input)?;
-            Ok(Self { recording, scenario })
-        })
+        let file = py.detach(|| RecordingFile::open(&file))?;
+        Ok(Self { file, messages: Messages::OfFile })
     }
 
     /// The scenario of the run.
     #[getter]
     fn scenario(&self) -> PyScenario {
-        PyScenario { scenario: self.scenario.clone() }
+        PyScenario { scenario: self.file.scenario.clone() }
     }
 
     /// The true map, if the recording has it.
     fn map(&self, py: Python<'_>) -> PyResult<Option<PyMap>> {
-        let map = py.detach(|| setup::recorded_map(&self.recording, &self.scenario)).map_err(bad_input)?;
+        let map = py.detach(|| setup::recorded_map(&self.file.recording, &self.file.scenario)).map_err(bad_input)?;
         Ok(map.map(|terrain| PyMap { terrain }))
     }
 
@@ -107,7 +139,7 @@ impl PyRecording {
     fn topics(&self, py: Python<'_>) -> BTreeMap<String, usize> {
         py.detach(|| {
             let mut counts = BTreeMap::new();
-            for message in self.recording.messages() {
+            for message in self.all() {
                 *counts.entry(message.channel.topic.clone()).or_default() += 1;
             }
             counts
@@ -118,8 +150,8 @@ impl PyRecording {
     /// that are not decoded here.
     fn messages<'py>(&self, py: Python<'py>, topic: &str) -> PyResult<Vec<(f64, Bound<'py, PyAny>)>> {
         let of_topic = py.detach(|| {
-            let messages = self.recording.messages().filter(|message| message.channel.topic == topic);
-            messages.map(|message| (fields(&message), message)).collect::<Vec<_>>()
+            let messages = self.all().filter(|message| message.channel.topic == topic);
+            messages.map(|message| (fields(&message), message.into_owned())).collect::<Vec<_>>()
         });
         of_topic
             .into_iter()
@@ -177,7 +209,7 @@ impl PyRecording {
     /// The metrics at the end, or `None` if the recording has no result.
     fn result<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let topic = topics::result().name;
-        let Some(message) = self.recording.messages().find(|message| message.channel.topic == topic) else {
+        let Some(message) = self.all().find(|message| message.channel.topic == topic) else {
             return Ok(None);
         };
         let result: maes_msgs::Result = message.decode().map_err(bad_input)?;
@@ -191,5 +223,30 @@ impl PyRecording {
         let counters: BTreeMap<String, u64> = result.counters.into_iter().map(|one| (one.name, one.value)).collect();
         dict.set_item("counters", counters)?;
         Ok(Some(dict))
+    }
+}
+
+#[pymethods]
+impl PyFollower {
+    /// Opens a file before its first message.
+    #[new]
+    fn open(py: Python<'_>, file: PathBuf) -> PyResult<Self> {
+        py.detach(|| {
+            let follower = Mutex::new(Follower::open(&file).map_err(bad_input)?);
+            Ok(Self { file: RecordingFile::open(&file)?, follower })
+        })
+    }
+
+    /// The messages since the last call.
+    fn read(&self, py: Python<'_>) -> PyResult<PyRecording> {
+        let read = || self.follower.lock().unwrap_or_else(PoisonError::into_inner).read();
+        let messages = py.detach(read).map_err(bad_input)?;
+        Ok(PyRecording { file: Arc::clone(&self.file), messages: Messages::Part(messages) })
+    }
+
+    /// Whether the end of the recording has been read.
+    #[getter]
+    fn has_ended(&self, py: Python<'_>) -> bool {
+        py.detach(|| self.follower.lock().unwrap_or_else(PoisonError::into_inner).has_ended())
     }
 }

@@ -5,7 +5,10 @@
 //! whole chunk; a file that is no recording of this simulator is refused when opened. No content of
 //! a file causes a panic or exhausts memory.
 //!
-//! This module returns messages without interpreting them.
+//! This module returns messages without interpreting them. [`Follower`] reads a recording while it
+//! is written.
+
+mod follower;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -22,6 +25,7 @@ use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use crate::input_file::{self, RECORDING_BYTES_MAX};
+pub use follower::Follower;
 
 /// Name of the attachment with the scenario.
 pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
@@ -211,16 +215,29 @@ impl Recording {
     /// All messages, in file order.
     #[must_use]
     pub fn messages(&self) -> Messages<'_> {
-        Messages { records: Records::new(&self.bytes), schemas: BTreeMap::new(), channels: BTreeMap::new(), end: None }
+        Messages::with_known(&self.bytes, KnownChannels::default())
     }
 }
 
 /// Iterator over the messages of a recording, up to its end or damage.
 pub struct Messages<'a> {
     records: Records<'a>,
+    known: KnownChannels,
+    end: Option<End>,
+}
+
+/// What the messages of a file refer to, by id.
+#[derive(Debug, Clone, Default)]
+struct KnownChannels {
     schemas: BTreeMap<u16, String>,
     channels: BTreeMap<u16, Arc<Channel>>,
-    end: Option<End>,
+}
+
+impl<'a> Messages<'a> {
+    /// Of a part of a file behind the first bytes of every file; `known` is from the parts before.
+    fn with_known(bytes: &'a [u8], known: KnownChannels) -> Self {
+        Self { records: Records::new(bytes), known, end: None }
+    }
 }
 
 impl Messages<'_> {
@@ -238,16 +255,16 @@ impl Iterator for Messages<'_> {
         while self.end.is_none() {
             match self.records.next() {
                 Some(Ok(Record::Schema { header, .. })) => {
-                    self.schemas.insert(header.id, header.name);
+                    self.known.schemas.insert(header.id, header.name);
                 }
                 Some(Ok(Record::Channel(channel))) => {
-                    let type_name = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                    let type_name = self.known.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                     let offered_qos = channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default();
                     let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos });
-                    self.channels.insert(channel.id, known);
+                    self.known.channels.insert(channel.id, known);
                 }
                 Some(Ok(Record::Message { header, data })) => {
-                    if let Some(channel) = self.channels.get(&header.channel_id) {
+                    if let Some(channel) = self.known.channels.get(&header.channel_id) {
                         let channel = Arc::clone(channel);
                         return Some(Message { channel, time_ns: header.log_time, data: data.into_owned() });
                     }
@@ -323,25 +340,20 @@ impl<'a> Records<'a> {
 /// silently; in an uncompressed chunk it reads beyond the chunk's end, and it trusts the data
 /// length of an attachment.
 fn first_unexpected_record(bytes: &[u8]) -> Option<usize> {
-    let mut at = mcap::MAGIC.len();
-    while let Some((&kind, rest)) = bytes.get(at..).and_then(<[u8]>::split_first)
-        && let Some((&length, rest)) = rest.split_first_chunk()
-    {
-        let length = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX);
+    for TopLevelRecord { at, kind, content, is_whole } in top_level_records(bytes) {
         // The reader reports a truncated record.
-        let whole = rest.get(..length);
         let is_known = match kind {
             op::HEADER => at == mcap::MAGIC.len(),
-            op::ATTACHMENT => whole.is_none_or(is_attachment),
-            op::CHUNK => whole.unwrap_or(rest).get(COMPRESSION_AT..).is_none_or(|named| {
+            op::ATTACHMENT => !is_whole || is_attachment(content),
+            op::CHUNK => content.get(COMPRESSION_AT..).is_none_or(|named| {
                 let length = named.len().min(ZSTD.len());
                 named[..length] == ZSTD[..length]
             }),
             // Channel, byte length of the list, and the list.
-            op::MESSAGE_INDEX => whole.is_none_or(|content| {
+            op::MESSAGE_INDEX => {
                 let list = content.get(2..).and_then(<[u8]>::split_first_chunk);
-                list.is_some_and(|(&bytes, list)| u32::from_le_bytes(bytes) as usize == list.len())
-            }),
+                !is_whole || list.is_some_and(|(&bytes, list)| u32::from_le_bytes(bytes) as usize == list.len())
+            }
             // A summary follows.
             op::DATA_END => return None,
             _ => false,
@@ -349,9 +361,31 @@ fn first_unexpected_record(bytes: &[u8]) -> Option<usize> {
         if !is_known {
             return Some(at);
         }
-        at = at.saturating_add(1 + size_of::<u64>()).saturating_add(length);
     }
     None
+}
+
+/// A record that is in no other one.
+struct TopLevelRecord<'a> {
+    at: usize,
+    kind: u8,
+    /// Up to the end of the bytes if that comes first.
+    content: &'a [u8],
+    is_whole: bool,
+}
+
+/// The records behind the first bytes of a file, by their lengths alone.
+fn top_level_records(bytes: &[u8]) -> impl Iterator<Item = TopLevelRecord<'_>> {
+    let mut at = mcap::MAGIC.len();
+    std::iter::from_fn(move || {
+        let (&kind, rest) = bytes.get(at..)?.split_first()?;
+        let (&length, rest) = rest.split_first_chunk()?;
+        let length = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX);
+        let whole = rest.get(..length);
+        let record = TopLevelRecord { at, kind, content: whole.unwrap_or(rest), is_whole: whole.is_some() };
+        at = at.saturating_add(1 + size_of::<u64>()).saturating_add(length);
+        Some(record)
+    })
 }
 
 /// Whether an attachment's length matches its fields: two times, two strings, data length, data and
