@@ -1,4 +1,5 @@
-//! Recordings open with `rosbags`, `mcap` and `mcap-ros2-support` from PyPI, which the test installs.
+//! Recordings open with `rosbags`, `mcap` and `mcap-ros2-support` from PyPI, which the test
+//! installs.
 //!
 //! `check_recording.py` checks their content, independently of this project's code.
 
