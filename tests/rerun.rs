@@ -1,5 +1,5 @@
-//! The viewer Rerun: what `maes view --rerun` shows of a run, also of one that is being recorded, and
-//! that it opens recordings itself.
+//! The viewer Rerun: what `maes view --rerun` shows of a run, also of one that is being recorded,
+//! and that it opens recordings itself.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
