@@ -9,7 +9,7 @@ use sim_server::setup;
 use simulation::scenario::Scenario;
 
 use crate::support::binaries::cargo;
-use crate::support::root;
+use crate::support::{python, root};
 
 /// The crates whose code is delivered.
 pub(crate) const CRATES: [&str; 11] = [
@@ -250,4 +250,15 @@ fn scripts_can_be_parsed() {
     for file in files("tests", "py") {
         parse("python3", &["-c", "import ast, sys; ast.parse(open(sys.argv[1], encoding='utf-8').read())"], &file);
     }
+}
+
+#[test]
+fn yaml_files_can_be_parsed() {
+    let of = |folder: &str| [files(folder, "yml"), files(folder, "yaml"), files(folder, "rviz")].concat();
+    let found = [".github", "examples", "launch_scripts"].map(of).concat();
+    assert!(found.iter().any(|file| file.ends_with("compose.yaml")), "{found:?}");
+    let parse = "import sys; from ruamel.yaml import YAML\n\
+                 for file in sys.argv[1:]: assert YAML(typ='safe', pure=True).load(open(file)), file";
+    let output = Command::new(python::for_recordings()).args(["-c", parse]).args(&found).output().expect("python");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }

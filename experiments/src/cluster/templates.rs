@@ -173,9 +173,10 @@ fn k8s(job: &Job, parts: usize) -> String {
     let deadline = lines([job.time_s.map(|time| format!("      activeDeadlineSeconds: {time}"))]);
     format!(
         r#"# Runs the plan in this folder: kubectl apply -f plan.k8s.yaml
-# IMAGE: any that has the binary `maes` in its PATH. CLAIM: a volume that many pods may write to and
-# that holds this folder at its root. To continue after a job that was ended early, delete the job
-# and apply it again: runs that are done are kept.
+# The image is that of launch_scripts/docker/Dockerfile, by the name at your registry; any other that
+# has the binary `maes` in its PATH will do. CLAIM: a volume that many pods may write to and that
+# holds this folder at its root. To continue after a job that was ended early, delete the job and
+# apply it again: runs that are done are kept.
 apiVersion: batch/v1
 kind: Job
 metadata:
@@ -188,9 +189,11 @@ spec:
   template:
     spec:
       restartPolicy: Never
+      # The volume is for the user of the image.
+      securityContext: {{fsGroup: 1000}}
 {deadline}      containers:
         - name: maes
-          image: IMAGE
+          image: maes
           command: ["sh", "-c", "exec sh /plan/{PART} $JOB_COMPLETION_INDEX"]
           resources:
             requests: {{cpu: "1", memory: {memory}Mi}}
