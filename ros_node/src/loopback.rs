@@ -7,15 +7,15 @@
 //!
 //! What it does not do: protect against processes on the same machine.
 
-use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::os::fd::{BorrowedFd, RawFd};
 
 use nix::sys::socket::{AddressFamily, SockType, SockaddrLike, SockaddrStorage, getsockname};
-use nix::sys::socket::{getsockopt, setsockopt, sockopt};
+use nix::sys::socket::{getsockopt, sockopt};
 
 /// The loopback device of Linux.
+#[cfg(target_os = "linux")]
 const LOOPBACK: &str = "lo";
 
 /// Binds every UDP socket of this process to the loopback device, and returns their number.
@@ -37,11 +37,22 @@ pub(crate) fn confine_sockets() -> io::Result<usize> {
         // socket.
         let socket = unsafe { BorrowedFd::borrow_raw(number) };
         if is_udp(&socket) {
-            setsockopt(&socket, sockopt::BindToDevice, &OsString::from(LOOPBACK))?;
+            bind_to_loopback(&socket)?;
             confined += 1;
         }
     }
     Ok(confined)
+}
+
+#[cfg(target_os = "linux")]
+fn bind_to_loopback(socket: &BorrowedFd<'_>) -> io::Result<()> {
+    Ok(nix::sys::socket::setsockopt(socket, sockopt::BindToDevice, &std::ffi::OsString::from(LOOPBACK))?)
+}
+
+/// Other systems have no such option.
+#[cfg(not(target_os = "linux"))]
+fn bind_to_loopback(_socket: &BorrowedFd<'_>) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
 }
 
 fn is_udp(socket: &BorrowedFd<'_>) -> bool {

@@ -1,20 +1,17 @@
 //! The process on a host: starts agents as the supervisor says, and tells it what they print and
 //! how they end.
 //!
-//! No agent outlives it: at the end of its input it ends them, and if it is killed the system kills
-//! them.
+//! No agent outlives it: at the end of its input it ends them, and if it is killed the system, if it
+//! is Linux, kills them.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::num::NonZero;
-use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::Command;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
-
-use nix::sys::prctl;
 
 use super::messages::{FromHost, LINE_MAX, ToHost, line};
 use crate::SupervisorError;
@@ -126,11 +123,7 @@ fn start(
     command.arg("agent_node").args(arguments).envs(environment);
     let (output, for_stdout) = io::pipe()?;
     command.stdout(for_stdout.try_clone()?).stderr(for_stdout);
-    #[expect(unsafe_code, reason = "the system kills the agents of a process that is killed")]
-    // SAFETY: the closure makes one system call and touches no memory.
-    unsafe {
-        command.pre_exec(|| prctl::set_pdeathsig(Signal::SIGKILL).map_err(io::Error::from))
-    };
+    kill_with_this_process(&mut command);
     let agent = ChildGuard::start(command)?;
     let said = said.clone();
     thread::spawn(move || {
@@ -142,6 +135,21 @@ fn start(
     });
     Ok(agent)
 }
+
+#[cfg(target_os = "linux")]
+fn kill_with_this_process(command: &mut Command) {
+    use std::os::unix::process::CommandExt;
+
+    #[expect(unsafe_code, reason = "the system kills the agents of a process that is killed")]
+    // SAFETY: the closure makes one system call and touches no memory.
+    unsafe {
+        command.pre_exec(|| nix::sys::prctl::set_pdeathsig(Signal::SIGKILL).map_err(io::Error::from));
+    }
+}
+
+/// Other systems leave them alone: they end when their server does.
+#[cfg(not(target_os = "linux"))]
+fn kill_with_this_process(_command: &mut Command) {}
 
 #[expect(clippy::disallowed_methods, reason = "a bounded wait for processes to end")]
 fn now() -> Instant {
