@@ -226,7 +226,7 @@ def kubernetes(image: Image) -> None:
     plan = image.folder / "plan"
     plan.mkdir()
     shutil.chown(plan, image.user_id())
-    jobs = ["batch", "/usr/share/maes/plans/quick.toml", "--out", "/plan", "--emit", "k8s", "--parts", "2"]
+    jobs = ["batch", "/usr/share/maes/experiments/plans/quick.toml", "--out", "/plan", "--emit", "k8s", "--parts", "2"]
     image.output(jobs)
     job = YAML(typ="safe").load(plan / "plan.k8s.yaml")["spec"]
     pod = job["template"]["spec"]

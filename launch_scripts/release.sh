@@ -68,12 +68,18 @@ install -d "$tree/share/"{bash-completion/completions,zsh/site-functions,fish/ve
 "$tree/bin/maes" man-pages "$tree/share/man/man1"
 gzip --no-name --best "$tree"/share/man/man1/*
 
-# What the documentation speaks of, as in the sources.
-install -d "$tree/share/maes"
-cp -r launch_scripts/scenarios "$tree/share/maes/scenarios"
-cp -r experiments/plans "$tree/share/maes/plans"
-cp -r examples "$tree/share/maes/examples"
-cp -r msgs/msg msgs/package.xml msgs/CMakeLists.txt -t "$(mkdir -p "$tree/share/maes/maes_msgs" && echo "$tree/share/maes/maes_msgs")"
+# What the documentation names, in the folders of a checkout.
+share=$tree/share/maes
+install -d "$share/launch_scripts" "$share/experiments" "$share/msgs/src" "$share/viewer/pictures"
+cp -r launch_scripts/scenarios launch_scripts/ros_{env.sh,requirements.txt} -t "$share/launch_scripts"
+cp launch_scripts/maes.{launch.py,rviz,foxglove.json} -t "$share/launch_scripts"
+cp -r experiments/plans -t "$share/experiments"
+cp -r examples -t "$share"
+cp -r msgs/msg msgs/package.xml msgs/CMakeLists.txt -t "$share/msgs"
+cp -r msgs/src/standard -t "$share/msgs/src"
+# For `maes snapshot` and `maes movie`; `maes view` has the page in it.
+cp -r viewer/dist -t "$share/viewer"
+find viewer/pictures -name '*.mjs' ! -name '*.test.mjs' -exec cp -t "$share/viewer/pictures" {} +
 cp -r README.md CHANGELOG.md SECURITY.md CITATION.cff LICENSE-MIT LICENSE-APACHE docs -t "$tree/share/doc/maes"
 python3 launch_scripts/third_party.py "$tree/share/doc/maes/THIRD-PARTY-LICENCES.txt"
 launch_scripts/sbom.sh "$out" >/dev/null

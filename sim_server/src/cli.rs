@@ -135,7 +135,7 @@ pub struct KeyArgs {
     pub controller: Option<String>,
     #[arg(long, value_name = "TICKS", help = meaning("agents.share_period_ticks"))]
     pub share_period: Option<u32>,
-    /// map.kind and map.file: spheres, noise, building, or a map file (docs/maps.md)
+    /// map.kind and map.file: spheres, noise, building, mine, or a map file (docs/maps.md)
     #[arg(long, value_name = "spheres|noise|building|FILE")]
     pub map: Option<String>,
     /// map.size: cells along each axis, for example 100 or 100x80x30
@@ -241,11 +241,12 @@ fn map_overrides(map: &str) -> Vec<Override> {
         key: key.to_owned(),
         value: value.map(Into::into),
     };
-    if matches!(map, "spheres" | "noise" | "building") {
+    if matches!(map, "spheres" | "noise" | "building" | "mine") {
         return vec![change("map.kind", Some(map)), change("map.file", None), change("map.import", None)];
     }
-    let mut overrides: Vec<_> =
-        ["map.size", "map.spheres", "map.noise", "map.building", "map.import"].map(|key| change(key, None)).into();
+    let mut overrides: Vec<_> = ["map.size", "map.spheres", "map.noise", "map.building", "map.mine", "map.import"]
+        .map(|key| change(key, None))
+        .into();
     overrides.extend([change("map.kind", Some("file")), change("map.file", Some(map))]);
     overrides
 }

@@ -60,7 +60,7 @@ pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 pub const RECORD_DIR: &str = "out/recordings";
 
 /// Error text for a page that was not built.
-pub const NO_PAGE_HERE: &str = "the page was not built: npm --prefix viewer ci && npm --prefix viewer run build, or maes view --build-only, which does both";
+pub const NO_PAGE_HERE: &str = "there is no page beside this program; in a checkout, `maes view --build-only` builds it; --page names the folder of another one";
 
 /// Maximum queued requests; a further one is refused.
 const REQUESTS_MAX: usize = 256;

@@ -87,9 +87,19 @@ pub(super) struct Comparison {
     pub(super) test: Option<(Test, f64)>,
     /// The p-value after Holm's correction for the family.
     pub(super) adjusted: Option<f64>,
-    /// Difference that so many pairs show with a probability of [`POWER`], over the mean of B;
-    /// `None` if it is not known.
+    /// Difference that so many pairs show with a probability of [`POWER`], over the mean of the
+    /// worse variant, as the effect in verdicts; `None` if it is not known.
     pub(super) detectable: Option<f64>,
+}
+
+impl Comparison {
+    /// Whether A is better than B on average, or as good.
+    pub(super) fn is_a_better(&self, compared: Compared) -> bool {
+        match compared {
+            Compared::Time => self.mean_a <= self.mean_b,
+            Compared::Metric(_, more) => (self.mean_a >= self.mean_b) == more,
+        }
+    }
 }
 
 /// All comparisons under a condition; one without common blocks is left out.
@@ -116,10 +126,11 @@ pub(super) fn comparisons(
         let (a, b) = (compared.values(&pairs.a, unit), compared.values(&pairs.b, unit));
         let differences: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
         let varies = differences.windows(2).any(|pair| pair[0] != pair[1]);
-        if comparison.test.is_some() && comparison.mean_b > 0.0 && varies {
+        let worse = if comparison.is_a_better(compared) { comparison.mean_b } else { comparison.mean_a };
+        if comparison.test.is_some() && worse > 0.0 && varies {
             // The hardest step of Holm's correction.
             let difference = detectable_difference(&differences, ALPHA / tests, POWER)?;
-            comparison.detectable = Some(difference / comparison.mean_b);
+            comparison.detectable = Some(difference / worse);
         }
     }
     Ok(family)
@@ -241,8 +252,8 @@ fn table(study: &Study, name: &'static str, compared: Compared) -> Result<Table,
         "A and B compared pair by pair, on the same map with the same seed: {what}. p: two-sided, signed-rank test \
          (Wilcoxon), or log-rank test with exchanges within pairs if some times are censored; none below {PAIRS_MIN} \
          independent pairs. Holm: adjusted for all comparisons of the same panel. Detectable: the difference that \
-         this number of pairs would show with a probability of 80 %. A12: probability that A has the greater value, \
-         a tie counting half."
+         this number of pairs would show with a probability of 80 %, in per cent of the mean of the worse variant. \
+         A12: probability that A has the greater value, a tie counting half."
     );
     Ok(Table { name, caption, columns, rows })
 }

@@ -49,10 +49,7 @@ fn sentence(study: &Study, comparison: &Comparison, compared: Compared) -> Strin
         Compared::Time => ("than", "by"),
         Compared::Metric(..) => ("of", "in the area under the curve by"),
     };
-    let is_a_better = match compared {
-        Compared::Time => mean_a <= mean_b,
-        Compared::Metric(_, more) => (mean_a >= mean_b) == more,
-    };
+    let is_a_better = comparison.is_a_better(compared);
     let (first, second) = if is_a_better { (comparison.a, comparison.b) } else { (comparison.b, comparison.a) };
     let (first, second) = (&study.variants[first], &study.variants[second]);
     let plural = |count: usize, name: &str| format!("{count} {name}{}", if count == 1 { "" } else { "s" });

@@ -85,6 +85,9 @@ pub enum CaptureError {
     /// The page was not built.
     #[error("{NO_PAGE_HERE}")]
     NoPage,
+    /// The page has no browser driver beside it.
+    #[error("{}: no such file; expected it beside the folder of the page, as in a checkout and in a release", .0.display())]
+    NoDriver(PathBuf),
     /// The browser driver cannot be started.
     #[error("Node.js 20.19 or later is required for snapshots and movies: {0}")]
     Node(std::io::Error),
@@ -158,11 +161,15 @@ fn render(
     out: &Path,
 ) -> Result<(), CaptureError> {
     let page = http_gateway::page(page)?.ok_or(CaptureError::NoPage)?;
+    let take = page.join("../pictures/take.mjs");
+    if !take.is_file() {
+        return Err(CaptureError::NoDriver(take));
+    }
     let server = StaticFileServer::open(FREE_PORT, &page, subject, None, Token::draw()?, &[])?;
     let out = std::path::absolute(out).map_err(FoxgloveServerError::System)?;
     let order = DriverOrder { url: server.url(), out: &out, view, time };
     let mut driver = Command::new("node");
-    driver.arg(page.join("../pictures/take.mjs"));
+    driver.arg(take);
     // Arguments are seen by all users of the machine, and the address has the token.
     driver.env(ORDER_VARIABLE, serde_json::to_string(&order).expect("an order is plain data"));
     // The driver notices by itself when this process ends.

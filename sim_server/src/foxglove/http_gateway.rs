@@ -142,7 +142,9 @@ fn is_page(folder: &Path) -> bool {
 fn built_page() -> Option<PathBuf> {
     let binary = std::env::current_exe().ok()?;
     let folder = binary.parent()?;
-    let candidates = [folder.join("viewer"), folder.join("../../viewer/dist")];
+    // Beside the programs, in an installed release, and in a checkout.
+    let places = ["viewer", "../share/maes/viewer/dist", "../../viewer/dist"];
+    let candidates = places.map(|place| folder.join(place));
     candidates.into_iter().find(|candidate| is_page(candidate))
 }
 

@@ -1,8 +1,8 @@
 //! The process on a host: starts agents as the supervisor says, and tells it what they print and
 //! how they end.
 //!
-//! No agent outlives it: at the end of its input it ends them, and if it is killed the system, if it
-//! is Linux, kills them.
+//! No agent outlives it: at the end of its input it ends them, and if it is killed, Linux kills
+//! them.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, BufReader, Read, Write};
