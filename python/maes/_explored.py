@@ -83,9 +83,9 @@ class Explored:
 
     def _with_neighbour(self, cells: _Cells, axis: int, step: int) -> npt.NDArray[np.int64]:
         """Those with a neighbour in the map along an axis."""
-        cells = cells.astype(np.int64)
-        along = cells // math.prod(self.size[:axis]) % self.size[axis] + step
-        return cells[(0 <= along) & (along < self.size[axis])]
+        wide = cells.astype(np.int64)
+        along = wide // math.prod(self.size[:axis]) % self.size[axis] + step
+        return wide[(0 <= along) & (along < self.size[axis])]
 
     def _neighbours(self, cells: _Cells, axis: int, step: int) -> npt.NDArray[np.int64]:
         """The neighbours in the map along an axis."""

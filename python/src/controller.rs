@@ -104,6 +104,7 @@ fn leaked(text: String) -> &'static str {
 }
 
 fn declared(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Declared> {
+    let outside = || bad_input(format!("setting {key} = {value}: expected a default from the low to the high end"));
     let unfit = || {
         let text = format!(
             "setting {key} = {value}: expected (default, low, high), all float or all int, or a list of words, the \
@@ -112,10 +113,12 @@ fn declared(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Declared> {
         PyTypeError::new_err(text)
     };
     if let Ok((default, low, high)) = value.extract::<(u64, u64, u64)>() {
-        return Ok(Declared::Integer(default, low, high));
+        let is_inside = (low..=high).contains(&default);
+        return if is_inside { Ok(Declared::Integer(default, low, high)) } else { Err(outside()) };
     }
     if let Ok((default, low, high)) = value.extract::<(f64, f64, f64)>() {
-        return Ok(Declared::Number(default, low, high));
+        let is_inside = (low..=high).contains(&default);
+        return if is_inside { Ok(Declared::Number(default, low, high)) } else { Err(outside()) };
     }
     match value.extract::<Vec<String>>() {
         Ok(words) if !words.is_empty() => Ok(Declared::Word(words)),

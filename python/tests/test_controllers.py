@@ -48,6 +48,9 @@ def test_settings_are_declared_and_checked(small):
     for bad, message in [({"turn_rad": 4}, "from 0 to 3"), ({"turns": 1}, "unknown"), ({"mode": "c"}, "a, b")]:
         with pytest.raises(maes.BadInput, match=message):
             maes.run(small, controller=own, agents__set=bad)
+    for outside in [(5.0, 0.0, 1.0), (0, 1, 9), (2.0, 3.0, 1.0)]:
+        with pytest.raises(maes.BadInput, match="turn = .*: expected a default from the low"):
+            maes.run(small, controller=controller(decide, settings={"turn": outside}))
     with pytest.raises(maes.BadInput, match="registered twice"):
         maes.run(small, controller=controller(decide, name="rbw"))
     with pytest.raises(TypeError, match="subclass of maes.Controller"):
