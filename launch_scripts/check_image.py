@@ -48,12 +48,12 @@ def fail(reason: str) -> NoReturn:
     sys.exit(f"error: {reason}")
 
 
-def instructions(dockerfile: str) -> Iterator[tuple[str, str]]:
+def instructions(dockerfile: str) -> list[tuple[str, str]]:
     """Those of the last stage."""
     text = "".join(line for line in dockerfile.splitlines(True) if not line.startswith("#"))
     steps = [line.split(maxsplit=1) for line in text.replace("\\\n", " ").splitlines() if line.strip()]
     first = max(number for number, (word, _) in enumerate(steps) if word == "FROM")
-    yield from ((word, argument) for word, argument in steps[first:])
+    return [(word, argument) for word, argument in steps[first:]]
 
 
 class Image:
@@ -87,9 +87,8 @@ class Image:
             base = ["debootstrap", "--variant=minbase", name[1], str(self.folder)]
             if subprocess.call(base, stdout=output, stderr=output):
                 fail(f"debootstrap: see {log}")
-        for kind, source, at in (("proc", "proc", "proc"), (None, "/dev", "dev")):
-            flags = ["--types", kind] if kind else ["--bind"]
-            subprocess.check_call(["mount", *flags, source, str(self.folder / at)])
+        subprocess.check_call(["mount", "--types", "proc", "proc", str(self.folder / "proc")])
+        subprocess.check_call(["mount", "--bind", "/dev", str(self.folder / "dev")])
 
     def _copy(self, argument: str) -> None:
         stage, *sources, destination = argument.split()

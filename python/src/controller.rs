@@ -104,7 +104,10 @@ fn leaked(text: String) -> &'static str {
 }
 
 fn declared(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Declared> {
-    let outside = || bad_input(format!("setting {key} = {value}: expected a default from the low to the high end"));
+    let checked = |is_inside: bool, declared| {
+        let reason = || bad_input(format!("setting {key} = {value}: expected a default from the low to the high end"));
+        if is_inside { Ok(declared) } else { Err(reason()) }
+    };
     let unfit = || {
         let text = format!(
             "setting {key} = {value}: expected (default, low, high), all float or all int, or a list of words, the \
@@ -113,12 +116,10 @@ fn declared(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Declared> {
         PyTypeError::new_err(text)
     };
     if let Ok((default, low, high)) = value.extract::<(u64, u64, u64)>() {
-        let is_inside = (low..=high).contains(&default);
-        return if is_inside { Ok(Declared::Integer(default, low, high)) } else { Err(outside()) };
+        return checked((low..=high).contains(&default), Declared::Integer(default, low, high));
     }
     if let Ok((default, low, high)) = value.extract::<(f64, f64, f64)>() {
-        let is_inside = (low..=high).contains(&default);
-        return if is_inside { Ok(Declared::Number(default, low, high)) } else { Err(outside()) };
+        return checked((low..=high).contains(&default), Declared::Number(default, low, high));
     }
     match value.extract::<Vec<String>>() {
         Ok(words) if !words.is_empty() => Ok(Declared::Word(words)),

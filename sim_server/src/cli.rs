@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
-use simulation::scenario::{Override, keys};
+use simulation::scenario::{MapKind, Override, keys};
 
 /// World server of a deterministic simulator of multi-robot exploration.
 #[derive(Debug, Parser)]
@@ -136,7 +136,7 @@ pub struct KeyArgs {
     #[arg(long, value_name = "TICKS", help = meaning("agents.share_period_ticks"))]
     pub share_period: Option<u32>,
     /// map.kind and map.file: spheres, noise, building, mine, or a map file (docs/maps.md)
-    #[arg(long, value_name = "spheres|noise|building|FILE")]
+    #[arg(long, value_name = "spheres|noise|building|mine|FILE")]
     pub map: Option<String>,
     /// map.size: cells along each axis, for example 100 or 100x80x30
     #[arg(long, value_name = "S|XxYxZ", value_parser = size)]
@@ -241,7 +241,8 @@ fn map_overrides(map: &str) -> Vec<Override> {
         key: key.to_owned(),
         value: value.map(Into::into),
     };
-    if matches!(map, "spheres" | "noise" | "building" | "mine") {
+    let is_generator = toml::Value::from(map).try_into::<MapKind>().is_ok_and(|kind| kind != MapKind::File);
+    if is_generator {
         return vec![change("map.kind", Some(map)), change("map.file", None), change("map.import", None)];
     }
     let mut overrides: Vec<_> = ["map.size", "map.spheres", "map.noise", "map.building", "map.mine", "map.import"]

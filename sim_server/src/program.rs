@@ -397,9 +397,10 @@ impl<'a> Job<'a> {
     ) -> anyhow::Result<ExitCode> {
         let Begun { world, map, mut link, records, viewing } = begun;
         let scenario = self.scenario;
-        let of_seed = || format!("seed {}", map.seed);
-        let of_file = |file: &PathBuf| printable::line(&file.display().to_string()).into_owned();
-        let origin = scenario.map.file.as_ref().map_or_else(of_seed, of_file);
+        let origin = match &scenario.map.file {
+            Some(file) => printable::line(&file.display().to_string()).into_owned(),
+            None => format!("seed {}", map.seed),
+        };
         let (free_cells, percent) = (map.free_cells, map.free_fraction * 100.0);
         terminal.say(&format!("map {origin}: {free_cells} free cells, {percent:.1} % of the volume"));
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));

@@ -91,26 +91,27 @@ impl Follower {
         let open_chunk = [mcap::MAGIC, &bytes[open..]].concat();
         let mut known = self.known.clone();
         let mut messages = Vec::new();
-        let mut is_ended_by = |part: &[u8]| {
-            let mut of_part = Messages::with_known(part, std::mem::take(&mut known));
+        let (mut closed, mut has_ended) = (0, false);
+        for part in [&bytes[..open], &open_chunk] {
+            closed = messages.len();
+            let mut of_part = Messages::with_known(part, known);
             messages.extend(of_part.by_ref());
+            has_ended |= match of_part.end {
+                Some(End::Whole) => true,
+                Some(End::Missing) => false,
+                _ => return None,
+            };
             known = of_part.known;
-            match of_part.end {
-                Some(End::Whole) => Some((true, messages.len())),
-                Some(End::Missing) => Some((false, messages.len())),
-                _ => None,
-            }
-        };
-        let (is_ended, closed) = is_ended_by(&bytes[..open])?;
-        let (is_ended_by_open, all) = is_ended_by(&open_chunk)?;
-        if all < self.read {
+        }
+        let of_open_chunk = messages.len() - closed;
+        if messages.len() < self.read {
             return None;
         }
         let new = messages.split_off(self.read);
         self.open_at += (open - mcap::MAGIC.len()) as u64;
-        self.read = all - closed;
+        self.read = of_open_chunk;
         self.known = known;
-        self.has_ended = is_ended || is_ended_by_open;
+        self.has_ended = has_ended;
         Some(new)
     }
 }

@@ -125,3 +125,20 @@ fn comparison_without_common_blocks_has_no_rows() {
     let study = Study::new(vec![stored("dsvp", 1), stored("lvd", 2)], None);
     assert!(tables(&study).unwrap().iter().all(|table| table.rows.is_empty()));
 }
+
+/// It has the base of the effect beside it, whichever of the two is first in the plan.
+#[test]
+fn detectable_difference_is_in_per_cent_of_the_worse_variant() {
+    let fast: Vec<_> = (0..8).map(|block| Some(10.0 + f64::from(block % 3))).collect();
+    let slow: Vec<_> = (0..8).map(|block| Some(20.0 + f64::from(block))).collect();
+    let of = |a: &[Option<f64>], b: &[Option<f64>], compared| {
+        let study = study(&[("a", a.to_vec()), ("b", b.to_vec())], own_map);
+        comparisons(&study, &study.conditions[0], compared).unwrap()[0].clone()
+    };
+    for compared in [Compared::Time, Compared::AREA] {
+        let (first, second) = (of(&fast, &slow, compared), of(&slow, &fast, compared));
+        assert!(first.is_a_better(compared) && !second.is_a_better(compared));
+        assert!(first.detectable.is_some_and(|share| share > 0.0));
+        assert_eq!(first.detectable, second.detectable);
+    }
+}
