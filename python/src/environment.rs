@@ -29,6 +29,12 @@ fn pool() -> PyResult<Arc<ThreadPool>> {
     Ok(made)
 }
 
+/// The results of all worlds, or the error of the first world that has one: rayon's own collecting
+/// into a `Result` reports whichever thread fails first.
+fn in_order<T>(results: Vec<PyResult<T>>) -> PyResult<Vec<T>> {
+    results.into_iter().collect()
+}
+
 /// Worlds of one scenario with different seeds.
 #[pyclass(name = "Worlds", module = "maes._maes", frozen)]
 pub(crate) struct PyWorlds {
@@ -160,7 +166,7 @@ impl PyWorlds {
         let pool = pool()?;
         let worlds = py.detach(|| {
             let one = |seed: u64| Environment::new(&scenario.scenario, seed, shape).map_err(bad_input);
-            pool.install(|| seeds.into_par_iter().map(one).collect::<PyResult<Vec<_>>>())
+            in_order(pool.install(|| seeds.into_par_iter().map(one).collect()))
         })?;
         let size = worlds[0].world().terrain().extent().size();
         Ok(Self { worlds: Mutex::new(Some(worlds)), shape, agents, size })
@@ -178,13 +184,14 @@ impl PyWorlds {
             let reset = |(number, world): (usize, &mut Environment)| {
                 seeds.get(&number).map_or(Ok(()), |&seed| world.reset(seed).map_err(bad_input))
             };
-            pool.install(|| all.par_iter_mut().enumerate().map(reset).collect())
+            in_order(pool.install(|| all.par_iter_mut().enumerate().map(reset).collect())).map(drop)
         })
     }
 
     /// Steps every world; `actions` has the numbers of each agent of each world in turn. Writes
     /// what all agents are shown then, see [`Self::show`]. Returns, by agent and world: explored
-    /// share gained, path length in m, and 1 for a collision.
+    /// share gained, path length in m, and 1 for a collision. Raises `ValueError` for the first
+    /// action by world and agent that is not legal, and steps no world then.
     fn step<'py>(
         &self,
         py: Python<'py>,
@@ -201,24 +208,20 @@ impl PyWorlds {
             return Err(PyValueError::new_err(format!("actions has {} numbers: expected {expected}", actions.len())));
         }
         let views = self.views(py, [&mut own, &mut contacts, &mut frontiers], &mut crops)?;
-        let actions = actions.par_chunks_exact(width);
-        let one = |(number, ((world, views), actions)): (usize, ((&mut Environment, Views<'_>), &[f32]))| {
-            let gains = world.step(actions).map_err(|why| PyValueError::new_err(format!("world {number}: {why}")))?;
+        let named = |number: usize, why: String| PyValueError::new_err(format!("world {number}: {why}"));
+        let step = |(number, ((world, views), actions)): (usize, ((&mut Environment, Views<'_>), &[f32]))| {
+            let gains = world.step(actions).map_err(|why| named(number, why))?;
             views.show(world);
             Ok(gains)
         };
         let pool = pool()?;
         let gains: Vec<Vec<Gain>> = self.with(py, |worlds| {
-            pool.install(|| {
-                worlds
-                    .par_iter_mut()
-                    .zip(views)
-                    .zip(actions)
-                    .enumerate()
-                    .with_max_len(1)
-                    .map(one)
-                    .collect::<PyResult<_>>()
-            })
+            // All before any: an action that is not legal leaves every world as it was.
+            for (number, (world, actions)) in worlds.iter().zip(actions.chunks_exact(width)).enumerate() {
+                world.check(actions).map_err(|why| named(number, why))?;
+            }
+            let steps = worlds.par_iter_mut().zip(views).zip(actions.par_chunks_exact(width)).enumerate();
+            in_order(pool.install(|| steps.with_max_len(1).map(step).collect()))
         })?;
         let rows = gains.into_iter().flatten();
         let flat: Vec<f64> =

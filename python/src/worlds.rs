@@ -196,16 +196,22 @@ impl Environment {
         Ok(())
     }
 
-    /// Executes the actions of all agents, and advances to the next decision. `actions` has the
-    /// numbers of each agent in turn.
+    /// Checks the actions of all agents, which have the numbers of each agent in turn.
     ///
     /// # Errors
-    /// Names the agent and the number that is not legal; the world is unchanged then.
+    /// Names the first agent and number that is not legal.
+    pub(crate) fn check(&self, actions: &[f32]) -> Result<(), String> {
+        let mut actions = self.world.agents().zip(actions.chunks_exact(self.shape.actions.width()));
+        actions.try_for_each(|(agent, action)| self.check_one(agent, action))
+    }
+
+    /// Executes the actions of all agents, which [`Self::check`] accepted, and advances to the next
+    /// decision.
+    ///
+    /// # Errors
+    /// If an observation is not what an explorer accepts.
     pub(crate) fn step(&mut self, actions: &[f32]) -> Result<Vec<Gain>, String> {
         let width = self.shape.actions.width();
-        for (agent, action) in self.world.agents().zip(actions.chunks_exact(width)) {
-            self.check(agent, action)?;
-        }
         let before = (self.world.coverage().explored_by(), self.world.distance_m());
         let mut commands = BTreeMap::new();
         for (agent, action) in self.world.agents().zip(actions.chunks_exact(width)) {
@@ -233,7 +239,7 @@ impl Environment {
         Ok(self.world.agents().map(gain).collect())
     }
 
-    fn check(&self, agent: AgentId, action: &[f32]) -> Result<(), String> {
+    fn check_one(&self, agent: AgentId, action: &[f32]) -> Result<(), String> {
         let wrong = |number: usize, expected: &str| {
             Err(format!("action of agent {agent}: number {number} is {}: expected {expected}", action[number]))
         };
@@ -275,7 +281,7 @@ impl Environment {
                 go_to(goal)
             }
             Actions::Frontier => {
-                // Whole and in range, see `check`.
+                // Whole and in range, see `check_one`.
                 let chosen = shown.get(action[0] as usize).copied();
                 chosen.map_or(Motion::Keep, go_to)
             }

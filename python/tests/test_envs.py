@@ -95,6 +95,15 @@ def test_wrong_use_names_the_thing():
         with pytest.raises(ValueError, match=message):
             worlds.step(actions)
     assert (worlds.poses() == before).all()
+    # Threads step the worlds: the error is that of the first world, and no other world has moved.
+    many = Worlds(16, agents=2, **CAVE)
+    before = many.poses()
+    actions = np.ones((16, 2, 4))
+    actions[5:] = np.nan
+    for _ in range(20):
+        with pytest.raises(ValueError, match="world 5: action of agent 0: number 0 is NaN"):
+            many.step(actions)
+    assert (many.poses() == before).all()
     for keys, message in [
         ({"actions": "fly"}, "velocity"),
         ({"period_s": 0.0}, "period_s"),
