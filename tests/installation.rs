@@ -1,10 +1,11 @@
-//! `cargo install`: the one program that it installs runs the server and the agents as well.
+//! Other builds of `maes`: the one program that `cargo install` installs, which runs the server and
+//! the agents as well, and the program without ROS 2, which Windows has.
 
 use std::fs;
 use std::process::Command;
 
-use crate::support::binaries;
 use crate::support::runs::{Site, text};
+use crate::support::{binaries, root};
 
 #[test]
 #[ignore = "compiles foreign crates again, with the features of one package"]
@@ -27,4 +28,28 @@ fn cargo_installs_a_program_that_runs_over_ros() {
     };
     let over_ros = site.record_with(&mut program());
     over_ros.assert_same(&site.record_with(program().args(["--transport", "memory"])), "installed by cargo");
+}
+
+#[test]
+#[ignore = "compiles all crates again, without ROS 2"]
+fn program_without_ros_works_over_memory() {
+    let target = binaries::target_folder().join("without_ros");
+    let arguments = ["build", "--release", "--locked", "-p", "maes", "--bin", "maes", "--no-default-features"];
+    let built = binaries::cargo().args(arguments).arg("--target-dir").arg(&target).output().expect("cargo runs");
+    assert!(built.status.success(), "cargo build:\n{}", String::from_utf8_lossy(&built.stderr));
+    let program = target.join("release/maes");
+
+    let checked = Command::new(root().join("launch_scripts/check_memory_path.sh")).arg(&program).output();
+    let checked = checked.expect("the script runs");
+    let printed = format!("{}{}", String::from_utf8_lossy(&checked.stdout), String::from_utf8_lossy(&checked.stderr));
+    assert!(checked.status.success() && printed.contains("the memory path and the page work"), "{printed}");
+
+    let refused = |arguments: &[&str]| {
+        let ended = Command::new(&program).args(arguments).output().expect("it runs");
+        assert_eq!(ended.status.code(), Some(2), "{arguments:?}");
+        String::from_utf8_lossy(&ended.stderr).into_owned()
+    };
+    let over_ros = refused(&["run", "--transport", "ros2"]);
+    assert_eq!(over_ros, "error: --transport ros2: this program was built without ROS 2; expected memory\n");
+    assert!(refused(&["view"]).contains("without ROS 2; expected a recording (.mcap)"));
 }

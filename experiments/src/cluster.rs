@@ -91,8 +91,7 @@ pub fn emit(plan: &Plan, folder: &Path, job: &Job, transport: &Transport) -> Res
     let store = Store::create(folder)?;
     store.save_plan(plan)?;
     store.make_folder(templates::LOGS)?;
-    let flags = if matches!(transport, Transport::Ros2(_)) { " --transport ros2" } else { "" };
-    store.write(PART, templates::part(parts, flags).as_bytes())?;
+    store.write(PART, templates::part(parts, transport.flags()).as_bytes())?;
     Ok(store.write(name, text.as_bytes())?)
 }
 

@@ -5,6 +5,7 @@
 
 mod memory;
 mod parts;
+#[cfg(feature = "ros")]
 mod ros;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,7 +18,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use agent_node::controllers::Registry;
 use sim_server::setup::SetupError;
-use supervisor::{SupervisorError, outside};
+#[cfg(feature = "ros")]
+use supervisor::SupervisorError;
 use thiserror::Error;
 
 use crate::keep::{self, Keep};
@@ -29,6 +31,7 @@ use crate::statistics::StatisticsError;
 use crate::store::{self, Store, StoreError};
 
 pub use parts::Part;
+#[cfg(feature = "ros")]
 pub use ros::Launcher;
 
 /// The transport between a server and its agents.
@@ -37,7 +40,19 @@ pub enum Transport {
     /// All in this process.
     Memory,
     /// Over ROS 2, with a process for the server and for each agent.
+    #[cfg(feature = "ros")]
     Ros2(Launcher),
+}
+
+impl Transport {
+    /// The flags of `maes batch` for it.
+    pub(crate) fn flags(&self) -> &'static str {
+        match self {
+            Self::Memory => "",
+            #[cfg(feature = "ros")]
+            Self::Ros2(_) => " --transport ros2",
+        }
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -101,6 +116,7 @@ pub enum ExecuteError {
     #[error("{key} = {value}: {reason}")]
     Transport { key: &'static str, value: String, reason: &'static str },
     /// A program of the user cannot run agents.
+    #[cfg(feature = "ros")]
     #[error(transparent)]
     Program(#[from] SupervisorError),
     /// [`Selection::only`] names a run that is not of the plan and this build.
@@ -152,24 +168,17 @@ impl PlanObserver for () {}
 /// # Errors
 /// Names the key and the remedy.
 pub fn check(plan: &Plan, transport: &Transport) -> Result<(), ExecuteError> {
-    let mut checked = BTreeSet::new();
-    for run in &plan.runs {
-        let agents = &run.scenario.agents;
-        let Some((key, value)) = agents.of_ros_only() else { continue };
-        if matches!(transport, Transport::Memory) {
-            let reason = "expected [] over memory, where no other program takes part; use --transport ros2";
-            return Err(ExecuteError::Transport { key, value, reason });
-        }
-        if let Some(agent) = agents.cmd_vel.iter().find(|&&agent| !agents.is_commanded(agent)) {
-            let reason = "nothing in a plan starts the node of this agent; name its program in agents.command";
-            return Err(ExecuteError::Transport { key: "agents.cmd_vel", value: agent.to_string(), reason });
-        }
-        let choices = agents.controllers_of(|agent| agents.is_commanded(agent));
-        if checked.insert((&agents.command, format!("{choices:?}"))) {
-            outside::check(&run.scenario, &run.folder)?;
-        }
+    match transport {
+        Transport::Memory => match plan.runs.iter().find_map(|run| run.scenario.agents.of_ros_only()) {
+            None => Ok(()),
+            Some((key, value)) => {
+                let reason = "expected [] over memory, where no other program takes part; use --transport ros2";
+                Err(ExecuteError::Transport { key, value, reason })
+            }
+        },
+        #[cfg(feature = "ros")]
+        Transport::Ros2(_) => ros::check(plan),
     }
-    Ok(())
 }
 
 /// Executes a plan in a folder, and writes its tables. A part writes them if no run is left in the
@@ -356,6 +365,7 @@ fn each(
     let (sender, records) = channel();
     let jobs = options.jobs.get();
     thread::scope(|scope| {
+        #[cfg_attr(not(feature = "ros"), expect(unused_variables, reason = "runs over memory need no domain"))]
         for job in 0..jobs.min(todo.len()) {
             let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
@@ -365,6 +375,7 @@ fn each(
                     let kept = recording(run);
                     let record = match &options.transport {
                         Transport::Memory => memory::carry_out(run, kept, options.registry, &stop.at_once),
+                        #[cfg(feature = "ros")]
                         Transport::Ros2(launcher) => {
                             launcher.carry_out(run, (job, jobs), kept.as_deref(), &stop.at_once)
                         }

@@ -31,6 +31,7 @@ pub mod measure;
 pub mod merge;
 pub mod oracle;
 pub mod plan;
+#[cfg(feature = "ros")]
 mod processes;
 pub mod report;
 pub mod rows;

@@ -9,6 +9,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use sim_server::input_file::{self, TEXT_BYTES_MAX};
+use sim_server::os;
 use thiserror::Error;
 
 use crate::plan::Plan;
@@ -283,7 +284,7 @@ fn write_atomically(file: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     draft.persist(file).map_err(|error| failed(error.error))?;
     // The name is in the folder, which has a cache of its own: without this a power failure can
     // take away a record that a part has reported as done.
-    std::fs::File::open(folder).and_then(|folder| folder.sync_all()).map_err(&failed)
+    os::sync_folder(folder).map_err(&failed)
 }
 
 fn file_error(file: &Path) -> impl Fn(std::io::Error) -> StoreError {

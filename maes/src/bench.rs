@@ -12,12 +12,11 @@ use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use experiments::benchmark::schedule::Schedule;
 use experiments::benchmark::{self, Entry, RESULT_FILE, SEEDS, Scope};
-use experiments::execute::{Launcher, Options, Part, Transport};
+use experiments::execute::{Options, Part, Transport};
 use sim_server::exit;
-use supervisor::binaries;
 
 use crate::output::{print, say};
-use crate::plans::interruptible;
+use crate::plans::{interruptible, over_ros};
 use crate::progress::ProgressDisplay;
 
 /// The benchmarks.
@@ -209,12 +208,8 @@ fn files(paths: impl Iterator<Item = PathBuf>) -> anyhow::Result<BTreeMap<String
 
 fn options(jobs: Option<NonZero<usize>>, entry: &Entry) -> anyhow::Result<Options> {
     let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    let (transport, usual) = if entry.command.is_empty() {
-        (Transport::Memory, cores)
-    } else {
-        let launcher = Launcher { binaries: binaries::folder()?, first_domain: 1 };
-        (Transport::Ros2(launcher), NonZero::<usize>::MIN)
-    };
+    let (transport, usual) =
+        if entry.command.is_empty() { (Transport::Memory, cores) } else { (over_ros(1)?, NonZero::<usize>::MIN) };
     Ok(Options {
         jobs: jobs.unwrap_or(usual),
         transport,

@@ -7,6 +7,7 @@
 
 mod bench;
 mod controllers;
+#[cfg(feature = "ros")]
 mod faults;
 mod map;
 mod movie;
@@ -15,12 +16,15 @@ mod output;
 mod plans;
 mod progress;
 mod recordings;
+#[cfg(feature = "ros")]
+mod replay;
 mod run;
 mod scenario;
 mod signals;
 mod usage;
 mod view;
 
+#[cfg(feature = "ros")]
 use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -31,16 +35,21 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use experiments::in_process::InProcessError;
 use experiments::plan::BUILD;
+#[cfg(feature = "ros")]
 use faults::FaultsArgs;
 use map::{MapCliError, MapCommand};
 use movie::MovieArgs;
 use oracle::OracleArgs;
 use plans::{BatchArgs, MergeArgs, ReportArgs};
-use recordings::{DiffArgs, InfoArgs, ReplayArgs, SnapshotArgs, VerifyArgs};
+use recordings::{DiffArgs, InfoArgs, SnapshotArgs, VerifyArgs};
+#[cfg(feature = "ros")]
+use replay::ReplayArgs;
 use run::RunArgs;
 use scenario::ScenarioArgs;
 use sim_server::exit;
+#[cfg(feature = "ros")]
 use supervisor::SupervisorError;
+#[cfg(feature = "ros")]
 use supervisor::hosts::serve;
 use view::ViewArgs;
 
@@ -69,6 +78,7 @@ enum Command {
     /// Show a recording or a run in a browser, or let runs be started there
     View(Box<ViewArgs>),
     /// Play a recording on its ROS 2 topics
+    #[cfg(feature = "ros")]
     Replay(ReplayArgs),
     /// Check a recording: execute its run again, and compare everything that comes of it
     Verify(VerifyArgs),
@@ -88,6 +98,7 @@ enum Command {
     /// Say how fast a team could be that knows the map in advance, and what no team can beat
     Oracle(OracleArgs),
     /// Disturb runs over ROS 2 with seeded faults, and compare each with the undisturbed run
+    #[cfg(feature = "ros")]
     Faults(Box<FaultsArgs>),
     /// Print a completion script for a shell, for example `maes completions bash`
     Completions {
@@ -100,12 +111,9 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let mut arguments = std::env::args_os().skip(1);
-    match arguments.next().as_deref().and_then(OsStr::to_str) {
-        Some("sim_server") => return sim_server::program::main(arguments),
-        Some("agent_node") => return agent_node::program::run(arguments, &[]),
-        Some(serve::SUBCOMMAND) => return serve_agents(),
-        _ => {}
+    #[cfg(feature = "ros")]
+    if let Some(code) = other_program() {
+        return code;
     }
     let parsed = Cli::command().try_get_matches().and_then(|matches| {
         let cli = Cli::from_arg_matches(&matches)?;
@@ -123,7 +131,8 @@ fn main() -> ExitCode {
         Command::Report(args) => plans::report(&args),
         Command::Bench(command) => bench::run(&command),
         Command::View(args) => view::view(*args, given),
-        Command::Replay(args) => recordings::replay(&args),
+        #[cfg(feature = "ros")]
+        Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => recordings::verify(&args),
         Command::Diff(args) => recordings::diff(&args),
         Command::Info(args) => recordings::info(&args),
@@ -132,6 +141,7 @@ fn main() -> ExitCode {
         Command::Map(command) => map::run(command).map(|()| ExitCode::SUCCESS).map_err(Into::into),
         Command::Scenario(args) => scenario::print(&args),
         Command::Oracle(args) => oracle::print(&args),
+        #[cfg(feature = "ros")]
         Command::Faults(args) => faults::faults(&args),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "maes", &mut std::io::stdout());
@@ -148,7 +158,20 @@ fn main() -> ExitCode {
     })
 }
 
+/// Runs one of the programs that this one is as well, if its name comes first.
+#[cfg(feature = "ros")]
+fn other_program() -> Option<ExitCode> {
+    let mut arguments = std::env::args_os().skip(1);
+    match arguments.next().as_deref().and_then(OsStr::to_str)? {
+        "sim_server" => Some(sim_server::program::main(arguments)),
+        "agent_node" => Some(agent_node::program::run(arguments, &[])),
+        serve::SUBCOMMAND => Some(serve_agents()),
+        _ => None,
+    }
+}
+
 /// What a launcher starts on a host of `maes run --hosts`.
+#[cfg(feature = "ros")]
 fn serve_agents() -> ExitCode {
     let served = match std::env::current_exe() {
         Ok(maes) => serve::serve(&maes, BUILD).map_err(|error| (error.to_string(), error.exit_code())),
@@ -164,6 +187,7 @@ fn serve_agents() -> ExitCode {
 }
 
 fn exit_code(error: &anyhow::Error) -> ExitCode {
+    #[cfg(feature = "ros")]
     if let Some(error) = error.downcast_ref::<SupervisorError>() {
         return ExitCode::from(error.exit_code());
     }

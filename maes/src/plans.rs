@@ -4,28 +4,27 @@ use std::collections::BTreeSet;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread;
 
 use agent_node::controllers::Registry;
-use anyhow::Context;
 use clap::{Args, ValueEnum};
 use experiments::benchmark::BenchmarkError;
 use experiments::cluster::{self, EmitError, Job, Scheduler};
-use experiments::execute::{self, ExecuteError, Launcher, Options, Part, Selection, Stop, Summary, Transport};
-use experiments::faults::FaultsError;
+#[cfg(feature = "ros")]
+use experiments::execute::Launcher;
+use experiments::execute::{self, ExecuteError, Options, Part, Selection, Stop, Summary, Transport};
 use experiments::keep::Keep;
 use experiments::merge;
 use experiments::plan::{BUILD, Plan};
 use experiments::report::{self, Heading, ReportError, Written};
 use experiments::store::{Store, StoreError};
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
 use sim_server::exit;
-use supervisor::binaries;
 
 use crate::output::{print, say};
 use crate::progress::ProgressDisplay;
+use crate::signals;
 
 /// Arguments of `batch`.
 #[derive(Debug, Args)]
@@ -230,8 +229,19 @@ pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
         || matches!(error.downcast_ref::<BenchmarkError>(), Some(BenchmarkError::Store(_)))
         || matches!(error.downcast_ref::<EmitError>(), Some(EmitError::Store(_)))
         || error.downcast_ref::<StoreError>().is_some()
-        || matches!(error.downcast_ref::<FaultsError>(), Some(FaultsError::Write { .. }))
+        || is_failure_of_faults(error)
         || matches!(error.downcast_ref::<ReportError>(), Some(ReportError::Png { .. } | ReportError::Write { .. }))
+}
+
+#[cfg(feature = "ros")]
+fn is_failure_of_faults(error: &anyhow::Error) -> bool {
+    use experiments::faults::FaultsError;
+    matches!(error.downcast_ref::<FaultsError>(), Some(FaultsError::Write { .. }))
+}
+
+#[cfg(not(feature = "ros"))]
+fn is_failure_of_faults(_error: &anyhow::Error) -> bool {
+    false
 }
 
 /// Executes what is left of a plan.
@@ -243,7 +253,7 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
     let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let (transport, jobs) = match args.transport {
         TransportName::Memory => (Transport::Memory, cores),
-        TransportName::Ros2 => (Transport::Ros2(launcher(args)?), NonZero::<usize>::MIN),
+        TransportName::Ros2 => (over_ros(args.first_domain)?, NonZero::<usize>::MIN),
     };
     if let Some(scheduler) = args.emit {
         let file = cluster::emit(&plan, &args.out, &args.job.job(scheduler.into()), &transport)?;
@@ -284,27 +294,28 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
 
 /// Executes something that a first Ctrl-C ends after the runs under way, and a second one at once.
 pub(crate) fn interruptible<T>(execute: impl FnOnce(&Stop) -> anyhow::Result<T>) -> anyhow::Result<T> {
-    let stop = Stop::default();
-    let mut signals = Signals::new([SIGINT, SIGTERM]).context("handling signals")?;
-    let handle = signals.handle();
-    thread::scope(|scope| {
-        scope.spawn(|| {
-            for _ in signals.forever() {
-                if stop.soon.swap(true, Ordering::Relaxed) {
-                    stop.at_once.store(true, Ordering::Relaxed);
-                } else {
-                    say("ending after the runs under way; once more to give them up");
-                }
-            }
-        });
-        let executed = execute(&stop);
-        handle.close();
-        executed
-    })
+    let stop = Arc::new(Stop::default());
+    let requested = Arc::clone(&stop);
+    signals::each(move || {
+        if requested.soon.swap(true, Ordering::Relaxed) {
+            requested.at_once.store(true, Ordering::Relaxed);
+        } else {
+            say("ending after the runs under way; once more to give them up");
+        }
+    })?;
+    execute(&stop)
 }
 
-fn launcher(args: &BatchArgs) -> anyhow::Result<Launcher> {
-    Ok(Launcher { binaries: binaries::folder()?, first_domain: args.first_domain })
+/// Runs with a process for each agent, in this ROS domain and the next ones.
+#[cfg(feature = "ros")]
+pub(crate) fn over_ros(first_domain: u32) -> anyhow::Result<Transport> {
+    Ok(Transport::Ros2(Launcher { binaries: supervisor::binaries::folder()?, first_domain }))
+}
+
+/// Runs with a process for each agent, which this program cannot start.
+#[cfg(not(feature = "ros"))]
+pub(crate) fn over_ros(_first_domain: u32) -> anyhow::Result<Transport> {
+    anyhow::bail!("{}; expected runs over memory, without programs of their own", crate::run::WITHOUT_ROS)
 }
 
 /// Joins folders.

@@ -1,24 +1,17 @@
-//! Commands about recordings: `info`, `verify`, `diff`, `replay`, `snapshot`.
+//! Commands about recordings: `info`, `verify`, `diff`, `snapshot`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
 use experiments::diff;
-use msgs::ids::Tick;
 use msgs::printable;
-use ros_node::ros_env::RosEnv;
 use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
 use sim_server::recording::{End, Recording};
-use sim_server::replay::{PlaybackOptions, PlaybackSchedule, PlaybackTiming};
-use sim_server::terminal::Terminal;
-use sim_server::{bag, exit, info, ros, verify};
-use simulation::parameters::{self, RATE};
-use simulation::scenario::Rtf;
+use sim_server::{bag, exit, info, verify};
 
 use crate::controllers::BuiltInControllers;
 use crate::output::{print, say};
-use crate::signals;
 
 /// Arguments of `info`.
 #[derive(Debug, Args)]
@@ -53,34 +46,6 @@ pub(crate) struct DiffArgs {
     second: PathBuf,
 }
 
-/// Arguments of `replay`.
-#[derive(Debug, Args)]
-pub(crate) struct ReplayArgs {
-    /// The recording (.mcap)
-    file: PathBuf,
-    /// Most sim seconds for each second of wall time; max: as fast as possible
-    #[arg(long, value_name = "X|max", value_parser = rate, default_value = "1")]
-    rate: Rtf,
-    /// Sim time at which playback begins
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
-    start: f64,
-    /// Sim time at which playback ends, if not at the end of the recording
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
-    end: Option<f64>,
-    /// Begin again at the end
-    #[arg(long = "loop")]
-    is_loop: bool,
-    /// Begin paused, until a service call resumes playback
-    #[arg(long)]
-    paused: bool,
-    /// Play only these topics; a * at the end stands for any rest
-    #[arg(long, value_name = "NAME[,NAME...]", value_delimiter = ',')]
-    topics: Vec<String>,
-    /// Leave these topics out; a * at the end stands for any rest
-    #[arg(long, value_name = "NAME[,NAME...]", value_delimiter = ',')]
-    exclude: Vec<String>,
-}
-
 /// Arguments of `snapshot`.
 #[derive(Debug, Args)]
 pub(crate) struct SnapshotArgs {
@@ -102,14 +67,6 @@ pub(crate) fn png(text: &str) -> Result<PathBuf, String> {
     } else {
         Err("expected a name that ends in .png".to_owned())
     }
-}
-
-fn rate(text: &str) -> Result<Rtf, String> {
-    if text == "max" {
-        return Ok(Rtf::MAX);
-    }
-    let limit = text.parse().map_err(|_| "expected a number or max".to_owned())?;
-    parameters::pace(RATE, limit)
 }
 
 /// Describes a recording.
@@ -174,35 +131,6 @@ pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
     Ok(if verdict.is_same_run() { ExitCode::SUCCESS } else { ExitCode::from(exit::DIFFERENT) })
 }
 
-/// Plays a recording over ROS 2.
-pub(crate) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
-    let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
-    let recording = Recording::open(&args.file)?;
-    let options = PlaybackOptions {
-        only: args.topics.clone(),
-        exclude: args.exclude.clone(),
-        start_s: args.start,
-        end_s: args.end,
-    };
-    let schedule = PlaybackSchedule::new(&recording, &options)?;
-    let timing = PlaybackTiming { rate: args.rate, is_loop: args.is_loop, is_paused: args.paused };
-    let stop = signals::stop_flag()?;
-    let mut terminal = Terminal::new(schedule.ticks().1, 0);
-    schedule.notes().iter().for_each(|note| terminal.say(&printable::line(&format!("warning: {note}"))));
-    let played = ros::replay::play(&recording, &schedule, timing, &env, &mut terminal, &stop);
-    terminal.clear();
-    let played = match played {
-        Ok(played) => played,
-        Err(error) => {
-            say(&format!("error: {error}"));
-            return Ok(ExitCode::from(exit::FAILED));
-        }
-    };
-    let sim_s = Tick(played.sim_ticks).time_ns() as f64 * 1e-9;
-    print(&format!("replayed {} messages, {sim_s:.2} s", played.messages));
-    Ok(ExitCode::from(if played.is_interrupted { exit::BY_SIGNAL } else { 0 }))
-}
-
 /// Takes a picture of a recording.
 pub(crate) fn snapshot(args: &SnapshotArgs) -> anyhow::Result<ExitCode> {
     Recording::open(&args.subject.file)?;
@@ -211,16 +139,4 @@ pub(crate) fn snapshot(args: &SnapshotArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(capture::exit_code(&error)));
     }
     Ok(ExitCode::SUCCESS)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rates() {
-        assert_eq!(rate("max"), Ok(Rtf::MAX));
-        assert_eq!(rate("0.5"), Ok(Rtf::Limit(0.5)));
-        assert!(rate("fast").is_err() && rate("-1").is_err() && rate("inf").is_err());
-    }
 }

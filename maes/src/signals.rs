@@ -1,21 +1,46 @@
-//! Signals that ask for the end of what is under way.
+//! Requests to end what is under way: SIGINT, SIGTERM and SIGHUP; on Windows Ctrl-C, Ctrl-Break and
+//! the closing of the window.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::AtomicBool;
+#[cfg(feature = "ros")]
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::channel;
+#[cfg(unix)]
 use std::thread;
 
 use anyhow::Context;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use sim_server::exit;
 
-/// Counts SIGINT, SIGTERM and SIGHUP from now on, instead of ending at the first one.
+/// Calls a function at each request from now on, on another thread, instead of ending at the first
+/// one. A process does this once.
+pub(crate) fn each(mut requested: impl FnMut() + Send + 'static) -> anyhow::Result<()> {
+    #[cfg(unix)]
+    {
+        let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, signal_hook::consts::SIGHUP])
+            .context("handling signals")?;
+        thread::spawn(move || signals.forever().for_each(|_| requested()));
+    }
+    #[cfg(windows)]
+    ctrlc::set_handler(move || requested()).context("handling Ctrl-C")?;
+    Ok(())
+}
+
+/// Counts requests from now on.
+#[cfg(feature = "ros")]
 pub(crate) fn count() -> anyhow::Result<impl Fn() -> u32> {
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).context("handling signals")?;
     let count = Arc::new(AtomicU32::new(0));
     let counted = Arc::clone(&count);
-    thread::spawn(move || signals.forever().for_each(|_| _ = counted.fetch_add(1, Ordering::Relaxed)));
+    each(move || _ = counted.fetch_add(1, Ordering::Relaxed))?;
     Ok(move || count.load(Ordering::Relaxed))
+}
+
+/// A function that waits for the first request from now on.
+pub(crate) fn first() -> anyhow::Result<impl FnOnce()> {
+    let (requested, requests) = channel();
+    each(move || _ = requested.send(()))?;
+    Ok(move || _ = requests.recv())
 }
 
 /// A flag that SIGINT and SIGTERM set; a second signal ends the process.

@@ -2,25 +2,22 @@
 //! started on the page, one after the other.
 
 mod browser;
+#[cfg(feature = "ros")]
+mod live;
 mod page;
 mod rerun;
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::{ArgMatches, Args};
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
 use sim_server::exit;
 use sim_server::foxglove::{DEFAULT_ADDRESS, PageOrigin, StaticFileServer, Token};
 use sim_server::recording::Recording;
-use supervisor::idle::IdleServer;
-use supervisor::{binaries, logs};
 
 use crate::output::{print, say};
-use crate::run::{self, RunArgs, is_given};
+use crate::run::RunArgs;
 use crate::signals;
 use browser::Browser;
 
@@ -115,8 +112,8 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
         // What is no recording is reported here, and not in the browser.
         Recording::open(recording)?;
     }
-    if let Some(recording) = file.as_deref().filter(|_| for_rerun.is_some()) {
-        return Ok(rerun::show(recording, rerun_save));
+    if let (Some(recording), Some(flag)) = (&file, for_rerun) {
+        return Ok(rerun::show(recording, flag, rerun_save));
     }
     let page = match page::folder(run.page.as_deref()) {
         Ok(page) => page,
@@ -131,11 +128,12 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
     };
     match file {
         Some(file) if is_recording => show_recording(&file, beside.as_deref(), shown),
-        Some(_) => show_run(run, given, shown),
-        None => {
-            let folders = folders.into_iter().filter_map(|(name, folder)| Some(run::flag(name, folder?)));
-            serve_idle(shown, run.origin_flags().chain(folders).collect())
-        }
+        #[cfg(feature = "ros")]
+        Some(_) => live::show_run(run, given, shown),
+        #[cfg(feature = "ros")]
+        None => live::serve_idle(&run, folders, shown),
+        #[cfg(not(feature = "ros"))]
+        _ => bail!("{}; expected a recording (.mcap)", crate::run::WITHOUT_ROS),
     }
 }
 
@@ -163,40 +161,11 @@ fn show_recording(file: &Path, beside: Option<&Path>, shown: Shown) -> anyhow::R
         }
     };
     // Before the address is printed: whoever reads it may interrupt this at once.
-    let mut signals = Signals::new([SIGINT, SIGTERM]).context("handling signals")?;
+    let interrupted = signals::first()?;
     print(&server.url());
     Browser::new(browser).open(&server.url());
-    signals.forever().next();
+    interrupted();
     Ok(ExitCode::SUCCESS)
-}
-
-fn show_run(mut run: RunArgs, given: &ArgMatches, shown: Shown) -> anyhow::Result<ExitCode> {
-    if is_given(given, "view") {
-        bail!("--view: here, the page is at --address ADDR:PORT");
-    }
-    run.view = Some(shown.address.clone());
-    run.page = Some(shown.page);
-    let mut server_flags = run.server_flags(given);
-    if !is_given(given, "paused") {
-        run.begin_paused();
-        server_flags.push("--paused=true".into());
-    }
-    let _opening = Browser::new(shown.browser).open_when_served(&shown.address, &shown.token);
-    run::run_with(&run, server_flags, Some(&shown.token))
-}
-
-fn serve_idle(shown: Shown, server_flags: Vec<OsString>) -> anyhow::Result<ExitCode> {
-    let Shown { page, address, browser, token, .. } = shown;
-    let interruptions = signals::count()?;
-    let logs = logs::default_folder();
-    let server_env = run::token_env(&token);
-    let binaries = binaries::folder()?;
-    let server = IdleServer { binaries, address, page: Some(page), server_flags, server_env, logs };
-    let mut opening = None;
-    let begun = || opening = Some(Browser::new(browser).open_when_served(&server.address, &token));
-    let code = server.supervise(&interruptions, begun)?;
-    drop(opening);
-    Ok(ExitCode::from(code))
 }
 
 #[cfg(test)]

@@ -6,12 +6,11 @@
 //!
 //! This module does not interpret what it reads. Its errors do not name the file: callers do.
 
-use std::fs::{File, FileType, OpenOptions};
+use std::fs::{File, FileType};
 use std::io::{self, ErrorKind, Read};
-use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
-use nix::fcntl::OFlag;
+use crate::os::{self, Links};
 
 /// Largest scenario or plan, bytes.
 pub const TEXT_BYTES_MAX: u64 = 16 << 20;
@@ -27,8 +26,7 @@ pub const RECORDING_BYTES_MAX: u64 = 4 << 30;
 /// # Errors
 /// If it cannot be opened or is no regular file; the error says what it is.
 pub fn open(file: &Path) -> io::Result<File> {
-    let flags = OFlag::O_NONBLOCK | OFlag::O_NOCTTY;
-    let handle = OpenOptions::new().read(true).custom_flags(flags.bits()).open(file)?;
+    let handle = os::open(file, Links::Followed)?;
     let kind = handle.metadata()?.file_type();
     if kind.is_file() {
         return Ok(handle);
@@ -78,14 +76,8 @@ pub(crate) fn described(kind: FileType) -> &'static str {
         "a folder"
     } else if kind.is_symlink() {
         "a symbolic link"
-    } else if kind.is_fifo() {
-        "a FIFO"
-    } else if kind.is_socket() {
-        "a socket"
-    } else if kind.is_char_device() || kind.is_block_device() {
-        "a device"
     } else {
-        "no regular file"
+        os::special_file(kind)
     }
 }
 

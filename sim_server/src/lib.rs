@@ -5,7 +5,8 @@
 //! [`recorder`] and [`live_stream`] write what a run exchanges; [`recording`] reads it,
 //! [`playback`] by tick and [`replay`] by time; [`verify`] re-executes a recording and
 //! [`comparison`] finds the first difference; `foxglove` serves observers; `program` is the process
-//! of all this. The pure core is in the crate `simulation`.
+//! of all this; [`os`] has what operating systems name differently. The pure core is in the crate
+//! `simulation`.
 //!
 //! This crate does not know what agents believe or how they decide.
 
@@ -21,6 +22,7 @@ pub mod info;
 pub mod input_file;
 pub mod live_stream;
 pub mod map_file;
+pub mod os;
 pub mod playback;
 pub mod profile;
 #[cfg(feature = "ros")]

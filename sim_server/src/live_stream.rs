@@ -12,7 +12,6 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Write};
-use std::os::unix::fs::FileExt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -23,6 +22,7 @@ use mcap::{McapResult, Writer};
 use msgs::ids::Tick;
 use msgs::topics::Topic;
 
+use crate::os;
 use crate::recorder::{self, Document};
 use crate::wall_clock::now;
 
@@ -161,7 +161,7 @@ impl LiveStreamReader {
             return Ok(if has_ended { StreamChunk::End } else { StreamChunk::Bytes(Vec::new()) });
         }
         let mut bytes = vec![0; usize::try_from(left).map_or(bytes_max, |left| left.min(bytes_max))];
-        shared.file.read_exact_at(&mut bytes, offset).map_err(|error| error.to_string())?;
+        os::read_exact_at(&shared.file, &mut bytes, offset).map_err(|error| error.to_string())?;
         Ok(StreamChunk::Bytes(bytes))
     }
 }
@@ -186,7 +186,7 @@ impl Write for StreamFile {
 
     fn flush(&mut self) -> io::Result<()> {
         let length = self.shared.length.load(Ordering::Relaxed);
-        self.shared.file.write_all_at(&self.unflushed, length)?;
+        os::write_all_at(&self.shared.file, &self.unflushed, length)?;
         self.shared.length.store(length + self.unflushed.len() as u64, Ordering::Release);
         self.unflushed.clear();
         Ok(())

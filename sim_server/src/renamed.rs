@@ -2,11 +2,10 @@
 
 use std::ffi::OsString;
 use std::io;
-use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
-use crate::exit;
+use crate::{exit, os};
 
 /// Replaces this process by `maes`, and prints a line about it on stderr: `old` and `new` are the
 /// command as people know it and as it is called now. Returns if there is no such program.
@@ -18,8 +17,8 @@ pub fn exec(old: &str, new: &str, arguments: impl IntoIterator<Item = OsString>)
     };
     match maes() {
         Ok(program) => {
-            let error = Command::new(&program).args(arguments).exec();
-            failed(program.display().to_string(), error)
+            let became = os::become_program(Command::new(&program).args(arguments));
+            became.unwrap_or_else(|error| failed(program.display().to_string(), error))
         }
         Err(error) => failed("maes".to_owned(), error),
     }

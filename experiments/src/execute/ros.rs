@@ -2,6 +2,7 @@
 //! recording.
 
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,14 +10,14 @@ use msgs::ids::Tick;
 use msgs::printable;
 use sim_server::exit;
 use sim_server::info::{self, Info};
-use supervisor::SupervisorError;
 use supervisor::run::{Console, Run, Source};
 use supervisor::team::Team;
+use supervisor::{SupervisorError, outside};
 
-use super::{RunFailure, machine};
+use super::{ExecuteError, RunFailure, machine};
 use crate::measure::stages::StageTimes;
 use crate::measure::{self, Trace};
-use crate::plan::PlannedRun;
+use crate::plan::{Plan, PlannedRun};
 use crate::rows::RunRecord;
 
 /// How processes are started.
@@ -31,6 +32,26 @@ pub struct Launcher {
 
 /// Greatest ROS domain whose ports are free on every system.
 const DOMAIN_MAX: u32 = 101;
+
+/// Checks whether the programs that a plan names can run its agents; each one once.
+pub(super) fn check(plan: &Plan) -> Result<(), ExecuteError> {
+    let mut checked = BTreeSet::new();
+    for run in &plan.runs {
+        let agents = &run.scenario.agents;
+        if agents.of_ros_only().is_none() {
+            continue;
+        }
+        if let Some(agent) = agents.cmd_vel.iter().find(|&&agent| !agents.is_commanded(agent)) {
+            let reason = "nothing in a plan starts the node of this agent; name its program in agents.command";
+            return Err(ExecuteError::Transport { key: "agents.cmd_vel", value: agent.to_string(), reason });
+        }
+        let choices = agents.controllers_of(|agent| agents.is_commanded(agent));
+        if checked.insert((&agents.command, format!("{choices:?}"))) {
+            outside::check(&run.scenario, &run.folder)?;
+        }
+    }
+    Ok(())
+}
 
 impl Launcher {
     /// Executes a run in the domain of a job, one of `jobs`. Its recording becomes the file `kept`,

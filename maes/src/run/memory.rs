@@ -12,7 +12,6 @@ use sim_server::profile::{Decision, Profile, Profiled};
 use sim_server::recording::Recording;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
-use supervisor::SupervisorError;
 
 use super::RunArgs;
 use crate::output::{print, say};
@@ -21,8 +20,10 @@ use crate::signals;
 pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCode> {
     let mut file = args.log.clone();
     if let Some(folder) = &args.logs {
-        let failed = |source| SupervisorError::Io { what: folder.display().to_string(), source };
-        fs::create_dir_all(folder).map_err(failed)?;
+        if let Err(error) = fs::create_dir_all(folder) {
+            say(&format!("error: {}: {error}", folder.display()));
+            return Ok(ExitCode::from(exit::FAILED));
+        }
         file.get_or_insert_with(|| folder.join("server.log"));
     }
     let stop = signals::stop_flag()?;

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::SystemTime;
 
-use sim_server::exit;
+use sim_server::foxglove::FoxgloveServerError;
+use sim_server::{exit, foxglove};
 use thiserror::Error;
 
 use super::browser::in_path;
@@ -19,15 +20,15 @@ const SOURCES: [&str; 4] = ["src", "index.html", "package-lock.json", "vite.conf
 /// Why there is no page.
 #[derive(Debug, Error)]
 pub(super) enum PageError {
-    #[error("--page {0}: expected a folder with index.html")]
-    NoPage(String),
+    #[error(transparent)]
+    NoPage(#[from] FoxgloveServerError),
     #[error("npm is missing: install Node.js 20.19 or later, which builds the page in {0}")]
     NoNpm(String),
     #[error(
-        "there is no page: neither {0}, nor the sources of the page (viewer/) two folders above the binaries or here; \
-         name the folder of a page with --page"
+        "there is no page: neither beside the binaries, nor the sources of the page (viewer/) two folders above them or \
+         here; name the folder of a page with --page"
     )]
-    NoSources(String),
+    NoSources,
     #[cfg(feature = "embedded_page")]
     #[error("unpacking the page into {0}: {1}")]
     Unpack(String, io::Error),
@@ -42,7 +43,7 @@ pub(super) fn failed(error: &PageError) -> ExitCode {
         PageError::Build(_) => exit::FAILED,
         #[cfg(feature = "embedded_page")]
         PageError::Unpack(..) => exit::FAILED,
-        PageError::NoPage(_) | PageError::NoNpm(_) | PageError::NoSources(_) => exit::BAD_INPUT,
+        PageError::NoPage(_) | PageError::NoNpm(_) | PageError::NoSources => exit::BAD_INPUT,
     })
 }
 
@@ -71,34 +72,27 @@ impl From<PathBuf> for PageFolder {
 
 /// The folder of the page, built if its sources are here and newer.
 pub(super) fn folder(named: Option<&Path>) -> Result<PageFolder, PageError> {
-    if let Some(folder) = named {
-        return if folder.join("index.html").is_file() {
-            Ok(folder.to_owned().into())
-        } else {
-            Err(PageError::NoPage(folder.display().to_string()))
-        };
-    }
-    let places = Places::find();
-    if let Some(sources) = &places.sources {
-        build(sources, false)?;
+    if named.is_none()
+        && let Some(sources) = sources()
+    {
+        build(&sources, false)?;
         return Ok(sources.join("dist").into());
     }
-    let installed = places.installed;
-    if installed.join("index.html").is_file() {
-        return Ok(installed.into());
+    match foxglove::page(named)? {
+        Some(folder) => Ok(folder.into()),
+        None => embedded(),
     }
-    embedded(&installed)
 }
 
 #[cfg(not(feature = "embedded_page"))]
-fn embedded(installed: &Path) -> Result<PageFolder, PageError> {
-    Err(PageError::NoSources(installed.display().to_string()))
+fn embedded() -> Result<PageFolder, PageError> {
+    Err(PageError::NoSources)
 }
 
 /// The page that is part of this program, unpacked into a private temporary folder: the world
 /// server and the browser get it from there, as any other page.
 #[cfg(feature = "embedded_page")]
-fn embedded(_installed: &Path) -> Result<PageFolder, PageError> {
+fn embedded() -> Result<PageFolder, PageError> {
     static PAGE: include_dir::Dir<'_> = include_dir::include_dir!("$CARGO_MANIFEST_DIR/../viewer/dist");
 
     let unpacked = tempfile::Builder::new().prefix("maes-page-").tempdir();
@@ -110,29 +104,16 @@ fn embedded(_installed: &Path) -> Result<PageFolder, PageError> {
 
 /// Builds the page, and installs what its tools need.
 pub(super) fn build_only() -> Result<(), PageError> {
-    let places = Places::find();
-    let sources = places.sources.ok_or_else(|| PageError::NoSources(places.installed.display().to_string()))?;
-    build(&sources, true)
+    build(&sources().ok_or(PageError::NoSources)?, true)
 }
 
-/// Where a page may be.
-struct Places {
-    /// Beside the binaries, for a page that was installed.
-    installed: PathBuf,
-    /// The sources in the workspace whose `target/release` has the binaries, or below the present
-    /// folder.
-    sources: Option<PathBuf>,
-}
-
-impl Places {
-    fn find() -> Self {
-        let program = std::env::current_exe().and_then(|program| program.canonicalize()).unwrap_or_default();
-        let binaries = program.parent().unwrap_or(Path::new("."));
-        let workspace = binaries.ancestors().nth(2).unwrap_or(binaries);
-        let candidates = [workspace.join("viewer"), PathBuf::from("viewer")];
-        let is_sources = |folder: &PathBuf| folder.join("vite.config.ts").is_file();
-        Self { installed: binaries.join("viewer"), sources: candidates.into_iter().find(is_sources) }
-    }
+/// The sources of the page in the workspace whose `target/release` has this program, or below the
+/// present folder.
+fn sources() -> Option<PathBuf> {
+    let program = std::env::current_exe().and_then(|program| program.canonicalize()).unwrap_or_default();
+    let workspace = program.ancestors().nth(3).map(|workspace| workspace.join("viewer"));
+    let is_sources = |folder: &PathBuf| folder.join("vite.config.ts").is_file();
+    workspace.into_iter().chain([PathBuf::from("viewer")]).find(is_sources)
 }
 
 /// Builds the page if it is older than its sources; `is_complete` says whether the packages that

@@ -1,10 +1,9 @@
 //! A recording in the viewer Rerun, by the Python package.
 
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use sim_server::exit;
+use sim_server::{exit, os};
 use thiserror::Error;
 
 use super::browser::in_path;
@@ -29,14 +28,14 @@ enum NoInterpreter {
     Unfit { interpreter: PathBuf, reason: String },
 }
 
-/// Shows a recording in a window of Rerun, or saves it as a file of Rerun. Replaces this process;
-/// returns if that fails.
-pub(super) fn show(recording: &Path, save: Option<PathBuf>) -> ExitCode {
+/// Shows a recording in a window of Rerun, or saves it as a file of Rerun, as `flag` asks. Replaces
+/// this process; returns if that fails.
+pub(super) fn show(recording: &Path, flag: &str, save: Option<PathBuf>) -> ExitCode {
     let interpreter = match interpreter() {
         Ok(interpreter) => interpreter,
         Err(reason) => {
             say(&format!(
-                "error: --rerun: it needs Python with the packages `maes` and `rerun-sdk`, and {reason}; `pip \
+                "error: {flag}: it needs Python with the packages `maes` and `rerun-sdk`, and {reason}; `pip \
                  install './python[rerun]'` in a checkout installs both, and {INTERPRETER} names another interpreter"
             ));
             return ExitCode::from(exit::FAILED);
@@ -44,9 +43,10 @@ pub(super) fn show(recording: &Path, save: Option<PathBuf>) -> ExitCode {
     };
     let mut command = command(&interpreter);
     command.args(["-m", MODULE]).args(save.map(|file| run::flag("save", file))).arg("--").arg(recording);
-    let error = command.exec();
-    say(&format!("error: {}: {error}", interpreter.display()));
-    ExitCode::from(exit::FAILED)
+    os::become_program(&mut command).unwrap_or_else(|error| {
+        say(&format!("error: {}: {error}", interpreter.display()));
+        ExitCode::from(exit::FAILED)
+    })
 }
 
 fn interpreter() -> Result<PathBuf, NoInterpreter> {

@@ -122,8 +122,8 @@ fn path_below(folder: &str, file: &Path) -> String {
     format!("{folder}/{name}")
 }
 
-/// The folder of the page: the named one, else beside the binary, else where the workspace builds
-/// it.
+/// The folder of the page: the named one, else the first that has a page of those beside the
+/// binary, in an installed release, and in a checkout.
 ///
 /// # Errors
 /// If the named folder has no page.
@@ -140,9 +140,8 @@ fn is_page(folder: &Path) -> bool {
 }
 
 fn built_page() -> Option<PathBuf> {
-    let binary = std::env::current_exe().ok()?;
+    let binary = std::env::current_exe().and_then(|binary| binary.canonicalize()).ok()?;
     let folder = binary.parent()?;
-    // Beside the programs, in an installed release, and in a checkout.
     let places = ["viewer", "../share/maes/viewer/dist", "../../viewer/dist"];
     let candidates = places.map(|place| folder.join(place));
     candidates.into_iter().find(|candidate| is_page(candidate))

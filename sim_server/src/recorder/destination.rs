@@ -7,23 +7,15 @@
 //!
 //! This module does not write the content.
 
-use std::fs::{self, File, Metadata, OpenOptions, Permissions, TryLockError};
+use std::fs::{self, File, Permissions, TryLockError};
 use std::io::{self, ErrorKind, Read};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use nix::fcntl::OFlag;
-
 use crate::input_file::described;
+use crate::os::{self, Links, is_at};
 
 /// How often a temporary file is created again that another process takes for abandoned.
 const ATTEMPTS_MAX: u32 = 10;
-
-/// The bits of a mode that a recording keeps: no set-user-id and the like.
-const MODE_BITS: u32 = 0o777;
-
-/// Permissions of a file that replaces another one, until it is published.
-const PRIVATE: u32 = 0o600;
 
 /// The files of a recording that is not yet published.
 #[derive(Debug)]
@@ -58,12 +50,8 @@ impl Destination {
         let temporary = file.with_file_name(temporary_name(&name, std::process::id()));
         remove_abandoned(file, &name);
         for _ in 0..ATTEMPTS_MAX {
-            let mut options = OpenOptions::new();
-            options.write(true).create_new(true);
-            if older.is_some() {
-                options.mode(PRIVATE);
-            }
-            let handle = options.open(&temporary)?;
+            // Until it has the permissions of the file that it replaces.
+            let handle = os::create_new(&temporary, older.is_some())?;
             match handle.try_lock() {
                 // Another process has taken the new file for abandoned.
                 Err(TryLockError::WouldBlock) => continue,
@@ -89,7 +77,9 @@ impl Destination {
         }
         fs::rename(&self.temporary, &self.file)?;
         self.is_published = true;
-        sync_folder(&self.file)
+        // On some systems nobody can read a locked file. Where there are no locks it has none.
+        let _ = self.locked.unlock();
+        os::sync_folder(folder_of(&self.file))
     }
 }
 
@@ -119,7 +109,7 @@ fn replaceable(file: &Path) -> io::Result<Option<Permissions>> {
     if !kind.is_file() {
         return Err(refused(described(kind)));
     }
-    let mut handle = open_unlinked(file)?;
+    let mut handle = os::open(file, Links::Refused)?;
     let metadata = handle.metadata()?;
     if !metadata.is_file() {
         return Err(refused(described(metadata.file_type())));
@@ -127,7 +117,7 @@ fn replaceable(file: &Path) -> io::Result<Option<Permissions>> {
     if !is_recording_or_empty(&mut handle)? {
         return Err(refused("a file that is no recording"));
     }
-    Ok(Some(Permissions::from_mode(metadata.mode() & MODE_BITS)))
+    Ok(Some(os::inherited_permissions(&metadata)))
 }
 
 fn is_recording_or_empty(handle: &mut File) -> io::Result<bool> {
@@ -136,29 +126,8 @@ fn is_recording_or_empty(handle: &mut File) -> io::Result<bool> {
     Ok(beginning.is_empty() || beginning == mcap::MAGIC)
 }
 
-/// Opens a file for reading that is no symbolic link.
-fn open_unlinked(file: &Path) -> io::Result<File> {
-    let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK | OFlag::O_NOCTTY;
-    OpenOptions::new().read(true).custom_flags(flags.bits()).open(file)
-}
-
-/// Whether a name still belongs to an open file.
-fn is_at(open: &Metadata, name: &Path) -> bool {
-    let there = fs::symlink_metadata(name);
-    there.is_ok_and(|there| (there.dev(), there.ino()) == (open.dev(), open.ino()))
-}
-
 fn folder_of(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// Syncs the folder of a file, so that its name survives a power failure.
-fn sync_folder(file: &Path) -> io::Result<()> {
-    match File::open(folder_of(file))?.sync_all() {
-        // Some file systems cannot sync a folder.
-        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
-        synced => synced,
-    }
 }
 
 fn temporary_name(name: &str, process: u32) -> String {
@@ -190,9 +159,9 @@ fn remove_if_abandoned(temporary: &Path) -> io::Result<()> {
     if !fs::symlink_metadata(temporary)?.is_file() {
         return Ok(());
     }
-    let mut handle = open_unlinked(temporary)?;
+    let mut handle = os::open(temporary, Links::Refused)?;
     let metadata = handle.metadata()?;
-    let is_own = metadata.is_file() && metadata.uid() == nix::unistd::geteuid().as_raw();
+    let is_own = metadata.is_file() && os::is_own(&metadata);
     if is_own && handle.try_lock().is_ok() && is_recording_or_empty(&mut handle)? && is_at(&metadata, temporary) {
         fs::remove_file(temporary)?;
     }

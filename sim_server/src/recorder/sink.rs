@@ -13,8 +13,9 @@
 use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Cursor, Seek, SeekFrom, Write};
-use std::os::unix::fs::FileExt;
 use std::rc::Rc;
+
+use crate::os;
 
 /// The file operations of a recorder: a file of the system, or one on a simulated disk.
 pub trait Store {
@@ -44,7 +45,7 @@ pub trait Store {
 
 impl Store for File {
     fn write_all_at(&self, bytes: &[u8], at: u64) -> io::Result<()> {
-        FileExt::write_all_at(self, bytes, at)
+        os::write_all_at(self, bytes, at)
     }
 
     fn set_len(&self, length: u64) -> io::Result<()> {

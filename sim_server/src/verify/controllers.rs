@@ -178,7 +178,7 @@ fn check_agent(
 #[must_use]
 pub fn text(checked: &Checked) -> String {
     let Checked { commands, agents, unchecked } = checked;
-    let mut text = format!("{commands} commands are what the controllers decide, of {} agents", agents.len());
+    let mut text = format!("{commands} commands of {} agents are those that their controllers decide", agents.len());
     for (agent, reason) in unchecked {
         text += &format!("\nnot checked: agent {agent}: {}", printable::line(reason));
     }

@@ -1,4 +1,4 @@
-use std::os::unix::fs::{FileTypeExt, symlink};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt, symlink};
 
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
@@ -59,7 +59,7 @@ fn mode_is_kept() {
         fs::write(&file, RECORDING).unwrap();
         fs::set_permissions(&file, Permissions::from_mode(expected | 0o4000)).unwrap();
         let (mut destination, _handle) = Destination::create(&file).unwrap();
-        assert_eq!(mode(&destination.temporary), PRIVATE);
+        assert_eq!(mode(&destination.temporary), 0o600);
         destination.publish().unwrap();
         assert_eq!(mode(&file), expected);
         fs::remove_file(&file).unwrap();
