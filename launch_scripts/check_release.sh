@@ -4,8 +4,9 @@
 #   launch_scripts/check_release.sh [FOLDER] [SUITE]     default: out/release bookworm
 #
 # Needs root and debootstrap. The bare system is a chroot without Rust, Node.js and Python, made anew
-# each time. Prints how long it takes from the installation to the first picture, for the package and
-# for the tarball. Exit code 1 if a step fails.
+# each time; its page is opened by the browser of this system, which needs Node.js, Chromium and the
+# packages of viewer/. Prints how long it takes from the installation to the first picture, for the
+# package and for the tarball. Exit code 1 if a step fails.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 release=$(realpath "${1:-$root/out/release}")
@@ -17,6 +18,7 @@ fail() {
 }
 ((EUID == 0)) || fail "a chroot needs root"
 command -v debootstrap >/dev/null || fail "debootstrap is missing: apt install debootstrap"
+[[ -d $root/viewer/node_modules ]] || npm --prefix "$root/viewer" ci --no-audit --no-fund --loglevel=error >&2
 
 system=$(mktemp -d)
 cleanup() {
@@ -35,35 +37,32 @@ for program in cargo node python3; do
     if chroot "$system" sh -c "command -v $program" >/dev/null; then fail "$program is in the bare system"; fi
 done
 
-# In the bare system, from a folder of its own: a run over ROS 2, what it is worth, and its picture.
+# In the bare system, from a folder of its own: a run over ROS 2, what it is worth, and the address of
+# its page, which is served until a line comes in.
 first_run='
 set -eu
 cd "$(mktemp -d)"
 maes run --agents 5 --record run.mcap >result.txt 2>run.log || { cat run.log; exit 1; }
 grep "^digest: " result.txt
 maes verify run.mcap >/dev/null
-maes view run.mcap --browser false --address 127.0.0.1:0 >address.txt &
+maes view run.mcap --browser false --address 127.0.0.1:0 &
 viewer=$!
-until grep -q http address.txt; do kill -0 $viewer || exit 1; done
-url=$(head -n 1 address.txt)
-address=${url#http://}
-address=${address%%/*}
-get() {
-    exec 3<>"/dev/tcp/${address%:*}/${address##*:}"
-    printf "GET %s HTTP/1.1\r\nHost: %s\r\nCookie: %s\r\nConnection: close\r\n\r\n" "$1" "$address" "${2:-}" >&3
-    cat <&3
-}
-cookie=$(get "/${url#http://*/}" | tr -d "\r" | sed -n "s/^set-cookie: \([^;]*\);.*/\1/p")
-get / "$cookie" | grep -q "<title>" || { echo "the page is not served"; kill $viewer; exit 1; }
+read -r _
 kill -INT $viewer
 wait $viewer
 '
 check() {
-    local what=$1 begun=$SECONDS digest
+    local what=$1 begun=$SECONDS digest url picture=$release/$1.png
     shift
-    digest=$("$@" bash -c "$first_run") || fail "$what: $digest"
+    coproc bare { "$@" bash -c "$first_run"; }
+    local process=$bare_PID from=${bare[0]} to=${bare[1]}
+    read -r digest <&"$from" && read -r url <&"$from" || fail "$what: ${digest:-no run}"
     [[ $digest == "digest: $expected" ]] || fail "$what: $digest, expected $expected"
-    echo "$what: first run, verified, and its page in $((SECONDS - begun)) s"
+    MAES_CAPTURE=$(printf '{"url": "%s", "out": "%s", "size": [1280, 720], "agent": null, "layers": null, "at": 200}' \
+        "$url" "$picture") node "$root/viewer/pictures/take.mjs" || fail "$what: no picture"
+    echo "$what: first run, verified, and its first picture in $((SECONDS - begun)) s: $picture"
+    echo >&"$to"
+    wait "$process" || fail "$what: maes view ended with $?"
 }
 
 package=$(echo "$release"/maes_*.deb)

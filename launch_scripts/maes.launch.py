@@ -5,7 +5,7 @@
 
 The launch ends with the run. `maes run` does the same without ROS, and has more flags. In a checkout
 build the binaries first (`cargo build --release`); as a part of the installed ROS 2 package `maes`
-(`ros2 launch maes maes.launch.py`) this file takes those of the package.
+(`ros2 launch maes maes.launch.py`) or of a release this file takes those that came with it.
 """
 
 import os
@@ -22,10 +22,14 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 
 
 def binaries():
-    """The folder of the binaries: of the environment, of the ROS 2 package or of the checkout."""
-    installed = os.path.normpath(os.path.join(HERE, "..", "..", "..", "lib", "maes"))
+    """The folder of the binaries: of the environment, of the ROS 2 package, of a release or of the
+    checkout.
+    """
+    above = os.path.normpath(os.path.join(HERE, "..", "..", ".."))
     built = os.path.join(os.path.dirname(HERE), "target", "release")
-    return os.environ.get("MAES_BIN_DIR") or (installed if os.path.isdir(installed) else built)
+    folders = [os.path.join(above, "lib", "maes"), os.path.join(above, "bin")]
+    installed = [folder for folder in folders if os.path.isfile(os.path.join(folder, "sim_server"))]
+    return os.environ.get("MAES_BIN_DIR") or [*installed, built][0]
 
 
 # Name, value if none is given, what it is. Those without a value are left to the scenario.

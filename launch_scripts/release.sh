@@ -91,12 +91,17 @@ chmod -R u=rwX,go=rX "$tree"
 tar --create --directory "$stage" --sort=name --owner=0 --group=0 --numeric-owner \
     --mtime "@$SOURCE_DATE_EPOCH" "$name" | gzip --no-name --best >"$out/$name.tar.gz"
 
+# Of the same tree as the tarball, byte for byte; cargo-deb would build and strip once more.
 if command -v dpkg-deb >/dev/null; then
     debian=$(dpkg --print-architecture)
     package=$stage/package
     install -d "$package/DEBIAN" "$package/usr"
     cp -a "$tree/." "$package/usr/"
-    cp "$package/usr/share/doc/maes/LICENSE-MIT" "$package/usr/share/doc/maes/copyright"
+    {
+        echo "MAES, under the MIT License or the Apache License 2.0, at your choice; the licences of what is"
+        echo "linked in are in THIRD-PARTY-LICENCES.txt."
+        cat "$package"/usr/share/doc/maes/LICENSE-{MIT,APACHE}
+    } >"$package/usr/share/doc/maes/copyright"
     libc=$(objdump -T "$tree"/bin/* | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -n 1)
     cat >"$package/DEBIAN/control" <<EOF
 Package: maes
@@ -107,7 +112,7 @@ Section: science
 Priority: optional
 Installed-Size: $(find "$package/usr" -type f -printf '%s\n' | awk '{ kib += int(($1 + 1023) / 1024) } END { print kib }')
 Depends: libc6 (>= ${libc#GLIBC_}), libgcc-s1
-Suggests: chromium, ffmpeg
+Suggests: chromium, ffmpeg, nodejs
 Description: deterministic simulator of 3-D multi-robot exploration for ROS 2
  A world server and a process for each agent explore voxel caves in lock-step
  over ROS 2. The same scenario gives the same recording, byte for byte.

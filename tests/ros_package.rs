@@ -40,7 +40,17 @@ fn installed_package_runs() {
     let ended = site.start(&mut maes).ended().with_code(0);
     assert_eq!(ended.digest(), over_memory.digest(), "the processes of the package");
 
+    // The folders of a release.
+    let release = site.path("release");
+    for folder in ["bin", "share/maes/launch_scripts"] {
+        fs::create_dir_all(release.join(folder)).expect("a folder");
+    }
+    fs::copy(binaries::folder().join("sim_server"), release.join("bin/sim_server")).expect("a copy");
+    let released = release.join("share/maes/launch_scripts/maes.launch.py");
+    fs::copy(root().join("launch_scripts/maes.launch.py"), &released).expect("a copy");
+
     for (file, expected) in [
+        (released, fs::canonicalize(release.join("bin")).expect("it was made")),
         (share.join("maes.launch.py"), fs::canonicalize(installed.join("lib/maes")).expect("programs are installed")),
         (root().join("launch_scripts/maes.launch.py"), root().join("target/release")),
     ] {

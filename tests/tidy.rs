@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -261,4 +262,23 @@ fn yaml_files_can_be_parsed() {
                  for file in sys.argv[1:]: assert YAML(typ='safe', pure=True).load(open(file)), file";
     let output = Command::new(python::for_recordings()).args(["-c", parse]).args(&found).output().expect("python");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// A workflow runs on machines of others alone: what it names has to be there, and to be executable.
+#[test]
+fn scripts_of_the_workflow_exist() {
+    let mut names = BTreeSet::new();
+    for file in files(".github", "yml") {
+        let text = read(&file);
+        let words = text.split(|c: char| c.is_whitespace() || "\"$();|".contains(c));
+        let is_script =
+            |word: &&str| ["launch_scripts/", "tests/", ".ci/"].iter().any(|folder| word.starts_with(folder));
+        names.extend(words.filter(is_script).map(str::to_owned));
+    }
+    assert!(names.contains("launch_scripts/check_memory_path.sh"), "{names:?}");
+    for name in names {
+        let mode = fs::metadata(root().join(&name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let is_program = [".sh", ".py"].iter().any(|ending| name.ends_with(ending)) || name == ".ci/run";
+        assert!(!is_program || mode.permissions().mode() & 0o111 != 0, "{name} is not executable");
+    }
 }

@@ -105,7 +105,10 @@ mod serve {
         getrandom::fill(&mut nonce)?;
         let stop = stop_on_signals(FAILED)?;
         ros_node::suspension::exit_on_continue()?;
-        let guard = ProcessGuard::watch(Limits::from_vars(|name| std::env::var(name).ok())?, Arc::clone(&stop))?;
+        let guard = ProcessGuard::watch(
+            Limits::from_vars(cli.agents().len(), |name| std::env::var(name).ok())?,
+            Arc::clone(&stop),
+        )?;
         let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
         if guard.starts() <= cli.stalled_starts {
             ros_node::process_guard::stall();

@@ -148,12 +148,14 @@ fn main() -> ExitCode {
             Ok(ExitCode::SUCCESS)
         }
         Command::ManPages { folder } => {
-            let written = clap_mangen::generate_to(Cli::command(), &folder);
+            let programs = [Cli::command(), sim_server::cli::Cli::command(), agent_node::cli::Cli::command()];
+            let written = std::fs::create_dir_all(&folder)
+                .and_then(|()| programs.into_iter().try_for_each(|program| clap_mangen::generate_to(program, &folder)));
             written.with_context(|| folder.display().to_string()).map(|()| ExitCode::SUCCESS)
         }
     };
     done.unwrap_or_else(|error| {
-        output::say(&msgs::printable::line(&format!("error: {error}")));
+        output::say(&msgs::printable::line(&format!("error: {}", exit::described(&error))));
         exit_code(&error)
     })
 }

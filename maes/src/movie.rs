@@ -7,7 +7,7 @@ use clap::Args;
 use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
 use sim_server::recording::Recording;
 
-use crate::output::say;
+use crate::recordings::capture_failed;
 
 /// Arguments of `movie`.
 #[derive(Debug, Args)]
@@ -42,8 +42,7 @@ pub(crate) fn make(args: &MovieArgs) -> anyhow::Result<ExitCode> {
     Recording::open(&args.subject.file)?;
     let &MovieArgs { from, to, seconds, fps, .. } = args;
     if let Err(error) = capture::take(&args.subject, CaptureTime::Movie { from, to, seconds, fps }, &args.out) {
-        say(&format!("error: {error}"));
-        return Ok(ExitCode::from(capture::exit_code(&error)));
+        return Ok(capture_failed(&error));
     }
     Ok(ExitCode::SUCCESS)
 }

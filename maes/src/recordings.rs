@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use experiments::diff;
 use msgs::printable;
-use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
+use sim_server::foxglove::capture::{self, CaptureArgs, CaptureError, CaptureTime};
 use sim_server::recording::{End, Recording};
 use sim_server::{bag, exit, info, verify};
 
@@ -131,12 +131,19 @@ pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
     Ok(if verdict.is_same_run() { ExitCode::SUCCESS } else { ExitCode::from(exit::DIFFERENT) })
 }
 
+/// Reports why nothing was rendered, unless the driver of the browser has done so.
+pub(crate) fn capture_failed(error: &CaptureError) -> ExitCode {
+    if !matches!(error, CaptureError::Driver { .. }) {
+        say(&format!("error: {error}"));
+    }
+    ExitCode::from(capture::exit_code(error))
+}
+
 /// Takes a picture of a recording.
 pub(crate) fn snapshot(args: &SnapshotArgs) -> anyhow::Result<ExitCode> {
     Recording::open(&args.subject.file)?;
     if let Err(error) = capture::take(&args.subject, CaptureTime::Snapshot { at: args.at }, &args.out) {
-        say(&format!("error: {error}"));
-        return Ok(ExitCode::from(capture::exit_code(&error)));
+        return Ok(capture_failed(&error));
     }
     Ok(ExitCode::SUCCESS)
 }

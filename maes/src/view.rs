@@ -115,6 +115,10 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
     if let (Some(recording), Some(flag)) = (&file, for_rerun) {
         return Ok(rerun::show(recording, flag, rerun_save));
     }
+    #[cfg(not(feature = "ros"))]
+    if !is_recording {
+        bail!("{}; expected a recording (.mcap)", crate::run::WITHOUT_ROS);
+    }
     let page = match page::folder(run.page.as_deref()) {
         Ok(page) => page,
         Err(error) => return Ok(page::failed(&error)),
@@ -133,7 +137,7 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
         #[cfg(feature = "ros")]
         None => live::serve_idle(&run, folders, shown),
         #[cfg(not(feature = "ros"))]
-        _ => bail!("{}; expected a recording (.mcap)", crate::run::WITHOUT_ROS),
+        _ => unreachable!("refused above"),
     }
 }
 

@@ -126,16 +126,25 @@ pub enum RosError {
 /// Open files of a process with a participant, with a margin.
 const FILES: u64 = 256;
 
-/// Open files per agent: four for each of two subscriptions, two for each of four publishers, and
-/// as many again for publishers that are being replaced.
-const FILES_PER_AGENT: u64 = 24;
+/// Open files per agent: four for each of two subscriptions, two for each of four publishers.
+const FILES_PER_AGENT: u64 = 16;
+
+/// Open files of the publishers of an agent that is being replaced, and for how many agents at a
+/// time there are some.
+const FILES_PER_REPLACED: u64 = 8;
+const REPLACED_MAX: u32 = 100;
+
+/// Open files that the endpoints of this many agents need.
+fn open_files(agents: u32) -> u64 {
+    FILES + FILES_PER_AGENT * u64::from(agents) + FILES_PER_REPLACED * u64::from(agents.min(REPLACED_MAX))
+}
 
 /// Raises this process's limit of open files to what the endpoints of this many agents need.
 ///
 /// # Errors
 /// If the system does not allow it.
 pub fn allow_open_files(agents: u32) -> Result<(), RosError> {
-    let wanted = FILES + FILES_PER_AGENT * u64::from(agents);
+    let wanted = open_files(agents);
     match rlimit::increase_nofile_limit(wanted) {
         Ok(allowed) if allowed < wanted => Err(RosError::OpenFiles { wanted, allowed }),
         // A system that does not report its limit fails when it is reached.

@@ -69,13 +69,14 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Reads `MAES_START_LIMIT_S` (default 10), `MAES_SHUTDOWN_LIMIT_S` (default 30) and
+    /// Reads `MAES_START_LIMIT_S` (default 10, and 1 more for each 50 of this many agents, whose
+    /// endpoints the process makes), `MAES_SHUTDOWN_LIMIT_S` (default 30) and
     /// `MAES_MEMORY_LIMIT_MB` (default: a quarter of the memory of the machine, or of the control
     /// group; none on systems that do not tell it). An empty variable counts as unset.
     ///
     /// # Errors
     /// If a variable is not a whole number in its range.
-    pub fn from_vars(var: impl Fn(&str) -> Option<String>) -> Result<Self, LimitError> {
+    pub fn from_vars(agents: usize, var: impl Fn(&str) -> Option<String>) -> Result<Self, LimitError> {
         let number = |variable, max| match var(variable).filter(|value| !value.is_empty()) {
             None => Ok(None),
             Some(value) => match value.parse() {
@@ -85,7 +86,7 @@ impl Limits {
         };
         let seconds = |limit: Option<u32>, default| Duration::from_secs(limit.unwrap_or(default).into());
         Ok(Self {
-            start: seconds(number(START_LIMIT, 3600)?, 10),
+            start: seconds(number(START_LIMIT, 3600)?, 10 + u32::try_from(agents / 50).unwrap_or(u32::MAX)),
             shutdown: seconds(number(SHUTDOWN_LIMIT, 3600)?, 30),
             memory_bytes: match number(MEMORY_LIMIT, 1 << 24)? {
                 Some(mb) => Some(u64::from(mb) * 1_000_000),
@@ -341,8 +342,10 @@ mod tests {
     #[test]
     fn limits_come_from_the_environment() {
         let given =
-            |name: &str, value: &str| Limits::from_vars(|variable| (variable == name).then(|| value.to_owned()));
+            |name: &str, value: &str| Limits::from_vars(0, |variable| (variable == name).then(|| value.to_owned()));
         assert_eq!(given(START_LIMIT, "3").unwrap().start, Duration::from_secs(3));
+        let usual = |agents| Limits::from_vars(agents, |_| None).unwrap().start.as_secs();
+        assert_eq!([usual(1), usual(50), usual(1000)], [10, 11, 30]);
         assert_eq!(given(SHUTDOWN_LIMIT, "").unwrap().shutdown, Duration::from_secs(30));
         assert_eq!(given(MEMORY_LIMIT, "500").unwrap().memory_bytes, Some(500_000_000));
         let error = given(SHUTDOWN_LIMIT, "soon").unwrap_err().to_string();

@@ -19,6 +19,18 @@ pub const AGENTS_LOST: u8 = 4;
 /// Interrupted by a signal (128 + SIGINT), or ended early by a service.
 pub const BY_SIGNAL: u8 = 130;
 
+/// An error with its causes, as far as its own text does not have them already.
+#[must_use]
+pub fn described(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text += &format!(": {cause}");
+        }
+    }
+    text
+}
+
 /// Exit code of a run with a result.
 #[must_use]
 pub fn of_outcome(outcome: &Outcome) -> ExitCode {

@@ -59,7 +59,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     match run(&args) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", printable::line(&error.to_string()));
+            eprintln!("error: {}", printable::line(&exit::described(&error)));
             ExitCode::from(exit::BAD_INPUT)
         }
     }
@@ -114,9 +114,10 @@ impl Resumed {
     }
 }
 
-/// The flag that signals set, and the watch over the time and the memory of this process.
-fn stop_and_guard() -> anyhow::Result<(Arc<AtomicBool>, ProcessGuard)> {
-    let limits = Limits::from_vars(|name| std::env::var(name).ok())?;
+/// The flag that signals set, and the watch over the time and the memory of this process, which
+/// makes endpoints for this many agents.
+fn stop_and_guard(agents: u32) -> anyhow::Result<(Arc<AtomicBool>, ProcessGuard)> {
+    let limits = Limits::from_vars(agents as usize, |name| std::env::var(name).ok())?;
     let stop = stop_on_signals(exit::BY_SIGNAL).context("handling signals")?;
     ros_node::suspension::exit_on_continue().context("handling signals")?;
     let guard = ProcessGuard::watch(limits, Arc::clone(&stop)).context("starting a thread")?;
@@ -156,7 +157,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let job = Job { name, scenario: &scenario, resumed: resumed.as_ref(), summary, profile, policy };
     // An error in the world is reported before anything is opened.
     let made = job.make()?;
-    let (stop, guard) = stop_and_guard()?;
+    let (stop, guard) = stop_and_guard(scenario.agents.count)?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
@@ -217,7 +218,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     let maps = args.map_dir.clone().or_else(scenarios_folder);
     let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
     let policy = join_policy(args)?;
-    let (stop, guard) = stop_and_guard()?;
+    let (stop, guard) = stop_and_guard(0)?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),

@@ -113,16 +113,33 @@ impl<C: PartialEq> Barrier<C> {
     }
 }
 
-/// Ids separated by commas: `0, 3, 7`.
+/// Consecutive ids of which only the first and the last one are listed.
+const RUN_LEN_MIN: usize = 10;
+
+/// Ids in ascending order, separated by commas; many consecutive ones as a range: `0, 3, 7-90`.
 #[must_use]
 pub fn listed(agents: impl IntoIterator<Item = AgentId>) -> impl fmt::Display {
-    let names: Vec<String> = agents.into_iter().map(|agent| agent.to_string()).collect();
-    names.join(", ")
+    let agents: Vec<AgentId> = agents.into_iter().collect();
+    let runs = agents.chunk_by(|before, after| before.0.checked_add(1) == Some(after.0));
+    let names = runs.flat_map(|run| match run {
+        [first, .., last] if run.len() >= RUN_LEN_MIN => vec![format!("{first}-{last}")],
+        few => few.iter().map(AgentId::to_string).collect(),
+    });
+    names.collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn many_consecutive_ids_are_listed_as_a_range() {
+        let listed = |ids: &mut dyn Iterator<Item = u32>| listed(ids.map(AgentId)).to_string();
+        assert_eq!(listed(&mut [0, 3, 4, 5].into_iter()), "0, 3, 4, 5");
+        assert_eq!(listed(&mut [0, 2].into_iter().chain(7..=90).chain([92])), "0, 2, 7-90, 92");
+        assert_eq!(listed(&mut (0..9)), "0, 1, 2, 3, 4, 5, 6, 7, 8");
+        assert_eq!(listed(&mut (0..0)), "");
+    }
 
     #[test]
     fn complete_when_all_have_answered_in_any_order() {

@@ -7,6 +7,8 @@
  */
 /* global document, requestAnimationFrame, setTimeout, window */
 import { Buffer } from "node:buffer";
+import { existsSync } from "node:fs";
+import { join } from "node:path";
 import process from "node:process";
 import { CaptureError, firstLine, InvalidRequest } from "./errors.mjs";
 
@@ -124,7 +126,12 @@ async function browserType() {
   try {
     return (await import("playwright-core")).chromium;
   } catch {
-    throw new CaptureError("playwright-core is missing: run npm ci in the folder of the viewer");
+    // A checkout pins the version; the files of a release have no list of packages.
+    const viewer = join(import.meta.dirname, "..");
+    const install = existsSync(join(viewer, "package-lock.json"))
+      ? "npm ci"
+      : "npm install --no-save --prefix . playwright-core";
+    throw new CaptureError(`playwright-core is missing: run \`${install}\` in ${viewer}`);
   }
 }
 

@@ -91,7 +91,7 @@ pub enum CaptureError {
     /// The browser driver cannot be started.
     #[error("Node.js 20.19 or later is required for snapshots and movies: {0}")]
     Node(std::io::Error),
-    /// The driver has reported an error.
+    /// The driver has reported an error, to the user.
     #[error("nothing was rendered")]
     Driver {
         /// Whether the request was not legal.
