@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Builds the root file system of the container image without a container runtime, and uses it.
 
     launch_scripts/check_image.py PROGRAMS

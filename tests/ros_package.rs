@@ -22,6 +22,27 @@ for name in ("launch", "launch.actions", "launch.conditions", "launch.event_hand
 print("binaries", runpy.run_path(sys.argv[1])["binaries"]())
 "#;
 
+/// Builds both packages with colcon. $1 is colcon, $2 the folder for what it makes, $3 that of the
+/// programs.
+const COLCON: &str = r#"
+"$1" --log-base "$2/log" build --build-base "$2/build" --install-base "$2/install" \
+    --paths msgs maes --cmake-args -G Ninja -DMAES_BIN_DIR="$3" &&
+    . "$2/install/setup.sh" && "$2/install/maes/lib/maes/maes" --version &&
+    python3 -c 'from maes_msgs.msg import Observation; print(Observation.__name__)'
+"#;
+
+#[test]
+#[ignore = "installs colcon"]
+fn colcon_builds_both_packages() {
+    let site = Site::new();
+    python::prepare_ros();
+    let colcon = python::for_colcon().with_file_name("colcon");
+    let mut build = site.command("bash");
+    build.args(python::in_ros()).args(["sh", "-c", COLCON, "sh"]).arg(colcon).arg(site.path("colcon"));
+    let printed = site.start(build.arg(binaries::folder()).current_dir(root())).ended().with_code(0).stdout;
+    assert!(printed.contains("2 packages finished") && printed.ends_with("Observation\n"), "{printed}");
+}
+
 #[test]
 fn installed_package_runs() {
     let site = Site::new();

@@ -264,7 +264,7 @@ fn yaml_files_can_be_parsed() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// A workflow runs on machines of others alone: what it names has to be there, and to be executable.
+/// A workflow runs on other machines alone: what it names has to be there, and to be executable.
 #[test]
 fn scripts_of_the_workflow_exist() {
     let mut names = BTreeSet::new();

@@ -45,6 +45,12 @@ pub(crate) fn for_sierra() -> &'static Path {
     PYTHON.get_or_init(|| environment("sierra"))
 }
 
+/// The interpreter with colcon.
+pub(crate) fn for_colcon() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("colcon"))
+}
+
 /// The interpreter with Cyclone DDS.
 pub(crate) fn for_cyclone() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();
