@@ -14,6 +14,7 @@
 //!
 //! Lengths are estimates: from centre to centre through the best face. This module plans nothing.
 
+mod block;
 mod shortest_paths;
 mod voronoi;
 
@@ -25,19 +26,28 @@ use voxels::{Cell, Extent, FACES};
 use crate::exploration_map::{ExplorationMap, Finding};
 use crate::path::{Graph, Moves};
 
+pub use block::BLOCK_CELLS;
+use block::{CELLS, Cells, Side, connected, middle, offset, place_of, places};
 pub use shortest_paths::ShortestPaths;
 pub use voronoi::Voronoi;
 
-/// Edge of a block, cells.
-pub const BLOCK_CELLS: i32 = 5;
-
-const CELLS: usize = (BLOCK_CELLS * BLOCK_CELLS * BLOCK_CELLS) as usize;
-
-/// A region: its block and its number within the block.
+/// A region: its block in the upper 24 bits (the largest map has 205^3 blocks), and its number
+/// within the block in the lower 8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct RegionId {
-    block: u32,
-    number: u8,
+pub struct RegionId(u32);
+
+impl RegionId {
+    fn new(block: u32, number: u8) -> Self {
+        Self(block << 8 | u32::from(number))
+    }
+
+    fn block(self) -> u32 {
+        self.0 >> 8
+    }
+
+    fn number(self) -> usize {
+        (self.0 & 0xff) as usize
+    }
 }
 
 /// A node of the graph.
@@ -64,7 +74,9 @@ struct Edge {
 
 #[derive(Debug, Clone)]
 struct Block {
-    /// For each cell, x fastest: 1 + the number of its region, or 0.
+    /// The cells that lie in a region.
+    usable: Cells,
+    /// By place 1 + the number of the region of the cell, or 0.
     labels: [u8; CELLS],
     regions: Vec<Region>,
 }
@@ -112,14 +124,13 @@ impl AbstractGraph {
         let mut changed = Vec::new();
         let mut reviewed = Vec::new();
         let mut marks = std::mem::take(&mut self.marks);
-        for change in map.changes_since(self.read) {
-            let cell = self.extent.cell_at(change.cell as usize);
+        for (cell, finding) in map.cells_changed_since(self.read) {
             // A change affects the frontiers of the cells beside it and, if the cell is free, which
             // cells are usable.
             self.for_blocks_near(cell, 1, |block| add(&mut reviewed, &mut marks, block, REVIEWED));
             if self.reach > 1 {
                 self.for_blocks_near(cell, self.reach, |block| add(&mut changed, &mut marks, block, CHANGED));
-            } else if self.region_of(cell).is_some() != (change.finding != Finding::Wall)
+            } else if self.region_of(cell).is_some() != (finding != Finding::Wall)
                 && let Some(block) = self.block_of(cell)
             {
                 add(&mut changed, &mut marks, block, CHANGED);
@@ -150,8 +161,8 @@ impl AbstractGraph {
     #[must_use]
     pub fn region_of(&self, cell: Cell) -> Option<RegionId> {
         let block = self.block_of(cell)?;
-        let number = self.blocks[block as usize].as_ref()?.labels[self.place(cell)].checked_sub(1)?;
-        Some(RegionId { block, number })
+        let number = self.blocks[block as usize].as_ref()?.labels[place_in_block(cell)].checked_sub(1)?;
+        Some(RegionId::new(block, number))
     }
 
     /// The region that lists a frontier: the one that contains it, or, if the body does not fit
@@ -159,8 +170,8 @@ impl AbstractGraph {
     #[must_use]
     pub fn region_listing(&self, frontier: Cell) -> Option<RegionId> {
         let block = self.block_of(frontier)?;
-        let number = self.blocks[block as usize].as_ref()?.labels[self.place(frontier)].saturating_sub(1);
-        Some(RegionId { block, number })
+        let number = self.blocks[block as usize].as_ref()?.labels[place_in_block(frontier)].saturating_sub(1);
+        Some(RegionId::new(block, number))
     }
 
     /// The regions that adjoin a region.
@@ -171,7 +182,7 @@ impl AbstractGraph {
     /// A region, unless it no longer exists.
     #[must_use]
     pub fn get(&self, region: RegionId) -> Option<&Region> {
-        self.blocks.get(region.block as usize)?.as_ref()?.regions.get(usize::from(region.number))
+        self.blocks.get(region.block() as usize)?.as_ref()?.regions.get(region.number())
     }
 
     /// The regions of the blocks within this many cells of a cell along each axis, ascending.
@@ -185,7 +196,7 @@ impl AbstractGraph {
         blocks.flat_map(|(x, y, z)| {
             let block = self.number_of(x, y, z);
             let regions = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
-            (0..).zip(regions).map(move |(number, region)| (RegionId { block, number }, region))
+            (0..).zip(regions).map(move |(number, region)| (RegionId::new(block, number), region))
         })
     }
 
@@ -194,13 +205,8 @@ impl AbstractGraph {
     }
 
     fn block_of(&self, cell: Cell) -> Option<u32> {
-        let inside = self.extent.contains(cell);
-        inside.then(|| self.number_of(cell.x / BLOCK_CELLS, cell.y / BLOCK_CELLS, cell.z / BLOCK_CELLS))
-    }
-
-    fn place(&self, cell: Cell) -> usize {
-        let [x, y, z] = [cell.x, cell.y, cell.z].map(|at| at.rem_euclid(BLOCK_CELLS));
-        ((z * BLOCK_CELLS + y) * BLOCK_CELLS + x) as usize
+        let [x, y, z] = [cell.x, cell.y, cell.z].map(block_along);
+        self.extent.contains(cell).then(|| self.number_of(x, y, z))
     }
 
     /// Visits the blocks within this many cells of a cell of the map.
@@ -240,66 +246,45 @@ impl AbstractGraph {
     /// Recomputes the regions of a block.
     fn label(&mut self, block: u32, graph: Graph<'_>) {
         let corner = self.corner(block);
-        let mut usable = [false; CELLS];
-        let mut any = false;
-        for (place, is_usable) in usable.iter_mut().enumerate() {
-            *is_usable = graph.is_usable(corner + offset(place));
-            any |= *is_usable;
-        }
-        if let Some(old) = self.blocks[block as usize].take() {
-            self.free_slots.extend(old.regions.iter().map(|region| region.slot));
-        }
-        if !any {
+        let usable: Cells = graph.usable_in(corner, BLOCK_CELLS);
+        let old = self.blocks[block as usize].take().map(|old| old.regions).unwrap_or_default();
+        self.free_slots.extend(old.iter().map(|region| region.slot));
+        if usable == 0 {
             return;
         }
+        // The lists of old regions serve new ones, so that a change of a block takes no memory.
+        let mut spare = old.into_iter().map(|Region { frontiers, edges, .. }| (frontiers, edges));
         let mut labels = [0u8; CELLS];
-        let mut regions: Vec<Region> = Vec::new();
-        let mut stack = Vec::new();
-        let mut members = Vec::new();
-        for first in 0..CELLS {
-            if !usable[first] || labels[first] != 0 {
-                continue;
-            }
+        let mut regions: Vec<Region> = Vec::with_capacity(spare.len().max(1));
+        let mut left = usable;
+        while left != 0 {
+            let members = connected(left & left.wrapping_neg(), left);
+            left &= !members;
             let label = regions.len() as u8 + 1;
-            members.clear();
-            labels[first] = label;
-            stack.push(first);
-            while let Some(place) = stack.pop() {
-                members.push(offset(place));
-                for face in FACES {
-                    let next = offset(place) + face;
-                    if [next.x, next.y, next.z].iter().all(|at| (0..BLOCK_CELLS).contains(at)) {
-                        let next = place_of(next);
-                        if usable[next] && labels[next] == 0 {
-                            labels[next] = label;
-                            stack.push(next);
-                        }
-                    }
-                }
-            }
-            let centre = corner + middle(&mut members);
+            places(members).for_each(|place| labels[place] = label);
             let slot = self.slot();
-            regions.push(Region { centre, frontiers: Vec::new(), edges: Vec::new(), slot });
+            let centre = corner + middle(members);
+            let (mut frontiers, mut edges) = spare.next().unwrap_or_default();
+            frontiers.clear();
+            edges.clear();
+            regions.push(Region { centre, frontiers, edges, slot });
         }
-        self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
+        self.blocks[block as usize] = Some(Box::new(Block { usable, labels, regions }));
     }
 
     /// Recomputes the frontier lists of a block.
     fn list_frontiers(&mut self, block: u32, map: &ExplorationMap) {
         let corner = self.corner(block);
-        let Some(Block { labels, regions }) = self.blocks[block as usize].as_deref_mut() else {
+        let Some(Block { labels, regions, .. }) = self.blocks[block as usize].as_deref_mut() else {
             return;
         };
         for region in regions.iter_mut() {
             region.frontiers.clear();
         }
-        for (place, label) in labels.iter().enumerate() {
-            let cell = corner + offset(place);
-            if map.is_frontier(cell) {
-                // A frontier that the body does not fit into is observed from the first region of
-                // its block.
-                regions[usize::from(label.saturating_sub(1))].frontiers.push(cell);
-            }
+        for place in places(map.frontiers_in(corner, BLOCK_CELLS)) {
+            // A frontier that the body does not fit into is observed from the first region of its
+            // block.
+            regions[usize::from(labels[place].saturating_sub(1))].frontiers.push(corner + offset(place));
         }
     }
 
@@ -319,26 +304,20 @@ impl AbstractGraph {
             region.edges.clear();
         }
         let corner = self.corner(block);
-        for (face, neighbour) in FACES.into_iter().zip(self.neighbours(block)) {
+        for ((face, side), neighbour) in FACES.into_iter().zip(Side::all()).zip(self.neighbours(block)) {
             let Some((number, there)) = neighbour.and_then(|to| Some((to, self.blocks[to as usize].as_ref()?))) else {
                 continue;
             };
-            for cell in side(face) {
-                let place = place_of(cell);
-                let beyond = cell + face;
-                let label = here.labels[place];
-                let other = there.labels[self.place(corner + beyond)];
-                if label == 0 || other == 0 {
-                    continue;
-                }
-                let region = &mut here.regions[usize::from(label - 1)];
-                let far = &there.regions[usize::from(other - 1)];
-                let to = RegionId { block: number, number: other - 1 };
-                let slot = far.slot;
-                let length = distance(region.centre, corner + cell) + 1.0 + distance(corner + beyond, far.centre);
+            for place in places(side.facing(here.usable, there.usable)) {
+                let cell = corner + offset(place);
+                let other = there.labels[side.beside(place)] - 1;
+                let region = &mut here.regions[usize::from(here.labels[place] - 1)];
+                let far = &there.regions[usize::from(other)];
+                let to = RegionId::new(number, other);
+                let length = distance(region.centre, cell) + 1.0 + distance(cell + face, far.centre);
                 match region.edges.iter_mut().find(|edge| edge.to == to) {
                     Some(edge) => edge.length = edge.length.min(length),
-                    None => region.edges.push(Edge { to, slot, length }),
+                    None => region.edges.push(Edge { to, slot: far.slot, length }),
                 }
             }
         }
@@ -360,35 +339,16 @@ fn add(blocks: &mut Vec<u32>, marks: &mut [u8], block: u32, mark: u8) {
     }
 }
 
-/// The cells of a block at one of its faces, relative to its corner.
-fn side(face: Cell) -> impl Iterator<Item = Cell> {
-    let along = |by: i32| match by {
-        0 => 0..BLOCK_CELLS,
-        1 => BLOCK_CELLS - 1..BLOCK_CELLS,
-        _ => 0..1,
-    };
-    along(face.z).flat_map(move |z| along(face.y).flat_map(move |y| along(face.x).map(move |x| Cell::new(x, y, z))))
+/// The number along an axis of the block that contains a coordinate inside the map.
+fn block_along(at: i32) -> i32 {
+    // An unsigned division is cheaper.
+    (at.cast_unsigned() / BLOCK_CELLS.cast_unsigned()).cast_signed()
 }
 
-fn offset(place: usize) -> Cell {
-    let place = place as i32;
-    Cell::new(place % BLOCK_CELLS, place / BLOCK_CELLS % BLOCK_CELLS, place / BLOCK_CELLS / BLOCK_CELLS)
-}
-
-fn place_of(offset: Cell) -> usize {
-    ((offset.z * BLOCK_CELLS + offset.y) * BLOCK_CELLS + offset.x) as usize
-}
-
-/// The cell nearest to the mean of all; sorts the cells.
-fn middle(cells: &mut [Cell]) -> Cell {
-    cells.sort_unstable();
-    let count = cells.len() as i32;
-    let sum = cells.iter().fold(Cell::default(), |sum, &cell| sum + cell);
-    let apart = |cell: &Cell| {
-        let [x, y, z] = [cell.x * count - sum.x, cell.y * count - sum.y, cell.z * count - sum.z];
-        x * x + y * y + z * z
-    };
-    cells.iter().min_by_key(|cell| apart(cell)).copied().unwrap_or_default()
+/// The place in its block of a cell inside the map.
+fn place_in_block(cell: Cell) -> usize {
+    let [x, y, z] = [cell.x, cell.y, cell.z].map(|at| at - BLOCK_CELLS * block_along(at));
+    place_of(Cell::new(x, y, z))
 }
 
 /// Distance between the centres of two cells, cells.

@@ -32,7 +32,7 @@ use msgs::ids::AgentId;
 use voxels::{Cell, CellSet, Extent, Grid};
 
 pub use delta::{Block, Delta};
-pub(crate) use delta::{Layout, bits};
+pub(crate) use delta::{DeltaBuilder, Layout, bits};
 
 /// The state of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -72,11 +72,34 @@ pub struct Change {
     pub from: Option<AgentId>,
 }
 
-/// A change in 8 bytes: the cell in the upper 30 bits of `what`, the finding in the lower two.
+/// A change in 8 bytes. `what` has the block of the cell in the upper 24 bits, its number in the
+/// block in the next 6, and the finding in the lower two: a map of 1024^3 cells has 256^3 blocks.
+///
+/// Most readers want blocks: map messages consist of them, and their coordinates do not take a
+/// division for each cell.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     what: u32,
     from: u32,
+}
+
+impl Entry {
+    fn new((block, number): (u32, u32), finding: Finding, from: u32) -> Self {
+        Self { what: block << 8 | number << 2 | finding as u32, from }
+    }
+
+    /// The block of the cell, and the number of the cell in it.
+    fn place(self) -> (u32, u32) {
+        (self.what >> 8, self.what >> 2 & 63)
+    }
+
+    fn finding(self) -> Finding {
+        match self.what & 3 {
+            1 => Finding::Free,
+            2 => Finding::Covered,
+            _ => Finding::Wall,
+        }
+    }
 }
 
 /// The own sensor, as `from` of an entry: no agent has this id, since as a receiver it means
@@ -162,6 +185,12 @@ impl ExplorationMap {
         self.cells.get(cell).map_or(CellState::Wall, |&packed| state_of(packed))
     }
 
+    /// The state of the cell with this index, which is inside the map.
+    #[inline]
+    pub(crate) fn state_at(&self, index: usize) -> CellState {
+        state_of(self.cells[index])
+    }
+
     /// Number of known free cells, covered ones included.
     #[must_use]
     pub fn free(&self) -> usize {
@@ -205,6 +234,37 @@ impl ExplorationMap {
         self.frontier.iter().map(|index| index as u32)
     }
 
+    /// The cells known to be free in a cube of at most 5 cells along each axis whose lowest cell is
+    /// inside the map: one bit each, x first.
+    pub(crate) fn free_in(&self, corner: Cell, side: i32) -> u128 {
+        self.in_rows(corner, side, |start, count| {
+            let row = &self.cells.as_slice()[start..start + count];
+            (0..).zip(row).fold(0, |bits, (place, &packed): (u32, _)| {
+                bits | u64::from(matches!(state_of(packed), CellState::Free | CellState::Covered)) << place
+            })
+        })
+    }
+
+    /// The frontiers in such a cube.
+    pub(crate) fn frontiers_in(&self, corner: Cell, side: i32) -> u128 {
+        self.in_rows(corner, side, |start, count| self.frontier.run(start, count as u32))
+    }
+
+    /// Puts the bits of the rows of a cube together; `row` gets the first cell of a row and the
+    /// number of its cells that are inside the map.
+    fn in_rows(&self, corner: Cell, side: i32, row: impl Fn(usize, usize) -> u64) -> u128 {
+        let [size_x, size_y, size_z] = self.extent().size().map(u32::cast_signed);
+        let count = side.min(size_x - corner.x) as usize;
+        let mut bits = 0;
+        for z in 0..side.min(size_z - corner.z) {
+            for y in 0..side.min(size_y - corner.y) {
+                let start = ((corner.z + z) * size_y + corner.y + y) * size_x + corner.x;
+                bits |= u128::from(row(start as usize, count)) << ((z * side + y) * side);
+            }
+        }
+        bits
+    }
+
     /// Number of frontiers.
     #[must_use]
     pub fn frontier_count(&self) -> usize {
@@ -220,16 +280,34 @@ impl ExplorationMap {
     /// The changes at these positions of the journal, in order. Positions beyond its end are
     /// ignored.
     pub fn changes(&self, positions: Range<usize>) -> impl Iterator<Item = Change> + '_ {
+        self.entries(positions).iter().map(|entry| {
+            let place = Place::new(self.layout.cell(entry.place()), self.extent().size());
+            Change {
+                cell: place.index as u32,
+                finding: entry.finding(),
+                from: (entry.from != OWN).then_some(AgentId(entry.from)),
+            }
+        })
+    }
+
+    fn entries(&self, positions: Range<usize>) -> &[Entry] {
         let end = positions.end.min(self.journal.len());
-        let entries = self.journal.get(positions.start..end).unwrap_or_default();
-        entries.iter().map(|&Entry { what, from }| Change {
-            cell: what >> 2,
-            finding: match what & 3 {
-                1 => Finding::Free,
-                2 => Finding::Covered,
-                _ => Finding::Wall,
-            },
-            from: (from != OWN).then_some(AgentId(from)),
+        self.journal.get(positions.start..end).unwrap_or_default()
+    }
+
+    /// The changes at these positions of the journal, in order, each as a report of one cell.
+    pub(crate) fn reports(&self, positions: Range<usize>) -> impl Iterator<Item = Block> + '_ {
+        self.entries(positions).iter().map(|entry| {
+            let (block, number) = entry.place();
+            Block::of_cell(block, number, entry.finding())
+        })
+    }
+
+    /// The cells changed from a position of the journal on, in order, each with what was found.
+    pub(crate) fn cells_changed_since(&self, position: usize) -> impl Iterator<Item = (Cell, Finding)> + '_ {
+        self.entries(position..self.journal.len()).iter().map(|entry| {
+            let [x, y, z] = self.layout.cell(entry.place());
+            (Cell::new(x, y, z), entry.finding())
         })
     }
 
@@ -241,35 +319,38 @@ impl ExplorationMap {
     /// Records cells (by index) that the own sensor found free. Indices outside the map are
     /// ignored.
     pub fn note_free(&mut self, cells: &[u32]) {
-        for &cell in cells {
-            self.learn(cell, Finding::Free, OWN);
-        }
+        self.note(cells, Finding::Free);
     }
 
     /// Records cells (by index) that the own sensor found to be wall. Indices outside the map are
     /// ignored.
     pub fn note_wall(&mut self, cells: &[u32]) {
-        for &cell in cells {
-            self.learn(cell, Finding::Wall, OWN);
+        self.note(cells, Finding::Wall);
+    }
+
+    fn note(&mut self, cells: &[u32], finding: Finding) {
+        let extent = self.extent();
+        for &cell in cells.iter().filter(|&&cell| (cell as usize) < extent.volume()) {
+            self.learn(&Place::of(cell, extent.size()), finding, OWN);
         }
     }
 
     /// Records a visit to a cell, which makes it free as well. Ignored in walls and outside the
     /// map.
     pub fn note_covered(&mut self, cell: Cell) {
-        if let Some(index) = self.extent().index(cell) {
-            self.learn(index as u32, Finding::Covered, OWN);
+        if self.extent().contains(cell) {
+            self.learn(&Place::new([cell.x, cell.y, cell.z], self.extent().size()), Finding::Covered, OWN);
         }
     }
 
     /// Merges the report of another agent, except where it contradicts the own sensor. Indices
     /// outside the map are ignored.
     pub fn merge(&mut self, delta: &Delta, from: AgentId) {
-        let offsets = self.layout.offsets();
         for block in &delta.blocks {
-            let start = self.layout.start(block.index);
             for number in bits(self.news_of(block)) {
-                self.learn(start + offsets[number as usize], block.finding(number), from.0);
+                let at = self.layout.cell((block.index, number));
+                let place = Place::new(at, self.extent().size());
+                self.learn(&place, block.finding(number), from.0);
             }
         }
     }
@@ -286,11 +367,10 @@ impl ExplorationMap {
         block.known & self.layout.inside(block.index) & (!known | (block.wall ^ wall) | visited)
     }
 
-    fn learn(&mut self, cell: u32, finding: Finding, from: u32) {
-        let index = cell as usize;
-        let Some(packed) = self.cells.as_mut_slice().get_mut(index) else {
-            return;
-        };
+    /// Learns about a cell of the map.
+    fn learn(&mut self, place: &Place, finding: Finding, from: u32) {
+        let index = place.index;
+        let packed = &mut self.cells[index];
         let known = state_of(*packed);
         let is_new = known == CellState::Unexplored;
         let is_at_odds = !is_new && (known == CellState::Wall) != (finding == Finding::Wall);
@@ -306,14 +386,13 @@ impl ExplorationMap {
         }
         *packed = *packed & !3 | finding as u8;
         let packed = *packed;
-        let place = Place::of(cell, self.extent().size());
         let (block, number) = self.layout.place(place.at.map(i32::cast_unsigned));
         let words = &mut self.blocks[3 * block as usize..][..3];
         let bit = 1 << number;
         words[0] |= bit;
         words[1] = words[1] & !bit | if finding == Finding::Wall { bit } else { 0 };
         words[2] = words[2] & !bit | if finding == Finding::Covered { bit } else { 0 };
-        self.journal.push(Entry { what: cell << 2 | finding as u32, from });
+        self.journal.push(Entry::new((block, number), finding, from));
         self.corrections += u64::from(is_corrected);
         match known {
             CellState::Unexplored => {}
@@ -332,7 +411,7 @@ impl ExplorationMap {
             self.frontier.insert(index);
         }
         if is_new {
-            self.close(&place);
+            self.close(place);
         }
     }
 
@@ -363,14 +442,21 @@ struct Place {
 }
 
 impl Place {
-    fn of(cell: u32, size: [u32; 3]) -> Self {
-        let [size_x, size_y, _] = size;
+    /// The location of the cell with this index, which is inside the map.
+    fn of(cell: u32, [size_x, size_y, size_z]: [u32; 3]) -> Self {
         let row = cell / size_x;
         let at = [cell % size_x, row % size_y, row / size_y].map(u32::cast_signed);
-        let strides = [1, size_x as isize, (size_x * size_y) as isize];
+        Self::new(at, [size_x, size_y, size_z])
+    }
+
+    /// The location of a cell inside the map.
+    fn new(at: [i32; 3], size: [u32; 3]) -> Self {
+        let [size_x, size_y, _] = size.map(|cells| cells as usize);
+        let strides = [1, size_x, size_x * size_y];
+        let index = (0..3).map(|axis| at[axis] as usize * strides[axis]).sum();
         let size = size.map(u32::cast_signed);
         let outside = (0..3).map(|axis| outside_along(at[axis], size[axis])).sum();
-        Self { index: cell as usize, at, size, strides, outside }
+        Self { index, at, size, strides: strides.map(usize::cast_signed), outside }
     }
 
     /// The index of the neighbour one step along an axis, and its number of face neighbours outside

@@ -40,7 +40,7 @@ use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
 use msgs::maes_msgs::Wake as Events;
 
 use crate::command::{AgentMessage, Trigger};
-use crate::exploration_map::{CHANGES_MAX, Delta, ExplorationMap};
+use crate::exploration_map::{CHANGES_MAX, Delta, DeltaBuilder, ExplorationMap};
 use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
 pub use map_message::{MapMessageError, VERSION};
@@ -65,6 +65,8 @@ pub struct Sharing {
     /// By agent; those beyond the end have exchanged nothing.
     peers: Vec<Peer>,
     provenances: Vec<Provenance>,
+    /// Made at the first message, when the extent of the map is known.
+    delta_builder: Option<DeltaBuilder>,
     totals: Totals,
 }
 
@@ -142,6 +144,7 @@ impl Sharing {
             agents,
             peers: Vec::new(),
             provenances: Vec::new(),
+            delta_builder: None,
             totals: Totals::default(),
         }
     }
@@ -272,7 +275,7 @@ impl Sharing {
 
     /// The next messages for the contacts, and the position of the journal at which they end. They
     /// fit into the budget, and mostly use a good part of it.
-    fn batch(&self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
+    fn batch(&mut self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
         // The encoded size of cells is only known afterwards.
         let mut cell_bits = CELL_BITS_USUAL;
         loop {
@@ -280,8 +283,9 @@ impl Sharing {
             let mut bytes = 0;
             let mut batch = Batch::new();
             for (receivers, positions) in news {
-                let delta = Delta::of(map.extent(), positions.into_iter().flat_map(|range| map.changes(range)));
-                let data = map_message::encode(&receivers, &delta);
+                let builder = self.delta_builder.get_or_insert_with(|| DeltaBuilder::new(map.extent()));
+                let delta = builder.build(positions.into_iter().flat_map(|range| map.reports(range)));
+                let data = map_message::encode(&receivers, delta);
                 bytes += copies(receivers.len(), contacts) * (data.len() + PARCEL_BYTES_BARE);
                 batch.push((receivers, data));
             }

@@ -31,7 +31,7 @@ fn radios(terrain: &Grid<Terrain>) -> Vec<Radio> {
 }
 
 fn ask_all(table: &mut ContactTable, terrain: &Grid<Terrain>) -> usize {
-    (0..AGENTS).map(|agent| table.of(AgentId::from_index(agent), &MODEL, terrain).len()).sum()
+    (0..AGENTS).map(|agent| table.of(AgentId::from_index(agent), &MODEL, terrain).count()).sum()
 }
 
 fn contacts(criterion: &mut Criterion) {

@@ -135,13 +135,6 @@ impl AgentState {
         let sphere = self.body.sphere();
         if self.presence.is_in_world() { sphere } else { Sphere { radius_m: 0.0, ..sphere } }
     }
-
-    /// [`CONTACTS`] if the agents or relays in contact differ from those of the last committed
-    /// observation, else no event.
-    fn change_of_contacts(&self, contacts: &[AgentId], relays: &[(RelayId, Point3<f64>)]) -> Events {
-        let is_as_reported = contacts == self.reported_contacts && relays == self.reported_relays;
-        if is_as_reported { 0 } else { CONTACTS }
-    }
 }
 
 impl World {
@@ -354,8 +347,7 @@ impl World {
     pub fn events(&mut self, agent: AgentId, asked: Events) -> Events {
         let mut events = self.agents[agent.index()].pending_observation.events;
         if asked & CONTACTS != 0 {
-            let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
-            events |= self.agents[agent.index()].change_of_contacts(&contacts, &relays);
+            events |= self.change_of_contacts(agent);
         }
         events & asked
     }
@@ -363,6 +355,7 @@ impl World {
     /// The observation of an agent in this tick. [`Commit::Committed`] marks its content as
     /// delivered.
     pub fn observe(&mut self, agent: AgentId, commit: Commit) -> Observation {
+        let change_of_contacts = self.change_of_contacts(agent);
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
         let contact_positions = contacts.iter().map(|&other| (other, self.measured_position(other))).collect();
         let position = self.measured_position(agent);
@@ -373,7 +366,7 @@ impl World {
             Commit::Committed => state.pending_observation.commit(),
             Commit::Speculative => state.pending_observation.speculate(),
         };
-        let events = delta.events | state.change_of_contacts(&contacts, &relays);
+        let events = delta.events | change_of_contacts;
         let mut observation = Observation {
             tick: self.tick,
             agent,

@@ -38,6 +38,17 @@ impl CellSet {
         self.words[cell / 64] & bit(cell) != 0
     }
 
+    /// The cells from `start` on that are in it, as bits, the first one lowest; `count` is at most
+    /// 64, and there are so many cells.
+    pub fn run(&self, start: usize, count: u32) -> u64 {
+        let (word, shift) = (start / 64, start % 64);
+        let mut bits = self.words[word] >> shift;
+        if shift + count as usize > 64 {
+            bits |= self.words[word + 1] << (64 - shift);
+        }
+        if count < 64 { bits & ((1 << count) - 1) } else { bits }
+    }
+
     /// Adds a cell; panics like a slice if there is no such cell, as all of its functions do.
     pub fn insert(&mut self, cell: usize) {
         let word = cell / 64;
@@ -104,6 +115,11 @@ mod tests {
                     model.remove(&cell);
                 }
                 prop_assert_eq!(set.contains(cell), is_added);
+            }
+            for start in (0..8900).step_by(97) {
+                let count = start as u32 % 65;
+                let bits = (0..count as usize).fold(0, |bits, by| bits | u64::from(set.contains(start + by)) << by);
+                prop_assert_eq!(set.run(start, count), bits);
             }
             prop_assert_eq!(set.len(), model.len());
             prop_assert!(set.iter().eq(model));

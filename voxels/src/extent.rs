@@ -118,8 +118,8 @@ impl Extent {
     #[inline]
     pub fn cell_of(&self, point: &Point3<f64>) -> Cell {
         let along = |metres: f64| {
-            let cells = (metres / self.cell_m).floor();
-            if cells.is_nan() { i32::MIN } else { cells as i32 }
+            let cells = metres / self.cell_m;
+            if cells.is_nan() { i32::MIN } else { floor(cells) }
         };
         Cell::new(along(point.x), along(point.y), along(point.z))
     }
@@ -132,10 +132,29 @@ impl Extent {
     }
 }
 
+/// The greatest integer that is not above a number, clamped to the range of `i32`; 0 for NaN.
+///
+/// `f64::floor` is a call of the C library on processors without SSE 4.1, which is what we compile
+/// for.
+#[inline]
+pub(crate) fn floor(number: f64) -> i32 {
+    let towards_zero = number as i32;
+    towards_zero.saturating_sub(i32::from(f64::from(towards_zero) > number))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn floor_is_that_of_the_standard_library() {
+        let edges = [0.0, 0.5, 1.0, 2_147_483_646.5, 2_147_483_647.0, 2_147_483_648.5, 1e300, f64::INFINITY];
+        for number in edges.into_iter().flat_map(|edge| [edge, -edge, edge.next_down(), -edge.next_up()]) {
+            assert_eq!(floor(number), number.floor() as i32, "{number}");
+        }
+        assert_eq!(floor(f64::NAN), 0);
+    }
 
     #[test]
     fn refuses_empty_long_and_unmeasured_maps() {

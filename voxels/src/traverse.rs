@@ -16,7 +16,8 @@ use std::ops::ControlFlow;
 
 use nalgebra::{Point3, Vector3};
 
-use crate::{Cell, Extent, Grid, Terrain};
+use crate::extent::floor;
+use crate::{Cell, Extent};
 
 /// The distances along a ray, in cell units, at which it crosses its next cell boundaries.
 struct Crossings {
@@ -132,6 +133,18 @@ pub fn walk_segment<B>(
     b: &Point3<f64>,
     mut visit: impl FnMut(Cell) -> ControlFlow<B>,
 ) -> ControlFlow<B> {
+    walk_stretches(extent, a, b, |cell, _| visit(cell))
+}
+
+/// As [`walk_segment`]; `visit` also gets the two ends of the stretch of the segment in the cell,
+/// in cell units and up to rounding.
+#[inline]
+pub(crate) fn walk_stretches<B>(
+    extent: Extent,
+    a: &Point3<f64>,
+    b: &Point3<f64>,
+    mut visit: impl FnMut(Cell, [[f64; 3]; 2]) -> ControlFlow<B>,
+) -> ControlFlow<B> {
     const REACH: f64 = (1 << 29) as f64;
     let in_cells = |point: &Point3<f64>| [point.x, point.y, point.z].map(|m| m / extent.cell_m());
     let far = |point: &[f64; 3]| !point.iter().all(|cells| cells.abs() <= REACH);
@@ -141,11 +154,12 @@ pub fn walk_segment<B>(
     }
     let [from, to] = if ends[1] < ends[0] { [ends[1], ends[0]] } else { ends };
     let cell_of = |point: [f64; 3]| {
-        let [x, y, z] = point.map(|cells| cells.floor() as i32);
+        let [x, y, z] = point.map(floor);
         Cell::new(x, y, z)
     };
 
     let direction = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+    let at = |time: f64| [from[0] + direction[0] * time, from[1] + direction[1] * time, from[2] + direction[2] * time];
     let mut ray = Crossings::new(cell_of(from), from, direction);
     // Counting the steps instead of comparing distances makes the walk end in the last cell
     // exactly.
@@ -161,86 +175,20 @@ pub fn walk_segment<B>(
             ray.next[axis] = ray.next[axis].min(f64::MAX);
         }
     }
-    visit(ray.cell)?;
-    while steps_left != [0; 3] {
+    let mut entry = 0.0;
+    loop {
+        let exit = ray.next[0].min(ray.next[1]).min(ray.next[2]).min(1.0);
+        visit(ray.cell, [at(entry), at(exit)])?;
+        if steps_left == [0; 3] {
+            return ControlFlow::Continue(());
+        }
         let (axis, _) = ray.advance();
         steps_left[axis] -= 1;
         if steps_left[axis] == 0 {
             ray.next[axis] = f64::INFINITY;
         }
-        visit(ray.cell)?;
+        entry = exit;
     }
-    ControlFlow::Continue(())
-}
-
-/// Whether the segment between two points of the map frame crosses no wall; the cells of both ends
-/// count, and so does the world outside the map, which is wall. Symmetric in its two points.
-///
-/// ```
-/// use nalgebra::Point3;
-/// use voxels::{Grid, line_of_sight};
-/// let world = Grid::from_text("...\n.#.\n")?;
-/// let (left, right) = (Point3::new(0.5, 0.5, 0.5), Point3::new(2.5, 0.5, 0.5));
-/// assert!(!line_of_sight(&world, &left, &right));
-/// assert!(line_of_sight(&world, &left, &Point3::new(0.5, 1.5, 0.5)));
-/// # Ok::<(), voxels::TextError>(())
-/// ```
-pub fn line_of_sight(terrain: &Grid<Terrain>, a: &Point3<f64>, b: &Point3<f64>) -> bool {
-    sight(terrain, a, b) == Sight::Clear
-}
-
-/// What is between two points.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sight {
-    /// No wall: there is a line of sight.
-    Clear,
-    /// This wall, perhaps among others.
-    Wall(Cell),
-    /// There is no segment between them: see [`walk_segment`].
-    Undefined,
-}
-
-/// What the segment between two points of the map frame meets; see [`line_of_sight`].
-pub fn sight(terrain: &Grid<Terrain>, a: &Point3<f64>, b: &Point3<f64>) -> Sight {
-    let mut visited = false;
-    let walk = walk_segment(terrain.extent(), a, b, |cell| {
-        visited = true;
-        if crate::is_wall_at(terrain, cell) { ControlFlow::Break(cell) } else { ControlFlow::Continue(()) }
-    });
-    match walk {
-        ControlFlow::Break(wall) => Sight::Wall(wall),
-        ControlFlow::Continue(()) if visited => Sight::Clear,
-        ControlFlow::Continue(()) => Sight::Undefined,
-    }
-}
-
-/// Whether the segment between two points (metres, map frame) is so clearly inside a cell
-/// somewhere that [`walk_segment`] visits that cell, whatever the rounding. False says nothing.
-///
-/// The crossings of boundaries that a walk computes are off by less than 1e-9 cells on the largest
-/// map, so a point of the segment that is a thousand times that far from all faces of the cell is
-/// reached after the same steps.
-pub fn surely_crosses(extent: Extent, cell: Cell, a: &Point3<f64>, b: &Point3<f64>) -> bool {
-    const MARGIN: f64 = 1e-6;
-    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
-    let low = [cell.x, cell.y, cell.z].map(f64::from);
-    for axis in 0..3 {
-        let from = a[axis] / extent.cell_m();
-        let along = b[axis] / extent.cell_m() - from;
-        let to_low = low[axis] + MARGIN - from;
-        let to_high = low[axis] + 1.0 - MARGIN - from;
-        if along == 0.0 {
-            // Also false for what is not a number.
-            if !(to_low <= 0.0 && 0.0 <= to_high) {
-                return false;
-            }
-            continue;
-        }
-        let (one, other) = (to_low / along, to_high / along);
-        enter = enter.max(one.min(other));
-        leave = leave.min(one.max(other));
-    }
-    enter <= leave
 }
 
 #[cfg(test)]
@@ -368,21 +316,6 @@ mod tests {
         assert_eq!(tiny, [Cell::new(0, 0, 0), Cell::new(0, -1, 0)]);
     }
 
-    #[test]
-    fn walls_and_the_world_outside_block_sight() {
-        let world = Grid::from_text("...\n.#.\n...\n").unwrap();
-        let sees = |a: [f64; 2], b: [f64; 2]| {
-            line_of_sight(&world, &Point3::new(a[0], a[1], 0.5), &Point3::new(b[0], b[1], 0.5))
-        };
-        assert!(sees([0.5, 0.5], [2.5, 0.5]));
-        assert!(!sees([0.5, 0.5], [2.5, 2.5]));
-        assert!(!sees([0.5, 1.5], [1.5, 1.5]));
-        assert!(!sees([1.5, 1.5], [1.5, 1.5]));
-        assert!(sees([0.5, 1.5], [0.5, 1.5]));
-        assert!(!sees([0.5, 1.5], [-0.5, 1.5]));
-        assert!(!sees([0.5, f64::NAN], [0.5, 1.5]));
-    }
-
     proptest! {
         #[test]
         fn ray_matches_exact_arithmetic(
@@ -438,61 +371,6 @@ mod tests {
             let direction = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
             let ray = cells_of_ray(extent, from, direction, 1.0);
             prop_assert!(ray.iter().map(|&(cell, _)| cell).eq(crossed));
-        }
-
-        #[test]
-        fn line_of_sight_is_symmetric(
-            walls in prop::collection::vec(prop::bool::weighted(0.15), 216),
-            a in prop::array::uniform3(-1i32..26),
-            b in prop::array::uniform3(-1i32..26),
-        ) {
-            let extent = Extent::new([6, 6, 6], 1.0).unwrap();
-            let cells = walls.iter().map(|&wall| if wall { Terrain::Wall } else { Terrain::Free });
-            let world = Grid::from_vec(extent, cells.collect()).unwrap();
-            // Quarters of a cell, so that many segments run along faces, edges and corners.
-            let [a, b] = [a, b].map(|point| Point3::from(point.map(|quarters| f64::from(quarters) / 4.0)));
-            prop_assert_eq!(line_of_sight(&world, &a, &b), line_of_sight(&world, &b, &a));
-            prop_assert_eq!(line_of_sight(&world, &a, &a), !crate::is_wall_at(&world, extent.cell_of(&a)));
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn walks_visit_cells_that_segments_surely_cross(
-            a in prop::array::uniform3(-2.0..9.0f64),
-            b in prop::array::uniform3(-2.0..9.0f64),
-            snaps in prop::array::uniform6(0usize..4),
-            cell_m in prop::sample::select(vec![1.0, 0.3, 7.0]),
-        ) {
-            let extent = Extent::new([8, 8, 8], cell_m).unwrap();
-            // Many coordinates lie on boundaries, or within rounding of them.
-            let snap = |at: f64, how: usize| match how {
-                0 => at.round(),
-                1 => at.round() + 1e-12,
-                2 => at.round() - 1e-7,
-                _ => at,
-            };
-            let point = |at: [f64; 3], snaps: &[usize]| {
-                let [x, y, z] = [0, 1, 2].map(|axis| snap(at[axis], snaps[axis]) * cell_m);
-                Point3::new(x, y, z)
-            };
-            let (a, b) = (point(a, &snaps[..3]), point(b, &snaps[3..]));
-            let mut visited = Vec::new();
-            let _ = walk_segment(extent, &a, &b, |cell| {
-                visited.push(cell);
-                ControlFlow::<()>::Continue(())
-            });
-            let mut crossed = 0;
-            for (x, y, z) in (-3..10).flat_map(|z| (-3..10).flat_map(move |y| (-3..10).map(move |x| (x, y, z)))) {
-                let cell = Cell::new(x, y, z);
-                if surely_crosses(extent, cell, &a, &b) {
-                    crossed += 1;
-                    prop_assert!(visited.contains(&cell), "{cell:?} of {a} {b}");
-                    prop_assert!(surely_crosses(extent, cell, &b, &a));
-                }
-            }
-            // Without the boundaries, most cells are crossed surely.
-            prop_assert!(snaps != [3; 6] || crossed + 4 >= visited.len() / 2);
         }
     }
 }

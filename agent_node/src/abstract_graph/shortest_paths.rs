@@ -1,11 +1,11 @@
 //! Dijkstra's algorithm on the abstract graph: shortest paths from one region to all others.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::BinaryHeap;
 
 use voxels::Cell;
 
-use super::{AbstractGraph, BLOCK_CELLS, Region, RegionId};
+use super::{AbstractGraph, Region, RegionId, block_along};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{Goal, Graph, Moves, Path, Scratch, Search};
 
@@ -19,8 +19,8 @@ pub struct ShortestPaths {
     /// By slot of the region; entries of another epoch are stale.
     reached: Vec<Reached>,
     epoch: u32,
-    /// Length of the path and its region.
-    queue: BinaryHeap<Reverse<(u32, RegionId)>>,
+    /// Length of the path in the upper 32 bits, its region in the lower ones.
+    queue: BinaryHeap<Reverse<u64>>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -40,7 +40,7 @@ impl ShortestPaths {
         self.queue.clear();
         if let Some((start, region)) = graph.region_of(from).and_then(|start| Some((start, graph.get(start)?))) {
             self.reached[region.slot as usize] = Reached { epoch: self.epoch, length: 0, from: None, is_done: false };
-            self.queue.push(Reverse((0, start)));
+            self.queue.push(entry(0, start));
         }
     }
 
@@ -48,7 +48,8 @@ impl ShortestPaths {
     /// been returned.
     pub fn next<'r>(&mut self, graph: &'r AbstractGraph) -> Option<(RegionId, &'r Region, f64)> {
         loop {
-            let Reverse((length, id)) = self.queue.pop()?;
+            let Reverse(first) = self.queue.pop()?;
+            let (length, id) = ((first >> 32) as u32, RegionId(first as u32));
             let Some(region) = graph.get(id) else { continue };
             let here = &mut self.reached[region.slot as usize];
             if std::mem::replace(&mut here.is_done, true) {
@@ -62,7 +63,7 @@ impl ShortestPaths {
                 // whichever is found first.
                 if is_new || !there.is_done && (to, Some(id)) < (there.length, there.from) {
                     if is_new || to < there.length {
-                        self.queue.push(Reverse((to, edge.to)));
+                        self.queue.push(entry(to, edge.to));
                     }
                     *there = Reached { epoch: self.epoch, length: to, from: Some(id), is_done: false };
                 }
@@ -89,25 +90,92 @@ impl ShortestPaths {
         keeps_out: &dyn Fn(Cell) -> bool,
     ) -> Option<Path> {
         let end = graph.region_of(to).filter(|&end| self.reached(graph, end).is_some())?;
-        let mut corridor = BTreeSet::new();
         let back = std::iter::successors(Some(end), |&region| self.reached(graph, region)?.from);
-        for region in back {
-            let corner = graph.corner(region.block);
-            corridor.insert(region.block);
-            for beside in Cell::default().neighbours26() {
-                let by = Cell::new(beside.x * BLOCK_CELLS, beside.y * BLOCK_CELLS, beside.z * BLOCK_CELLS);
-                corridor.extend(graph.block_of(corner + by));
+        let corridor = Corridor::along(graph, back);
+        let is_open = |cell: Cell| corridor.contains(cell) && (cell == to || !keeps_out(cell));
+        Search::new(Graph::new(map, moves), scratch, from, Goal::Cell(to)).within(&is_open).run()
+    }
+}
+
+/// An entry of the queue.
+fn entry(length: u32, region: RegionId) -> Reverse<u64> {
+    Reverse(u64::from(length) << 32 | u64::from(region.0))
+}
+
+/// Blocks and the blocks around them, one bit for each block of a box.
+struct Corridor {
+    /// The first block of the box along each axis, and the number of blocks.
+    low: [i32; 3],
+    size: [u32; 3],
+    bits: Vec<u64>,
+}
+
+impl Corridor {
+    /// The blocks of some regions, and those around them.
+    fn along(graph: &AbstractGraph, regions: impl Iterator<Item = RegionId>) -> Self {
+        let blocks: Vec<[i32; 3]> = regions
+            .map(|region| {
+                let corner = graph.corner(region.block());
+                [corner.x, corner.y, corner.z].map(block_along)
+            })
+            .collect();
+        let low = [0, 1, 2].map(|axis: usize| blocks.iter().map(|block| block[axis] - 1).min().unwrap_or_default());
+        let high = [0, 1, 2].map(|axis: usize| blocks.iter().map(|block| block[axis] + 1).max().unwrap_or_default());
+        let size = [0, 1, 2].map(|axis: usize| (high[axis] - low[axis] + 1).cast_unsigned());
+        let volume: usize = size.iter().map(|&blocks| blocks as usize).product();
+        let mut corridor = Self { low, size, bits: vec![0; volume.div_ceil(64)] };
+        for [x, y, z] in blocks {
+            for (z, y) in (z - 1..=z + 1).flat_map(|z| (y - 1..=y + 1).map(move |y| (z, y))) {
+                for x in x - 1..=x + 1 {
+                    if let Some(place) = corridor.place([x, y, z]) {
+                        corridor.bits[place / 64] |= 1 << (place % 64);
+                    }
+                }
             }
         }
-        // Neighbours are mostly of one block.
-        let last = std::cell::Cell::new((u32::MAX, false));
-        let is_in_corridor = |block: u32| {
-            if last.get().0 != block {
-                last.set((block, corridor.contains(&block)));
+        corridor
+    }
+
+    /// The bit of a block of the box.
+    fn place(&self, block: [i32; 3]) -> Option<usize> {
+        let [x, y, z] = [0, 1, 2].map(|axis: usize| (block[axis] - self.low[axis]).cast_unsigned());
+        let [size_x, size_y, size_z] = self.size;
+        // What is below the box wraps around to a number beyond it.
+        (x < size_x && y < size_y && z < size_z).then(|| ((z * size_y + y) * size_x + x) as usize)
+    }
+
+    /// Whether a cell of the map lies in one of the blocks.
+    fn contains(&self, cell: Cell) -> bool {
+        let place = self.place([cell.x, cell.y, cell.z].map(block_along));
+        place.is_some_and(|place| self.bits[place / 64] >> (place % 64) & 1 != 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+    use voxels::Extent;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn corridor_has_the_blocks_of_a_set(blocks in prop::collection::vec(0u32..3 * 2 * 4, 1..6)) {
+            let extent = Extent::new([14, 10, 17], 1.0).unwrap();
+            let graph = AbstractGraph::new(extent, 0.4);
+            let corridor = Corridor::along(&graph, blocks.iter().map(|&block| RegionId::new(block, 0)));
+            let mut model = BTreeSet::new();
+            for block in blocks {
+                let corner = graph.corner(block);
+                let around = Cell::default().neighbours26().map(|by| Cell::new(5 * by.x, 5 * by.y, 5 * by.z));
+                model.extend(around.into_iter().chain([Cell::default()]).filter_map(|by| graph.block_of(corner + by)));
             }
-            last.get().1
-        };
-        let is_open = |cell: Cell| graph.block_of(cell).is_some_and(is_in_corridor) && (cell == to || !keeps_out(cell));
-        Search::new(Graph::new(map, moves), scratch, from, Goal::Cell(to)).within(&is_open).run()
+            for cell in extent.cells() {
+                let is_in_model = graph.block_of(cell).is_some_and(|block| model.contains(&block));
+                prop_assert_eq!(corridor.contains(cell), is_in_model);
+            }
+        }
     }
 }

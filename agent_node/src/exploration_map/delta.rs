@@ -28,6 +28,13 @@ pub struct Block {
 }
 
 impl Block {
+    /// The report of one cell, by its number in the block.
+    pub(super) fn of_cell(index: u32, number: u32, finding: Finding) -> Self {
+        let known = 1 << number;
+        let only_if = |condition| if condition { known } else { 0 };
+        Self { index, known, wall: only_if(finding == Finding::Wall), covered: only_if(finding == Finding::Covered) }
+    }
+
     /// The finding about a reported cell, by its number in the block.
     pub(super) fn finding(&self, number: u32) -> Finding {
         match () {
@@ -58,31 +65,11 @@ impl Delta {
     #[must_use]
     pub fn of(extent: Extent, changes: impl IntoIterator<Item = Change>) -> Self {
         let layout = Layout::new(extent);
-        let mut pieces: Vec<Block> = Vec::new();
-        for Change { cell, finding, .. } in changes {
+        let reports = changes.into_iter().map(|Change { cell, finding, .. }| {
             let (index, number) = layout.place(layout.at(cell));
-            let known = 1 << number;
-            let piece = Block {
-                index,
-                known,
-                wall: if finding == Finding::Wall { known } else { 0 },
-                covered: if finding == Finding::Covered { known } else { 0 },
-            };
-            match pieces.last_mut() {
-                Some(last) if last.index == index => last.say(piece),
-                _ => pieces.push(piece),
-            }
-        }
-        // Stable, so that later changes of a cell stay later.
-        pieces.sort_by_key(|piece| piece.index);
-        pieces.dedup_by(|later, block| {
-            let is_same = later.index == block.index;
-            if is_same {
-                block.say(*later);
-            }
-            is_same
+            Block::of_cell(index, number, finding)
         });
-        Self { blocks: pieces }
+        DeltaBuilder::new(extent).build(reports).clone()
     }
 
     /// Number of reported cells.
@@ -101,12 +88,47 @@ impl Delta {
     /// ignored.
     pub fn findings(&self, extent: Extent) -> impl Iterator<Item = (u32, Finding)> + '_ {
         let layout = Layout::new(extent);
-        let offsets = layout.offsets();
         self.blocks.iter().flat_map(move |block| {
-            let start = layout.start(block.index);
             let cells = bits(block.known & layout.inside(block.index));
-            cells.map(move |number| (start + offsets[number as usize], block.finding(number)))
+            cells.map(move |number| {
+                let [x, y, z] = layout.cell((block.index, number)).map(i32::cast_unsigned);
+                ((z * layout.size[1] + y) * layout.size[0] + x, block.finding(number))
+            })
         })
+    }
+}
+
+/// Makes deltas; one serves all deltas of a map, so that they take no memory of their own.
+#[derive(Debug, Clone)]
+pub(crate) struct DeltaBuilder {
+    /// For each block of the map 1 + its place in the delta that is being made, or 0.
+    places: Vec<u32>,
+    delta: Delta,
+}
+
+impl DeltaBuilder {
+    pub(crate) fn new(extent: Extent) -> Self {
+        // All are 0 at first, which costs no memory where the system provides it page by page.
+        Self { places: vec![0; Layout::new(extent).count() as usize], delta: Delta::default() }
+    }
+
+    /// The delta of reports about blocks of the map, of which later ones override earlier ones.
+    pub(crate) fn build(&mut self, reports: impl IntoIterator<Item = Block>) -> &Delta {
+        let blocks = &mut self.delta.blocks;
+        blocks.clear();
+        for report in reports {
+            let place = &mut self.places[report.index as usize];
+            match place.checked_sub(1) {
+                Some(place) => blocks[place as usize].say(report),
+                None => {
+                    blocks.push(report);
+                    *place = blocks.len() as u32;
+                }
+            }
+        }
+        blocks.iter().for_each(|block| self.places[block.index as usize] = 0);
+        blocks.sort_unstable_by_key(|block| block.index);
+        &self.delta
     }
 }
 
@@ -124,12 +146,15 @@ pub(crate) fn bits(mut left: u64) -> impl Iterator<Item = u32> {
 pub(crate) struct Layout {
     size: [u32; 3],
     blocks: [u32; 3],
+    /// Whether all cells of all blocks are inside the map.
+    is_filled: bool,
 }
 
 impl Layout {
     pub(crate) fn new(extent: Extent) -> Self {
         let size = extent.size();
-        Self { size, blocks: size.map(|cells| cells.div_ceil(SIDE)) }
+        let is_filled = size.iter().all(|cells| cells.is_multiple_of(SIDE));
+        Self { size, blocks: size.map(|cells| cells.div_ceil(SIDE)), is_filled }
     }
 
     /// Number of blocks.
@@ -151,27 +176,16 @@ impl Layout {
         (index, spread(x) | spread(y) << 1 | spread(z) << 2)
     }
 
+    /// The coordinates of the cell with this number in a block.
+    pub(super) fn cell(&self, (block, number): (u32, u32)) -> [i32; 3] {
+        let (lowest, by) = (self.lowest(block), place_in_block(number));
+        [0, 1, 2].map(|axis: usize| (lowest[axis] + by[axis]).cast_signed())
+    }
+
     /// The lowest cell of a block along each axis.
     fn lowest(&self, block: u32) -> [u32; 3] {
         let row = block / self.blocks[0];
         [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]].map(|at| at * SIDE)
-    }
-
-    /// Index of the lowest cell of a block, 0 for blocks outside the map.
-    pub(super) fn start(&self, block: u32) -> u32 {
-        if block >= self.count() {
-            return 0;
-        }
-        let [x, y, z] = self.lowest(block);
-        (z * self.size[1] + y) * self.size[0] + x
-    }
-
-    /// Index offset of each cell of a block from the lowest one.
-    pub(super) fn offsets(&self) -> [u32; 64] {
-        std::array::from_fn(|number| {
-            let [x, y, z] = place_in_block(number as u32);
-            (z * self.size[1] + y) * self.size[0] + x
-        })
     }
 
     /// The cells of a block that lie inside the map.
@@ -180,6 +194,9 @@ impl Layout {
         const LOWEST: [[u64; SIDE as usize + 1]; 3] = lowest_layers();
         if block >= self.count() {
             return 0;
+        }
+        if self.is_filled {
+            return u64::MAX;
         }
         let lowest = self.lowest(block);
         (0..3).fold(u64::MAX, |inside, axis| {

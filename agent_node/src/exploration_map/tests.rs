@@ -261,7 +261,9 @@ proptest! {
                 continue;
             }
             by_blocks.merge(&delta, AgentId(from));
-            delta.findings(extent).for_each(|(cell, finding)| by_cells.learn(cell, finding, from));
+            for (cell, finding) in delta.findings(extent) {
+                by_cells.learn(&Place::of(cell, extent.size()), finding, from);
+            }
             prop_assert!(by_blocks.changes_since(0).eq(by_cells.changes_since(0)));
             prop_assert_eq!(by_blocks.cells.as_slice(), by_cells.cells.as_slice());
             prop_assert_eq!(&by_blocks.blocks, &by_cells.blocks);
@@ -269,5 +271,38 @@ proptest! {
             prop_assert_eq!(counts(&by_blocks), counts(&by_cells));
             prop_assert!(by_blocks.frontiers().eq(by_cells.frontiers()));
         }
+    }
+
+    #[test]
+    fn cubes_have_the_states_of_their_cells(
+        size in [1u32..9, 1u32..9, 1u32..9],
+        cells in prop::collection::vec((0u32..600, 0..3), 0..200),
+        corner in prop::array::uniform3(0i32..9),
+        side in 1i32..6,
+    ) {
+        let extent = Extent::new(size, 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        for (cell, finding) in cells {
+            match finding {
+                0 => map.note_free(&[cell]),
+                1 => map.note_wall(&[cell]),
+                _ => map.note_covered(extent.cell_at(cell as usize)),
+            }
+        }
+        let [x, y, z] = [0, 1, 2].map(|axis| corner[axis] % size[axis].cast_signed());
+        let corner = Cell::new(x, y, z);
+        let (free, frontiers) = (map.free_in(corner, side), map.frontiers_in(corner, side));
+        for place in 0..side * side * side {
+            let cell = corner + Cell::new(place % side, place / side % side, place / side / side);
+            let is_free = matches!(map.state(cell), CellState::Free | CellState::Covered);
+            prop_assert_eq!(free >> place & 1 != 0, is_free);
+            prop_assert_eq!(frontiers >> place & 1 != 0, map.is_frontier(cell));
+        }
+        prop_assert_eq!((free | frontiers) >> (side * side * side - 1) >> 1, 0);
+        let changed: Vec<_> = map.cells_changed_since(0).collect();
+        let by_index = map.changes_since(0).map(|change| (extent.cell_at(change.cell as usize), change.finding));
+        prop_assert!(by_index.eq(changed));
+        let reports = DeltaBuilder::new(extent).build(map.reports(0..map.journal_len())).clone();
+        prop_assert_eq!(reports, Delta::of(extent, map.changes_since(0)));
     }
 }

@@ -119,6 +119,16 @@ impl<'a> Graph<'a> {
         !self.moves.sphere.is_empty() && self.moves.sphere.iter().all(|&offset| is_free(self.map, cell + offset))
     }
 
+    /// The usable cells of a cube of at most 5 cells along each axis whose lowest cell lies inside
+    /// the map, one bit each, x first.
+    pub(crate) fn usable_in(&self, corner: Cell, side: i32) -> u128 {
+        if self.moves.sphere == [Cell::default()] {
+            return self.map.free_in(corner, side);
+        }
+        let cells = (0..side).flat_map(|z| (0..side).flat_map(move |y| (0..side).map(move |x| Cell::new(x, y, z))));
+        cells.enumerate().fold(0, |bits, (place, by)| bits | u128::from(self.is_usable(corner + by)) << place)
+    }
+
     /// The possible steps from a usable cell, as bits in the order of the moves.
     pub(super) fn steps_from(&self, cell: Cell) -> u32 {
         if !self.moves.is_small {

@@ -66,7 +66,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The next bits, at least 57.
-    fn ahead(&self) -> u64 {
+    pub(super) fn ahead(&self) -> u64 {
         let byte = self.at / 8;
         let next = match self.bytes.get(byte..byte + 8).and_then(|bytes| bytes.first_chunk()) {
             Some(chunk) => u64::from_le_bytes(*chunk),
@@ -76,6 +76,11 @@ impl<'a> Reader<'a> {
             }
         };
         next >> (self.at % 8)
+    }
+
+    /// Goes on by this many bits.
+    pub(super) fn skip(&mut self, bits: u32) {
+        self.at += bits as usize;
     }
 
     /// A word of 0 to 32 bits.

@@ -120,15 +120,17 @@ pub(super) fn encode(receivers: &[AgentId], delta: &Delta) -> Vec<u8> {
     bytes
 }
 
-/// The octants of a block: reported cells, and those of them that are wall.
-fn octants(block: &Block) -> impl Iterator<Item = (u32, u32)> {
-    block.known.to_le_bytes().into_iter().zip(block.wall.to_le_bytes()).map(|(known, wall)| (known.into(), wall.into()))
+/// The octants of a block, each as a word and its number of bits.
+fn octants(block: &Block) -> [(u32, u32); 8] {
+    let (known, wall) = (block.known.to_le_bytes(), block.wall.to_le_bytes());
+    std::array::from_fn(|place| octant_word(known[place].into(), wall[place].into()))
 }
 
 fn put_block(writer: &mut Writer<'_>, block: &Block) {
     let cells = block.known.count_ones();
     let list_bits = gap_bits(cells - 1) + 7 * cells;
-    let octants_bits: u32 = octants(block).map(octant_bits).sum();
+    let octants = octants(block);
+    let octants_bits: u32 = octants.iter().map(|&(_, bits)| bits).sum();
     // The additional bit of octants without covered cells.
     let is_list = list_bits <= octants_bits + u32::from(block.covered == 0);
     match (block.covered == 0, is_list) {
@@ -141,44 +143,26 @@ fn put_block(writer: &mut Writer<'_>, block: &Block) {
         bits(block.known).for_each(|number| writer.word(number, 6));
         bits(block.known).for_each(|number| writer.word((block.wall >> number) as u32 & 1, 1));
     } else {
-        octants(block).for_each(|(known, wall)| put_octant(writer, known, wall));
+        octants.into_iter().for_each(|(word, bits)| writer.word(word, bits));
     }
     if block.covered != 0 {
         bits(block.known & !block.wall).for_each(|number| writer.word((block.covered >> number) as u32 & 1, 1));
     }
 }
 
-fn octant_bits((known, wall): (u32, u32)) -> u32 {
-    match known {
-        0 => 1,
-        _ => {
-            let shape = if known == ALL { 2 } else { 10 };
-            shape
-                + if wall == 0 {
-                    1
-                } else if wall == known {
-                    2
-                } else {
-                    2 + known.count_ones()
-                }
-        }
-    }
-}
-
-fn put_octant(writer: &mut Writer<'_>, known: u32, wall: u32) {
-    match known {
-        0 => return writer.word(0, 1),
-        ALL => writer.word(0b11, 2),
-        _ => writer.word(known << 2 | 0b01, 10),
-    }
-    match wall {
-        0 => writer.word(0, 1),
-        _ if wall == known => writer.word(0b01, 2),
-        _ => {
-            writer.word(0b11, 2);
-            writer.word(gathered(wall, known), known.count_ones());
-        }
-    }
+/// An octant, given its reported cells and those of them that are wall: at most 20 bits.
+fn octant_word(known: u32, wall: u32) -> (u32, u32) {
+    let (shape, shape_bits) = match known {
+        0 => return (0, 1),
+        ALL => (0b11, 2),
+        _ => (known << 2 | 0b01, 10),
+    };
+    let (walls, walls_bits) = match wall {
+        0 => (0, 1),
+        _ if wall == known => (0b01, 2),
+        _ => (gathered(wall, known) << 2 | 0b11, 2 + known.count_ones()),
+    };
+    (walls << shape_bits | shape, shape_bits + walls_bits)
 }
 
 /// The bits of an octant at the ones of a mask, gathered at the lower end.
@@ -293,29 +277,33 @@ fn block(reader: &mut Bits<'_>, index: u32) -> Option<Block> {
 
 /// Decodes an octant: reported cells and walls; `None` if it is not as documented.
 fn octant(reader: &mut Bits<'_>) -> Option<(u32, u32)> {
-    if !reader.bit() {
+    // An octant has at most 20 bits, all of which are looked at in one word.
+    let ahead = reader.ahead();
+    if ahead & 1 == 0 {
+        reader.skip(1);
         return Some((0, 0));
     }
-    let known = if reader.bit() {
-        ALL
-    } else {
-        let known = reader.word(8);
-        if known == 0 || known == ALL {
-            return None;
-        }
-        known
+    let (known, used) = match ahead >> 1 & 1 {
+        0 => ((ahead >> 2) as u32 & ALL, 10),
+        _ => (ALL, 2),
     };
-    let wall = match (reader.bit(), known) {
-        (false, _) => 0,
-        (true, known) if !reader.bit() => known,
-        (true, known) => {
-            let wall = scattered(reader.word(known.count_ones()), known);
+    if used == 10 && (known == 0 || known == ALL) {
+        return None;
+    }
+    let ahead = ahead >> used;
+    let (wall, more) = match ahead & 0b11 {
+        0b00 | 0b10 => (0, 1),
+        0b01 => (known, 2),
+        _ => {
+            let count = known.count_ones();
+            let wall = scattered((ahead >> 2) as u32 & ((1 << count) - 1), known);
             if wall == 0 || wall == known {
                 return None;
             }
-            wall
+            (wall, 2 + count)
         }
     };
+    reader.skip(used + more);
     Some((known, wall))
 }
 

@@ -14,6 +14,10 @@ use voxels::{Cell, Grid, Terrain};
 /// (as in MAES3D).
 const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
+/// A body that is farther away than this after a motion is not touched, whatever the rounding,
+/// metres.
+const FAR_M: f64 = 1e-3;
+
 /// The kind of surface that a body has hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
@@ -104,6 +108,11 @@ impl<'a> Obstacles<'a> {
             }
         }
         for (index, other) in self.others.iter().enumerate() {
+            // Most bodies are too far away already along one axis.
+            let reach_m = radius_m + other.radius_m + displacement.x.abs() + FAR_M;
+            if (other.centre.x - from.x).abs() > reach_m {
+                continue;
+            }
             if index != self.itself && other.is_solid() {
                 consider(other.first_contact(from, displacement, radius_m));
             }

@@ -6,11 +6,15 @@
 //!
 //! Messages are delivered in `radio_medium.rs`.
 
+mod contact_table;
+
 use msgs::ids::AgentId;
 use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
-use voxels::{Cell, Grid, Sight, Terrain, length_in_walls_m, line_of_sight, sight, surely_crosses};
+use voxels::{Grid, Terrain, length_in_walls_m, line_of_sight};
+
+pub use contact_table::{ContactTable, Radio};
 
 /// The condition under which two radios are in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,26 +93,6 @@ impl PathLoss {
 }
 
 impl ContactModel {
-    /// As [`ContactModel::joins`], given a wall that was between the two radios before, which is
-    /// kept up to date.
-    fn joins_past(
-        &self,
-        wall: &mut Option<Cell>,
-        terrain: &Grid<Terrain>,
-        one: &Point3<f64>,
-        other: &Point3<f64>,
-    ) -> bool {
-        let Self::LineOfSightAndRange { range_m } = self else { return self.joins(terrain, one, other) };
-        if wall.is_some_and(|wall| surely_crosses(terrain.extent(), wall, one, other))
-            || (other - one).norm() > *range_m
-        {
-            return false;
-        }
-        let sight = sight(terrain, one, other);
-        *wall = if let Sight::Wall(wall) = sight { Some(wall) } else { None };
-        sight == Sight::Clear
-    }
-
     /// Whether radios at two positions (metres, frame `map`) are in contact.
     #[must_use]
     pub fn joins(&self, terrain: &Grid<Terrain>, one: &Point3<f64>, other: &Point3<f64>) -> bool {
@@ -188,94 +172,6 @@ pub enum Peer {
     NewRelay,
     /// The server, which tells an agent of the scenario that holds from now on (as a sender only).
     Server,
-}
-
-/// The contacts between radios, computed for each pair on demand.
-///
-/// What is known of a pair stays known until one of the two moves. Of a pair that a wall separates
-/// the table keeps that wall: as long as the segment between the two clearly crosses it, nothing
-/// else is looked at.
-#[derive(Debug, Clone)]
-pub struct ContactTable {
-    radios: Vec<Radio>,
-    /// By the lower id and the higher one.
-    pairs: Vec<Pair>,
-    /// By agent the relay networks in contact, ascending; empty without relays.
-    networks: Vec<Vec<usize>>,
-}
-
-/// What contacts depend on, apart from the terrain.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Radio {
-    /// Metres, frame `map`.
-    pub position: Point3<f64>,
-    /// Whether it works; one that does not has no contacts.
-    pub is_on_air: bool,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Pair {
-    is_in_contact: Option<bool>,
-    /// A wall that was found between the two.
-    wall: Option<Cell>,
-}
-
-impl ContactTable {
-    /// A table for these radios, by agent. `networks` are the relay networks in contact with each
-    /// agent, ascending; empty without relays.
-    #[must_use]
-    pub fn new(radios: Vec<Radio>, networks: Vec<Vec<usize>>) -> Self {
-        let agents = radios.len();
-        Self { radios, pairs: vec![Pair::default(); agents * agents], networks }
-    }
-
-    /// Continues with radios that may have moved, in the same terrain with the same contact model.
-    pub fn update(&mut self, radios: impl Iterator<Item = Radio>, networks: Vec<Vec<usize>>) {
-        let agents = self.radios.len();
-        if networks != self.networks {
-            self.pairs.iter_mut().for_each(|pair| pair.is_in_contact = None);
-            self.networks = networks;
-        }
-        for (agent, radio) in radios.enumerate() {
-            if std::mem::replace(&mut self.radios[agent], radio) != radio {
-                for other in 0..agents {
-                    self.pairs[agent.min(other) * agents + agent.max(other)].is_in_contact = None;
-                }
-            }
-        }
-    }
-
-    /// The agents in contact with `agent`, ascending.
-    pub fn of(&mut self, agent: AgentId, model: &ContactModel, terrain: &Grid<Terrain>) -> Vec<AgentId> {
-        (0..self.radios.len())
-            .map(AgentId::from_index)
-            .filter(|&other| other != agent && self.in_contact(agent, other, model, terrain))
-            .collect()
-    }
-
-    /// Whether two different agents are in contact, directly or over a relay network in contact
-    /// with both.
-    pub fn in_contact(&mut self, one: AgentId, other: AgentId, model: &ContactModel, terrain: &Grid<Terrain>) -> bool {
-        let (low, high) = if one < other { (one.index(), other.index()) } else { (other.index(), one.index()) };
-        let slot = low * self.radios.len() + high;
-        if let Some(known) = self.pairs[slot].is_in_contact {
-            return known;
-        }
-        let [one, other] = [low, high].map(|agent| self.radios[agent]);
-        let is_in_contact = one.is_on_air
-            && other.is_on_air
-            && (self.share_a_network(low, high)
-                || model.joins_past(&mut self.pairs[slot].wall, terrain, &one.position, &other.position));
-        self.pairs[slot].is_in_contact = Some(is_in_contact);
-        is_in_contact
-    }
-
-    fn share_a_network(&self, one: usize, other: usize) -> bool {
-        match (self.networks.get(one), self.networks.get(other)) {
-            (Some(one), Some(other)) => one.iter().any(|network| other.binary_search(network).is_ok()),
-            _ => false,
-        }
-    }
 }
 
 #[cfg(test)]

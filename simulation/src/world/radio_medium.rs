@@ -22,7 +22,7 @@ use rand_chacha::rand_core::Rng;
 use super::collision::Sphere;
 use super::comms::{AgentMessage, Comms, ContactTable, Peer, Radio};
 use super::relays::{Relay, Relays};
-use super::{Action, World};
+use super::{Action, CONTACTS, Events, World};
 
 /// Draws reserved for one message, more than it can have receivers.
 const RECEIVERS_MAX: u128 = 1 << 32;
@@ -242,7 +242,19 @@ impl World {
     pub(super) fn contacts_of(&mut self, agent: AgentId) -> Vec<AgentId> {
         self.compute_contacts();
         let table = self.contacts.as_mut().expect("it has just been computed");
-        table.of(agent, &self.params.comms.contact, &self.terrain)
+        table.of(agent, &self.params.comms.contact, &self.terrain).collect()
+    }
+
+    /// [`CONTACTS`] if the agents or relays in contact differ from those of the last committed
+    /// observation, else no event.
+    pub(super) fn change_of_contacts(&mut self, agent: AgentId) -> Events {
+        let relays = self.relays_of(agent);
+        self.compute_contacts();
+        let table = self.contacts.as_mut().expect("it has just been computed");
+        let state = &self.agents[agent.index()];
+        let is_as_reported = relays == state.reported_relays
+            && table.of(agent, &self.params.comms.contact, &self.terrain).eq(state.reported_contacts.iter().copied());
+        if is_as_reported { 0 } else { CONTACTS }
     }
 
     fn compute_contacts(&mut self) {

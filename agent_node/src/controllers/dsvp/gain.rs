@@ -47,10 +47,7 @@ impl Likelihood {
 /// Estimates the gain of viewpoints.
 #[derive(Debug, Clone)]
 pub(in crate::controllers) struct GainEstimator {
-    /// The cells of all rays relative to the viewpoint, ray by ray, nearest first.
-    cells: Vec<Cell>,
-    /// End index of each ray.
-    ends: Vec<u32>,
+    rays: Rays,
     /// Most unexplored cells that one ray counts.
     depth: u32,
     likelihood: Likelihood,
@@ -59,6 +56,32 @@ pub(in crate::controllers) struct GainEstimator {
     /// For each cell of that cube, the viewpoint that last counted it.
     counted: Vec<u32>,
     viewpoint: u32,
+}
+
+/// The cells of all rays, ray by ray, nearest first.
+#[derive(Debug, Clone)]
+struct Rays {
+    /// Relative to the viewpoint.
+    cells: Vec<Cell>,
+    /// The same as indices of the cube around the viewpoint.
+    places: Vec<u32>,
+    /// The same as differences of indices of a map of this size.
+    offsets: Vec<isize>,
+    map_size: [u32; 3],
+    /// End of each ray.
+    ends: Vec<u32>,
+}
+
+impl Rays {
+    /// Makes the offsets fit a map.
+    fn fit(&mut self, map_size: [u32; 3]) {
+        if map_size != self.map_size {
+            let [size_x, size_y, _] = map_size.map(|cells| cells as isize);
+            let offset = |by: &Cell| (by.z as isize * size_y + by.y as isize) * size_x + by.x as isize;
+            self.offsets = self.cells.iter().map(offset).collect();
+            self.map_size = map_size;
+        }
+    }
 }
 
 impl GainEstimator {
@@ -80,27 +103,44 @@ impl GainEstimator {
             });
             ends.push(cells.len() as u32);
         }
-        Self { cells, ends, depth, likelihood, reach, counted: vec![0; cube.volume()], viewpoint: 0 }
+        let place = |&by: &Cell| cube.index(home + by).expect("the cube contains all rays") as u32;
+        let places = cells.iter().map(place).collect();
+        let rays = Rays { cells, places, offsets: Vec::new(), map_size: [0; 3], ends };
+        Self { rays, depth, likelihood, reach, counted: vec![0; cube.volume()], viewpoint: 0 }
     }
 
     /// The unexplored cells visible from the centre of a cell, each by its likelihood to be free.
     pub(in crate::controllers) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
+        let extent = map.extent();
         self.viewpoint += 1;
-        let side = 2 * self.reach + 1;
+        self.rays.fit(extent.size());
+        let corner = Cell::new(self.reach, self.reach, self.reach);
+        let is_inside = extent.contains(viewpoint - corner) && extent.contains(viewpoint + corner);
+        match extent.index(viewpoint).filter(|_| is_inside) {
+            Some(index) => {
+                self.count(map, viewpoint, |rays, number| map.state_at(index.wrapping_add_signed(rays.offsets[number])))
+            }
+            // Cells outside the map are walls.
+            None => self.count(map, viewpoint, |rays, number| map.state(viewpoint + rays.cells[number])),
+        }
+    }
+
+    /// Counts with the states of the cells of the rays, by their numbers.
+    #[inline(always)]
+    fn count(&mut self, map: &ExplorationMap, viewpoint: Cell, state: impl Fn(&Rays, usize) -> CellState) -> u32 {
         let mut gain = 0;
         let mut start = 0;
-        for &end in &self.ends {
+        for &end in &self.rays.ends {
             let mut unexplored = 0;
-            for &by in &self.cells[start..end as usize] {
-                match map.state(viewpoint + by) {
+            for number in start..end as usize {
+                match state(&self.rays, number) {
                     CellState::Wall => break,
                     CellState::Free | CellState::Covered => {}
                     CellState::Unexplored => {
-                        let place = ((by.z + self.reach) * side + by.y + self.reach) * side + by.x + self.reach;
-                        let counted = &mut self.counted[place as usize];
+                        let counted = &mut self.counted[self.rays.places[number] as usize];
                         if *counted != self.viewpoint {
                             *counted = self.viewpoint;
-                            gain += self.likelihood.of(map, viewpoint + by);
+                            gain += self.likelihood.of(map, viewpoint + self.rays.cells[number]);
                         }
                         unexplored += 1;
                         if unexplored == self.depth {
@@ -117,6 +157,10 @@ impl GainEstimator {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
+    use proptest::prelude::*;
+
     use super::*;
 
     const ALIKE: Likelihood = Likelihood { by_walls: None };
@@ -136,6 +180,52 @@ mod tests {
             }
         }
         map
+    }
+
+    proptest! {
+        #[test]
+        fn gain_is_that_of_a_walk_ray_by_ray(
+            cells in prop::collection::vec(0..5, 9 * 8 * 7),
+            at in (0..9_i32, 0..8_i32, 0..7_i32),
+            range in prop::sample::select(vec![1.0, 2.5, 5.0]),
+            depth in 1..4_u32,
+            beside_wall in prop::sample::select(vec![1.0, 0.5]),
+        ) {
+            let extent = Extent::new([9, 8, 7], 1.0).unwrap();
+            let mut map = ExplorationMap::new(extent);
+            for (index, kind) in (0..).zip(cells) {
+                match kind {
+                    0 => map.note_wall(&[index]),
+                    1..=3 => map.note_free(&[index]),
+                    _ => {}
+                }
+            }
+            let viewpoint = Cell::new(at.0, at.1, at.2);
+            let likelihood = Likelihood::new(beside_wall);
+            let mut met = BTreeSet::new();
+            for ray in 0..300 {
+                let mut unexplored = 0;
+                let direction = lattice::direction(ray, 300);
+                // The rays start in the middle of a cell, so a walk is the same in a larger world.
+                let world = Extent::new([50; 3], 1.0).unwrap();
+                let home = Cell::new(20, 20, 20);
+                let _ = walk(world, &world.centre(home), &direction, range, |cell, _| {
+                    let cell = cell - home + viewpoint;
+                    if cell == viewpoint {
+                        return ControlFlow::Continue(());
+                    }
+                    if map.state(cell) == CellState::Unexplored {
+                        met.insert(cell);
+                        unexplored += 1;
+                    }
+                    let is_over = map.state(cell) == CellState::Wall || unexplored == depth;
+                    if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                });
+            }
+            let expected = met.into_iter().map(|cell| likelihood.of(&map, cell)).sum::<u32>() / WHOLE;
+            let mut estimator = GainEstimator::new(300, range, depth, likelihood);
+            prop_assert_eq!([0; 2].map(|_| estimator.gain(&map, viewpoint)), [expected; 2]);
+        }
     }
 
     #[test]

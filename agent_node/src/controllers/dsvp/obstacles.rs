@@ -2,7 +2,7 @@
 //!
 //! They move on, so only nearby ones matter. Their plans are unknown here.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent};
 
 use crate::bodies::Bodies;
@@ -25,7 +25,13 @@ pub(in crate::controllers) struct Obstacles {
     /// No cell outside this box is occupied, so a search that goes far looks at no obstacle there.
     low: Cell,
     high: Cell,
+    /// The occupied cells of the box, one bit each; empty if the box is large, and then each cell
+    /// is decided when it is asked for.
+    occupied: Vec<u64>,
 }
+
+/// Greatest number of cells of a box whose cells are all decided at once.
+const BOX_CELLS_MAX: usize = 1 << 15;
 
 /// A body and the clearance between centres that it needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +67,46 @@ impl Obstacles {
         };
         let one = Cell::new(1, 1, 1);
         let (low, high) = (corner(-1.0, f64::min) - one, corner(1.0, f64::max) + one);
-        Self { extent, near, low, high }
+        let mut obstacles = Self { extent, near, low, high, occupied: Vec::new() };
+        obstacles.decide_all();
+        obstacles
+    }
+
+    /// Decides all cells of the box, if there are not too many. A search among many obstacles asks
+    /// for each cell once for each of its neighbours.
+    fn decide_all(&mut self) {
+        let volume = self.box_size().into_iter().try_fold(1, usize::checked_mul);
+        let Some(volume) = volume.filter(|&volume| volume <= BOX_CELLS_MAX && !self.near.is_empty()) else { return };
+        let mut occupied = vec![0; volume.div_ceil(64)];
+        for &Obstacle { at, clearance_m } in &self.near {
+            // The centres of the outermost of these cells are half a cell from where rounding
+            // matters.
+            let reach = Vector3::repeat(clearance_m);
+            let (low, high) = (self.extent.cell_of(&(at - reach)), self.extent.cell_of(&(at + reach)));
+            for (z, y) in (low.z..=high.z).flat_map(|z| (low.y..=high.y).map(move |y| (z, y))) {
+                for cell in (low.x..=high.x).map(|x| Cell::new(x, y, z)) {
+                    if (at - self.extent.centre(cell)).norm() < clearance_m {
+                        let place = self.place(cell);
+                        occupied[place / 64] |= 1 << (place % 64);
+                    }
+                }
+            }
+        }
+        self.occupied = occupied;
+    }
+
+    /// Number of cells of the box along each axis.
+    fn box_size(&self) -> [usize; 3] {
+        let Self { low, high, .. } = self;
+        [(low.x, high.x), (low.y, high.y), (low.z, high.z)].map(|(low, high)| high.abs_diff(low) as usize + 1)
+    }
+
+    /// The bit of a cell of the box.
+    fn place(&self, cell: Cell) -> usize {
+        let [size_x, size_y, _] = self.box_size();
+        let by = [(cell.x, self.low.x), (cell.y, self.low.y), (cell.z, self.low.z)];
+        let [x, y, z] = by.map(|(at, low)| at.abs_diff(low) as usize);
+        (z * size_y + y) * size_x + x
     }
 
     /// Whether a body at the centre of a cell would violate the clearance of an obstacle.
@@ -70,6 +115,10 @@ impl Obstacles {
         let is_in_box = (low.x..=high.x).contains(&cell.x)
             && (low.y..=high.y).contains(&cell.y)
             && (low.z..=high.z).contains(&cell.z);
+        if is_in_box && !self.occupied.is_empty() {
+            let place = self.place(cell);
+            return self.occupied[place / 64] >> (place % 64) & 1 != 0;
+        }
         is_in_box && {
             let centre = self.extent.centre(cell);
             self.near.iter().any(|obstacle| (obstacle.at - centre).norm() < obstacle.clearance_m)
@@ -141,6 +190,21 @@ mod tests {
             }
         }
         assert!(!of(1, [19.5, 19.5, 19.5]).occupy(Cell::new(0, 0, 0)), "no obstacle is near");
+    }
+
+    #[test]
+    fn large_boxes_are_decided_cell_by_cell() {
+        let giant = BodyModel { radius_m: 9.0, ..BodyModel::SUBMARINE };
+        let bodies = Bodies::new(vec![giant], vec![0, 0, 0]).unwrap();
+        let extent = Extent::new([60; 3], 1.0).unwrap();
+        let at = [Point3::new(20.2, 30.0, 30.7), Point3::new(41.0, 28.5, 30.0)];
+        let contacts = [0, 1].map(|agent: usize| Contact { agent: AgentId::from_index(agent), position: at[agent] });
+        let obstacles = Obstacles::near(&contacts, &Point3::new(30.5, 30.5, 30.5), 9.0, &bodies, extent);
+        assert!(obstacles.occupied.is_empty());
+        for cell in extent.cells() {
+            let is_within = at.iter().any(|at| (extent.centre(cell) - at).norm() < CLEARANCE * 18.0);
+            assert_eq!(obstacles.occupy(cell), is_within, "{cell:?}");
+        }
     }
 
     #[test]

@@ -113,4 +113,21 @@ proptest! {
             prop_assert!(met.is_none(), "{met:?} at a distance of {least_m}");
         }
     }
+
+    #[test]
+    fn bodies_far_away_are_skipped_and_no_others(
+        places in prop::collection::vec((prop::array::uniform3(0.0..9.0_f64), 0.0..1.5_f64), 1..20),
+        by in prop::array::uniform3(-2.0..2.0_f64),
+    ) {
+        let terrain = Grid::new(Extent::new([9, 9, 9], 1.0).unwrap(), Terrain::Free);
+        let sphere = |(centre, radius_m): ([f64; 3], f64)| Sphere { centre: centre.into(), radius_m };
+        let spheres: Vec<Sphere> = places.into_iter().map(sphere).collect();
+        let (from, by) = (spheres[0].centre, Vector3::from(by));
+        let walls = Obstacles::new(&terrain, &[], 0).first_contact(&from, &by, RADIUS_M);
+        let others = spheres[1..].iter().filter(|other| other.is_solid());
+        let first = others.filter_map(|other| other.first_contact(&from, &by, RADIUS_M)).chain(walls);
+        let time = first.map(|contact| contact.time).reduce(f64::min);
+        let found = Obstacles::new(&terrain, &spheres, 0).first_contact(&from, &by, RADIUS_M);
+        prop_assert_eq!(found.map(|contact| contact.time), time);
+    }
 }

@@ -111,30 +111,78 @@ proptest! {
     }
 }
 
+/// How far a radio moves towards a place.
+#[derive(Debug, Clone, Copy)]
+enum Move {
+    /// By this share of the way.
+    Share(f64),
+    /// To the nearest multiple of a quarter of a cell, where lines of sight often run along faces,
+    /// edges and corners.
+    Snap,
+    /// By the least that there is.
+    Nudge,
+}
+
+/// A step of a team of 4: who moves, towards where (cells), how far, and whether it is on air.
+type Step = (usize, [f64; 3], Move, bool);
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    // Mostly short ways, so that decisions hold for a while.
+    let share = prop::sample::select(vec![0.0, 0.002, 0.005, 0.02, 0.05, 1.0]).prop_map(Move::Share);
+    let moves = prop_oneof![4 => share, 1 => Just(Move::Snap), 1 => Just(Move::Nudge)];
+    let step = (0usize..4, prop::array::uniform3(-0.5..6.5f64), moves, prop::bool::weighted(0.95));
+    prop::collection::vec(step, 1..150)
+}
+
+fn moved(from: Point3<f64>, to: Point3<f64>, how: Move, cell_m: f64) -> Point3<f64> {
+    match how {
+        Move::Share(share) => from + (to - from) * share,
+        Move::Snap => from.map(|at| (at / cell_m * 4.0).round() / 4.0 * cell_m),
+        Move::Nudge => {
+            let nudge = |from: f64, to: f64| if to > from { from.next_up() } else { from.next_down() };
+            from.coords.zip_map(&to.coords, nudge).into()
+        }
+    }
+}
+
 proptest! {
     #[test]
     fn table_of_moving_radios_agrees_with_the_model(
-        walls in prop::collection::vec(prop::bool::weighted(0.15), 6 * 6 * 6),
-        moves in prop::collection::vec((0usize..4, prop::array::uniform3(0.0..6.0f64), prop::bool::weighted(0.9)), 1..30),
-        range_m in prop::sample::select(vec![2.5, f64::INFINITY]),
+        model in models(),
+        endless in any::<bool>(),
+        walls in prop::collection::vec(prop::bool::weighted(0.1), 6 * 6 * 6),
+        steps in steps(),
+        cell_m in prop::sample::select(vec![1.0, 0.5]),
+        has_networks in prop::bool::weighted(0.2),
     ) {
         let kinds = walls.into_iter().map(|is_wall| if is_wall { Terrain::Wall } else { Terrain::Free }).collect();
-        let terrain = Grid::from_vec(Extent::new([6; 3], 1.0).unwrap(), kinds).unwrap();
-        let model = ContactModel::LineOfSightAndRange { range_m };
-        let mut radios = [Radio { position: Point3::new(3.0, 3.0, 3.0), is_on_air: true }; 4];
+        let terrain = Grid::from_vec(Extent::new([6; 3], cell_m).unwrap(), kinds).unwrap();
+        let model = if endless { LINE_OF_SIGHT } else { model };
+        let mut radios = [Radio { position: Point3::new(3.0, 3.0, 3.0) * cell_m, is_on_air: true }; 4];
         let mut table = ContactTable::new(radios.to_vec(), Vec::new());
-        for (moved, [x, y, z], is_on_air) in moves {
-            // Short moves as well, so that the same wall stays between two radios.
-            let position = radios[moved].position + (Point3::new(x, y, z) - radios[moved].position) * (x / 6.0);
-            radios[moved] = Radio { position, is_on_air };
-            table.update(radios.into_iter(), Vec::new());
-            for (one, other) in (0..4).flat_map(|one| (0..4).map(move |other| (one, other))) {
-                let expected = one != other
+        for (number, (agent, to, how, is_on_air)) in steps.into_iter().enumerate() {
+            let position = moved(radios[agent].position, Point3::from(to) * cell_m, how, cell_m);
+            radios[agent] = Radio { position, is_on_air };
+            // Agents 0 and 3 meet in a network now and then.
+            let is_linked = has_networks && number % 10 == 0;
+            let networks = if is_linked { vec![vec![1], vec![], vec![2], vec![0, 1]] } else { vec![] };
+            table.update(radios.into_iter(), networks);
+            let joins = |one: usize, other: usize| {
+                one != other
                     && radios[one].is_on_air
                     && radios[other].is_on_air
-                    && model.joins(&terrain, &radios[one].position, &radios[other].position);
-                let contacts = table.of(AgentId::from_index(one), &model, &terrain);
-                prop_assert_eq!(contacts.contains(&AgentId::from_index(other)), expected);
+                    && (is_linked && [one, other].iter().all(|agent| agent % 3 == 0)
+                        || model.joins(&terrain, &radios[one].position, &radios[other].position))
+            };
+            let next = (agent + 1) % 4;
+            let is_in_contact =
+                table.in_contact(AgentId::from_index(agent), AgentId::from_index(next), &model, &terrain);
+            prop_assert_eq!(is_in_contact, joins(agent, next));
+            // Rows are not asked for in the same order in each tick, and not all of them.
+            for one in (0..4).map(|place| (place + number) % 4).take(1 + number % 4) {
+                let expected: Vec<AgentId> = (0..4).filter(|&other| joins(one, other)).map(AgentId::from_index).collect();
+                let contacts: Vec<AgentId> = table.of(AgentId::from_index(one), &model, &terrain).collect();
+                prop_assert_eq!(contacts, expected);
             }
         }
     }

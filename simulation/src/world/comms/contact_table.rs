@@ -1,0 +1,265 @@
+//! The contacts between the radios of a team, decided for each pair on demand.
+//!
+//! Between two ticks a radio moves by a few hundredths of a cell, so a pair is not decided anew in
+//! each tick. A decision comes with a *slack*: while neither radio has moved by more than that
+//! since, it holds ([`voxels::sight`]). Each radio has an odometer, and each pair the readings up
+//! to which its decision holds, so a tick costs a comparison for most pairs. Of a pair that walls
+//! separate, the table keeps a box of them: while the segment between the two crosses it deep
+//! enough, nothing else is looked at.
+//!
+//! The contacts of each agent are a row of bits, which is brought up to date at most once in a
+//! tick.
+//!
+//! Invariant: the answers are those of [`ContactModel::joins`] for the present positions.
+
+use msgs::ids::AgentId;
+use nalgebra::Point3;
+use voxels::{Grid, Sight, Terrain, WallBox, sight};
+
+use super::ContactModel;
+
+/// Greatest slack of a line of sight, cells: the bodies, half a cell wide, pass walls at a distance
+/// of about as much.
+const SLACK_CELLS_MAX: f64 = 0.4;
+
+/// Share of a difference of distances that is left to rounding.
+const ROUNDING: f64 = 1e-6;
+
+/// An odometer above this reading is set back, so that small movements are not lost in rounding.
+const ODOMETER_M_MAX: f64 = 1e6;
+
+/// The contacts between radios.
+#[derive(Debug, Clone)]
+pub struct ContactTable {
+    radios: Vec<Radio>,
+    /// Length of the path of each radio or a little more, metres.
+    odometers_m: Vec<f64>,
+    /// By the lower agent and the higher one: see [`ContactTable::slot`].
+    pairs: Vec<Pair>,
+    /// For each agent a bit for each agent that was in contact when the pair was last decided.
+    rows: Vec<u64>,
+    /// By agent the update for which its row was last brought up to date.
+    up_to_date: Vec<u64>,
+    /// Number of updates.
+    updates: u64,
+    /// By agent the relay networks in contact, ascending; empty without relays.
+    networks: Vec<Vec<usize>>,
+}
+
+/// What contacts depend on, apart from the terrain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Radio {
+    /// Metres, frame `map`.
+    pub position: Point3<f64>,
+    /// Whether it works; one that does not has no contacts.
+    pub is_on_air: bool,
+}
+
+/// What is known of two radios.
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    /// The decision holds up to these readings of the two odometers, metres.
+    holds_until_m: [f64; 2],
+    /// Sum of the two odometers up to which a line of sight has been found to have no slack,
+    /// metres: searching for it again would be in vain.
+    tight_until_m: f64,
+    /// Walls that were found between the two.
+    walls: Option<WallBox>,
+}
+
+impl Pair {
+    /// Nothing is known.
+    const UNDECIDED: Self =
+        Self { holds_until_m: [f64::NEG_INFINITY; 2], tight_until_m: f64::NEG_INFINITY, walls: None };
+}
+
+impl ContactTable {
+    /// A table for these radios, by agent. `networks` are the relay networks in contact with each
+    /// agent, ascending; empty without relays.
+    #[must_use]
+    pub fn new(radios: Vec<Radio>, networks: Vec<Vec<usize>>) -> Self {
+        let agents = radios.len();
+        Self {
+            radios,
+            odometers_m: vec![0.0; agents],
+            pairs: vec![Pair::UNDECIDED; agents * agents.saturating_sub(1) / 2],
+            rows: vec![0; agents * agents.div_ceil(64)],
+            up_to_date: vec![0; agents],
+            updates: 1,
+            networks,
+        }
+    }
+
+    /// Continues with radios that may have moved, in the same terrain with the same contact model.
+    pub fn update(&mut self, radios: impl Iterator<Item = Radio>, networks: Vec<Vec<usize>>) {
+        self.updates += 1;
+        if networks != self.networks {
+            self.pairs.iter_mut().for_each(|pair| pair.holds_until_m = Pair::UNDECIDED.holds_until_m);
+            self.networks = networks;
+        }
+        for (agent, radio) in radios.enumerate() {
+            let before = std::mem::replace(&mut self.radios[agent], radio);
+            if before.position != radio.position {
+                // Rounded up, so that no movement is too small to be counted: a line of sight that
+                // runs along an edge has no slack at all.
+                let moved_m = (radio.position - before.position).norm();
+                self.odometers_m[agent] = (self.odometers_m[agent] + moved_m).next_up();
+            }
+            // Also if it is not a number.
+            let is_readable = self.odometers_m[agent] <= ODOMETER_M_MAX;
+            if before.is_on_air != radio.is_on_air || !is_readable {
+                self.forget(agent);
+            }
+        }
+    }
+
+    /// Forgets what is known of an agent's pairs, and sets its odometer back.
+    fn forget(&mut self, agent: usize) {
+        self.odometers_m[agent] = 0.0;
+        for other in (0..self.radios.len()).filter(|&other| other != agent) {
+            let slot = self.slot(agent.min(other), agent.max(other));
+            self.pairs[slot] = Pair::UNDECIDED;
+        }
+    }
+
+    /// Where the pair of two agents is, the lower one first.
+    fn slot(&self, low: usize, high: usize) -> usize {
+        low * (2 * self.radios.len() - low - 1) / 2 + high - low - 1
+    }
+
+    /// Words of a row.
+    fn words(&self) -> usize {
+        self.radios.len().div_ceil(64)
+    }
+
+    /// The agents in contact with `agent`, ascending.
+    pub fn of(
+        &mut self,
+        agent: AgentId,
+        model: &ContactModel,
+        terrain: &Grid<Terrain>,
+    ) -> impl Iterator<Item = AgentId> + '_ {
+        let one = agent.index();
+        if self.up_to_date[one] != self.updates {
+            for other in 0..self.radios.len() {
+                if other != one && self.up_to_date[other] != self.updates {
+                    self.decide(one.min(other), one.max(other), model, terrain);
+                }
+            }
+            self.up_to_date[one] = self.updates;
+        }
+        let words = self.words();
+        let row = self.rows[one * words..][..words].iter().enumerate();
+        row.flat_map(|(word, &bits)| {
+            let lowest = |&left: &u64| Some(left & left.wrapping_sub(1)).filter(|&rest| rest != 0);
+            let rests = std::iter::successors(Some(bits).filter(|&bits| bits != 0), lowest);
+            rests.map(move |left| AgentId::from_index(64 * word + left.trailing_zeros() as usize))
+        })
+    }
+
+    /// Whether two different agents are in contact, directly or over a relay network in contact
+    /// with both.
+    pub fn in_contact(&mut self, one: AgentId, other: AgentId, model: &ContactModel, terrain: &Grid<Terrain>) -> bool {
+        let [low, high] = if one < other { [one, other] } else { [other, one] }.map(AgentId::index);
+        if self.up_to_date[low] != self.updates && self.up_to_date[high] != self.updates {
+            self.decide(low, high, model, terrain);
+        }
+        self.rows[low * self.words() + high / 64] >> (high % 64) & 1 != 0
+    }
+
+    /// Brings the bits of two agents up to date, the lower one first.
+    #[inline]
+    fn decide(&mut self, low: usize, high: usize, model: &ContactModel, terrain: &Grid<Terrain>) {
+        let slot = self.slot(low, high);
+        let until_m = self.pairs[slot].holds_until_m;
+        if !(self.odometers_m[low] <= until_m[0] && self.odometers_m[high] <= until_m[1]) {
+            self.decide_anew(slot, [low, high], model, terrain);
+        }
+    }
+
+    fn decide_anew(&mut self, slot: usize, [low, high]: [usize; 2], model: &ContactModel, terrain: &Grid<Terrain>) {
+        let odometers_m = [low, high].map(|agent| self.odometers_m[agent]);
+        let [one, other] = [low, high].map(|agent| self.radios[agent]);
+        let (is_in_contact, slack_m) = if !(one.is_on_air && other.is_on_air) {
+            (false, f64::INFINITY)
+        } else if self.share_a_network(low, high) {
+            (true, f64::INFINITY)
+        } else {
+            let pair = &mut self.pairs[slot];
+            pair.contact(odometers_m[0] + odometers_m[1], model, terrain, [&one.position, &other.position])
+        };
+        self.pairs[slot].holds_until_m = odometers_m.map(|odometer_m| odometer_m + slack_m);
+        let words = self.words();
+        for (one, other) in [(low, high), (high, low)] {
+            let word = &mut self.rows[one * words + other / 64];
+            *word = *word & !(1 << (other % 64)) | u64::from(is_in_contact) << (other % 64);
+        }
+    }
+
+    fn share_a_network(&self, one: usize, other: usize) -> bool {
+        match (self.networks.get(one), self.networks.get(other)) {
+            (Some(one), Some(other)) => one.iter().any(|network| other.binary_search(network).is_ok()),
+            _ => false,
+        }
+    }
+}
+
+impl Pair {
+    /// Whether radios at two positions are in contact, and how far both can move so that this
+    /// surely holds, metres. `odometers_m` is the sum of both.
+    fn contact(
+        &mut self,
+        odometers_m: f64,
+        model: &ContactModel,
+        terrain: &Grid<Terrain>,
+        [one, other]: [&Point3<f64>; 2],
+    ) -> (bool, f64) {
+        let distance_m = (other - one).norm();
+        // Each of the two can change the distance by as much as it moves.
+        let to_range_m = |range_m: f64| {
+            let apart_m = (range_m - distance_m).abs() - ROUNDING * distance_m;
+            (apart_m * (0.5 - ROUNDING)).max(0.0)
+        };
+        match model {
+            ContactModel::LineOfSightAndRange { range_m } if distance_m <= *range_m => {
+                let (is_seen, slack_m) = self.line_of_sight(odometers_m, terrain, [one, other]);
+                // Walls hide at any distance.
+                (is_seen, if is_seen { slack_m.min(to_range_m(*range_m)) } else { slack_m })
+            }
+            ContactModel::LineOfSightAndRange { range_m } => (false, to_range_m(*range_m)),
+            ContactModel::Range { range_m } => (distance_m <= *range_m, to_range_m(*range_m)),
+            ContactModel::Global => (true, f64::INFINITY),
+            ContactModel::Attenuated(_) => (model.joins(terrain, one, other), 0.0),
+        }
+    }
+
+    fn line_of_sight(
+        &mut self,
+        odometers_m: f64,
+        terrain: &Grid<Terrain>,
+        [one, other]: [&Point3<f64>; 2],
+    ) -> (bool, f64) {
+        let extent = terrain.extent();
+        if let Some(walls) = &self.walls {
+            let slack_m = walls.slack_m(extent, one, other);
+            if slack_m > 0.0 {
+                return (false, slack_m);
+            }
+        }
+        let is_tight = odometers_m <= self.tight_until_m;
+        match sight(terrain, one, other, if is_tight { 0.0 } else { SLACK_CELLS_MAX }) {
+            Sight::Clear { slack_m } => {
+                if slack_m == 0.0 && !is_tight {
+                    self.tight_until_m = odometers_m + SLACK_CELLS_MAX * extent.cell_m();
+                }
+                (true, slack_m)
+            }
+            Sight::Wall(wall) => {
+                let walls = WallBox::around(terrain, wall);
+                self.walls = Some(walls);
+                (false, walls.slack_m(extent, one, other).max(0.0))
+            }
+            Sight::Undefined => (false, 0.0),
+        }
+    }
+}
