@@ -52,7 +52,7 @@ kill -INT $viewer
 wait $viewer
 '
 check() {
-    local what=$1 begun=$SECONDS digest url picture=$release/$1.png
+    local what=$1 begun=$SECONDS digest url picture=$release/${1// /-}.png
     shift
     coproc bare { "$@" bash -c "$first_run"; }
     local process=$bare_PID from=${bare[0]} to=${bare[1]}
