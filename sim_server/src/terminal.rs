@@ -24,6 +24,10 @@ use simulation::world::World;
 /// Minimum wall time between two plain progress lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);
 
+/// The largest team whose members are reported one by one as they join; larger ones every second.
+const SMALL_TEAM: u32 = 20;
+const WAITING_PERIOD: Duration = Duration::from_secs(1);
+
 /// Progress display on stderr.
 pub struct Terminal {
     bar: Option<ProgressBar>,
@@ -32,6 +36,7 @@ pub struct Terminal {
     started: Option<Instant>,
     line_written: Option<Instant>,
     waiting_for: Vec<AgentId>,
+    waiting_written: Option<Instant>,
     log: Option<File>,
 }
 
@@ -48,7 +53,16 @@ impl Terminal {
             bar.set_style(style);
             bar
         });
-        Self { bar, duration, agents, started: None, line_written: None, waiting_for: Vec::new(), log: None }
+        Self {
+            bar,
+            duration,
+            agents,
+            started: None,
+            line_written: None,
+            waiting_for: Vec::new(),
+            waiting_written: None,
+            log: None,
+        }
     }
 
     /// Also writes messages to a file.
@@ -109,8 +123,10 @@ impl Terminal {
 
 impl RunObserver for Terminal {
     fn waiting(&mut self, missing: &[AgentId]) {
-        if self.waiting_for != missing {
+        let is_due = self.waiting_written.is_none_or(|written| written.elapsed() >= WAITING_PERIOD);
+        if self.waiting_for != missing && (is_due || self.agents <= SMALL_TEAM) {
             self.waiting_for = missing.to_vec();
+            self.waiting_written = Some(now());
             let text = format!("waiting for agents: {}", listed(missing.iter().copied()));
             self.say(&text);
         }
