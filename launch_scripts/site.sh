@@ -4,7 +4,9 @@
 #
 #   launch_scripts/site.sh [FOLDER]     default: out/site
 #
-# Needs mdbook (cargo install mdbook --locked), npm and Python. `--no-api` leaves both APIs out.
+# Needs npm and Python; installs mdBook into a folder of its own if it is missing. `--no-api` leaves
+# both APIs out. At the end every link of the pages is checked. Exit code 1 if a step fails or a link
+# is broken.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
@@ -14,24 +16,31 @@ if [[ ${1:-} == --no-api ]]; then
     shift
 fi
 out=$(realpath -m "${1:-out/site}")
-command -v mdbook >/dev/null || {
-    echo "error: mdbook is missing: cargo install mdbook --locked" >&2
-    exit 1
-}
+if ! command -v mdbook >/dev/null; then
+    tools=${XDG_CACHE_HOME:-${HOME:?}/.cache}/maes-mdbook
+    cargo install mdbook --version 0.5.4 --locked --quiet --root "$tools" >&2
+    PATH=$tools/bin:$PATH
+fi
 bin=$(launch_scripts/build.sh)
 stage=$(mktemp -d)
 trap 'rm -rf "$stage"' EXIT
 
 # The documents link to each other and to files of the workspace, so the book has the same folders.
+# Beside the chapters it has these; a test compares the links with this list.
+copied=(docs launch_scripts/scenarios experiments/plans examples msgs/msg LICENSE-MIT LICENSE-APACHE
+    CITATION.cff)
 mkdir -p "$stage/src"
-git ls-files -z -- '*.md' docs launch_scripts/scenarios experiments/plans examples \
-    LICENSE-MIT LICENSE-APACHE CITATION.cff |
+git ls-files -z --cached --others --exclude-standard -- '*.md' "${copied[@]}" |
     tar --create --null --files-from - | tar --extract --directory "$stage/src"
 sed -e 's,](\.\./,](,' -e t -e 's,](,](docs/,' docs/SUMMARY.md >"$stage/src/SUMMARY.md"
 cat >"$stage/book.toml" <<'EOF'
 [book]
 title = "MAES: 3-D multi-robot exploration over ROS 2"
 language = "en"
+
+# A README stays README.html, as the links to it say.
+[build]
+use-default-preprocessors = false
 
 [output.html]
 no-section-label = true
@@ -54,6 +63,8 @@ if [[ -n $api ]]; then
     cargo build --release --package maes_python --features unified --locked --quiet
     cp -r python/maes "$stage/maes"
     cp "${CARGO_TARGET_DIR:-target}/release/lib_maes.so" "$stage/maes/_maes.abi3.so"
-    PYTHONPATH=$stage "$python" -m pdoc maes maes.envs maes.node --output-directory "$out/api/python" >&2
+    PYTHONPATH=$stage "$python" -m pdoc maes maes.envs maes.node maes.rerun \
+        --output-directory "$out/api/python" >&2
 fi
+launch_scripts/check_site.py "$out" >&2
 echo "$out/index.html"

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `sh` | executed by bash |
 //! | `sh,long` | executed with `MAES_DOCUMENTED=long`, otherwise as the next one |
-//! | `sh,checked` | its syntax is checked, and the options of its `maes` commands |
+//! | `sh,checked,WHY` | its syntax is checked, and the options of its `maes` commands; [`WHY`] |
 //! | `python` | executed with the Python package |
 //! | `python,recording` | executed with the usual readers of recordings |
 //! | `python,part` | its syntax is checked: it is a part of a function |
@@ -17,10 +17,11 @@
 //! | `text` | nothing: output, drawings, formulas |
 //!
 //! All documents are tested in the order of the site, in one folder that has what a reader brings
-//! along. The blocks of a language in a document are one session. `MAES_DOCUMENT=WORD` tests those
-//! documents only whose name has this word. Commands that build or install are not executed, and
-//! `maes` is `tests/documented_commands/maes`, which knows the commands that do not end by
-//! themselves.
+//! along. The blocks of a language in a document are one session, and what a block has started in
+//! the background ends with it. `MAES_DOCUMENT=WORD` tests those documents only whose name has this
+//! word. Commands that build or install are not executed, `maes` is
+//! `tests/documented_commands/maes`, which knows the commands that do not end by themselves, and
+//! `ros2` is `tests/documented_commands/ros2.py`, because it is in no wheel.
 
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -37,10 +38,27 @@ use crate::tidy::{CRATES, files, read};
 /// Programs that build or install; what they do has tests of its own.
 const NOT_EXECUTED: [&str; 2] = ["cargo", "pip"];
 
+/// Why a block is checked only: a word of its language, what it needs, and the files that test or do
+/// the same.
+const WHY: [(&str, &str, &[&str]); 12] = [
+    ("build", "compiles for minutes", &["tests/installation.rs", "launch_scripts/release.sh", ".ci/run"]),
+    ("cluster", "a workload manager", &["tests/clusters.rs"]),
+    ("colcon", "ROS 2 with colcon", &["tests/ros_package.rs", "tests/external_agents.rs"]),
+    ("controller", "changed sources, compiled", &["tests/own_programs.rs", "agent_node/src/controllers.rs"]),
+    ("docker", "a container runtime", &["launch_scripts/check_image.py"]),
+    ("hosts", "root, and hosts or network namespaces", &["tests/hosts.rs"]),
+    ("hours", "hours, or results of hours", &["tests/experiments.rs", "experiments/tests/report.rs"]),
+    ("long-tests", "is a test of its own that takes long", &["launch_scripts/long_tests.sh"]),
+    ("processes", "terminals for several processes", &["tests/recovery.rs", "tests/interruptions.rs"]),
+    ("release", "the files of a release, and root", &["launch_scripts/check_release.sh"]),
+    ("rerun", "the viewer Rerun with a window", &["tests/rerun.rs"]),
+    ("training", "packages for learning, and half an hour", &["python/tests/test_envs.py"]),
+];
+
 /// Makes the files that a reader brings along.
 const FILES_OF_THE_READER: &str = r#"
 short="--transport memory --agents 2 --size 20 --duration 20"
-maes run $short --record a.mcap
+maes run $short --record a.mcap && cp a.mcap run.mcap
 maes run $short --seed 2 --record b.mcap
 maes map generate --size 30 --seed 7 -o cave.m3dm
 maes map convert cave.m3dm mine.obj
@@ -131,12 +149,16 @@ impl Document {
     }
 }
 
-/// The documents in the order of the site, or those that are asked for.
+/// The documents that are asked for.
 fn documents() -> Vec<Document> {
+    documents_of(&std::env::var("MAES_DOCUMENT").unwrap_or_default())
+}
+
+/// The documents with a word in their name, in the order of the site.
+fn documents_of(wanted: &str) -> Vec<Document> {
     let link = Regex::new(r"\]\(([^)]+\.md)\)").expect("it is written here");
     let summary = read(&root().join("docs/SUMMARY.md"));
-    let wanted = std::env::var("MAES_DOCUMENT").unwrap_or_default();
-    let names = link.captures_iter(&summary).map(|found| found[1].to_owned()).filter(|name| name.contains(&wanted));
+    let names = link.captures_iter(&summary).map(|found| found[1].to_owned()).filter(|name| name.contains(wanted));
     names.map(|name| Document::new(&name, &read(&root().join("docs").join(&name)))).collect()
 }
 
@@ -178,6 +200,10 @@ impl Desk {
         }
         let programs = self.site.path("programs");
         symlink(root().join("tests/documented_commands/maes"), programs.join("maes")).expect("a link");
+        let [option, in_ros, name] = python::in_ros();
+        let ros2 = root().join("tests/documented_commands/ros2.py");
+        let ros2 = format!("exec bash {option} '{in_ros}' {name} python {} \"$@\"", ros2.display());
+        script(programs.join("ros2"), ros2);
         for name in NOT_EXECUTED {
             script(programs.join(name), "exit 0".to_owned());
         }
@@ -235,7 +261,7 @@ impl Desk {
         }
         for block in &document.blocks {
             results.push(match block.language.as_str() {
-                "sh,checked" => self.checked(block),
+                checked if reason(checked).is_some() => self.checked(block),
                 "sh,long" if !self.is_long => self.checked(block),
                 "python,recording" => self.python(python::for_recordings(), &block.text()),
                 "python,part" => self.part(block),
@@ -277,6 +303,12 @@ fn plan(block: &Block) -> Result<(), String> {
     parsed.map(|_| ()).map_err(|error| error.to_string())
 }
 
+/// The row of [`WHY`] that a language names.
+fn reason(language: &str) -> Option<(&str, &str, &[&str])> {
+    let word = language.strip_prefix("sh,checked,")?;
+    WHY.into_iter().find(|(known, ..)| *known == word)
+}
+
 /// Fails unless a source has these lines, wherever they are indented to.
 fn source(block: &Block) -> Result<(), String> {
     let trimmed = |text: &str| text.lines().map(|line| format!("{}\n", line.trim())).collect::<String>();
@@ -315,9 +347,14 @@ fn defects_of_blocks_are_found() {
         ("sh", "maes info a.mcap", "maes info\nmaes info c.mcap", "line 4 fails"),
         ("sh", "false & maes info a.mcap", "maes info a.mcap | false", "line 4 fails"),
         ("sh", "maes diff a.mcap b.mcap", "maes diff a.mcap c.mcap", "c.mcap"),
-        ("sh,checked", "maes run --agents 5", "maes run --agent-count 5", "--agent-count is not among the options"),
-        ("sh,checked", "maes map info X.m3dm", "maes maps info X.m3dm", "no such command"),
-        ("sh,checked", "colcon build && true", "colcon build && (", "syntax error"),
+        (
+            "sh,checked,docker",
+            "maes run --agents 5",
+            "maes run --agent-count 5",
+            "--agent-count is not among the options",
+        ),
+        ("sh,checked,docker", "maes map info X.m3dm", "maes maps info X.m3dm", "no such command"),
+        ("sh,checked,colcon", "colcon build && true", "colcon build && (", "syntax error"),
         ("sh,long", "maes faults --seeds 2", "maes faults --seed-count 2", "--seed-count is not among the options"),
         ("python", "import maes", "import maes\nmaes.runs()", "line 5"),
         ("python,part", "return self", "return self)", "unmatched"),
@@ -327,11 +364,28 @@ fn defects_of_blocks_are_found() {
         ("toml", "a = 1", "a == 1", "TOML"),
         ("rust", "pub trait Controller", "pub trait Controllers", "no source has these lines"),
         ("text", "a", "a\n```\n\n```bash\ntrue", "\"bash\" is none of"),
+        ("text", "a", "a\n```\n\n```sh,checked\ntrue", "\"sh,checked\" is none of"),
     ] {
         assert_eq!(defects(language, whole), "", "{whole}");
         let found = defects(language, broken);
         assert!(found.contains(reason), "{broken}: {found:?} has no {reason:?}");
     }
+}
+
+#[test]
+fn reasons_of_blocks_that_are_checked_only_hold() {
+    let documents: Vec<Document> = documents_of("");
+    let languages: Vec<&str> =
+        documents.iter().flat_map(|document| &document.blocks).map(|block| block.language.as_str()).collect();
+    for (word, needed, covered) in WHY {
+        assert!(languages.contains(&format!("sh,checked,{word}").as_str()), "no block needs {needed} ({word})");
+        for file in covered {
+            assert!(root().join(file).is_file(), "{word}: there is no {file}");
+        }
+    }
+    let executed = languages.iter().filter(|language| **language == "sh").count();
+    let checked = languages.iter().filter(|language| language.starts_with("sh,checked")).count();
+    assert!(executed > 2 * checked, "{executed} blocks are executed, {checked} are checked only");
 }
 
 #[test]

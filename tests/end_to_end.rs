@@ -109,5 +109,9 @@ mod dependencies;
 mod documented_commands;
 /// What documents name exists, and every document is a chapter of the site.
 mod documents;
+/// Message definitions and tables of topics in the documents are those of the code.
+mod reference_pages;
+/// What a chapter of the site links to is on the site.
+mod site;
 /// Rules of the workspace that the compiler does not check.
 mod tidy;

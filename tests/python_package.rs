@@ -87,10 +87,11 @@ fn tests_of_the_package_pass() {
 #[ignore = "installs pdoc and Jupyter"]
 fn documentation_of_the_package_can_be_made() {
     let folder = tempfile::tempdir().expect("there is room for a folder");
-    let modules = ["maes", "maes.envs", "maes.node"];
+    let modules = ["maes", "maes.envs", "maes.node", "maes.rerun"];
     passed(documenting().args(["-m", "pdoc"]).args(modules).arg("--output-directory").arg(folder.path()));
     let page = |name: &str| fs::read_to_string(folder.path().join(name)).expect("a page");
     let (package, environments) = (page("maes.html"), page("maes/envs.html"));
+    assert!(page("maes/rerun.html").contains("id=\"send\""), "the module for the viewer Rerun");
     for name in ["Scenario", "Recording", "Controller", "Auction", "batch"] {
         assert!(package.contains(&format!("id=\"{name}\"")), "{name} is in the page");
     }

@@ -161,7 +161,7 @@ fn resume_refuses_changed_scenarios() {
         assert!(ended.stderr.starts_with("error: ") && ended.stderr.contains(says), "{ended}");
         assert_eq!(std::fs::read(&file).expect("it is there"), before, "{arguments:?}");
     };
-    refused(&["--resume", "run.mcap"], "run.mcap: its run has ended in tick 30000; there is nothing to go on with");
+    refused(&["--resume", "run.mcap"], "run.mcap: its run has ended in tick 30000: nothing to resume");
     refused(&["--resume", "nowhere.mcap"], "nowhere.mcap: No such file");
     std::fs::write(&file, &whole[..whole.len() / 2]).expect("it can be cut");
     let stays = "only [execution] and [views] may be set: ";

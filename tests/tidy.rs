@@ -58,6 +58,7 @@ pub(crate) fn read(path: &Path) -> String {
 /// The documents: those of docs/, and those at the top of the workspace.
 pub(crate) fn documents() -> Vec<PathBuf> {
     let tops = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"];
+    let tops = tops.into_iter().chain(["contrib/rustdds/README.md"]);
     files("docs", "md").into_iter().chain(tops.map(|top| root().join(top))).collect()
 }
 

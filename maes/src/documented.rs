@@ -2,6 +2,8 @@
 //!
 //! The commands are parsed and not executed: files that they name need not exist.
 
+mod reference;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -97,7 +97,7 @@ impl Resumed {
         }
         if let Horizon::Ended(tick) = playback.horizon() {
             let file = self.file.display();
-            anyhow::bail!("{file}: its run has ended in tick {tick}; there is nothing to go on with");
+            anyhow::bail!("{file}: its run has ended in tick {tick}: nothing to resume");
         }
         Ok(playback)
     }

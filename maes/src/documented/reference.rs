@@ -1,0 +1,149 @@
+//! docs/cli.md, the reference of the commands, follows from their declaration.
+//!
+//! The test fails when the page is stale; with the environment variable `UPDATE_DOCS` it writes the
+//! page: `UPDATE_DOCS=1 cargo test --release -p maes documented`.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use clap::{Arg, Command, CommandFactory};
+
+use crate::Cli;
+
+const PAGE: &str = "docs/cli.md";
+const BEGIN: &str = "<!-- generated: commands -->\n";
+const END: &str = "<!-- end of generated -->";
+
+/// The heading of the options that have none.
+const OPTIONS: &str = "Options";
+
+/// Titles of what is each command's own, and written in full.
+const OF_COMMANDS: [&str; 2] = ["arguments", "options"];
+
+/// A table of options, which several commands may share.
+type Group = (String, String);
+
+/// A command with its options, and the commands below it. `written` has the groups of options that
+/// the page has already, with the command that it has them of.
+fn write_command(page: &mut String, command: &mut Command, written: &mut BTreeMap<Group, String>) {
+    let name = command.get_bin_name().unwrap_or(command.get_name()).to_owned();
+    let usage = command.render_usage().to_string();
+    let usage = usage.trim_start_matches("Usage: ").lines().map(str::trim).collect::<Vec<_>>().join(" ");
+    let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+    write!(page, "\n## {name}\n\n{about}.\n\nUsage: `{usage}`\n").expect("a text takes everything");
+    for heading in headings(command) {
+        let arguments = shown(command).filter(|arg| heading_of(arg) == heading);
+        let rows: String = arguments.map(row).collect();
+        let title = heading.to_lowercase();
+        let of = written.entry((heading, rows.clone())).or_insert_with(|| name.clone());
+        let group = if *of == name || OF_COMMANDS.contains(&title.as_str()) {
+            format!("\n| {title} | |\n|---|---|\n{rows}")
+        } else {
+            format!("\nFurther options: *{title}*, as of [`{of}`](#{}).\n", of.replace(' ', "-"))
+        };
+        page.push_str(&group);
+    }
+    for below in command.get_subcommands_mut() {
+        if !below.is_hide_set() && below.get_name() != "help" {
+            write_command(page, below, written);
+        }
+    }
+}
+
+/// The arguments of a command, without those that every command has.
+fn shown(command: &Command) -> impl Iterator<Item = &Arg> {
+    command.get_arguments().filter(|arg| !arg.is_hide_set() && !["help", "version"].contains(&arg.get_id().as_str()))
+}
+
+fn heading_of(arg: &Arg) -> String {
+    let of_all = if arg.is_positional() { "Arguments" } else { OPTIONS };
+    arg.get_help_heading().unwrap_or(of_all).to_owned()
+}
+
+/// The headings in the order of the help: arguments, options, and the others as they are declared.
+fn headings(command: &Command) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    for heading in shown(command).map(heading_of) {
+        if !found.contains(&heading) {
+            found.push(heading);
+        }
+    }
+    found.sort_by_key(|heading| ["Arguments", OPTIONS].iter().position(|first| first == heading).unwrap_or(2));
+    found
+}
+
+/// A row of a table: how the argument is written, and what it means.
+fn row(arg: &Arg) -> String {
+    let names = arg.get_value_names().unwrap_or_default().iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
+    let takes_value = arg.get_action().takes_values();
+    let is_optional = arg.get_num_args().is_some_and(|range| range.min_values() == 0);
+    let value = match (takes_value, is_optional) {
+        (false, _) => String::new(),
+        (true, true) => format!("[{names}]"),
+        (true, false) => format!("<{names}>"),
+    };
+    let flag = [arg.get_short().map(|short| format!("-{short}")), arg.get_long().map(|long| format!("--{long}"))];
+    let flag = flag.into_iter().flatten().collect::<Vec<_>>().join(", ");
+    let written = if flag.is_empty() { names } else { format!("{flag} {value}") };
+    let mut meaning = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
+    let values: Vec<String> =
+        arg.get_possible_values().iter().filter(|value| !value.is_hide_set()).map(one_of).collect();
+    let is_boolean = values == ["`true`", "`false`"];
+    if takes_value && !values.is_empty() && !is_boolean && !arg.is_hide_possible_values_set() {
+        write!(meaning, ". One of {}", values.join("; ")).expect("a text takes everything");
+    }
+    let defaults: Vec<String> =
+        arg.get_default_values().iter().map(|value| format!("`{}`", value.to_string_lossy())).collect();
+    if takes_value && !defaults.is_empty() {
+        write!(meaning, " [default: {}]", defaults.join(" ")).expect("a text takes everything");
+    }
+    let words: Vec<String> = meaning.split_whitespace().map(linked).collect();
+    let meaning = words.join(" ").replace('|', "\\|");
+    format!("| `{}` | {meaning} |\n", written.trim().replace('|', "\\|"))
+}
+
+/// A word, with a link if it is the name of a page.
+fn linked(word: &str) -> String {
+    let page = word.trim_matches(['(', ')', ',', '.', ';']);
+    match page.strip_prefix("docs/").filter(|file| file.ends_with(".md")) {
+        Some(file) => word.replace(page, &format!("[{file}]({file})")),
+        None => word.to_owned(),
+    }
+}
+
+/// A value that an option may have.
+fn one_of(value: &clap::builder::PossibleValue) -> String {
+    match value.get_help() {
+        Some(help) => format!("`{}` ({help})", value.get_name()),
+        None => format!("`{}`", value.get_name()),
+    }
+}
+
+#[test]
+fn reference_lists_the_commands() {
+    let mut program = Cli::command();
+    program.build();
+    let mut generated = "\n| command | |\n|---|---|\n".to_owned();
+    for command in program.get_subcommands().filter(|command| !command.is_hide_set() && command.get_name() != "help") {
+        let (name, about) = (command.get_name(), command.get_about().map(ToString::to_string).unwrap_or_default());
+        writeln!(generated, "| [`maes {name}`](#maes-{name}) | {about} |").expect("a text takes everything");
+    }
+    let mut written = BTreeMap::new();
+    for command in program.get_subcommands_mut() {
+        if !command.is_hide_set() && command.get_name() != "help" {
+            write_command(&mut generated, command, &mut written);
+        }
+    }
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(PAGE);
+    let present = fs::read_to_string(&file).expect("the page is a text");
+    let (before, rest) = present.split_once(BEGIN).expect("the page has the mark of its beginning");
+    let (_, after) = rest.split_once(END).expect("the page has the mark of its end");
+    let expected = format!("{before}{BEGIN}{generated}\n{END}{after}");
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        fs::write(&file, &expected).expect("the page can be written");
+    }
+    let hint = "run UPDATE_DOCS=1 cargo test --release -p maes documented";
+    assert!(fs::read_to_string(&file).expect("a text") == expected, "{PAGE} does not match the declaration: {hint}");
+}

@@ -1,0 +1,113 @@
+//! Pages of reference that say the same as the code: the message definitions, and the tables of
+//! topics.
+//!
+//! With the environment variable `UPDATE_DOCS` the first test writes its page: `UPDATE_DOCS=1 cargo
+//! test --release -p tests reference_pages`.
+
+use std::collections::BTreeSet;
+use std::fs;
+
+use msgs::ids::AgentId;
+use msgs::topics::{self, Durability, Qos, Reliability, Topic};
+use regex_lite::Regex;
+
+use crate::support::root;
+use crate::tidy::{files, read};
+
+const BEGIN: &str = "<!-- generated: messages -->\n";
+const END: &str = "<!-- end of generated -->";
+
+#[test]
+fn message_definitions_are_published() {
+    let page = root().join("docs/messages.md");
+    let mut definitions = String::new();
+    for file in files("msgs/msg", "msg") {
+        let name = file.file_stem().expect("a message has a name").to_string_lossy().into_owned();
+        definitions += &format!("\n## {name}\n\n```text\n{}\n```\n", read(&file).trim_end());
+    }
+    let present = read(&page);
+    let (before, rest) = present.split_once(BEGIN).expect("the page has the mark of its beginning");
+    let (_, after) = rest.split_once(END).expect("the page has the mark of its end");
+    let expected = format!("{before}{BEGIN}{definitions}\n{END}{after}");
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        fs::write(&page, &expected).expect("the page can be written");
+    }
+    let hint = "run UPDATE_DOCS=1 cargo test --release -p tests reference_pages";
+    assert!(read(&page) == expected, "docs/messages.md does not have what is in msgs/msg: {hint}");
+}
+
+/// The agent of the topics in the tables.
+const AGENT: AgentId = AgentId(3);
+
+/// A row of a table of topics.
+#[derive(Debug)]
+struct Row {
+    name: String,
+    message: String,
+    /// As the row words it.
+    qos: String,
+}
+
+/// The rows of the tables of topics in a document.
+fn rows(document: &str) -> Vec<Row> {
+    let row = Regex::new(r"(?m)^\| `(/[^`]*)` \| `([a-z_0-9]+)/([A-Za-z0-9]+)` \|(.*)$").expect("it is written here");
+    let text = read(&root().join(document));
+    let found = row.captures_iter(&text).map(|found| {
+        let further: Vec<&str> = found[4].split('|').map(str::trim).collect();
+        let qos = further.iter().find(|cell| cell.contains("volatile") || cell.contains("latched"));
+        Row {
+            name: found[1].replace("<id>", &AGENT.to_string()),
+            message: format!("{}/msg/{}", &found[2], &found[3]),
+            qos: qos.copied().unwrap_or_default().to_owned(),
+        }
+    });
+    found.collect()
+}
+
+/// A quality of service in the words of the tables.
+fn worded(qos: Qos) -> String {
+    let reliability = match qos.reliability {
+        Reliability::Reliable => "reliable",
+        Reliability::BestEffort => "best effort",
+    };
+    let durability = match qos.durability {
+        Durability::TransientLocal => "latched",
+        Durability::Volatile => "volatile",
+    };
+    format!("{reliability}, {durability}, {}", qos.depth)
+}
+
+/// The topics of a run with their types between processes.
+fn of_runs() -> Vec<Topic> {
+    let signed = [topics::signed_join(AGENT), topics::signed_observation(AGENT), topics::signed_command(AGENT)];
+    let mine = format!("/agent_{AGENT}/");
+    let all = topics::all(AGENT.0 + 1).into_iter();
+    let of_one = all.filter(|topic| topics::split(&topic.name).is_none() || topic.name.starts_with(&mine));
+    of_one.map(|topic| signed.iter().find(|signed| signed.name == topic.name).cloned().unwrap_or(topic)).collect()
+}
+
+/// Names, types and qualities of service in the tables are those of `msgs::topics`, and every topic
+/// is in a table.
+#[test]
+fn documented_topics_are_those_of_runs() {
+    let expected = of_runs();
+    let mut documented = BTreeSet::new();
+    // In this one all topics are reliable, and the table does not say so.
+    for (document, prefix) in [("docs/topics.md", "reliable, "), ("docs/ros2.md", "")] {
+        let rows = rows(document);
+        assert!(rows.len() >= 8, "{document}: {rows:?}");
+        for row in rows {
+            let topic = expected.iter().find(|topic| topic.name == row.name);
+            let topic = topic.unwrap_or_else(|| panic!("{document}: no run has {row:?}"));
+            assert_eq!(row.message, topic.message.to_string(), "{document}: {row:?}");
+            if topic.name == topics::intervention().name {
+                assert_eq!(row.qos, "", "{document}: it is in recordings only");
+            } else {
+                assert_eq!(format!("{prefix}{}", row.qos), worded(topic.qos), "{document}: {row:?}");
+            }
+            documented.insert(row.name);
+        }
+    }
+    let missing: Vec<_> = expected.iter().map(|topic| &topic.name).filter(|name| !documented.contains(*name)).collect();
+    assert!(missing.is_empty(), "topics in no table: {missing:?}");
+}
