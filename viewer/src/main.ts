@@ -10,6 +10,7 @@
 import "./app/base.css";
 import "./app/layout.css";
 import "./app/panels.css";
+import "./app/playback-bar.css";
 import { pendingHandle } from "./app/handle.ts";
 import { isComparison } from "./app/shared-link.ts";
 import type { Run } from "./data/run.ts";

@@ -46,6 +46,12 @@ test("a recording", async ({ page, servers }) => {
   await expectAccessible(page, "the help");
 });
 
+test("a narrow screen", LONG, async ({ page, servers }) => {
+  await page.setViewportSize({ width: 390, height: 844 });
+  await shown.openWhole(page, await servers.view(recording("cave")));
+  await expectAccessible(page, "a narrow screen");
+});
+
 test("the welcome screen", LONG, async ({ page, servers }) => {
   await page.goto(addressWith(await servers.view(recording("cave")), { recording: "" }));
   await expect(page.getByTestId("welcome")).toBeVisible();
