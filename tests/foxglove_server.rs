@@ -253,4 +253,26 @@ fn view_errors_are_reported_at_start() {
         assert!(refused.stderr.contains(words), "{refused}");
     }
     refused(&["run", text(&scenario), "--view", ANYWHERE, "--page", "/nowhere"], 2, "/nowhere");
+    // `maes view` names its own flag, also where a server of its own would bind the address.
+    for file in [None, Some(&scenario)] {
+        let mut view = site.binary("maes");
+        let view = view.args(["view", "--address", &address, "--browser", "false"]).args(file);
+        let refused = site.start(view).ended().with_code(1);
+        assert!(refused.stderr.starts_with(&format!("error: --address {address}: ")), "{refused}");
+    }
+}
+
+#[test]
+fn an_open_address_is_printed_as_that_of_this_machine() {
+    let site = Site::new();
+    let bytes = site.record(&[&["--transport", "memory"][..], &FLAGS].concat()).bytes;
+    let file = site.file("some.mcap", &bytes);
+    site.file("index.html", "a page");
+    let mut view = site.binary("maes");
+    view.arg("view").arg(&file).args(["--address", "0.0.0.0:0", "--browser", "false", "--page", "."]);
+    let mut shown = site.start(&mut view);
+    assert!(shown.process().prints("http://").starts_with("http://127.0.0.1:"));
+    shown.process().says("from other hosts, use the name or address of this machine instead of 127.0.0.1");
+    signal(shown.process().pid(), "INT");
+    shown.ended().with_code(0);
 }

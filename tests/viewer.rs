@@ -1,6 +1,7 @@
 //! The viewer: its static checks and tests, in a real browser with real runs and recordings, and
 //! the snapshots and movies made with it.
 
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -70,7 +71,7 @@ fn browser_tests(script: &str) {
 }
 
 /// A recording for snapshots and movies.
-fn recording(site: &Site) -> std::path::PathBuf {
+fn recording(site: &Site) -> PathBuf {
     let flags = ["--transport", "memory", "--agents", "2", "--size", "24", "--seed", "3", "--duration", "20"];
     let bytes = site.record(&[&flags[..], &["--set", "stop_when_explored=false"]].concat()).bytes;
     site.file("pictured.mcap", &bytes)
@@ -151,6 +152,36 @@ fn movies_have_all_frames() {
     let ended = movie(&["--from", "9", "--to", "3", "--out", "no.gif"]).with_code(2);
     assert!(ended.stderr.contains("--from 9"), "{ended}");
     assert!(!site.path("no.gif").exists());
+}
+
+#[test]
+fn exported_folders_are_complete() {
+    prepare();
+    let site = Site::new();
+    let file = recording(&site);
+    let export = |folder: &str| {
+        let mut command = site.binary("maes");
+        let command = command.arg("view").arg(&file).arg("--beside").arg(&file).args(["--export", folder]);
+        site.start(command).ended()
+    };
+    let told = export("shared").with_code(0).stdout;
+    assert!(told.contains("\nto try it: python3 -m http.server --directory shared\n"), "{told}");
+    let query = "recording=recording/pictured.mcap&beside=beside/pictured.mcap";
+    assert_eq!(told.lines().last(), Some(&*format!("http://127.0.0.1:8000/?{query}")));
+    let read = |path: PathBuf| std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    for folder in ["recording", "beside"] {
+        assert!(read(site.path(&format!("shared/{folder}/pictured.mcap"))) == read(file.clone()), "{folder}");
+    }
+    let page = root().join("viewer/dist");
+    for asset in std::fs::read_dir(page.join("assets")).expect("the page is built") {
+        let asset = Path::new("assets").join(asset.expect("it is readable").file_name());
+        assert!(read(site.path("shared").join(&asset)) == read(page.join(&asset)), "{}", asset.display());
+    }
+    let index = String::from_utf8(read(site.path("shared/index.html"))).expect("it is text");
+    assert!(index.contains(&query.replace('&', "&amp;")), "{index}");
+
+    let again = export("shared").with_code(2);
+    assert!(again.stderr.contains("--export shared: not empty; expected a new or an empty folder"), "{again}");
 }
 
 #[test]

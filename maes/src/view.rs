@@ -2,11 +2,13 @@
 //! started on the page, one after the other.
 
 mod browser;
+mod export;
 #[cfg(feature = "ros")]
 mod live;
 mod page;
 mod rerun;
 
+use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -37,12 +39,16 @@ pub(crate) struct ViewArgs {
     /// A second recording, shown beside the first one with the time linked
     #[arg(long, value_name = "FILE.mcap")]
     beside: Option<PathBuf>,
+    /// Write a folder with the page and the recording, or both of them, for any static web server,
+    /// and show nothing; a folder with files in it is refused
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["address", "browser", "view_allow_origin"])]
+    export: Option<PathBuf>,
     /// Show a recording in the viewer Rerun instead of a browser, also while a run writes it; needs
     /// Python with the packages `maes` and `rerun-sdk`
-    #[arg(long, conflicts_with_all = ["address", "beside", "browser"])]
+    #[arg(long, conflicts_with_all = ["address", "beside", "browser", "export"])]
     rerun: bool,
     /// Save a recording as a file for the viewer Rerun, and show nothing
-    #[arg(long, value_name = "FILE.rrd", conflicts_with_all = ["address", "beside", "browser", "rerun"])]
+    #[arg(long, value_name = "FILE.rrd", conflicts_with_all = ["address", "beside", "browser", "export", "rerun"])]
     rerun_save: Option<PathBuf>,
     /// Whether to open a browser [default: if there is a desktop]
     #[arg(long, value_name = "true|false")]
@@ -76,7 +82,7 @@ fn address(text: &str) -> Result<String, String> {
 
 /// Shows something in a browser until it ends or is interrupted.
 pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
-    let ViewArgs { run, address, beside, rerun, rerun_save, browser, build_only, record_dir, map_dir } = args;
+    let ViewArgs { run, address, beside, export, rerun, rerun_save, browser, build_only, record_dir, map_dir } = args;
     let file = run.scenario.clone();
     let is_recording = file.as_deref().is_some_and(is_recording);
     if let Some(file) = &file
@@ -104,6 +110,12 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
     if beside.is_some() && !is_recording {
         bail!("--beside: expected two recordings, as in `maes view a.mcap --beside b.mcap`");
     }
+    if let Some(folder) = &export {
+        if !is_recording {
+            bail!("--export: expected a recording, as in `maes view run.mcap --export DIR`");
+        }
+        export::check_folder(folder)?;
+    }
     let for_rerun = if rerun { Some("--rerun") } else { rerun_save.is_some().then_some("--rerun-save") };
     if let Some(flag) = for_rerun.filter(|_| !is_recording) {
         bail!("{flag}: expected a recording; that of a run under way is the file of `maes run --record run.mcap`");
@@ -119,10 +131,20 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
     if !is_recording {
         bail!("{}; expected a recording (.mcap)", crate::run::WITHOUT_ROS);
     }
+    if export.is_none()
+        && let Err(error) = TcpListener::bind(&address)
+    {
+        // Before the page is built, and before a server names it as its own flag.
+        say(&format!("error: --address {address}: {error}; choose another port, or 0 for a free one"));
+        return Ok(ExitCode::from(exit::FAILED));
+    }
     let page = match page::folder(run.page.as_deref()) {
         Ok(page) => page,
         Err(error) => return Ok(page::failed(&error)),
     };
+    if let (Some(folder), Some(recording)) = (&export, &file) {
+        return Ok(export_recording(folder, page.path(), recording, beside.as_deref()));
+    }
     let shown = Shown {
         page: page.path().to_owned(),
         address,
@@ -155,6 +177,19 @@ fn is_recording(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "mcap")
 }
 
+fn export_recording(folder: &Path, page: &Path, recording: &Path, beside: Option<&Path>) -> ExitCode {
+    match export::export(folder, page, recording, beside) {
+        Ok(lines) => {
+            lines.iter().for_each(|line| print(line));
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            say(&format!("error: {error}"));
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
 fn show_recording(file: &Path, beside: Option<&Path>, shown: Shown) -> anyhow::Result<ExitCode> {
     let Shown { page, address, browser, token, origins } = shown;
     let server = match StaticFileServer::open(&address, &page, file, beside, token, &origins) {
@@ -167,6 +202,9 @@ fn show_recording(file: &Path, beside: Option<&Path>, shown: Shown) -> anyhow::R
     // Before the address is printed: whoever reads it may interrupt this at once.
     let interrupted = signals::first()?;
     print(&server.url());
+    if let Some(note) = server.address().note() {
+        say(&note);
+    }
     Browser::new(browser).open(&server.url());
     interrupted();
     Ok(ExitCode::SUCCESS)

@@ -24,13 +24,13 @@ mod hub;
 mod observed_transport;
 mod outbox;
 mod requested_run;
+mod server_address;
 mod services;
 mod static_files;
 mod timed_stream;
 mod websocket;
 
 use std::io;
-use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -49,9 +49,10 @@ pub use http_gateway::page;
 use hub::Hub;
 pub use observed_transport::ObservedTransport;
 pub use requested_run::{RequestError, RequestedRun, RequestedRuns, RunFolders};
+pub use server_address::ServerAddress;
 use services::ClientRequest;
 pub use services::StartRequest;
-pub use static_files::StaticFileServer;
+pub use static_files::{RecordingPaths, StaticFileServer};
 
 /// The default address, with the port that Foxglove expects.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
@@ -96,7 +97,7 @@ pub enum FoxgloveServerError {
 pub struct FoxgloveServer {
     hub: Arc<Hub>,
     requests: Receiver<ClientRequest>,
-    address: SocketAddr,
+    address: ServerAddress,
     /// The query with the token.
     query: String,
     /// Its tasks end when it is dropped.
@@ -126,7 +127,7 @@ impl FoxgloveServer {
         let hub_of_run = Some(Arc::clone(&hub));
         let content = GatewayContent { page: page.map(Path::to_owned), hub: hub_of_run, recording: None, beside: None };
         http_gateway::serve(&runtime, listener, access, content);
-        Ok(Self { hub, requests, address: local, query, _runtime: runtime })
+        Ok(Self { hub, requests, address: local.into(), query, _runtime: runtime })
     }
 
     /// The address of the page, with the token.
@@ -141,9 +142,9 @@ impl FoxgloveServer {
         format!("ws://{}/?{}", self.address, self.query)
     }
 
-    /// The address it listens at.
+    /// The address it listens at, without the token.
     #[must_use]
-    pub fn address(&self) -> SocketAddr {
+    pub fn address(&self) -> ServerAddress {
         self.address
     }
 

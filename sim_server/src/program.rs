@@ -200,7 +200,8 @@ fn open_viewing(_: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, st
 #[cfg(feature = "view")]
 fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
     if let Some(viewing) = viewing {
-        let text = |page: &str, socket: &str| format!("observe at {page} (Foxglove WebSocket: {socket})");
+        let note = viewing.address().note().map(|note| format!("; {note}")).unwrap_or_default();
+        let text = |page: &str, socket: &str| format!("observe at {page} (Foxglove WebSocket: {socket}){note}");
         // Others may read the log: it does not have the token. Who reads the terminal finds it
         // there.
         terminal.keep(&text(&format!("http://{}", viewing.address()), &format!("ws://{}", viewing.address())));

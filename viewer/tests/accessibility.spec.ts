@@ -1,7 +1,6 @@
 /**
  * The page has no violation that axe finds (https://github.com/dequelabs/axe-core): names and roles
- * for screen readers, contrast, order of headings, labels of fields. What is drawn into the canvas
- * is beyond it.
+ * for screen readers, contrast, order of headings, labels of fields. axe cannot check the image.
  */
 import { createRequire } from "node:module";
 import type { AxeResults } from "axe-core";
@@ -44,6 +43,37 @@ test("a recording", async ({ page, servers }) => {
   await page.keyboard.press("?");
   await expect(page.getByRole("dialog")).toBeVisible();
   await expectAccessible(page, "the help");
+});
+
+test("the image and the agents have names", async ({ page, servers }) => {
+  await shown.openWhole(page, await servers.view(recording("cave")));
+  await shown.showAt(page, 20);
+  const share = (await page.getByTestId("explored").textContent())!;
+  const name = `The cave and its agents in three dimensions: cave.mcap, 00:20, ${share} explored`;
+  const image = page.getByTestId("canvas");
+  await expect(image).toHaveAccessibleName(name);
+  await page.getByRole("button", { name: "agent 2, rbw", exact: true }).click();
+  await expect(image).toHaveAccessibleName(name.replace("cave.mcap", "cave.mcap, agent 2"));
+
+  // While the time moves, it changes rarely, and not with every frame.
+  const changes = await page.evaluate(async () => {
+    let count = 0;
+    const { canvas } = window.maes!.scene!;
+    new MutationObserver((records) => (count += records.length)).observe(canvas, {
+      attributeFilter: ["aria-label"],
+    });
+    document.querySelector<HTMLElement>('[data-testid="play"]')!.click();
+    const fromS = window.maes!.state.timeS;
+    while (window.maes!.state.timeS < fromS + 10) await new Promise(requestAnimationFrame);
+    return count;
+  });
+  expect(changes).toBeLessThanOrEqual(1);
+});
+
+test("a narrow screen", LONG, async ({ page, servers }) => {
+  await page.setViewportSize({ width: 390, height: 844 });
+  await shown.openWhole(page, await servers.view(recording("cave")));
+  await expectAccessible(page, "a narrow screen");
 });
 
 test("the welcome screen", LONG, async ({ page, servers }) => {

@@ -69,7 +69,7 @@ test("a side that drifts is set right", LONG, async ({ page, servers }) => {
   expect((await stateOf(radio)).rate).toBe((await stateOf(cave)).rate);
 });
 
-test("a side that is still being read comes after", async ({ page, servers }) => {
+test("a side that is still being read catches up", async ({ page, servers }) => {
   const server = servers.held({
     "cave.mcap": { file: recording("cave"), bytes: Infinity },
     "radio.mcap": { file: recording("radio"), bytes: 100_000 },

@@ -214,6 +214,48 @@ test("dragging rotates the view and the wheel zooms", LONG, async ({ page, serve
   shown.expectSame(before, await shown.pictureAt(page, TIME_S), "the whole cave again");
 });
 
+test("keys rotate, pan and zoom the view", async ({ page, servers }) => {
+  await shown.openWhole(page, await servers.view(FILE));
+  await shown.showAt(page, TIME_S);
+  const orbit = () => page.evaluate(() => window.maes!.scene!.orbit);
+  /** Presses a key, and waits until the pose differs. */
+  const press = async (key: string) => {
+    const before = await orbit();
+    await page.keyboard.press(key);
+    await expect.poll(orbit).not.toEqual(before);
+    return [before, await orbit()] as const;
+  };
+  for (const [key, angle, sign] of [
+    ["w", "pitchRad", 1],
+    ["s", "pitchRad", -1],
+    ["a", "yawRad", -1],
+    ["d", "yawRad", 1],
+  ] as const) {
+    const [before, after] = await press(key);
+    expect((after[angle] - before[angle]) * sign, key).toBeGreaterThan(0.05);
+    expect({ ...after, [angle]: 0 }, key).toEqual({ ...before, [angle]: 0 });
+  }
+  for (const key of ["Shift+w", "Shift+a", "Shift+s", "Shift+d"]) {
+    const [before, after] = await press(key);
+    expect(after.centre, key).not.toEqual(before.centre);
+    expect({ ...after, centre: 0 }, key).toEqual({ ...before, centre: 0 });
+  }
+  for (const [key, isNearer] of [
+    ["+", true],
+    ["=", true],
+    ["-", false],
+  ] as const) {
+    const [before, after] = await press(key);
+    expect(after.distanceM < before.distanceM, key).toBe(isNearer);
+  }
+  // The image follows, and no other key has a part in it.
+  const turned = await shown.pictureAt(page, TIME_S);
+  await press("d");
+  shown.expectOther(turned, await shown.pictureAt(page, TIME_S), "turned");
+  expect(await selectedIn(page)).toBeNull();
+  await shown.expectTime(page, TIME_S);
+});
+
 test("a lost graphics context comes back with the same picture", LONG, async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(FILE));
   const before = await shown.pictureAt(page, TIME_S);
@@ -269,7 +311,9 @@ test("help, statistics and panels can be toggled", LONG, async ({ page, servers 
   await shown.openWhole(page, await servers.view(FILE));
   await page.keyboard.press("?");
   await expect(page.getByTestId("help")).toBeVisible();
-  await expect(page.getByTestId("help")).toContainText("Select an agent");
+  for (const text of ["Select an agent", "Zoom out and in", "Two fingers"]) {
+    await expect(page.getByTestId("help")).toContainText(text);
+  }
   // Keys belong to the dialog while it is open.
   await page.keyboard.press("2");
   await page.keyboard.press("Escape");

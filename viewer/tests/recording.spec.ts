@@ -225,10 +225,10 @@ test("plays, pauses, and plays to its end", LONG, async ({ page, servers }) => {
 
   await page.getByTestId("rate").selectOption("2");
   expect((await state()).rate).toBe(2);
-  await page.keyboard.press("+");
+  await page.keyboard.press(">");
   await expect.poll(async () => (await state()).rate).toBe(5);
-  await page.keyboard.press("-");
-  await page.keyboard.press("-");
+  await page.keyboard.press("<");
+  await page.keyboard.press("<");
   await expect(page.getByTestId("rate")).toHaveValue("1");
 
   await page.getByTestId("play").click();

@@ -1,6 +1,6 @@
 //! Runs on the page: one that begins paused, or one after the other as they are started there.
 
-use std::net::TcpStream;
+use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use anyhow::bail;
 use clap::ArgMatches;
-use sim_server::foxglove::Token;
+use sim_server::foxglove::{ServerAddress, Token};
 use supervisor::idle::IdleServer;
 use supervisor::{binaries, logs};
 
@@ -69,8 +69,9 @@ pub(super) fn serve_idle(
 /// reads the address may open it, or interrupt the command, at once.
 fn open_when_served(browser: Browser, address: &str, token: &Token) -> Opening {
     let (given_up, is_given_up) = channel();
+    let bound = address.parse::<SocketAddr>();
+    let address = bound.map_or_else(|_| address.to_owned(), |bound| ServerAddress::from(bound).to_string());
     let url = format!("http://{address}/?token={}", token.as_str());
-    let address = address.to_owned();
     if !matches!(browser, Browser::None) {
         thread::spawn(move || {
             for _ in 0..ATTEMPTS {

@@ -30,6 +30,7 @@ use tower_http::services::{ServeDir, ServeFile};
 use super::FoxgloveServerError;
 use super::access::{Access, Admission, Refusal, subprotocols, without_token};
 use super::hub::Hub;
+use super::static_files::{BESIDE, RECORDING};
 use super::timed_stream::TimedStream;
 use super::websocket;
 
@@ -58,12 +59,6 @@ const ACCEPT_RETRY: Duration = Duration::from_millis(100);
 const NO_PAGE: &str = "<!doctype html><title>MAES</title><p>The simulator is here, but its page was not built. \
     Build it with <code>npm --prefix viewer ci &amp;&amp; npm --prefix viewer run build</code>, \
     or connect Foxglove or Lichtblick to this address (Foxglove WebSocket).";
-
-/// Path of the recording beside the page; its file name may follow, for display.
-const RECORDING: &str = "recording";
-
-/// Path of a second recording, which the page shows beside the first one.
-const BESIDE: &str = "beside";
 
 /// Headers of every response. The page runs scripts of its own files only (styles may be inline,
 /// because browsers that make images add some), and frames only itself, for two recordings; it
@@ -104,22 +99,6 @@ struct Gateway {
     content: GatewayContent,
     access: Access,
     clients: Arc<Semaphore>,
-}
-
-/// Path of a recording beside the page. A name that would need escaping is left out.
-pub(super) fn recording_path(file: &Path) -> String {
-    path_below(RECORDING, file)
-}
-
-/// Path of the second recording.
-pub(super) fn beside_path(file: &Path) -> String {
-    path_below(BESIDE, file)
-}
-
-fn path_below(folder: &str, file: &Path) -> String {
-    let is_plain = |name: &&str| name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte));
-    let name = file.file_name().and_then(|name| name.to_str()).filter(is_plain).unwrap_or("recording.mcap");
-    format!("{folder}/{name}")
 }
 
 /// The folder of the page: the named one, else the first that has a page of those beside the

@@ -1,17 +1,52 @@
 //! A static file server for the page and one or two recordings, without a run.
 
-use std::net::SocketAddr;
 use std::path::Path;
 
 use tokio::runtime::Runtime;
 
-use super::FoxgloveServerError;
 use super::access::{Access, PageOrigin, Token};
 use super::http_gateway::{self, GatewayContent};
+use super::{FoxgloveServerError, ServerAddress};
+
+/// Path of the recording beside the page; its file name may follow, for display.
+pub(super) const RECORDING: &str = "recording";
+
+/// Path of a second recording, which the page shows beside the first one.
+pub(super) const BESIDE: &str = "beside";
+
+/// Where recordings are beside the page: paths relative to it. A name that would need escaping is
+/// left out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecordingPaths {
+    pub recording: String,
+    /// The second recording, shown beside the first one.
+    pub beside: Option<String>,
+}
+
+impl RecordingPaths {
+    /// The paths of one recording, or of two.
+    #[must_use]
+    pub fn of(recording: &Path, beside: Option<&Path>) -> Self {
+        Self { recording: path_below(RECORDING, recording), beside: beside.map(|beside| path_below(BESIDE, beside)) }
+    }
+
+    /// The query of the page that shows them.
+    #[must_use]
+    pub fn query(&self) -> String {
+        let beside = self.beside.as_ref().map(|beside| format!("&beside={beside}"));
+        format!("recording={}{}", self.recording, beside.unwrap_or_default())
+    }
+}
+
+fn path_below(folder: &str, file: &Path) -> String {
+    let is_plain = |name: &&str| name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte));
+    let name = file.file_name().and_then(|name| name.to_str()).filter(is_plain).unwrap_or("recording.mcap");
+    format!("{folder}/{name}")
+}
 
 /// Serves recordings until it is dropped.
 pub struct StaticFileServer {
-    address: SocketAddr,
+    address: ServerAddress,
     /// The query with the paths of the recordings.
     recordings: String,
     /// The query with the token.
@@ -36,10 +71,7 @@ impl StaticFileServer {
     ) -> Result<Self, FoxgloveServerError> {
         let (runtime, listener) = http_gateway::open(address)?;
         let local = listener.local_addr()?;
-        let mut recordings = format!("recording={}", http_gateway::recording_path(recording));
-        if let Some(beside) = beside {
-            recordings += &format!("&beside={}", http_gateway::beside_path(beside));
-        }
+        let recordings = RecordingPaths::of(recording, beside).query();
         let content = GatewayContent {
             page: Some(page.to_owned()),
             hub: None,
@@ -49,7 +81,13 @@ impl StaticFileServer {
         let access = Access::new(token, allowed, local);
         let query = access.query();
         http_gateway::serve(&runtime, listener, access, content);
-        Ok(Self { address: local, recordings, query, _runtime: runtime })
+        Ok(Self { address: local.into(), recordings, query, _runtime: runtime })
+    }
+
+    /// The address it listens at, without the token.
+    #[must_use]
+    pub fn address(&self) -> ServerAddress {
+        self.address
     }
 
     /// URL of the page with the recordings, and with the token.

@@ -73,12 +73,19 @@ export class AgentsCard {
   #open(run: Run): void {
     this.#run = run;
     this.#rows = Array.from({ length: run.setup.agents }, (_, agent) => {
+      const controller = nameOf(run.setup.controllers[agent] ?? "");
       const pick = el(
         "button",
-        { type: "button", class: "row-button", testid: `agent-row-${agent}`, title: `Select agent ${agent}` },
+        {
+          type: "button",
+          class: "row-button",
+          testid: `agent-row-${agent}`,
+          title: `Select agent ${agent}`,
+          "aria-label": `agent ${agent}, ${controller}`,
+        },
         swatch(agent),
-        `${agent}`,
-        el("span", { class: "quiet" }, nameOf(run.setup.controllers[agent] ?? "")),
+        `${agent} `,
+        el("span", { class: "quiet" }, controller),
       );
       const [task, explored, distance] = [
         el("td"),

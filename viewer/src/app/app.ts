@@ -548,6 +548,10 @@ export class App implements PageActions {
       },
       step: (step) => this.selectNeighbour(step),
       cave: () => this.select(null),
+      moveCamera: (change) => {
+        this.scene?.moveCamera(change);
+        this.loop.request();
+      },
       toggleUnexplored: () => this.setUnexplored(!this.scene?.view.layers.unexplored),
       toggleLayers: () => this.togglePart("isLayersOpen"),
       togglePanel: () => this.togglePart("isPanelOpen"),

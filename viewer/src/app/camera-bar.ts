@@ -28,8 +28,6 @@ export class CameraBar {
     });
     const unexplored = toggle("Show unexplored", "show-unexplored", isUnexploredShown, actions.setUnexplored);
     this.#unexplored = unexplored.input;
-    // The text of the label has no room on a narrow screen.
-    this.#unexplored.ariaLabel = "Show unexplored";
     this.#unexplored.title = "Show unexplored (U)";
     this.root = el(
       "div",

@@ -1,10 +1,10 @@
 /**
  * Two recordings side by side, with linked time: the page twice, each in a frame of this one.
  *
- * What is done to the time of one side (seek, play, pause, rate) happens on the other as well. Both
- * play by their own clocks, so that the longer one continues when the shorter one has ended; the side
- * that was touched last leads, and the other is set right if it drifts. A side whose recording is
- * still being read comes after as soon as it can. Cameras, layers and selections are not linked.
+ * Seeking, playing, pausing or changing the rate of one side applies to both. Both play by their own
+ * clocks, so that the longer one continues when the shorter one has ended; the side that was touched
+ * last leads, and the other is set right if it drifts. A side whose recording is still being read
+ * catches up as soon as it can. Cameras, layers and selections are not linked.
  */
 import { el } from "./dom.ts";
 import { PLAYBACK_EVENT, type Handle } from "./handle.ts";

@@ -49,11 +49,13 @@ const KEYS: readonly (readonly [readonly string[], string])[] = [
   [["←", "→"], "One second back or forward; with Shift ten seconds"],
   [[",", "."], "One tick back or forward"],
   [["Home", "End"], "Start and end"],
-  [["-", "+"], "Slower and faster"],
+  [["<", ">"], "Slower and faster"],
   [["G"], "Follow the live run"],
   [["0", "9"], "Select an agent; two digits in quick succession for 10 and above"],
   [["[", "]"], "Previous and next agent"],
   [["Esc"], "The whole cave"],
+  [["W", "A", "S", "D"], "Rotate the view; with Shift pan it"],
+  [["-", "+"], "Zoom out and in"],
   [["U"], "Show or hide unexplored cells"],
   [["L"], "Layers"],
   [["P"], "Panels"],
@@ -62,6 +64,9 @@ const KEYS: readonly (readonly [readonly string[], string])[] = [
   [["Drag"], "Rotate the view; with Shift or the middle button pan it"],
   [["Wheel"], "Zoom"],
   [["Click"], "Select an agent"],
+  [["One finger"], "Rotate the view"],
+  [["Two fingers"], "Zoom and pan"],
+  [["Tap"], "Select an agent"],
 ];
 
 export function openHelp(): void {
@@ -74,5 +79,6 @@ export function openHelp(): void {
       el("dd", {}, what),
     ),
   );
-  openDialog("Keys and mouse", "help", el("dl", { class: "keys" }, ...rows));
+  const dialog = openDialog("Keys, mouse and touch", "help", el("dl", { class: "keys" }, ...rows));
+  dialog.classList.add("wide");
 }

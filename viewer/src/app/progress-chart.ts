@@ -34,14 +34,14 @@ export class ProgressChart {
 
   constructor(seek: (timeS: number) => void) {
     this.#seek = seek;
-    const legend = el(
+    const key = el(
       "div",
-      { class: "legend" },
+      { class: "chart-key" },
       el("span", { class: "key key-explored" }, "explored"),
       el("span", { class: "key key-covered" }, "covered"),
       el("span", { class: "key key-agents" }, "explored by each agent"),
     );
-    this.root = el("div", {}, this.#container, this.#empty, legend);
+    this.root = el("div", {}, this.#container, this.#empty, key);
   }
 
   update(run: Run, timeS: number, selected: number | null): void {

@@ -2,7 +2,6 @@
  * Layout of the page: creates its parts, shows or hides them, and passes state and actions on.
  * Contains no logic of its own.
  */
-import type { Run } from "../data/run.ts";
 import type { View } from "../scene/scene.ts";
 import { AgentCard, AgentsCard } from "./agents-card.ts";
 import { Axes } from "./axes.ts";
@@ -14,13 +13,12 @@ import { ProgressChart } from "./progress-chart.ts";
 import { openHelp } from "./dialogs.ts";
 import { el, iconButton, setHidden, setIcon, setText } from "./dom.ts";
 import { RenderStats } from "./render-stats.ts";
-import { clockTime, finePercent } from "./format.ts";
 import { LayersPanel } from "./layers-panel.ts";
 import { Legend } from "./legend.ts";
 import type { LiveConnection } from "./live.ts";
-import { sharesAt } from "./panel-state.ts";
 import type { PageActions } from "./page-actions.ts";
 import type { PanelState } from "./panel-state.ts";
+import { captionOf, SceneName } from "./scene-text.ts";
 import { SimulatorCard } from "./simulator-card.ts";
 import { StartForm } from "./start-form.ts";
 import { PlaybackBar } from "./playback-bar.ts";
@@ -48,6 +46,7 @@ export class Shell {
   readonly #chartCard: HTMLDetailsElement;
   readonly #counters = new CountersCard();
   readonly #scenario = new ScenarioCard();
+  readonly #sceneName: SceneName;
   readonly #caption = el("div", { class: "caption", testid: "caption" });
   readonly legend = new Legend();
   readonly axes = new Axes();
@@ -69,8 +68,7 @@ export class Shell {
     this.#isPicture = isPicture;
     canvas.className = "canvas";
     canvas.setAttribute("data-testid", "canvas");
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", "The cave and its agents in three dimensions");
+    this.#sceneName = new SceneName(canvas);
 
     const file = el("input", { type: "file", accept: ".mcap", hidden: true, testid: "file" });
     file.addEventListener("change", () => {
@@ -150,8 +148,7 @@ export class Shell {
       this.#welcome.root,
       this.#layers?.root,
       this.#toolbar,
-      this.#camera.root,
-      this.legend.root,
+      el("div", { class: "stage-foot" }, this.#camera.root, this.legend.root),
       this.renderStats.root,
       this.#caption,
       this.banners.root,
@@ -223,9 +220,10 @@ export class Shell {
       this.#welcome.update(busy, live);
       return;
     }
+    this.#sceneName.update(panel, clock.isMoving);
     const { run, timeS, selected } = panel;
     if (this.#isPicture) {
-      setText(this.#caption, run.setup.agents === 0 ? mapCaption(run) : runCaption(run, timeS, selected));
+      setText(this.#caption, captionOf(panel));
       return;
     }
     this.#playbackBar.update(panel, clock);
@@ -259,16 +257,4 @@ export class Shell {
       if (dropped) void actions.openFile(dropped);
     });
   }
-}
-
-function runCaption(run: Run, timeS: number, selected: number | null): string {
-  const { explored } = sharesAt(run, timeS);
-  const whom = selected === null ? [] : [`agent ${selected}`];
-  return [run.title, ...whom, clockTime(timeS), `${finePercent(explored)} explored`].join("   ");
-}
-
-function mapCaption({ title, terrain }: Run): string {
-  const { size, cellM, freeCells, walls } = terrain;
-  const free = `${((100 * freeCells) / walls.length).toFixed(1)} % free`;
-  return [title.replace(/\.m3dm$/i, ""), `${size.join(" x ")} cells of ${cellM} m`, free].join("   ");
 }

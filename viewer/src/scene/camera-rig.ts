@@ -1,5 +1,5 @@
 /**
- * The camera and its controls: flights to the selection, and mouse, wheel and touch input.
+ * The camera and its controls: flights to the selection, and input of mouse, wheel, touch and keys.
  *
  * Dragging orbits, with Shift or the middle button it pans; the wheel zooms; two fingers do both.
  * Input is ignored during a flight. A drag is no click: the canvas sends no `click` event after it.
@@ -21,6 +21,9 @@ import {
 const FLIGHT_MS = 500;
 /** A pointer that has moved less than this, in CSS pixels, has clicked. */
 const CLICK_PX = 4;
+
+/** A change of the pose, within limits of the distance. */
+export type CameraMove = (orbit: Orbit, limits: readonly [number, number]) => Orbit;
 
 interface Flight {
   readonly from: Orbit;
@@ -49,7 +52,7 @@ export class CameraRig {
     const { signal } = this.#abort;
     canvas.style.touchAction = "none";
     canvas.addEventListener("pointerdown", (event) => this.#down(event), { signal });
-    canvas.addEventListener("pointermove", (event) => this.#move(event), { signal });
+    canvas.addEventListener("pointermove", (event) => this.#drag(event), { signal });
     for (const name of ["pointerup", "pointercancel"] as const) {
       canvas.addEventListener(name, (event) => this.#pointers.delete(event.pointerId), { signal });
     }
@@ -81,6 +84,11 @@ export class CameraRig {
   setOrbit(orbit: Orbit): void {
     this.#flight = null;
     this.#change(zoomed(orbit, 1, this.#limits));
+  }
+
+  /** Moves the camera at once. */
+  move(change: CameraMove): void {
+    if (this.#flight === null) this.#change(change(this.#orbit, this.#limits));
   }
 
   /** Limits of the distance, and the radius of the map around its middle; metres. */
@@ -159,7 +167,7 @@ export class CameraRig {
     if (event.button === 1) event.preventDefault();
   }
 
-  #move(event: PointerEvent): void {
+  #drag(event: PointerEvent): void {
     const before = this.#pointers.get(event.pointerId);
     if (before === undefined) return;
     const others = [...this.#pointers]
@@ -187,9 +195,8 @@ export class CameraRig {
 
   #wheel(event: WheelEvent): void {
     event.preventDefault();
-    if (this.#flight !== null) return;
     const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? event.deltaY * 16 : event.deltaY;
     const factor = Math.exp(Math.min(Math.max(lines, -240), 240) * 0.0015);
-    this.#change(zoomed(this.#orbit, factor, this.#limits));
+    this.move((orbit, limits) => zoomed(orbit, factor, limits));
   }
 }

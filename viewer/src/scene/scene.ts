@@ -10,7 +10,7 @@ import { Scene as Graph, Vector2, Vector3, WebGLRenderer } from "three";
 import { TICK_S, type Belief, type Hits, type Run, type RunUpdate, type Vec3 } from "../data/run.ts";
 import { Background } from "./background.ts";
 import { Cave } from "./cave.ts";
-import { CameraRig } from "./camera-rig.ts";
+import { CameraRig, type CameraMove } from "./camera-rig.ts";
 import { makeSharedUniforms, type SharedUniforms } from "./glsl.ts";
 import { openGraphics } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
@@ -206,6 +206,11 @@ export class Scene {
   /** Moves the camera around the middle of the map or the selected agent, at once. */
   setOrbit(orbit: Orbit): void {
     this.#cameraRig.setOrbit(orbit);
+  }
+
+  /** Moves the camera, unless it is in flight. */
+  moveCamera(change: CameraMove): void {
+    this.#cameraRig.move(change);
   }
 
   /** Size of a CSS pixel at the centre of the orbit, metres. */

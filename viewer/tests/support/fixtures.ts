@@ -31,6 +31,19 @@ export class Servers {
     return (await server.prints("stdout", /^(http:\S+)$/m))[1]!;
   }
 
+  /** Serves a folder by a static web server, which knows nothing of runs; returns its address. */
+  async folder(path: string): Promise<string> {
+    const server = this.#program("python3", ["-u", "-m", "http.server", "0", "--bind", "127.0.0.1"], path);
+    return (await server.prints("stdout", /\((http:\S+)\)/))[1]!;
+  }
+
+  /** Writes a folder with the page and recordings; returns the lines that `maes view` prints. */
+  async export(folder: string, file: string, beside?: string): Promise<string[]> {
+    const second = beside === undefined ? [] : ["--beside", beside];
+    const flags = ["view", file, ...second, "--export", folder, "--page", PAGE];
+    return (await outputOf(binary("maes"), flags, this.#env)).trimEnd().split("\n");
+  }
+
   /** Starts a run that can be observed; returns the server and the address of the page. */
   async run(flags: readonly string[], address = "127.0.0.1:0"): Promise<{ server: Program; url: string }> {
     const server = this.#start("sim_server", ["run", ...flags, "--view", address, "--page", PAGE]);
@@ -73,7 +86,11 @@ export class Servers {
   }
 
   #start(name: "sim_server" | "agent_node", args: readonly string[]): Program {
-    const program = new Program(binary(name), args, this.#env);
+    return this.#program(binary(name), args);
+  }
+
+  #program(path: string, args: readonly string[], folder?: string): Program {
+    const program = new Program(path, args, this.#env, folder);
     this.#programs.push(program);
     return program;
   }

@@ -24,7 +24,7 @@ export function addressWith(url: string, query: Readonly<Record<string, string>>
   return new URL(`/?${new URLSearchParams({ token: TOKEN, ...query }).toString()}`, url).href;
 }
 
-export function binary(name: "sim_server" | "agent_node"): string {
+export function binary(name: "maes" | "sim_server" | "agent_node"): string {
   return join(BIN_DIR, name);
 }
 

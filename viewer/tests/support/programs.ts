@@ -14,10 +14,12 @@ export class Program {
   #code: number | null = null;
   #listeners = new Set<() => void>();
 
-  constructor(path: string, args: readonly string[], env: NodeJS.ProcessEnv) {
+  /** `folder`: its working directory; otherwise that of the tests. */
+  constructor(path: string, args: readonly string[], env: NodeJS.ProcessEnv, folder?: string) {
     this.name = [path, ...args].join(" ");
     this.#child = spawn("setpriv", ["--pdeathsig", "KILL", path, ...args], {
       env,
+      cwd: folder,
       stdio: ["ignore", "pipe", "pipe"],
     });
     this.#child.stdout!.setEncoding("utf8").on("data", (text: string) => {
