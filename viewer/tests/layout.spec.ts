@@ -56,3 +56,19 @@ for (const [width, height] of [
     expect(lower.y + lower.height).toBeLessThanOrEqual(stage.y + stage.height);
   });
 }
+
+test("two recordings on a phone leave room for their images", async ({ page, servers }) => {
+  await page.setViewportSize({ width: 390, height: 844 });
+  await page.goto(await servers.view(recording("cave"), recording("radio")));
+  for (const testid of ["side-1", "side-2"]) {
+    const side = page.frameLocator(`[data-testid=${testid}]`);
+    await expect(side.getByTestId("legend")).toBeVisible();
+    const [stage, legend] = [
+      (await side.getByTestId("stage").boundingBox())!,
+      (await side.getByTestId("legend").boundingBox())!,
+    ];
+    const toolbar = (await side.getByRole("navigation").boundingBox())!;
+    expect(stage.height).toBeGreaterThan(250);
+    expect(legend.y - (toolbar.y + toolbar.height)).toBeGreaterThan(100);
+  }
+});
