@@ -57,8 +57,14 @@ for controller in rbw lvd dsvp; do
 done
 
 if [[ -n $api ]]; then
-    cargo doc --release --workspace --no-deps --locked --quiet
+    # Libraries alone: the program `experiments` has the name of one, and their pages would mix, as
+    # those of an earlier call would.
+    rm -rf "${CARGO_TARGET_DIR:-target}/doc"
+    cargo doc --release --workspace --exclude maes_python --lib --no-deps --locked --quiet
+    rm -rf "$out/api"
     cp -r "${CARGO_TARGET_DIR:-target}/doc" "$out/api"
+    echo '<!DOCTYPE html><title>API</title><meta http-equiv="refresh" content="0; url=../docs/api.html">' \
+        >"$out/api/index.html"
     python=$(tests/python_env.sh documentation)
     cargo build --release --package maes_python --features unified --locked --quiet
     cp -r python/maes "$stage/maes"

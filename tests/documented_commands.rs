@@ -38,8 +38,8 @@ use crate::tidy::{CRATES, files, read};
 /// Programs that build or install; what they do has tests of its own.
 const NOT_EXECUTED: [&str; 2] = ["cargo", "pip"];
 
-/// Why a block is checked only: a word of its language, what it needs, and the files that test or do
-/// the same.
+/// Why a block is checked only: a word of its language, what it needs, and the files that test
+/// it or do the same.
 const WHY: [(&str, &str, &[&str]); 12] = [
     ("build", "compiles for minutes", &["tests/installation.rs", "launch_scripts/release.sh", ".ci/run"]),
     ("cluster", "a workload manager", &["tests/clusters.rs"]),

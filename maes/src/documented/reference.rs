@@ -32,7 +32,8 @@ fn write_command(page: &mut String, command: &mut Command, written: &mut BTreeMa
     let usage = command.render_usage().to_string();
     let usage = usage.trim_start_matches("Usage: ").lines().map(str::trim).collect::<Vec<_>>().join(" ");
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
-    write!(page, "\n## {name}\n\n{about}.\n\nUsage: `{usage}`\n").expect("a text takes everything");
+    write!(page, "\n## {name}\n\n{}\n\nUsage: `{usage}`\n", wrapped(&format!("{about}.")))
+        .expect("a text takes everything");
     for heading in headings(command) {
         let arguments = shown(command).filter(|arg| heading_of(arg) == heading);
         let rows: String = arguments.map(row).collect();
@@ -50,6 +51,20 @@ fn write_command(page: &mut String, command: &mut Command, written: &mut BTreeMa
             write_command(page, below, written);
         }
     }
+}
+
+/// A paragraph in lines of at most 100 columns.
+fn wrapped(text: &str) -> String {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let line = lines.last_mut().expect("it begins with a line");
+        match (line.is_empty(), line.chars().count() + 1 + word.chars().count() <= 100) {
+            (true, _) => line.push_str(word),
+            (false, true) => *line += &format!(" {word}"),
+            (false, false) => lines.push(word.to_owned()),
+        }
+    }
+    lines.join("\n")
 }
 
 /// The arguments of a command, without those that every command has.
