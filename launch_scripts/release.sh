@@ -81,6 +81,7 @@ cp -r msgs/src/standard -t "$share/msgs/src"
 cp -r viewer/dist -t "$share/viewer"
 find viewer/pictures -name '*.mjs' ! -name '*.test.mjs' -exec cp -t "$share/viewer/pictures" {} +
 cp -r README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md SECURITY.md CITATION.cff LICENSE-MIT LICENSE-APACHE docs -t "$tree/share/doc/maes"
+install -D -m 644 contrib/rustdds/README.md -t "$tree/share/doc/maes/contrib/rustdds"
 python3 launch_scripts/third_party.py "$tree/share/doc/maes/THIRD-PARTY-LICENCES.txt"
 launch_scripts/sbom.sh "$out" >/dev/null
 find "$tree" \( -name __pycache__ -o -name target -o -name node_modules \) -prune -exec rm -rf {} +
