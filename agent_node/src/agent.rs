@@ -119,7 +119,7 @@ impl Agent {
         &self.sharing
     }
 
-    /// Why its controller cannot go on, after a call of [`Agent::take`] whose reply is void.
+    /// Why its controller cannot continue, after a call of [`Agent::take`] whose reply is void.
     pub fn failure(&mut self) -> Option<Failure> {
         self.controller.failure()
     }

@@ -65,7 +65,7 @@ pub trait Controller: Send {
     }
 }
 
-/// Why a controller cannot go on.
+/// Why a controller cannot continue.
 pub type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Takes the settings of a controller and builds it for one agent, with the random stream of that

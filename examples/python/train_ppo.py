@@ -58,7 +58,7 @@ def rows(shown):
 
 
 def goals(choices, shown):
-    """The actions: the chosen frontiers for the agents at rest; the others go on."""
+    """The actions: the chosen frontiers for the agents at rest; the others continue."""
     is_active = shown["own"][..., 9] > 0
     chosen = EVERY * np.reshape(choices, is_active.shape)
     return np.where(is_active, NEAREST, chosen)[..., None].astype(np.float32)

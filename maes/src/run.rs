@@ -87,7 +87,7 @@ pub(crate) struct RunArgs {
         help_heading = "Agents"
     )]
     order: Option<OrderName>,
-    /// Let each agent wait up to so long, at random, before each reply
+    /// Longest random delay of an agent before each reply
     #[arg(long, value_name = "MS", help_heading = "Agents")]
     chaos_delay_ms: Option<u64>,
     /// Run the agents on the hosts of this file; the server stays here (docs/hosts.md)

@@ -98,7 +98,7 @@ def batch(
 ) -> Batch:
     """Execute the runs of a plan that the folder `out` does not have yet.
 
-    `controllers` are classes that the plan names beside the built-in ones. `jobs` runs go on at a
+    `controllers` are classes that the plan names beside the built-in ones. `jobs` runs are executed at a
     time, one for each core by default; Python controllers share the GIL, so that an `executor` of
     processes is faster for them. With an executor of `concurrent.futures` each run is a task of
     its own, which is submitted up to `attempts` times if its worker dies; workers read the plan

@@ -146,7 +146,7 @@ def fork(
     record: str | os.PathLike[str] | None = None,
     **keys: Any,
 ) -> Result:
-    """Take a recorded run up to `at_s` of sim time, and go on with other keys (docs/what-if.md)."""
+    """Take a recorded run up to `at_s` of sim time, and continue with other keys (docs/what-if.md)."""
     known = registered(controllers)
     file = None if record is None else os.fspath(record)
     native = _maes.fork(

@@ -4,7 +4,7 @@
 //! The threads of that library wait in a system call that SIGCONT interrupts, whatever handles the
 //! signal, and they end at that: the process would receive nothing from then on, or never finish
 //! joining. So it exits with an error message. With the fixes of `contrib/rustdds` (patch 0002)
-//! they go on, and nothing is done here.
+//! they continue, and nothing is done here.
 
 use std::io;
 use std::process;

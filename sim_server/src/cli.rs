@@ -104,7 +104,7 @@ pub struct RunArgs {
 /// The fork of a recorded run.
 #[derive(Debug, Args, Default)]
 pub struct ForkArgs {
-    /// Take the run of this recording up to --at, and go on from there with the keys that are given
+    /// Take the run of this recording up to --at, and continue there with the keys that are given
     /// (docs/what-if.md)
     #[arg(long, value_name = "FILE.mcap", requires = "at", conflicts_with_all = ["scenario", "resume"])]
     pub fork: Option<PathBuf>,

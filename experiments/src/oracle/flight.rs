@@ -445,7 +445,7 @@ impl<'a> Flight<'a> {
     }
 }
 
-/// The body ends its task; its LiDAR goes on as it was.
+/// The body ends its task; its LiDAR continues as it was.
 fn still() -> Action {
     Action { motion: Motion::Stop, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() }
 }

@@ -106,7 +106,7 @@ impl<'a> Engine<'a> {
         self.triggers.len()
     }
 
-    /// Casts the scans that are due, or has helpers cast them while the run goes on.
+    /// Casts the scans that are due, or has helpers cast them while the run continues.
     pub(super) fn look(&mut self) {
         self.world.look(&self.workers);
     }

@@ -1,7 +1,7 @@
 //! The sensors of the agents, and the scans that are due and not cast yet.
 //!
 //! What a scan sees follows from the pose it is cast from and from the earlier scans of the same
-//! sensor, so a helper may cast it later, while the loop goes on to other agents and ticks. The
+//! sensor, so a helper may cast it later, while the loop continues with other agents and ticks. The
 //! results are collected where something depends on them: those of an agent in its observation,
 //! those of all agents in the coverage ([`World::settle`]).
 //!

@@ -271,7 +271,7 @@ describe("another run", () => {
 });
 
 describe("a lost connection", () => {
-  it("asks for the new address if the token is refused, and goes on trying", async () => {
+  it("asks for the new address if the token is refused, and tries again", async () => {
     const live = connect();
     socket().introduce("a1");
     wantsToken = true;
