@@ -122,7 +122,7 @@ fn recordings_of_every_controller_verify() {
         let ended = verify(&site, "run.mcap", &["--controllers"]).with_code(0);
         let commands =
             site.recording("run.mcap").messages.iter().filter(|message| message.topic.ends_with("/command")).count();
-        let words = format!("{commands} commands of 2 agents are those that their controllers decide");
+        let words = format!("{commands} commands of 2 agents are those that the controllers decide");
         assert!(ended.stdout.contains(&words), "{name}: {words}\n{ended}");
         assert_eq!(ended.digest(), run.digest());
     }

@@ -178,7 +178,8 @@ fn check_agent(
 #[must_use]
 pub fn text(checked: &Checked) -> String {
     let Checked { commands, agents, unchecked } = checked;
-    let mut text = format!("{commands} commands of {} agents are those that their controllers decide", agents.len());
+    let agents = if agents.len() == 1 { "1 agent".to_owned() } else { format!("{} agents", agents.len()) };
+    let mut text = format!("{commands} commands of {agents} are those that the controllers decide");
     for (agent, reason) in unchecked {
         text += &format!("\nnot checked: agent {agent}: {}", printable::line(reason));
     }
