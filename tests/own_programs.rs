@@ -116,7 +116,8 @@ fn own_controller_runs_alone_and_beside_a_built_in_one() {
     let recording = site.file("mixed.mcap", &mixed.bytes);
     assert_eq!(controllers(&recording, 2), ["rbw", "zigzag"]);
     let ended = verified(&site, &recording, &[]).with_code(0);
-    assert!(ended.stdout.contains(" of 1 agent are those that the controllers decide\nnot checked: agent 1: agents.command"), "{ended}");
+    let words = " of 1 agent are those that the controllers decide\nnot checked: agent 1: agents.command";
+    assert!(ended.stdout.contains(words), "{ended}");
 }
 
 #[test]
