@@ -12,27 +12,11 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 release=$(realpath "${1:-$root/out/release}")
 suite=${2:-bookworm}
 expected=$(sed -n 's/^digest: //p' "$root/README.md")
-fail() {
-    printf 'error: %s\n' "$1" >&2
-    exit 1
-}
-((EUID == 0)) || fail "a chroot needs root"
-command -v debootstrap >/dev/null || fail "debootstrap is missing: apt install debootstrap"
+# shellcheck source=launch_scripts/bare_debian.sh
+. "$root/launch_scripts/bare_debian.sh"
 [[ -d $root/viewer/node_modules ]] || npm --prefix "$root/viewer" ci --no-audit --no-fund --loglevel=error >&2
 
-system=$(mktemp -d)
-cleanup() {
-    # Before anything is removed: these folders are those of this system.
-    for mounted in proc dev; do
-        if mountpoint --quiet "$system/$mounted"; then umount "$system/$mounted"; fi
-    done
-    rm -rf --one-file-system "$system"
-}
-trap cleanup EXIT
-debootstrap --variant=minbase "$suite" "$system" >"$release/debootstrap.log" 2>&1 ||
-    fail "debootstrap: see $release/debootstrap.log"
-mount -t proc proc "$system/proc"
-mount --bind /dev "$system/dev"
+bare_debian "$suite"
 for program in cargo node python3; do
     if chroot "$system" sh -c "command -v $program" >/dev/null; then fail "$program is in the bare system"; fi
 done

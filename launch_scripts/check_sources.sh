@@ -11,27 +11,12 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 suite=${1:-bookworm}
 expected=$(sed -n 's/^digest: //p' "$root/README.md")
-fail() {
-    printf 'error: %s\n' "$1" >&2
-    exit 1
-}
-((EUID == 0)) || fail "a chroot needs root"
-command -v debootstrap >/dev/null || fail "debootstrap is missing: apt install debootstrap"
+# shellcheck source=launch_scripts/bare_debian.sh
+. "$root/launch_scripts/bare_debian.sh"
 toolchain=$(cd "$root" && rustc --print sysroot)
 cargo_home=${CARGO_HOME:-$HOME/.cargo}
 
-system=$(mktemp -d)
-cleanup() {
-    # Before anything is removed: these folders are those of this system.
-    for mounted in opt/rust opt/cargo proc dev; do
-        if mountpoint --quiet "$system/$mounted"; then umount "$system/$mounted"; fi
-    done
-    rm -rf --one-file-system "$system"
-}
-trap cleanup EXIT
-debootstrap --variant=minbase --include=ca-certificates,git "$suite" "$system" >/dev/null || fail "debootstrap"
-mount -t proc proc "$system/proc"
-mount --bind /dev "$system/dev"
+bare_debian "$suite" --include=ca-certificates,git
 mkdir -p "$system/opt/rust" "$system/opt/cargo"
 cp /etc/resolv.conf "$system/etc/"
 git clone --quiet "$root" "$system/maes"
