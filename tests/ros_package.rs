@@ -40,7 +40,7 @@ fn colcon_builds_both_packages() {
     let mut build = site.command("bash");
     build.args(python::in_ros()).args(["sh", "-c", COLCON, "sh"]).arg(colcon).arg(site.path("colcon"));
     let printed = site.start(build.arg(binaries::folder()).current_dir(root())).ended().with_code(0).stdout;
-    assert!(printed.contains("Observation"), "{printed}");
+    assert!(printed.contains("2 packages finished") && printed.trim_end().ends_with("\nObservation"), "{printed}");
 }
 
 #[test]
