@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
-use experiments::faults::{self, Options, Summary};
+use experiments::faults::{self, FaultsError, Options, Summary};
 use experiments::simulated::{self, SeedReport};
 use sim_server::cli::KeyArgs;
 use sim_server::{exit, setup};
@@ -106,6 +106,11 @@ struct GarbageArgs {
     /// Number of messages
     #[arg(long)]
     messages: u32,
+}
+
+/// Whether an error is a failure of the system, and not bad input.
+pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref::<FaultsError>(), Some(FaultsError::Write { .. }))
 }
 
 /// Disturbs runs.

@@ -193,6 +193,10 @@ fn exit_code(error: &anyhow::Error) -> ExitCode {
     if let Some(error) = error.downcast_ref::<SupervisorError>() {
         return ExitCode::from(error.exit_code());
     }
+    #[cfg(feature = "ros")]
+    if faults::is_failure(error) {
+        return ExitCode::from(exit::FAILED);
+    }
     if error.downcast_ref::<MapCliError>().is_some_and(MapCliError::is_failure) {
         return ExitCode::from(exit::FAILED);
     }

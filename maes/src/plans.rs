@@ -229,19 +229,7 @@ pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
         || matches!(error.downcast_ref::<BenchmarkError>(), Some(BenchmarkError::Store(_)))
         || matches!(error.downcast_ref::<EmitError>(), Some(EmitError::Store(_)))
         || error.downcast_ref::<StoreError>().is_some()
-        || is_failure_of_faults(error)
         || matches!(error.downcast_ref::<ReportError>(), Some(ReportError::Png { .. } | ReportError::Write { .. }))
-}
-
-#[cfg(feature = "ros")]
-fn is_failure_of_faults(error: &anyhow::Error) -> bool {
-    use experiments::faults::FaultsError;
-    matches!(error.downcast_ref::<FaultsError>(), Some(FaultsError::Write { .. }))
-}
-
-#[cfg(not(feature = "ros"))]
-fn is_failure_of_faults(_error: &anyhow::Error) -> bool {
-    false
 }
 
 /// Executes what is left of a plan.

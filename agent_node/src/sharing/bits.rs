@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         next >> (self.at % 8)
     }
 
-    /// Goes on by this many bits.
+    /// Advances by this many bits.
     pub(super) fn skip(&mut self, bits: u32) {
         self.at += bits as usize;
     }

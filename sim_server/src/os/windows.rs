@@ -40,7 +40,7 @@ pub fn inherited_permissions(replaced: &Metadata) -> Permissions {
     replaced.permissions()
 }
 
-/// Whether a file belongs to the user of this process: nobody else can write it otherwise.
+/// Whether a file belongs to the user of this process: other users cannot write it otherwise.
 #[must_use]
 pub fn is_own(_file: &Metadata) -> bool {
     true

@@ -77,7 +77,7 @@ impl Destination {
         }
         fs::rename(&self.temporary, &self.file)?;
         self.is_published = true;
-        // On some systems nobody can read a locked file. Where there are no locks it has none.
+        // On some systems a locked file cannot be read. Where there are no locks it has none.
         let _ = self.locked.unlock();
         os::sync_folder(folder_of(&self.file))
     }
