@@ -148,6 +148,12 @@ pub const REGISTRY: &[Registration] = &[
         construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_time(settings, rng)?)),
     },
     Registration {
+        name: "dsvp-team",
+        description: "viewpoint planner with tours for the whole team over all that is left to see",
+        stream: "dsvp",
+        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_team(settings, rng)?)),
+    },
+    Registration {
         name: "nearest-frontier",
         description: "greedy exploration: by the shortest path to the nearest frontier of its map",
         stream: "nearest-frontier",

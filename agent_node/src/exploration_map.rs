@@ -191,6 +191,26 @@ impl ExplorationMap {
         state_of(self.cells[index])
     }
 
+    /// Calls `visit` with the states of a cell and of the 26 around it; those outside the map are
+    /// walls.
+    #[inline]
+    pub(crate) fn for_states_around(&self, cell: Cell, mut visit: impl FnMut(CellState)) {
+        let extent = self.extent();
+        let one = Cell::new(1, 1, 1);
+        match extent.index(cell - one).filter(|_| extent.contains(cell + one)) {
+            Some(corner) => {
+                let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
+                for row in (0..9).map(|row| corner + (row / 3 * size_y + row % 3) * size_x) {
+                    self.cells.as_slice()[row..row + 3].iter().for_each(|&packed| visit(state_of(packed)));
+                }
+            }
+            None => {
+                visit(self.state(cell));
+                cell.neighbours26().into_iter().for_each(|beside| visit(self.state(beside)));
+            }
+        }
+    }
+
     /// Number of known free cells, covered ones included.
     #[must_use]
     pub fn free(&self) -> usize {

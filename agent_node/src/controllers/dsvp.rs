@@ -27,6 +27,7 @@ mod obstacles;
 mod params;
 mod pursuit;
 mod relocation;
+mod team;
 #[cfg(test)]
 mod tests;
 mod tours;
@@ -59,6 +60,7 @@ use goal::Goal;
 use obstacles::Obstacles;
 pub use params::Params;
 use pursuit::LastKnownPositions;
+use team::TeamParams;
 pub use tours::TASKS_MESSAGE;
 use tours::{Tours, ToursParams};
 use tree::{Tree, vector};
@@ -171,6 +173,17 @@ impl Dsvp {
         Ok(Self::with(params, Scheme::Auction(AuctionParams::from_settings(settings)?), rng))
     }
 
+    /// The planner with tours for the whole team. Settings: those of [`Dsvp::with_auction`], and
+    /// `tasks`, `expected_min`, `exponent`, `urgency`, `leg_s`, `memory_s` (see
+    /// docs/controllers.md).
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    pub fn with_team(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        let params = Params::from_settings(settings, Params { gain_min: 5, ..Params::default() })?;
+        Ok(Self::with(params, Scheme::Team(TeamParams::from_settings(settings)?), rng))
+    }
+
     fn with(params: Params, scheme: Scheme, rng: ChaCha8Rng) -> Self {
         Self {
             params,
@@ -196,16 +209,13 @@ impl Dsvp {
         let extent = run_info.extent;
         let Params { gain_range_m, gain_rays, gain_depth, beside_wall, .. } = self.params;
         let scheme = self.scheme;
+        let range_m = gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m());
+        let range_cells = range_m / extent.cell_m();
         let model = self.model.get_or_insert_with(|| WorldModel {
             graph: AbstractGraph::new(extent, ctx.body().radius_m),
             paths: ShortestPaths::default(),
-            gain_estimator: GainEstimator::new(
-                gain_rays,
-                gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m()) / extent.cell_m(),
-                gain_depth,
-                Likelihood::new(beside_wall),
-            ),
-            coordination: scheme.begin(ctx),
+            gain_estimator: GainEstimator::new(gain_rays, range_cells, gain_depth, Likelihood::new(beside_wall)),
+            coordination: scheme.begin(ctx, range_cells),
         });
         model.coordination.receive(observation, run_info.agents);
         self.last_known.record(&observation.contacts, extent, observation.tick);
@@ -291,7 +301,11 @@ impl Dsvp {
             coordination.share_out(graph, ctx.cell(), observation);
         }
         let obstacles = obstacles_near(observation, ctx);
-        let plan = match self.explore(observation, ctx, &obstacles) {
+        let first = match self.scheme {
+            Scheme::Team(_) => self.tour(observation, ctx, &obstacles),
+            _ => self.explore(observation, ctx, &obstacles),
+        };
+        let plan = match first {
             Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
                 Plan::Nothing => self.pursue(observation, ctx, &obstacles),
                 plan => plan,
@@ -339,7 +353,7 @@ impl Dsvp {
     fn message_trigger(&self) -> Trigger {
         match self.scheme {
             Scheme::Tours(_) => Trigger::on(Events::CONTACTS | Events::PARCEL),
-            Scheme::Alone | Scheme::Auction(_) | Scheme::Voronoi(..) => Trigger::on(0),
+            Scheme::Alone | Scheme::Auction(_) | Scheme::Voronoi(..) | Scheme::Team(_) => Trigger::on(0),
         }
     }
 

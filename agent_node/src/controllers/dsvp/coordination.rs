@@ -1,13 +1,14 @@
 //! How the planners of a team keep out of each other's way: not at all, by an auction of goals,
-//! by an auction and tours over shared-out tasks, or by Voronoi regions.
+//! by an auction and tours over shared-out tasks, by Voronoi regions, or by tours planned for all.
 //!
 //! The planner asks here what a goal is worth beside those of others; the answers are in
-//! [`crate::controllers::auction`], [`super::tours`] and [`super::voronoi`].
+//! [`crate::controllers::auction`], [`super::tours`], [`super::voronoi`] and [`super::team`].
 
 use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
 use voxels::Cell;
 
+use super::team::{Team, TeamParams};
 use super::tours::{Tours, ToursParams};
 use super::voronoi::Territories;
 use crate::abstract_graph::{AbstractGraph, RegionId};
@@ -25,6 +26,8 @@ pub(super) enum Scheme {
     Tours(ToursParams),
     /// Voronoi regions; agents within so many metres of each other are a clump.
     Voronoi(AuctionParams, f64),
+    /// Tours planned for the whole team.
+    Team(TeamParams),
 }
 
 impl Scheme {
@@ -32,11 +35,14 @@ impl Scheme {
     pub(super) fn trigger(self) -> Trigger {
         match self {
             Self::Alone => Trigger::on(0),
-            Self::Auction(_) | Self::Tours(_) | Self::Voronoi(..) => Trigger::on(Events::CONTACTS | Events::PARCEL),
+            Self::Auction(_) | Self::Tours(_) | Self::Voronoi(..) | Self::Team(_) => {
+                Trigger::on(Events::CONTACTS | Events::PARCEL)
+            }
         }
     }
 
-    pub(super) fn begin(self, ctx: &Ctx<'_>) -> Coordination {
+    /// The state at the start; rays of viewpoints are at most `range_cells` long.
+    pub(super) fn begin(self, ctx: &Ctx<'_>, range_cells: f64) -> Coordination {
         let run_info = ctx.run_info();
         match self {
             Self::Alone => Coordination::Alone,
@@ -46,6 +52,10 @@ impl Scheme {
             Self::Voronoi(params, clump_m) => Coordination::Voronoi(
                 Auction::new(params, &run_info.bodies, ctx.agent(), run_info.extent),
                 Box::new(Territories::new(ctx.agent(), run_info.extent, clump_m)),
+            ),
+            Self::Team(params) => Coordination::Team(
+                Auction::new(params.auction, &run_info.bodies, ctx.agent(), run_info.extent),
+                Box::new(Team::new(params, run_info.extent, range_cells)),
             ),
             Self::Tours(params) => Coordination::Tours(
                 Auction::new(params.auction, &run_info.bodies, ctx.agent(), run_info.extent),
@@ -62,6 +72,7 @@ pub(super) enum Coordination {
     Auction(Auction),
     Tours(Auction, Box<Tours>),
     Voronoi(Auction, Box<Territories>),
+    Team(Auction, Box<Team>),
 }
 
 impl Coordination {
@@ -69,7 +80,7 @@ impl Coordination {
     pub(super) fn receive(&mut self, observation: &Observation, agents: u32) {
         match self {
             Self::Alone => {}
-            Self::Auction(auction) | Self::Voronoi(auction, _) => {
+            Self::Auction(auction) | Self::Voronoi(auction, _) | Self::Team(auction, _) => {
                 auction.receive(&observation.messages, observation.tick, agents)
             }
             Self::Tours(auction, tours) => {
@@ -91,7 +102,7 @@ impl Coordination {
     pub(super) fn is_lost(&self, now: Tick) -> bool {
         match self {
             Self::Alone => false,
-            Self::Auction(auction) => auction.is_outbid(now),
+            Self::Auction(auction) | Self::Team(auction, _) => auction.is_outbid(now),
             Self::Voronoi(..) => false,
             Self::Tours(_, tours) if tours.explores_own() => tours.is_lost(now),
             Self::Tours(auction, _) => auction.is_outbid(now),
@@ -102,7 +113,9 @@ impl Coordination {
     pub(super) fn claim(&mut self, graph: &AbstractGraph, cell: Cell, path_m: f64, now: Tick) {
         match self {
             Self::Alone => {}
-            Self::Auction(auction) | Self::Voronoi(auction, _) => auction.claim(cell, path_m, now),
+            Self::Auction(auction) | Self::Voronoi(auction, _) | Self::Team(auction, _) => {
+                auction.claim(cell, path_m, now);
+            }
             Self::Tours(auction, tours) => {
                 auction.claim(cell, path_m, now);
                 tours.claim(graph, cell);
@@ -114,7 +127,7 @@ impl Coordination {
     pub(super) fn withdraw(&mut self) {
         match self {
             Self::Alone => {}
-            Self::Auction(auction) | Self::Voronoi(auction, _) => auction.withdraw(),
+            Self::Auction(auction) | Self::Voronoi(auction, _) | Self::Team(auction, _) => auction.withdraw(),
             Self::Tours(auction, tours) => {
                 auction.withdraw();
                 tours.withdraw();
@@ -125,7 +138,7 @@ impl Coordination {
     /// Whether the exploration stage sees the frontiers of a region.
     pub(super) fn is_open(&self, graph: &AbstractGraph, centre: Cell) -> bool {
         match self {
-            Self::Alone | Self::Auction(_) => true,
+            Self::Alone | Self::Auction(_) | Self::Team(..) => true,
             Self::Voronoi(_, territories) => territories.is_own(graph, centre),
             Self::Tours(_, tours) => !tours.explores_own() || tours.is_own(graph, centre),
         }
@@ -137,7 +150,9 @@ impl Coordination {
             Self::Alone => 1.0,
             Self::Voronoi(_, territories) => f64::from(u8::from(territories.is_own(graph, cell))),
             Self::Tours(_, tours) if tours.explores_own() => f64::from(u8::from(tours.is_own(graph, cell))),
-            Self::Auction(auction) | Self::Tours(auction, _) => auction.utility_factor(cell, path_m, now),
+            Self::Auction(auction) | Self::Tours(auction, _) | Self::Team(auction, _) => {
+                auction.utility_factor(cell, path_m, now)
+            }
         }
     }
 
@@ -145,7 +160,9 @@ impl Coordination {
     pub(super) fn penalty_m(&self, (region, cell): (RegionId, Cell), path_m: f64, observation: &Observation) -> f64 {
         match self {
             Self::Alone => 0.0,
-            Self::Auction(auction) => auction.penalty_m(cell, path_m, &observation.contacts, observation.tick),
+            Self::Auction(auction) | Self::Team(auction, _) => {
+                auction.penalty_m(cell, path_m, &observation.contacts, observation.tick)
+            }
             Self::Voronoi(auction, territories) => {
                 if territories.owns(region) {
                     0.0
@@ -163,7 +180,7 @@ impl Coordination {
     /// Adds the claims for the agents in contact to a command, if there is an auction.
     pub(super) fn with_claims(&self, command: Command, observation: &Observation) -> Command {
         match self {
-            Self::Auction(auction) | Self::Tours(auction, _) | Self::Voronoi(auction, _)
+            Self::Auction(auction) | Self::Tours(auction, _) | Self::Voronoi(auction, _) | Self::Team(auction, _)
                 if !observation.contacts.is_empty() =>
             {
                 command.with_message(None, CLAIMS_MESSAGE, auction.encode())

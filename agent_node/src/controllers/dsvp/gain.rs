@@ -11,6 +11,7 @@ use std::ops::ControlFlow;
 use nalgebra::Point3;
 use voxels::{Cell, Extent, lattice, walk};
 
+use super::team::{Expectation, Place};
 use crate::exploration_map::{CellState, ExplorationMap};
 
 /// How much an unexplored cell counts, by the number of known walls beside it: surfaces are smooth,
@@ -43,6 +44,9 @@ impl Likelihood {
         by_walls[cell.neighbours6().into_iter().filter(|&beside| map.state(beside) == CellState::Wall).count()]
     }
 }
+
+/// A ray is not followed once it is less probable than this that its cells are free.
+const CERTAIN_MIN: u32 = 3;
 
 /// Estimates the gain of viewpoints.
 #[derive(Debug, Clone)]
@@ -111,6 +115,43 @@ impl GainEstimator {
 
     /// The unexplored cells visible from the centre of a cell, each by its likelihood to be free.
     pub(in crate::controllers) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
+        let likelihood = self.likelihood;
+        let mut gain = 0;
+        self.for_unexplored(map, viewpoint, |cell, _, is_new| {
+            if is_new {
+                gain += likelihood.of(map, cell);
+            }
+            true
+        });
+        gain / WHOLE
+    }
+
+    /// Appends the unexplored cells that the viewpoint is expected to see, by index, each with the
+    /// probability that it is free and seen, in units of 1 / [`WHOLE`]: that of all unexplored
+    /// cells on the ray up to it.
+    pub(in crate::controllers) fn expected(
+        &mut self,
+        map: &ExplorationMap,
+        viewpoint: Cell,
+        expectation: &Expectation,
+        seen: &mut Vec<(u32, u32)>,
+    ) {
+        let mut certain = WHOLE;
+        self.for_unexplored(map, viewpoint, |cell, before, is_new| {
+            let place = if before == 0 { Place::AtFrontier } else { Place::Beyond };
+            certain = if before == 0 { WHOLE } else { certain };
+            certain = certain * expectation.of(map, cell, place) / WHOLE;
+            if is_new && let Some(index) = map.extent().index(cell) {
+                seen.push((index as u32, certain));
+            }
+            certain >= CERTAIN_MIN
+        });
+    }
+
+    /// Calls `meet` for the unexplored cells that rays meet, nearest first, with the number of such
+    /// cells before it on the ray, and whether no ray has met it before; a ray ends once that
+    /// returns false.
+    fn for_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell, mut meet: impl FnMut(Cell, u32, bool) -> bool) {
         let extent = map.extent();
         self.viewpoint += 1;
         self.rays.fit(extent.size());
@@ -118,17 +159,24 @@ impl GainEstimator {
         let is_inside = extent.contains(viewpoint - corner) && extent.contains(viewpoint + corner);
         match extent.index(viewpoint).filter(|_| is_inside) {
             Some(index) => {
-                self.count(map, viewpoint, |rays, number| map.state_at(index.wrapping_add_signed(rays.offsets[number])))
+                let state = |rays: &Rays, number: usize| map.state_at(index.wrapping_add_signed(rays.offsets[number]));
+                self.along_rays(viewpoint, state, &mut meet);
             }
             // Cells outside the map are walls.
-            None => self.count(map, viewpoint, |rays, number| map.state(viewpoint + rays.cells[number])),
+            None => {
+                self.along_rays(viewpoint, |rays, number| map.state(viewpoint + rays.cells[number]), &mut meet);
+            }
         }
     }
 
-    /// Counts with the states of the cells of the rays, by their numbers.
+    /// The same, with the states of the cells of the rays by their numbers.
     #[inline(always)]
-    fn count(&mut self, map: &ExplorationMap, viewpoint: Cell, state: impl Fn(&Rays, usize) -> CellState) -> u32 {
-        let mut gain = 0;
+    fn along_rays(
+        &mut self,
+        viewpoint: Cell,
+        state: impl Fn(&Rays, usize) -> CellState,
+        meet: &mut impl FnMut(Cell, u32, bool) -> bool,
+    ) {
         let mut start = 0;
         for &end in &self.rays.ends {
             let mut unexplored = 0;
@@ -138,12 +186,10 @@ impl GainEstimator {
                     CellState::Free | CellState::Covered => {}
                     CellState::Unexplored => {
                         let counted = &mut self.counted[self.rays.places[number] as usize];
-                        if *counted != self.viewpoint {
-                            *counted = self.viewpoint;
-                            gain += self.likelihood.of(map, viewpoint + self.rays.cells[number]);
-                        }
+                        let is_new = std::mem::replace(counted, self.viewpoint) != self.viewpoint;
+                        let goes_on = meet(viewpoint + self.rays.cells[number], unexplored, is_new);
                         unexplored += 1;
-                        if unexplored == self.depth {
+                        if unexplored == self.depth || !goes_on {
                             break;
                         }
                     }
@@ -151,7 +197,6 @@ impl GainEstimator {
             }
             start = end as usize;
         }
-        gain / WHOLE
     }
 }
 

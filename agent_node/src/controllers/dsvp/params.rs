@@ -3,6 +3,7 @@
 use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
+use super::team::TeamParams;
 use super::tours::ToursParams;
 use super::tree::{Growth, Legs, Valuation};
 use crate::bodies::BodyModel;
@@ -172,6 +173,21 @@ impl ToursParams {
             remnant_m: settings.number("remnant_m", 50.0, 0.0, 10_000.0)?,
             explores_own: settings.word("explores", &["all", "own"])? == 1,
             follows_tour: settings.word("relocates", &["least-cost", "tour"])? == 1,
+        })
+    }
+}
+
+impl TeamParams {
+    /// Takes the parameters from settings of the same names.
+    pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
+        Ok(Self {
+            auction: AuctionParams::from_settings(settings)?,
+            tasks: settings.integer("tasks", 60, 1, 1000)? as usize,
+            expected_min: settings.number("expected_min", 4.0, 0.0, 10_000.0)?,
+            exponent: settings.number("exponent", 1.5, 0.0, 10.0)?,
+            urgency: settings.number("urgency", 5.0, 0.0, 1000.0)?,
+            leg_s: settings.number("leg_s", 7.0, 0.0, 100.0)?,
+            memory_s: settings.number("memory_s", 60.0, 0.0, 10_000.0)?,
         })
     }
 }

@@ -104,6 +104,6 @@ fn hope(map: &ExplorationMap, frontiers: &[Cell], exponent: f64) -> f64 {
 
 /// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body does
 /// not fit into it.
-fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
+pub(super) fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
     if graph.region_of(frontier) == Some(region) { frontier } else { centre }
 }

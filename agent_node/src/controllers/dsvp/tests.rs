@@ -25,6 +25,10 @@ fn neighbour(settings: &[&str]) -> Dsvp {
     Dsvp::with_voronoi(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
 }
 
+fn planner_of_a_team() -> Dsvp {
+    Dsvp::with_team(&mut Settings::default(), random_streams::stream(1, 0, "test")).unwrap()
+}
+
 fn swift(settings: &[&str]) -> Dsvp {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
     Dsvp::with_time(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
@@ -86,6 +90,7 @@ fn explores_small_worlds_completely() {
             ("dsvp-tours", tourist(&[])),
             ("dsvp-voronoi", neighbour(&[])),
             ("dsvp-swift", swift(&[])),
+            ("dsvp-team", planner_of_a_team()),
             ("dsvp-swift by hope", swift(&["hope=2", "start_m=5", "share_min=0.5", "beside_wall=0.17"])),
             ("dsvp-tours by tours alone", tourist(&["explores=own", "relocates=tour"])),
         ] {

@@ -1,0 +1,239 @@
+//! The tour stage: an agent plans tours for the whole team, as far as it knows it, over viewpoints
+//! that see what is behind all frontiers, and follows its own.
+//!
+//! It takes the place of the exploration stage. At each plan the tasks of the map are found anew
+//! ([`viewpoints`]), weighted by the number of free cells that they are expected to show
+//! ([`expectation`]) and by the probability that no other agent has seen them in the meantime
+//! ([`sightings`]), and divided among this agent, from where it is, and the others, from their
+//! claimed goals ([`division`]). Claims are exchanged as in the auction, which also settles
+//! conflicts. An agent without a task in that division plans for itself alone; one without any
+//! task at all relocates.
+//!
+//! Invariants: it goes only where the graph knows a path; it depends on the map, the graph and the
+//! observations alone.
+
+mod division;
+mod expectation;
+mod sightings;
+mod viewpoints;
+
+use std::collections::BTreeMap;
+
+use msgs::ids::Tick;
+use voxels::{Cell, Extent};
+
+use super::avoidance::motion_to;
+use super::coordination::Coordination;
+use super::gain::GainEstimator;
+use super::goal::Goal;
+use super::obstacles::Obstacles;
+use super::{ATTEMPTS, Dsvp, Plan, WorldModel};
+use crate::abstract_graph::{AbstractGraph, RegionId, ShortestPaths};
+use crate::controllers::Ctx;
+use crate::controllers::auction::AuctionParams;
+use crate::observation::Observation;
+use division::Division;
+pub(super) use expectation::{Expectation, Place};
+use sightings::{Prospect, Sighting, Sightings};
+use viewpoints::{Candidate, Task, Viewpoints};
+
+/// Duration of a leg that is not possible, seconds: more than any tour takes.
+const UNREACHABLE_S: f64 = 1e6;
+
+/// What a task counts at least, expected free cells: so each one is visited in the end.
+const EXPECTED_FLOOR: f64 = 0.05;
+
+/// Added to the time to a task where those worth most for their time are chosen, seconds.
+const NEAR_S: f64 = 10.0;
+
+/// Parameters of the tours of a team.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct TeamParams {
+    /// Those of the claims.
+    pub(super) auction: AuctionParams,
+    /// Most tasks of a division.
+    pub(super) tasks: usize,
+    /// Expected free cells from which on a viewpoint is a task.
+    pub(super) expected_min: f64,
+    /// Exponent of the expected free cells in the weight of a task.
+    pub(super) exponent: f64,
+    /// What the weighted mean of the times of all tasks counts beside the mean duration of tours.
+    pub(super) urgency: f64,
+    /// Time of a leg beside its length over the speed: to turn, start, stop and look; seconds.
+    pub(super) leg_s: f64,
+    /// How long an agent takes part after it should have been at its last known goal, seconds.
+    pub(super) memory_s: f64,
+}
+
+/// What an agent knows about the team and the tasks.
+#[derive(Debug)]
+pub(super) struct Team {
+    params: TeamParams,
+    viewpoints: Viewpoints,
+    sightings: Sightings,
+    search: ShortestPaths,
+}
+
+/// A task with what a division has to know.
+struct Valued {
+    task: Task,
+    own_s: f64,
+    /// By agent of the sightings, seconds from now.
+    arrivals_s: Vec<f64>,
+    weight: f64,
+}
+
+impl Team {
+    /// Nothing is known yet. Rays are at most `range_cells` long.
+    pub(super) fn new(params: TeamParams, extent: Extent, range_cells: f64) -> Self {
+        let viewpoints = Viewpoints::new(extent, range_cells);
+        Self { params, viewpoints, sightings: Sightings::default(), search: ShortestPaths::default() }
+    }
+
+    /// The tasks that are worth most for their time, with the times to them.
+    fn valued(&mut self, tasks: Vec<Task>, own_m: &BTreeMap<RegionId, f64>, world: &World<'_>) -> Vec<Valued> {
+        let TeamParams { leg_s, exponent, .. } = self.params;
+        let mut arrivals_s: Vec<Vec<f64>> = vec![Vec::new(); tasks.len()];
+        for sighting in self.sightings.iter() {
+            let lengths_m = lengths_m(&mut self.search, world, sighting.cell, &tasks);
+            for (arrivals_s, length_m) in arrivals_s.iter_mut().zip(lengths_m) {
+                let travel_s = length_m.map_or(UNREACHABLE_S, |length_m| length_m / sighting.speed_m_s + leg_s);
+                arrivals_s.push(sighting.free_s - seconds(world.now) + travel_s);
+            }
+        }
+        let valued = tasks.into_iter().zip(arrivals_s).map(|(task, arrivals_s)| {
+            let own_s = own_m[&task.region] / world.speed_m_s + leg_s;
+            let prospect = Prospect { expected_cells: task.expected_cells, own_s };
+            let chance =
+                |(sighting, &arrival_s): (&Sighting, &f64)| sighting.chance_seen(prospect, arrival_s, world.now);
+            let seen = self.sightings.iter().zip(&arrivals_s).map(chance).fold(0.0, f64::max);
+            let expected_cells = (task.expected_cells * (1.0 - seen)).max(EXPECTED_FLOOR);
+            Valued { task, own_s, arrivals_s, weight: libm::pow(expected_cells, exponent) }
+        });
+        let mut valued: Vec<Valued> = valued.collect();
+        let worth = |valued: &Valued| {
+            let soonest_s = valued.arrivals_s.iter().copied().fold(valued.own_s, f64::min);
+            valued.weight / (soonest_s.max(0.0) + NEAR_S)
+        };
+        valued.sort_by(|a, b| worth(b).total_cmp(&worth(a)).then(a.task.cell.cmp(&b.task.cell)));
+        valued.truncate(self.params.tasks);
+        valued
+    }
+
+    /// The order in which this agent visits some tasks: its part of the tours of the team, or, if
+    /// that is empty, its own tour over all of them.
+    fn own_tour(&mut self, valued: &[Valued], world: &World<'_>) -> Vec<usize> {
+        let TeamParams { leg_s, urgency, memory_s, .. } = self.params;
+        let tasks: Vec<Task> = valued.iter().map(|valued| valued.task).collect();
+        let row = |task: &Task| -> Vec<f64> {
+            let lengths_m = lengths_m(&mut self.search, world, task.cell, &tasks);
+            let leg =
+                |length_m: Option<f64>| length_m.map_or(UNREACHABLE_S, |length_m| length_m / world.speed_m_s + leg_s);
+            lengths_m.into_iter().map(leg).collect()
+        };
+        let between_s: Vec<Vec<f64>> = tasks.iter().map(row).collect();
+        let whole: f64 = valued.iter().map(|valued| valued.weight).sum();
+        let weights: Vec<f64> = valued.iter().map(|valued| valued.weight / whole).collect();
+        let own: Vec<f64> = valued.iter().map(|valued| valued.own_s).collect();
+        let takes_part = |sighting: &Sighting| seconds(world.now) - sighting.free_s < memory_s;
+        let others = self.sightings.iter().enumerate().filter(|(_, sighting)| takes_part(sighting));
+        let others = others.map(|(other, _)| valued.iter().map(|valued| valued.arrivals_s[other]).collect());
+        let first_s = std::iter::once(own.clone()).chain(others).collect();
+        let division = Division { first_s, between_s: &between_s, weights: &weights, urgency };
+        let tour = division.tours().swap_remove(0);
+        if !tour.is_empty() {
+            return tour;
+        }
+        Division { first_s: vec![own], ..division }.tours().swap_remove(0)
+    }
+}
+
+/// What a plan starts from.
+struct World<'g> {
+    graph: &'g AbstractGraph,
+    cell_m: f64,
+    speed_m_s: f64,
+    now: Tick,
+}
+
+impl Dsvp {
+    /// The tour stage: to the first task of the own tour that can be reached.
+    pub(super) fn tour(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
+        let Some(WorldModel { graph, paths, gain_estimator, coordination, .. }) = &mut self.model else {
+            return Plan::Nothing;
+        };
+        let Coordination::Team(auction, team) = coordination else { return Plan::Nothing };
+        let (map, here, now) = (ctx.map(), ctx.cell(), observation.tick);
+        if let Some(Goal::Viewpoint { cell, .. }) = self.goal
+            && cell == here
+            && gain_estimator.gain(map, here) >= self.params.gain_min
+        {
+            self.unproductive.insert(here);
+        }
+        team.sightings.update(auction, observation);
+        let cell_m = map.extent().cell_m();
+        let world = World { graph, cell_m, speed_m_s: auction.own_speed_m_s(), now };
+        let mut candidates = Vec::new();
+        let mut own_m = BTreeMap::new();
+        paths.begin(graph, here);
+        while let Some((id, region, length)) = paths.next(graph) {
+            let Some(candidate) = Candidate::new(graph, id, region, here, &self.abandoned) else { continue };
+            if candidate.cell == here {
+                self.abandoned.insert(candidate.frontier);
+                continue;
+            }
+            candidates.push(candidate);
+            own_m.insert(id, length * cell_m);
+        }
+        let unproductive = &self.unproductive;
+        let is_unproductive = |cell: Cell| cell == here || unproductive.contains(&cell);
+        let least = team.params.expected_min;
+        let tasks = team.viewpoints.tasks(map, gain_estimator, &candidates, &is_unproductive, least);
+        if tasks.is_empty() {
+            return Plan::Nothing;
+        }
+        let valued = team.valued(tasks, &own_m, &world);
+        let tour = team.own_tour(&valued, &world);
+        for &number in tour.iter().take(ATTEMPTS) {
+            let task = &valued[number].task;
+            if let Some(motion) = motion_to(ctx, graph, paths, task.cell, obstacles) {
+                return Plan::Go(goal(task, gain_estimator, ctx, self.params.gain_min, least), motion);
+            }
+        }
+        Plan::Blocked
+    }
+}
+
+/// The goal of a task: its viewpoint, if that has a gain, or else its frontier.
+fn goal(task: &Task, gain_estimator: &mut GainEstimator, ctx: &Ctx<'_>, gain_min: u32, expected_min: f64) -> Goal {
+    let gain = gain_estimator.gain(ctx.map(), task.cell);
+    if gain >= gain_min && task.expected_cells >= expected_min {
+        Goal::Viewpoint { cell: task.cell, gain }
+    } else {
+        Goal::Frontier { cell: task.cell, frontier: task.frontier }
+    }
+}
+
+/// Lengths of the paths from a cell to some tasks, metres, where there are any.
+fn lengths_m(search: &mut ShortestPaths, world: &World<'_>, from: Cell, tasks: &[Task]) -> Vec<Option<f64>> {
+    let mut by_region: BTreeMap<RegionId, Option<f64>> = tasks.iter().map(|task| (task.region, None)).collect();
+    let mut left = by_region.len();
+    search.begin(world.graph, from);
+    while left > 0
+        && let Some((id, _, length)) = search.next(world.graph)
+    {
+        if let Some(length_m) = by_region.get_mut(&id) {
+            *length_m = Some(length * world.cell_m);
+            left -= 1;
+        }
+    }
+    tasks.iter().map(|task| by_region[&task.region]).collect()
+}
+
+/// Sim time, seconds.
+fn seconds(tick: Tick) -> f64 {
+    tick.0 as f64 * Tick::TICK_S
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,127 @@
+use nalgebra::Point3;
+use proptest::prelude::*;
+
+use super::super::gain::Likelihood;
+use super::*;
+use crate::controllers::settings::Settings;
+use crate::controllers::testing::World as SmallWorld;
+use crate::exploration_map::{CellState, ExplorationMap};
+use crate::observation::Contact;
+use crate::path::{Moves, Neighbours};
+use msgs::ids::AgentId;
+use std::collections::BTreeSet;
+
+const RANGE_CELLS: f64 = 5.0;
+
+/// The regions with frontiers of a map, as seen from a cell, and the graph.
+fn candidates(map: &ExplorationMap, here: Cell) -> (AbstractGraph, Vec<Candidate>) {
+    let extent = map.extent();
+    let mut graph = AbstractGraph::new(extent, 0.4);
+    graph.update(map, &Moves::new(0.4, extent.cell_m(), Neighbours::TwentySix));
+    let mut paths = ShortestPaths::default();
+    let mut found = Vec::new();
+    paths.begin(&graph, here);
+    while let Some((id, region, _)) = paths.next(&graph) {
+        found.extend(Candidate::new(&graph, id, region, here, &BTreeSet::new()));
+    }
+    (graph, found)
+}
+
+fn tasks(viewpoints: &mut Viewpoints, map: &ExplorationMap, here: Cell, expected_min: f64) -> Vec<Task> {
+    let mut gain_estimator = GainEstimator::new(100, RANGE_CELLS, 3, Likelihood::new(1.0));
+    viewpoints.tasks(map, &mut gain_estimator, &candidates(map, here).1, &|cell| cell == here, expected_min)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn tasks_do_not_depend_on_what_was_seen_before(
+        reports in prop::collection::vec((0..30_i32, 0..12_i32, 0..12_i32, 1..6_i32, prop::bool::weighted(0.8)), 1..12),
+        expected_min in 0.5..6.0_f64,
+    ) {
+        let extent = Extent::new([30, 12, 12], 1.0).unwrap();
+        let here = Cell::new(15, 6, 6);
+        let mut map = ExplorationMap::new(extent);
+        map.note_free(&[extent.index(here).unwrap() as u32]);
+        let mut kept = Viewpoints::new(extent, RANGE_CELLS);
+        for (x, y, z, side, is_free) in reports {
+            // A box of free cells or walls.
+            let cells = extent.cells().filter(|cell| {
+                [cell.x - x, cell.y - y, cell.z - z].iter().all(|by| (0..side).contains(by)) && *cell != here
+            });
+            let indices: Vec<u32> = cells.map(|cell| extent.index(cell).unwrap() as u32).collect();
+            if is_free { map.note_free(&indices) } else { map.note_wall(&indices) };
+            let found = tasks(&mut kept, &map, here, expected_min);
+            prop_assert_eq!(&found, &tasks(&mut Viewpoints::new(extent, RANGE_CELLS), &map, here, expected_min));
+            // What has been chosen for its gain adds no more than what was chosen before it.
+            let gains: Vec<f64> = found.iter().map(|task| task.expected_cells).collect();
+            let chosen = gains.iter().take_while(|&&gain| gain > expected_min).count();
+            prop_assert!(gains[..chosen].is_sorted_by(|a, b| a >= b), "{gains:?}");
+        }
+    }
+}
+
+#[test]
+fn one_viewpoint_is_enough_for_what_it_sees() {
+    // An open space of which one layer is known: all of its frontiers see the same cells.
+    let extent = Extent::new([9, 9, 5], 1.0).unwrap();
+    let mut map = ExplorationMap::new(extent);
+    let layer: Vec<u32> = (0..81).collect();
+    map.note_free(&layer);
+    let (_, regions) = candidates(&map, Cell::new(0, 0, 0));
+    let of = |regions: &[Candidate]| {
+        let mut gain_estimator = GainEstimator::new(100, RANGE_CELLS, 3, Likelihood::new(1.0));
+        let mut viewpoints = Viewpoints::new(extent, RANGE_CELLS);
+        let tasks = viewpoints.tasks(&map, &mut gain_estimator, regions, &|_| false, 15.0);
+        tasks.iter().filter(|task| task.expected_cells >= 15.0).count()
+    };
+    assert!(regions.len() > 1 && regions.iter().all(|&region| of(&[region]) == 1));
+    assert_eq!(of(&regions), 1);
+}
+
+/// A corridor with an unexplored opening at each end, and what an agent in its middle says.
+fn choice(contacts: &[(u32, f64)]) -> String {
+    let mut drawing = vec!["#".repeat(45); 3];
+    drawing[1] = format!("?????{}?????", ".".repeat(35));
+    let middle = Cell::new(21, 1, 0);
+    let mut world = SmallWorld::known(&drawing.join("\n"), middle);
+    world.observation.scan_tick = Some(world.observation.tick);
+    let contact = |&(agent, x)| Contact { agent: AgentId(agent), position: Point3::new(x, 1.5, 0.5) };
+    world.observation.contacts = contacts.iter().map(contact).collect();
+    let random = random_streams::stream(1, 0, "test");
+    world.ask(&mut Dsvp::with_team(&mut Settings::default(), random).unwrap()).info
+}
+
+#[test]
+fn leaves_to_others_what_they_are_nearer_to() {
+    let [low, high] = [choice(&[(1, 38.5)]), choice(&[(1, 6.5)])];
+    assert!(low.contains("to (5, 1, 0)"), "the other agent is at the high end: {low}");
+    assert!(high.contains("to (39, 1, 0)"), "the other agent is at the low end: {high}");
+}
+
+#[test]
+fn settings_are_checked() {
+    let built = |setting: &str| {
+        let mut settings = Settings::parse(&[setting.to_owned()]).unwrap();
+        Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).map(drop)
+    };
+    assert!(["tasks=1", "exponent=0", "urgency=0", "memory_s=0"].into_iter().all(|setting| built(setting).is_ok()));
+    assert!(["tasks=0", "exponent=-1", "leg_s=101"].into_iter().all(|setting| built(setting).is_err()));
+}
+
+#[test]
+fn explores_with_few_tasks_at_a_time() {
+    let rooms = "
+################
+#......#.......#
+#......#.......#
+#..............#
+#......#.......#
+################";
+    let mut world = SmallWorld::new(rooms.trim_start(), Cell::new(1, 1, 0));
+    let mut settings = Settings::parse(&["tasks=1".to_owned()]).unwrap();
+    let mut controller = Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).unwrap();
+    world.run(&mut controller, 2000);
+    assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
+}
