@@ -93,6 +93,11 @@ impl Entry {
         (self.what >> 8, self.what >> 2 & 63)
     }
 
+    fn report(self) -> Block {
+        let (block, number) = self.place();
+        Block::of_cell(block, number, self.finding())
+    }
+
     fn finding(self) -> Finding {
         match self.what & 3 {
             1 => Finding::Free,
@@ -295,11 +300,16 @@ impl ExplorationMap {
         self.journal.get(positions.start..end).unwrap_or_default()
     }
 
-    /// The changes at these positions of the journal, in order, each as a report of one cell.
+    /// The changes at these positions of the journal, in order; neighbours in the journal that are
+    /// in the same block are one report.
     pub(crate) fn reports(&self, positions: Range<usize>) -> impl Iterator<Item = Block> + '_ {
-        self.entries(positions).iter().map(|entry| {
-            let (block, number) = entry.place();
-            Block::of_cell(block, number, entry.finding())
+        let mut entries = self.entries(positions).iter().peekable();
+        std::iter::from_fn(move || {
+            let mut report = entries.next()?.report();
+            while let Some(entry) = entries.next_if(|entry| entry.place().0 == report.index) {
+                report.say(entry.report());
+            }
+            Some(report)
         })
     }
 

@@ -45,7 +45,7 @@ impl Block {
     }
 
     /// Overrides the report with a later one.
-    fn say(&mut self, later: Self) {
+    pub(super) fn say(&mut self, later: Self) {
         self.known |= later.known;
         self.wall = self.wall & !later.known | later.wall;
         self.covered = self.covered & !later.known | later.covered;

@@ -192,8 +192,8 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<A
         return Err(MapMessageError::Version(version));
     }
     let count = reader.number()?;
-    // The count is untrusted; an id takes a byte at least. Room for the sender as well.
-    let mut receivers = Vec::with_capacity(1 + (count as usize).min(bytes.len()));
+    // The count is untrusted; an id takes a byte at least.
+    let mut receivers = Vec::with_capacity((count as usize).min(bytes.len()));
     let mut next = 0u64;
     for _ in 0..count {
         let agent = next + u64::from(reader.number()?);
