@@ -178,12 +178,11 @@ impl Layout {
 
     /// The coordinates of the cell with this number in a block.
     pub(super) fn cell(&self, (block, number): (u32, u32)) -> [i32; 3] {
-        let (lowest, by) = (self.lowest(block), place_in_block(number));
-        [0, 1, 2].map(|axis: usize| (lowest[axis] + by[axis]).cast_signed())
+        cell_in(self.lowest(block), number)
     }
 
     /// The lowest cell of a block along each axis.
-    fn lowest(&self, block: u32) -> [u32; 3] {
+    pub(super) fn lowest(&self, block: u32) -> [u32; 3] {
         let row = block / self.blocks[0];
         [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]].map(|at| at * SIDE)
     }
@@ -204,6 +203,12 @@ impl Layout {
             inside & LOWEST[axis][layers as usize]
         })
     }
+}
+
+/// The coordinates of the cell with this number in the block with this lowest cell.
+pub(super) fn cell_in(lowest: [u32; 3], number: u32) -> [i32; 3] {
+    let by = place_in_block(number);
+    [0, 1, 2].map(|axis: usize| (lowest[axis] + by[axis]).cast_signed())
 }
 
 /// Coordinates of a cell in its block.

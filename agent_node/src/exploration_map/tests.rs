@@ -262,7 +262,7 @@ proptest! {
             }
             by_blocks.merge(&delta, AgentId(from));
             for (cell, finding) in delta.findings(extent) {
-                by_cells.learn(&Place::of(cell, extent.size()), finding, from);
+                by_cells.learn_at(&Place::of(cell, extent.size()), finding, from);
             }
             prop_assert!(by_blocks.changes_since(0).eq(by_cells.changes_since(0)));
             prop_assert_eq!(by_blocks.cells.as_slice(), by_cells.cells.as_slice());
