@@ -33,7 +33,7 @@ use voxels::{Cell, CellSet, Extent, Grid};
 
 use delta::cell_in;
 pub use delta::{Block, Delta};
-pub(crate) use delta::{DeltaBuilder, Layout, bits};
+pub(crate) use delta::{Layout, bits, with_delta};
 
 /// The state of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]

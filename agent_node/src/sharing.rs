@@ -42,7 +42,7 @@ use msgs::maes_msgs::Wake as Events;
 use msgs::shared_bytes::SharedBytes;
 
 use crate::command::{AgentMessage, Trigger};
-use crate::exploration_map::{CHANGES_MAX, DeltaBuilder, ExplorationMap};
+use crate::exploration_map::{CHANGES_MAX, ExplorationMap, with_delta};
 use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
 use decoded::Content;
@@ -68,8 +68,6 @@ pub struct Sharing {
     /// By agent; those beyond the end have exchanged nothing.
     peers: Vec<Peer>,
     provenances: Vec<Provenance>,
-    /// Made at the first message, when the extent of the map is known.
-    delta_builder: Option<DeltaBuilder>,
     totals: Totals,
 }
 
@@ -147,7 +145,6 @@ impl Sharing {
             agents,
             peers: Vec::new(),
             provenances: Vec::new(),
-            delta_builder: None,
             totals: Totals::default(),
         }
     }
@@ -277,7 +274,7 @@ impl Sharing {
 
     /// The next messages for the contacts, and the position of the journal at which they end. They
     /// fit into the budget, and mostly use a good part of it.
-    fn batch(&mut self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
+    fn batch(&self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
         // The encoded size of cells is only known afterwards.
         let mut cell_bits = CELL_BITS_USUAL;
         loop {
@@ -285,9 +282,9 @@ impl Sharing {
             let mut bytes = 0;
             let mut batch = Batch::new();
             for (receivers, positions) in news {
-                let builder = self.delta_builder.get_or_insert_with(|| DeltaBuilder::new(map.extent()));
-                let delta = builder.build(positions.into_iter().flat_map(|range| map.reports(range)));
-                let data = SharedBytes::from(map_message::encode(&receivers, delta));
+                let reports = positions.into_iter().flat_map(|range| map.reports(range));
+                let encode = |delta: &_| map_message::encode(&receivers, delta);
+                let data = SharedBytes::from(with_delta(map.extent(), reports, encode));
                 bytes += copies(receivers.len(), contacts) * (data.len() + PARCEL_BYTES_BARE);
                 batch.push((receivers, data));
             }

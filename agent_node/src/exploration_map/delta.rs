@@ -7,6 +7,8 @@
 //!
 //! This module knows neither the encoding of updates nor whether they are true.
 
+use std::cell::RefCell;
+
 use voxels::Extent;
 
 use super::{Change, Finding};
@@ -69,7 +71,7 @@ impl Delta {
             let (index, number) = layout.place(layout.at(cell));
             Block::of_cell(index, number, finding)
         });
-        DeltaBuilder::new(extent).build(reports).clone()
+        with_delta(extent, reports, Self::clone)
     }
 
     /// Number of reported cells.
@@ -98,22 +100,36 @@ impl Delta {
     }
 }
 
-/// Makes deltas; one serves all deltas of a map, so that they take no memory of their own.
-#[derive(Debug, Clone)]
-pub(crate) struct DeltaBuilder {
+thread_local! {
+    /// One for all agents of a thread: its table stays in the cache, and takes its memory once.
+    static BUILDER: RefCell<DeltaBuilder> = RefCell::default();
+}
+
+/// Makes deltas.
+#[derive(Default)]
+struct DeltaBuilder {
     /// For each block of the map 1 + its place in the delta that is being made, or 0.
     places: Vec<u32>,
     delta: Delta,
 }
 
-impl DeltaBuilder {
-    pub(crate) fn new(extent: Extent) -> Self {
-        // All are 0 at first, which costs no memory where the system provides it page by page.
-        Self { places: vec![0; Layout::new(extent).count() as usize], delta: Delta::default() }
-    }
+/// Hands over the delta of reports about blocks of a map of this extent, of which later ones
+/// override earlier ones.
+pub(crate) fn with_delta<R>(
+    extent: Extent,
+    reports: impl IntoIterator<Item = Block>,
+    take: impl FnOnce(&Delta) -> R,
+) -> R {
+    BUILDER.with_borrow_mut(|builder| take(builder.build(extent, reports)))
+}
 
-    /// The delta of reports about blocks of the map, of which later ones override earlier ones.
-    pub(crate) fn build(&mut self, reports: impl IntoIterator<Item = Block>) -> &Delta {
+impl DeltaBuilder {
+    fn build(&mut self, extent: Extent, reports: impl IntoIterator<Item = Block>) -> &Delta {
+        let count = Layout::new(extent).count() as usize;
+        if self.places.len() < count {
+            // All are 0 at first, which costs no memory where the system provides it page by page.
+            self.places = vec![0; count];
+        }
         let blocks = &mut self.delta.blocks;
         blocks.clear();
         for report in reports {

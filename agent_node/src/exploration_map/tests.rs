@@ -302,7 +302,7 @@ proptest! {
         let changed: Vec<_> = map.cells_changed_since(0).collect();
         let by_index = map.changes_since(0).map(|change| (extent.cell_at(change.cell as usize), change.finding));
         prop_assert!(by_index.eq(changed));
-        let reports = DeltaBuilder::new(extent).build(map.reports(0..map.journal_len())).clone();
+        let reports = with_delta(extent, map.reports(0..map.journal_len()), Delta::clone);
         prop_assert_eq!(reports, Delta::of(extent, map.changes_since(0)));
     }
 }
