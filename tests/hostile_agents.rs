@@ -15,6 +15,7 @@ use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use msgs::maes_msgs::{
     self, Command, Join, LidarRequest, Observation, Parcel, Scenario, SignedCommand, SignedObservation, Task,
 };
+use msgs::shared_bytes::SharedBytes;
 use msgs::signing::NONE;
 use msgs::topics::{self, Topic};
 use rand::RngExt;
@@ -64,10 +65,12 @@ fn illegal(command: &Command) -> Vec<Command> {
         with(&|command| command.lidar = LidarRequest { kind: 4, period_ticks: 1 }),
         with(&|command| command.lidar = LidarRequest { kind: LidarRequest::EVERY, period_ticks: 0 }),
         with(&|command| command.info = "x".repeat(INFO_BYTES_MAX + 1)),
-        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; PARCEL_BYTES_MAX + 1] }]),
-        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; 20_000] }; 3]),
-        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: Vec::new() }; 10_000]),
-        with(&|command| command.parcels = vec![Parcel { agent: 2, kind: 0, data: vec![1] }]),
+        with(&|command| {
+            command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; PARCEL_BYTES_MAX + 1].into() }]
+        }),
+        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; 20_000].into() }; 3]),
+        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: SharedBytes::default() }; 10_000]),
+        with(&|command| command.parcels = vec![Parcel { agent: 2, kind: 0, data: vec![1].into() }]),
     ];
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
         commands.extend([
@@ -282,7 +285,7 @@ fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
                     end.send_join(&Join { run, agent: 1, instance: 2 + number, protocol: PROTOCOL, ..Join::default() });
                     end.send_join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
                 }
-                let parcel = Parcel { agent: Parcel::BROADCAST, kind: 7, data: vec![7; PARCEL_BYTES_MAX] };
+                let parcel = Parcel { agent: Parcel::BROADCAST, kind: 7, data: vec![7; PARCEL_BYTES_MAX].into() };
                 end.send_command(&Command { parcels: vec![parcel], ..answer });
             }
             _ => {}

@@ -99,7 +99,7 @@ impl Gossip {
         let mut message = || AgentMessage {
             to: rng.random_bool(0.5).then(|| AgentId(rng.random_range(0..ctx.run_info().agents))),
             kind: rng.random(),
-            data: (0..rng.random_range(0..2000)).map(|_| rng.random()).collect(),
+            data: (0..rng.random_range(0..2000)).map(|_| rng.random()).collect::<Vec<u8>>().into(),
         };
         (0..count).map(|_| message()).collect()
     }

@@ -95,7 +95,7 @@ pub struct AbstractGraph {
     /// Number of slots ever used, and those that are free again.
     slots: u32,
     free_slots: Vec<u32>,
-    /// By block what an update has found out about it; 0 between updates.
+    /// By block what an update has found out about it, bits; 0 between updates.
     marks: Vec<u8>,
 }
 
@@ -137,24 +137,31 @@ impl AbstractGraph {
             }
         }
         reviewed.iter().chain(&changed).for_each(|&block: &u32| marks[block as usize] = 0);
-        self.marks = marks;
         self.read = map.journal_len();
-        let mut relinked = changed.clone();
         changed.sort_unstable();
         reviewed.sort_unstable();
         let graph = Graph::new(map, moves);
+        // Edges over a face depend on the blocks at both sides of it. Marks are sets of faces here.
+        let mut relinked = Vec::new();
         for &block in &changed {
             self.label(block, graph);
-            relinked.extend(self.neighbours(block).into_iter().flatten());
+            add(&mut relinked, &mut marks, block, ALL_FACES);
+            for (face, neighbour) in self.neighbours(block).into_iter().enumerate() {
+                if let Some(neighbour) = neighbour {
+                    add(&mut relinked, &mut marks, neighbour, 1 << opposite(face));
+                }
+            }
         }
         for &block in changed.iter().chain(reviewed.iter().filter(|block| changed.binary_search(block).is_err())) {
             self.list_frontiers(block, map);
         }
-        relinked.sort_unstable();
-        relinked.dedup();
         for block in relinked {
-            self.edge(block);
+            let faces = std::mem::take(&mut marks[block as usize]);
+            if faces != 0 {
+                self.edge(block, faces);
+            }
         }
+        self.marks = marks;
     }
 
     /// The region that contains a cell.
@@ -295,16 +302,22 @@ impl AbstractGraph {
         })
     }
 
-    /// Recomputes the edges that start in a block.
-    fn edge(&mut self, block: u32) {
+    /// Recomputes the edges that start in a block and lead over some of its faces, a bit for each.
+    /// The edges of a region are in the order of the faces.
+    fn edge(&mut self, block: u32, faces: u8) {
         let Some(mut here) = self.blocks[block as usize].take() else {
             return;
         };
-        for region in &mut here.regions {
-            region.edges.clear();
-        }
         let corner = self.corner(block);
-        for ((face, side), neighbour) in FACES.into_iter().zip(Side::all()).zip(self.neighbours(block)) {
+        let neighbours = self.neighbours(block);
+        for region in &mut here.regions {
+            match faces {
+                ALL_FACES => region.edges.clear(),
+                _ => region.edges.retain(|edge| faces >> face_towards(&neighbours, edge) & 1 == 0),
+            }
+        }
+        let sides = FACES.into_iter().zip(Side::all()).zip(neighbours).enumerate();
+        for (_, ((face, side), neighbour)) in sides.filter(|(number, _)| faces >> number & 1 != 0) {
             let Some((number, there)) = neighbour.and_then(|to| Some((to, self.blocks[to as usize].as_ref()?))) else {
                 continue;
             };
@@ -321,8 +334,26 @@ impl AbstractGraph {
                 }
             }
         }
+        if faces != ALL_FACES {
+            for region in &mut here.regions {
+                region.edges.sort_by_key(|edge| face_towards(&neighbours, edge));
+            }
+        }
         self.blocks[block as usize] = Some(here);
     }
+}
+
+/// The set of all faces of a block.
+const ALL_FACES: u8 = (1 << FACES.len()) - 1;
+
+/// The face of the neighbour at a face, both as places in [`FACES`].
+fn opposite(face: usize) -> usize {
+    face ^ 1
+}
+
+/// The face over which an edge leads, given the neighbours of its block.
+fn face_towards(neighbours: &[Option<u32>; 6], edge: &Edge) -> usize {
+    neighbours.iter().position(|&neighbour| neighbour == Some(edge.to.block())).unwrap_or_default()
 }
 
 /// Mark of a block whose regions may have changed.
@@ -330,10 +361,10 @@ const CHANGED: u8 = 1;
 /// Mark of a block whose frontiers may have changed.
 const REVIEWED: u8 = 2;
 
-/// Appends a block unless it has this mark, which it gets.
+/// Appends a block unless it has these marks, which it gets.
 fn add(blocks: &mut Vec<u32>, marks: &mut [u8], block: u32, mark: u8) {
     let marks = &mut marks[block as usize];
-    if *marks & mark == 0 {
+    if *marks & mark != mark {
         *marks |= mark;
         blocks.push(block);
     }

@@ -8,6 +8,7 @@ use msgs::ids::AgentId;
 use msgs::limits::INFO_BYTES_MAX;
 use msgs::relay_id::RelayId;
 pub use msgs::scan_request::ScanRequest;
+use msgs::shared_bytes::SharedBytes;
 pub use msgs::trigger::Trigger;
 use nalgebra::{Point3, Vector3};
 
@@ -67,7 +68,7 @@ pub struct AgentMessage {
     /// The sender's mark, by which messages are told apart and counted.
     pub kind: u8,
     /// At most 57344 bytes over all messages and relay commands of a command.
-    pub data: Vec<u8>,
+    pub data: SharedBytes,
 }
 
 /// A command to a relay: to be dropped, or to store other bytes.
@@ -78,7 +79,7 @@ pub struct RelayOrder {
     /// The mark of the content.
     pub kind: u8,
     /// The new content; at most 4096 bytes.
-    pub data: Vec<u8>,
+    pub data: SharedBytes,
 }
 
 /// The reply to an observation.
@@ -124,22 +125,22 @@ impl Command {
     /// Adds a message: `kind` is the sender's mark (not [`crate::sharing::MAP_MESSAGE`]), `to` the
     /// receiver (`None`: all agents in contact).
     #[must_use]
-    pub fn with_message(mut self, to: Option<AgentId>, kind: u8, data: Vec<u8>) -> Self {
-        self.messages.push(AgentMessage { to, kind, data });
+    pub fn with_message(mut self, to: Option<AgentId>, kind: u8, data: impl Into<SharedBytes>) -> Self {
+        self.messages.push(AgentMessage { to, kind, data: data.into() });
         self
     }
 
     /// Drops a relay that stores these bytes, unless the agent has none left.
     #[must_use]
-    pub fn with_relay(mut self, kind: u8, data: Vec<u8>) -> Self {
-        self.relays.push(RelayOrder { relay: None, kind, data });
+    pub fn with_relay(mut self, kind: u8, data: impl Into<SharedBytes>) -> Self {
+        self.relays.push(RelayOrder { relay: None, kind, data: data.into() });
         self
     }
 
     /// Replaces the content of a relay in reach.
     #[must_use]
-    pub fn with_relay_update(mut self, relay: RelayId, kind: u8, data: Vec<u8>) -> Self {
-        self.relays.push(RelayOrder { relay: Some(relay), kind, data });
+    pub fn with_relay_update(mut self, relay: RelayId, kind: u8, data: impl Into<SharedBytes>) -> Self {
+        self.relays.push(RelayOrder { relay: Some(relay), kind, data: data.into() });
         self
     }
 

@@ -31,8 +31,9 @@ use std::ops::Range;
 use msgs::ids::AgentId;
 use voxels::{Cell, CellSet, Extent, Grid};
 
+use delta::cell_in;
 pub use delta::{Block, Delta};
-pub(crate) use delta::{DeltaBuilder, Layout, bits};
+pub(crate) use delta::{Layout, bits, with_delta};
 
 /// The state of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -91,6 +92,11 @@ impl Entry {
     /// The block of the cell, and the number of the cell in it.
     fn place(self) -> (u32, u32) {
         (self.what >> 8, self.what >> 2 & 63)
+    }
+
+    fn report(self) -> Block {
+        let (block, number) = self.place();
+        Block::of_cell(block, number, self.finding())
     }
 
     fn finding(self) -> Finding {
@@ -315,18 +321,29 @@ impl ExplorationMap {
         self.journal.get(positions.start..end).unwrap_or_default()
     }
 
-    /// The changes at these positions of the journal, in order, each as a report of one cell.
+    /// The changes at these positions of the journal, in order; neighbours in the journal that are
+    /// in the same block are one report.
     pub(crate) fn reports(&self, positions: Range<usize>) -> impl Iterator<Item = Block> + '_ {
-        self.entries(positions).iter().map(|entry| {
-            let (block, number) = entry.place();
-            Block::of_cell(block, number, entry.finding())
+        let mut entries = self.entries(positions).iter().peekable();
+        std::iter::from_fn(move || {
+            let mut report = entries.next()?.report();
+            while let Some(entry) = entries.next_if(|entry| entry.place().0 == report.index) {
+                report.say(entry.report());
+            }
+            Some(report)
         })
     }
 
     /// The cells changed from a position of the journal on, in order, each with what was found.
     pub(crate) fn cells_changed_since(&self, position: usize) -> impl Iterator<Item = (Cell, Finding)> + '_ {
-        self.entries(position..self.journal.len()).iter().map(|entry| {
-            let [x, y, z] = self.layout.cell(entry.place());
+        // Neighbours in the journal are mostly in the same block.
+        let mut last = (u32::MAX, [0; 3]);
+        self.entries(position..self.journal.len()).iter().map(move |entry| {
+            let (block, number) = entry.place();
+            if block != last.0 {
+                last = (block, self.layout.lowest(block));
+            }
+            let [x, y, z] = cell_in(last.1, number);
             (Cell::new(x, y, z), entry.finding())
         })
     }
@@ -351,7 +368,7 @@ impl ExplorationMap {
     fn note(&mut self, cells: &[u32], finding: Finding) {
         let extent = self.extent();
         for &cell in cells.iter().filter(|&&cell| (cell as usize) < extent.volume()) {
-            self.learn(&Place::of(cell, extent.size()), finding, OWN);
+            self.learn_at(&Place::of(cell, extent.size()), finding, OWN);
         }
     }
 
@@ -359,7 +376,7 @@ impl ExplorationMap {
     /// map.
     pub fn note_covered(&mut self, cell: Cell) {
         if self.extent().contains(cell) {
-            self.learn(&Place::new([cell.x, cell.y, cell.z], self.extent().size()), Finding::Covered, OWN);
+            self.learn_at(&Place::new([cell.x, cell.y, cell.z], self.extent().size()), Finding::Covered, OWN);
         }
     }
 
@@ -367,10 +384,14 @@ impl ExplorationMap {
     /// outside the map are ignored.
     pub fn merge(&mut self, delta: &Delta, from: AgentId) {
         for block in &delta.blocks {
-            for number in bits(self.news_of(block)) {
-                let at = self.layout.cell((block.index, number));
-                let place = Place::new(at, self.extent().size());
-                self.learn(&place, block.finding(number), from.0);
+            let news = self.news_of(block);
+            if news == 0 {
+                continue;
+            }
+            let (lowest, size) = (self.layout.lowest(block.index), self.extent().size());
+            for number in bits(news) {
+                let place = Place::new(cell_in(lowest, number), size);
+                self.learn(&place, (block.index, number), block.finding(number), from.0);
             }
         }
     }
@@ -387,8 +408,13 @@ impl ExplorationMap {
         block.known & self.layout.inside(block.index) & (!known | (block.wall ^ wall) | visited)
     }
 
-    /// Learns about a cell of the map.
-    fn learn(&mut self, place: &Place, finding: Finding, from: u32) {
+    fn learn_at(&mut self, place: &Place, finding: Finding, from: u32) {
+        let in_block = self.layout.place(place.at.map(i32::cast_unsigned));
+        self.learn(place, in_block, finding, from);
+    }
+
+    /// Learns about a cell of the map, which has this number in this block.
+    fn learn(&mut self, place: &Place, (block, number): (u32, u32), finding: Finding, from: u32) {
         let index = place.index;
         let packed = &mut self.cells[index];
         let known = state_of(*packed);
@@ -406,7 +432,6 @@ impl ExplorationMap {
         }
         *packed = *packed & !3 | finding as u8;
         let packed = *packed;
-        let (block, number) = self.layout.place(place.at.map(i32::cast_unsigned));
         let words = &mut self.blocks[3 * block as usize..][..3];
         let bit = 1 << number;
         words[0] |= bit;
@@ -438,6 +463,18 @@ impl ExplorationMap {
     /// Counts a newly explored cell with its neighbours.
     fn close(&mut self, place: &Place) {
         let cells = self.cells.as_mut_slice();
+        if place.is_deep_inside() {
+            for stride in place.strides.map(isize::cast_unsigned) {
+                for neighbour in [place.index - stride, place.index + stride] {
+                    let packed = &mut cells[neighbour];
+                    *packed += ONE_CLOSED;
+                    if !is_open(*packed, 0) {
+                        self.frontier.remove(neighbour);
+                    }
+                }
+            }
+            return;
+        }
         for axis in 0..3 {
             for step in [-1, 1] {
                 let Some((neighbour, outside)) = place.beside(axis, step) else { continue };
@@ -477,6 +514,11 @@ impl Place {
         let size = size.map(u32::cast_signed);
         let outside = (0..3).map(|axis| outside_along(at[axis], size[axis])).sum();
         Self { index, at, size, strides: strides.map(usize::cast_signed), outside }
+    }
+
+    /// Whether all neighbours of all neighbours are inside the map.
+    fn is_deep_inside(&self) -> bool {
+        (0..3).all(|axis| self.at[axis] >= 2 && self.at[axis] + 2 < self.size[axis])
     }
 
     /// The index of the neighbour one step along an axis, and its number of face neighbours outside

@@ -4,6 +4,7 @@
 
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
+use msgs::shared_bytes::SharedBytes;
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
@@ -84,7 +85,7 @@ pub struct ReceivedMessage {
     /// The sender's mark.
     pub kind: u8,
     /// The content.
-    pub data: Vec<u8>,
+    pub data: SharedBytes,
 }
 
 /// A relay in reach, to read from and to write to.
@@ -104,7 +105,7 @@ pub struct Reading {
     /// The writer's mark.
     pub kind: u8,
     /// The content.
-    pub data: Vec<u8>,
+    pub data: SharedBytes,
 }
 
 /// Cells by index, ascending.

@@ -27,6 +27,7 @@
 
 mod agent_set;
 mod bits;
+mod decoded;
 mod map_message;
 #[cfg(test)]
 mod tests;
@@ -38,11 +39,13 @@ use std::sync::Arc;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
 use msgs::maes_msgs::Wake as Events;
+use msgs::shared_bytes::SharedBytes;
 
 use crate::command::{AgentMessage, Trigger};
-use crate::exploration_map::{CHANGES_MAX, Delta, DeltaBuilder, ExplorationMap};
+use crate::exploration_map::{CHANGES_MAX, ExplorationMap, with_delta};
 use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
+use decoded::Content;
 pub use map_message::{MapMessageError, VERSION};
 
 /// The mark of map messages; all other marks are the controllers'.
@@ -65,8 +68,6 @@ pub struct Sharing {
     /// By agent; those beyond the end have exchanged nothing.
     peers: Vec<Peer>,
     provenances: Vec<Provenance>,
-    /// Made at the first message, when the extent of the map is known.
-    delta_builder: Option<DeltaBuilder>,
     totals: Totals,
 }
 
@@ -130,7 +131,7 @@ pub struct Totals {
 const CELL_BITS_USUAL: usize = 2;
 
 /// The data of messages with their receivers.
-type Batch = Vec<(Vec<AgentId>, Vec<u8>)>;
+type Batch = Vec<(Vec<AgentId>, SharedBytes)>;
 
 /// Sections of the journal by the agents to send them to.
 type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
@@ -144,7 +145,6 @@ impl Sharing {
             agents,
             peers: Vec::new(),
             provenances: Vec::new(),
-            delta_builder: None,
             totals: Totals::default(),
         }
     }
@@ -167,7 +167,7 @@ impl Sharing {
     pub fn incoming(&mut self, map: &mut ExplorationMap, messages: &[ReceivedMessage]) -> Report {
         let mut report = Report::default();
         for ReceivedMessage { from, data, .. } in messages.iter().filter(|message| message.kind == MAP_MESSAGE) {
-            let (receivers, delta) = match self.admit(map, *from, data) {
+            let content = match self.admit(map, *from, data) {
                 Ok(content) => content,
                 Err(reason) => {
                     self.totals.messages_refused += 1;
@@ -177,41 +177,40 @@ impl Sharing {
                 }
             };
             let start = map.journal_len();
-            map.merge(&delta, *from);
+            map.merge(&content.delta, *from);
             let positions = start..map.journal_len();
             self.totals.messages_taken += 1;
             self.totals.bytes_taken += data.len() as u64;
             report.messages += 1;
             report.news += positions.len();
             if !positions.is_empty() {
-                self.remember(positions, *from, AgentSet::of(receivers.into_iter().chain([*from])));
+                self.remember(positions, *from, content.receivers.with(*from));
             }
         }
         report
     }
 
-    /// Decodes a message and its receivers, unless it is to be rejected. Messages of barred senders
-    /// are not decoded.
+    /// The content of a message, unless it is to be rejected. Messages of barred senders are not
+    /// decoded.
     fn admit(
         &mut self,
         map: &ExplorationMap,
         from: AgentId,
-        data: &[u8],
-    ) -> Result<(Vec<AgentId>, Delta), MapMessageError> {
+        data: &SharedBytes,
+    ) -> Result<Arc<Content>, MapMessageError> {
         let allowance = (CHANGES_MAX * map.extent().volume()) as u64;
         let sender = peer(&mut self.peers, from);
         if sender.is_barred {
             return Err(MapMessageError::Barred { allowance });
         }
-        let (receivers, delta) = map_message::decode(data, map.extent(), self.agents)?;
-        let cells = delta.len() as u64;
-        if sender.claims + cells > allowance {
+        let content = decoded::content(data, map.extent(), self.agents)?;
+        if sender.claims + content.cells > allowance {
             sender.is_barred = true;
             return Err(MapMessageError::Barred { allowance });
         }
-        sender.claims += cells;
-        self.totals.cells_taken += cells;
-        Ok((receivers, delta))
+        sender.claims += content.cells;
+        self.totals.cells_taken += content.cells;
+        Ok(content)
     }
 
     /// Notes who knows a section of the journal, which is not empty.
@@ -256,7 +255,7 @@ impl Sharing {
                 for receiver in &receivers {
                     peer(&mut self.peers, *receiver).bytes += data.len();
                 }
-                let mut send = |to, data: Vec<u8>| {
+                let mut send = |to, data: SharedBytes| {
                     budget -= data.len() + PARCEL_BYTES_BARE;
                     self.totals.messages_sent += 1;
                     self.totals.bytes_sent += data.len() as u64;
@@ -275,7 +274,7 @@ impl Sharing {
 
     /// The next messages for the contacts, and the position of the journal at which they end. They
     /// fit into the budget, and mostly use a good part of it.
-    fn batch(&mut self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
+    fn batch(&self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
         // The encoded size of cells is only known afterwards.
         let mut cell_bits = CELL_BITS_USUAL;
         loop {
@@ -283,9 +282,9 @@ impl Sharing {
             let mut bytes = 0;
             let mut batch = Batch::new();
             for (receivers, positions) in news {
-                let builder = self.delta_builder.get_or_insert_with(|| DeltaBuilder::new(map.extent()));
-                let delta = builder.build(positions.into_iter().flat_map(|range| map.reports(range)));
-                let data = map_message::encode(&receivers, delta);
+                let reports = positions.into_iter().flat_map(|range| map.reports(range));
+                let encode = |delta: &_| map_message::encode(&receivers, delta);
+                let data = SharedBytes::from(with_delta(map.extent(), reports, encode));
                 bytes += copies(receivers.len(), contacts) * (data.len() + PARCEL_BYTES_BARE);
                 batch.push((receivers, data));
             }

@@ -133,7 +133,7 @@ fn parcel(data: &mut Unstructured<'_>) -> Result<Parcel> {
     let length = data.int_in_range(0..=40)?;
     let mut content = if data.ratio(7, 8)? { vec![agent_node::sharing::VERSION] } else { Vec::new() };
     content.extend_from_slice(data.bytes(length.min(data.len()))?);
-    Ok(Parcel { agent: peer(data)?, kind, data: content })
+    Ok(Parcel { agent: peer(data)?, kind, data: content.into() })
 }
 
 /// Runs of cells, mostly of this map.

@@ -5,6 +5,7 @@ use arbitrary::{Result, Unstructured};
 use msgs::geometry_msgs::{Point, Vector3};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use msgs::maes_msgs::{Command, Join, LidarRequest, Parcel, Task, Wake};
+use msgs::shared_bytes::SharedBytes;
 use sim_server::transport::Inbound;
 
 /// What a hostile sender knows from listening to all topics.
@@ -108,10 +109,10 @@ fn parcels(data: &mut Unstructured<'_>, agents: u32) -> Result<Vec<Parcel>> {
         let mut content = vec![0; length];
         let given = length.min(data.len()).min(64);
         data.fill_buffer(&mut content[..given])?;
-        Ok(Parcel { agent, kind: data.arbitrary()?, data: content })
+        Ok(Parcel { agent, kind: data.arbitrary()?, data: content.into() })
     };
     if count > 4 {
-        return Ok(vec![Parcel { data: Vec::new(), ..one(data)? }; count]);
+        return Ok(vec![Parcel { data: SharedBytes::default(), ..one(data)? }; count]);
     }
     (0..count).map(|_| one(data)).collect()
 }

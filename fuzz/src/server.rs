@@ -282,7 +282,7 @@ impl<'a> Script<'a> {
             1 => Task { kind: Task::MOVE, pitch_rad: 0.3, distance_m: 1.0, ..Task::default() },
             _ => Task::default(),
         };
-        let parcel = Parcel { agent: Parcel::BROADCAST, kind: 9, data: vec![tick as u8; 100] };
+        let parcel = Parcel { agent: Parcel::BROADCAST, kind: 9, data: vec![tick as u8; 100].into() };
         Command {
             tick,
             run: self.run,

@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn alignment_is_counted_after_the_header() {
-        let parcel = Parcel { agent: 1, kind: 2, data: vec![8, 9] };
+        let parcel = Parcel { agent: 1, kind: 2, data: vec![8, 9].into() };
         assert_eq!(encode(&parcel), [0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0, 8, 9]);
     }
 
@@ -204,11 +204,11 @@ mod tests {
 
     #[test]
     fn what_is_passed_on_stands_as_it_was() {
-        let bytes = encode(&Parcel { agent: 1, kind: 2, data: vec![8, 9, 10] });
+        let bytes = encode(&Parcel { agent: 1, kind: 2, data: vec![8, 9, 10].into() });
         let passed_on = Encoded::new(&bytes).unwrap();
         assert_eq!(encode(&passed_on), bytes);
-        assert_eq!(passed_on, Encoded::of(&Parcel { agent: 1, kind: 2, data: vec![8, 9, 10] }));
-        assert_eq!(passed_on.decode::<Parcel>().unwrap().data, [8, 9, 10]);
+        assert_eq!(passed_on, Encoded::of(&Parcel { agent: 1, kind: 2, data: vec![8, 9, 10].into() }));
+        assert_eq!(*passed_on.decode::<Parcel>().unwrap().data, [8, 9, 10]);
         assert!(matches!(Encoded::new(&[0, 0, 0, 0, 1]), Err(CdrError::BigEndian)));
         assert!(matches!(Encoded::new(&[0, 3, 0, 0, 1]), Err(CdrError::Encoding(_))));
         assert!(matches!(Encoded::new(&[0, 1]), Err(CdrError::NoHeader(2))));
@@ -239,7 +239,7 @@ mod tests {
         let mut bytes = encode(&CellRuns { start: vec![1, 2], length: vec![3, 4] });
         bytes[4..8].copy_from_slice(&u32::MAX.to_le_bytes());
         assert_eq!(message_of(decode::<CellRuns>(&bytes)), "byte 24 of 24: unexpected end of input");
-        let mut bytes = encode(&Parcel { agent: 0, kind: 0, data: vec![1; 10] });
+        let mut bytes = encode(&Parcel { agent: 0, kind: 0, data: vec![1; 10].into() });
         bytes[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
         assert_eq!(message_of(decode::<Parcel>(&bytes)), "byte 16 of 26: unexpected end of input");
     }

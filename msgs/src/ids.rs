@@ -17,11 +17,13 @@ impl AgentId {
     ///
     /// # Panics
     /// If a list could not be that long: from 2^32 on.
+    #[inline]
     pub fn from_index(index: usize) -> Self {
         Self(u32::try_from(index).expect("there are fewer than 2^32 agents"))
     }
 
     /// Its position in a list of all agents.
+    #[inline]
     pub const fn index(self) -> usize {
         self.0 as usize
     }

@@ -42,4 +42,5 @@ pub mod parameters;
 pub mod printable;
 pub mod schema;
 pub mod service;
+pub mod shared_bytes;
 pub mod signing;

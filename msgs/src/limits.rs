@@ -89,7 +89,7 @@ mod tests {
         let path = vec![Point::default(); PATH_POINTS_MAX];
         for parcels in [1, 7, 500] {
             let room = LIST_BYTES_MAX - POINT_BYTES * path.len() - PARCEL_BYTES_BARE * parcels;
-            let parcel = Parcel { agent: 1, kind: 1, data: vec![0; room / parcels] };
+            let parcel = Parcel { agent: 1, kind: 1, data: vec![0; room / parcels].into() };
             let command = Command {
                 task: Task { path: path.clone(), ..Task::default() },
                 parcels: vec![parcel; parcels],

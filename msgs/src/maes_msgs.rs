@@ -11,6 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geometry_msgs::{Point, Vector3};
+use crate::shared_bytes::SharedBytes;
 use crate::std_msgs::Header;
 
 impl Body {
@@ -334,8 +335,7 @@ pub struct Parcel {
     pub kind: u8,
     /// The bytes: at most 57344, and so is the sum over the parcels of one command; to a relay at
     /// most 4096.
-    #[serde(with = "serde_bytes")]
-    pub data: Vec<u8>,
+    pub data: SharedBytes,
 }
 
 impl Parcel {

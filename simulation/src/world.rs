@@ -125,7 +125,8 @@ struct AgentState {
     want_view: bool,
     pending_observation: PendingObservation,
     drift: Drift,
-    reported_contacts: Vec<AgentId>,
+    /// One bit for each agent.
+    reported_contacts: Vec<u64>,
     reported_relays: Vec<(RelayId, Point3<f64>)>,
 }
 
@@ -167,7 +168,7 @@ impl World {
                 want_view: false,
                 pending_observation: PendingObservation::default(),
                 drift: Drift::new(&params.noise, agent),
-                reported_contacts: Vec::new(),
+                reported_contacts: vec![0; starts.len().div_ceil(64)],
                 reported_relays: Vec::new(),
             })
             .collect();
@@ -357,7 +358,7 @@ impl World {
     pub fn observe(&mut self, agent: AgentId, commit: Commit) -> Observation {
         let change_of_contacts = self.change_of_contacts(agent);
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
-        let contact_positions = contacts.iter().map(|&other| (other, self.measured_position(other))).collect();
+        let contacts = contacts.into_iter().map(|other| (other, self.measured_position(other))).collect();
         let position = self.measured_position(agent);
         self.collect_scans(agent.index());
         let Lidar { scanner, noise } = &*self.lidar;
@@ -376,7 +377,7 @@ impl World {
             is_active: state.body.is_active(),
             collision: state.body.collision(),
             events,
-            contacts: contact_positions,
+            contacts,
             relays: relays.clone(),
             messages: delta.messages,
             scan_tick: state.last_scan.map(|(_, tick)| tick),
@@ -393,7 +394,8 @@ impl World {
             });
         }
         if commit == Commit::Committed {
-            (state.reported_contacts, state.reported_relays) = (contacts, relays);
+            state.reported_relays = relays;
+            self.note_reported_contacts(agent);
         }
         observation
     }

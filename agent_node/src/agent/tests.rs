@@ -92,13 +92,17 @@ impl Controller for Whim {
         let rng = &mut self.rng;
         self.wake = Trigger { at: observation.tick.after(rng.random_range(0..40)), events: rng.random_range(0..32) };
         let angle_rad = (ctx.map().free() + 3 * ctx.map().covered() + 7 * ctx.map().wall()) as f64 / 1e3;
-        let noise = |rng: &mut ChaCha8Rng| (0..rng.random_range(0..9)).map(|_| rng.random()).collect();
+        let noise = |rng: &mut ChaCha8Rng| (0..rng.random_range(0..9)).map(|_| rng.random()).collect::<Vec<u8>>();
         Command {
             motion: if rng.random_bool(0.5) { Motion::Turn { angle_rad } } else { Motion::Keep },
             want_view: rng.random_bool(0.2),
             messages: match rng.random_range(0..4) {
-                0 => vec![AgentMessage { to: None, kind: rng.random_range(0..3), data: noise(rng) }],
-                1 => vec![AgentMessage { to: None, kind: 9, data: vec![0; rng.random_range(0..PARCEL_BYTES_MAX)] }],
+                0 => vec![AgentMessage { to: None, kind: rng.random_range(0..3), data: noise(rng).into() }],
+                1 => vec![AgentMessage {
+                    to: None,
+                    kind: 9,
+                    data: vec![0; rng.random_range(0..PARCEL_BYTES_MAX)].into(),
+                }],
                 _ => Vec::new(),
             },
             ..Command::keep(self.wake)
@@ -270,8 +274,8 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
     };
     let first = ask(5, 0, Vec::new());
     assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (10, Events::CONTACTS, 1));
-    let map_message = Message { agent: 1, kind: MAP_MESSAGE, data: vec![2, 1, 2, 1, 0b1111_1000, 1] };
-    let other_message = Message { agent: 1, kind: 7, data: vec![3] };
+    let map_message = Message { agent: 1, kind: MAP_MESSAGE, data: vec![2, 1, 2, 1, 0b1111_1000, 1].into() };
+    let other_message = Message { agent: 1, kind: 7, data: vec![3].into() };
     let shared = ask(10, 9, vec![map_message, other_message.clone()]);
     assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (20, true, 1));
     assert_eq!(shown.lock().unwrap().len(), 1, "the controller sleeps");
@@ -280,7 +284,7 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
     let shown = take(&mut *shown.lock().unwrap());
     assert_eq!(shown.iter().map(|observation| observation.tick.0).collect::<Vec<_>>(), [5, 30]);
     assert_eq!(shown[1].seen.free, [2, 4, 9]);
-    let received = ReceivedMessage { from: AgentId(1), kind: 7, data: vec![3] };
+    let received = ReceivedMessage { from: AgentId(1), kind: 7, data: vec![3].into() };
     assert_eq!(shown[1].messages, [received.clone(), received]);
     assert_eq!(shown[1].events, 0b111);
     // Four cells seen, of which its own is covered, and one received.
@@ -289,7 +293,7 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
 
 #[test]
 fn controllers_messages_have_priority_in_the_budget() {
-    let message = |bytes| AgentMessage { to: None, kind: 3, data: vec![0; bytes] };
+    let message = |bytes| AgentMessage { to: None, kind: 3, data: vec![0; bytes].into() };
     let mut command = Command::keep(Trigger::NEXT_TICK);
     assert_eq!(message_budget(&command), PARCEL_BYTES_MAX);
     command.messages = vec![message(50_000)];
@@ -313,7 +317,8 @@ fn told(tick: u64, controller: &str) -> Part {
         share_period_ticks: 10,
         ..Default::default()
     };
-    let parcel = maes_msgs::Parcel { agent: maes_msgs::Parcel::SERVER, data: msgs::cdr::encode(&scenario), kind: 0 };
+    let parcel =
+        maes_msgs::Parcel { agent: maes_msgs::Parcel::SERVER, data: msgs::cdr::encode(&scenario).into(), kind: 0 };
     Part { parcels: vec![parcel], ..part(tick, Part::RUNNING) }
 }
 
@@ -334,7 +339,9 @@ fn another_controller_takes_over_at_once_and_keeps_the_map() {
     assert_eq!(distance_m(&mut agent, told(5, "other")), 101.0);
     assert_eq!(agent.map().free(), 3, "what was learned stays");
     assert_eq!(distance_m(&mut agent, part(6, Part::RUNNING)), 102.0);
-    let foreign =
-        Part { parcels: vec![maes_msgs::Parcel { data: vec![1, 2], ..told(7, "").parcels[0].clone() }], ..told(7, "") };
+    let foreign = Part {
+        parcels: vec![maes_msgs::Parcel { data: vec![1, 2].into(), ..told(7, "").parcels[0].clone() }],
+        ..told(7, "")
+    };
     assert!(agent.take(foreign).unwrap_err().to_string().contains("expected a scenario with the team and the map"));
 }

@@ -337,7 +337,7 @@ mod tests {
     }
 
     fn messages_of(from: &Auction) -> Vec<ReceivedMessage> {
-        vec![ReceivedMessage { from: from.own, kind: CLAIMS_MESSAGE, data: from.encode() }]
+        vec![ReceivedMessage { from: from.own, kind: CLAIMS_MESSAGE, data: from.encode().into() }]
     }
 
     /// Two agents, each with a claim that the other has received.
@@ -455,7 +455,11 @@ mod tests {
         let good = auction.encode();
         let received = |data: Vec<u8>| {
             let mut listener = Auction::new(PARAMS, &bodies(), AgentId(0), extent());
-            listener.receive(&[ReceivedMessage { from: AgentId(1), kind: CLAIMS_MESSAGE, data }], Tick(200), 4);
+            listener.receive(
+                &[ReceivedMessage { from: AgentId(1), kind: CLAIMS_MESSAGE, data: data.into() }],
+                Tick(200),
+                4,
+            );
             listener.claims
         };
         assert_eq!(received(good.clone()).len(), 2);

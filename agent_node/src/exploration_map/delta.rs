@@ -7,6 +7,8 @@
 //!
 //! This module knows neither the encoding of updates nor whether they are true.
 
+use std::cell::RefCell;
+
 use voxels::Extent;
 
 use super::{Change, Finding};
@@ -45,7 +47,7 @@ impl Block {
     }
 
     /// Overrides the report with a later one.
-    fn say(&mut self, later: Self) {
+    pub(super) fn say(&mut self, later: Self) {
         self.known |= later.known;
         self.wall = self.wall & !later.known | later.wall;
         self.covered = self.covered & !later.known | later.covered;
@@ -69,7 +71,7 @@ impl Delta {
             let (index, number) = layout.place(layout.at(cell));
             Block::of_cell(index, number, finding)
         });
-        DeltaBuilder::new(extent).build(reports).clone()
+        with_delta(extent, reports, Self::clone)
     }
 
     /// Number of reported cells.
@@ -98,22 +100,36 @@ impl Delta {
     }
 }
 
-/// Makes deltas; one serves all deltas of a map, so that they take no memory of their own.
-#[derive(Debug, Clone)]
-pub(crate) struct DeltaBuilder {
+thread_local! {
+    /// One for all agents of a thread: its table stays in the cache, and takes its memory once.
+    static BUILDER: RefCell<DeltaBuilder> = RefCell::default();
+}
+
+/// Makes deltas.
+#[derive(Default)]
+struct DeltaBuilder {
     /// For each block of the map 1 + its place in the delta that is being made, or 0.
     places: Vec<u32>,
     delta: Delta,
 }
 
-impl DeltaBuilder {
-    pub(crate) fn new(extent: Extent) -> Self {
-        // All are 0 at first, which costs no memory where the system provides it page by page.
-        Self { places: vec![0; Layout::new(extent).count() as usize], delta: Delta::default() }
-    }
+/// Hands over the delta of reports about blocks of a map of this extent, of which later ones
+/// override earlier ones.
+pub(crate) fn with_delta<R>(
+    extent: Extent,
+    reports: impl IntoIterator<Item = Block>,
+    take: impl FnOnce(&Delta) -> R,
+) -> R {
+    BUILDER.with_borrow_mut(|builder| take(builder.build(extent, reports)))
+}
 
-    /// The delta of reports about blocks of the map, of which later ones override earlier ones.
-    pub(crate) fn build(&mut self, reports: impl IntoIterator<Item = Block>) -> &Delta {
+impl DeltaBuilder {
+    fn build(&mut self, extent: Extent, reports: impl IntoIterator<Item = Block>) -> &Delta {
+        let count = Layout::new(extent).count() as usize;
+        if self.places.len() < count {
+            // All are 0 at first, which costs no memory where the system provides it page by page.
+            self.places = vec![0; count];
+        }
         let blocks = &mut self.delta.blocks;
         blocks.clear();
         for report in reports {
@@ -178,12 +194,11 @@ impl Layout {
 
     /// The coordinates of the cell with this number in a block.
     pub(super) fn cell(&self, (block, number): (u32, u32)) -> [i32; 3] {
-        let (lowest, by) = (self.lowest(block), place_in_block(number));
-        [0, 1, 2].map(|axis: usize| (lowest[axis] + by[axis]).cast_signed())
+        cell_in(self.lowest(block), number)
     }
 
     /// The lowest cell of a block along each axis.
-    fn lowest(&self, block: u32) -> [u32; 3] {
+    pub(super) fn lowest(&self, block: u32) -> [u32; 3] {
         let row = block / self.blocks[0];
         [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]].map(|at| at * SIDE)
     }
@@ -204,6 +219,12 @@ impl Layout {
             inside & LOWEST[axis][layers as usize]
         })
     }
+}
+
+/// The coordinates of the cell with this number in the block with this lowest cell.
+pub(super) fn cell_in(lowest: [u32; 3], number: u32) -> [i32; 3] {
+    let by = place_in_block(number);
+    [0, 1, 2].map(|axis: usize| (lowest[axis] + by[axis]).cast_signed())
 }
 
 /// Coordinates of a cell in its block.

@@ -262,7 +262,7 @@ proptest! {
             }
             by_blocks.merge(&delta, AgentId(from));
             for (cell, finding) in delta.findings(extent) {
-                by_cells.learn(&Place::of(cell, extent.size()), finding, from);
+                by_cells.learn_at(&Place::of(cell, extent.size()), finding, from);
             }
             prop_assert!(by_blocks.changes_since(0).eq(by_cells.changes_since(0)));
             prop_assert_eq!(by_blocks.cells.as_slice(), by_cells.cells.as_slice());
@@ -302,7 +302,7 @@ proptest! {
         let changed: Vec<_> = map.cells_changed_since(0).collect();
         let by_index = map.changes_since(0).map(|change| (extent.cell_at(change.cell as usize), change.finding));
         prop_assert!(by_index.eq(changed));
-        let reports = DeltaBuilder::new(extent).build(map.reports(0..map.journal_len())).clone();
+        let reports = with_delta(extent, map.reports(0..map.journal_len()), Delta::clone);
         prop_assert_eq!(reports, Delta::of(extent, map.changes_since(0)));
     }
 }

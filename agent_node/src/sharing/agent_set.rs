@@ -12,14 +12,16 @@ impl AgentSet {
     /// These agents. Equal sets are equal in any order.
     pub(super) fn of(agents: impl IntoIterator<Item = AgentId>) -> Self {
         let mut set = Self::default();
-        for agent in agents {
-            let word = agent.index() / 64;
-            if word >= set.words.len() {
-                set.words.resize(word + 1, 0);
-            }
-            set.words[word] |= 1 << (agent.index() % 64);
-        }
+        agents.into_iter().for_each(|agent| set.insert(agent));
         set
+    }
+
+    fn insert(&mut self, agent: AgentId) {
+        let word = agent.index() / 64;
+        if word >= self.words.len() {
+            self.words.resize(word + 1, 0);
+        }
+        self.words[word] |= 1 << (agent.index() % 64);
     }
 
     /// The agents that are not in another set.
@@ -28,6 +30,13 @@ impl AgentSet {
         let mut words: Vec<u64> = self.words.iter().zip(others).map(|(word, other)| word & !other).collect();
         words.truncate(words.iter().rposition(|&word| word != 0).map_or(0, |last| last + 1));
         Self { words }
+    }
+
+    /// These agents and one more.
+    pub(super) fn with(&self, agent: AgentId) -> Self {
+        let mut set = self.clone();
+        set.insert(agent);
+        set
     }
 
     /// Number of agents.

@@ -53,6 +53,10 @@ const NUMBER_BYTES_MAX: usize = 5;
 /// Fewest bits of a block: a gap of 0, a list of one cell.
 const BLOCK_BITS_MIN: usize = 10;
 
+/// So few cells are always listed: 17 bits, where seven empty octants and one with some cells take
+/// 18.
+const LISTED_CELLS: u32 = 2;
+
 /// An octant with all of its cells.
 const ALL: u32 = 0xff;
 
@@ -129,21 +133,23 @@ fn octants(block: &Block) -> [(u32, u32); 8] {
 fn put_block(writer: &mut Writer<'_>, block: &Block) {
     let cells = block.known.count_ones();
     let list_bits = gap_bits(cells - 1) + 7 * cells;
-    let octants = octants(block);
-    let octants_bits: u32 = octants.iter().map(|&(_, bits)| bits).sum();
-    // The additional bit of octants without covered cells.
-    let is_list = list_bits <= octants_bits + u32::from(block.covered == 0);
-    match (block.covered == 0, is_list) {
+    let shorter_octants = (cells > LISTED_CELLS).then(|| octants(block)).filter(|octants| {
+        let octants_bits: u32 = octants.iter().map(|&(_, bits)| bits).sum();
+        // The additional bit of octants without covered cells.
+        octants_bits + u32::from(block.covered == 0) < list_bits
+    });
+    match (block.covered == 0, shorter_octants.is_none()) {
         (true, true) => writer.word(0, 1),
         (true, false) => writer.word(0b01, 2),
-        (false, _) => writer.word(0b011 | u32::from(!is_list) << 2, 3),
+        (false, is_list) => writer.word(0b011 | u32::from(!is_list) << 2, 3),
     }
-    if is_list {
-        writer.gap(cells - 1);
-        bits(block.known).for_each(|number| writer.word(number, 6));
-        bits(block.known).for_each(|number| writer.word((block.wall >> number) as u32 & 1, 1));
-    } else {
-        octants.into_iter().for_each(|(word, bits)| writer.word(word, bits));
+    match shorter_octants {
+        Some(octants) => octants.into_iter().for_each(|(word, bits)| writer.word(word, bits)),
+        None => {
+            writer.gap(cells - 1);
+            bits(block.known).for_each(|number| writer.word(number, 6));
+            bits(block.known).for_each(|number| writer.word((block.wall >> number) as u32 & 1, 1));
+        }
     }
     if block.covered != 0 {
         bits(block.known & !block.wall).for_each(|number| writer.word((block.covered >> number) as u32 & 1, 1));
@@ -192,8 +198,8 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<A
         return Err(MapMessageError::Version(version));
     }
     let count = reader.number()?;
-    // The count is untrusted; an id takes a byte at least. Room for the sender as well.
-    let mut receivers = Vec::with_capacity(1 + (count as usize).min(bytes.len()));
+    // The count is untrusted; an id takes a byte at least.
+    let mut receivers = Vec::with_capacity((count as usize).min(bytes.len()));
     let mut next = 0u64;
     for _ in 0..count {
         let agent = next + u64::from(reader.number()?);

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use voxels::{Cell, Extent};
 
 use super::*;
-use crate::exploration_map::{CellState, Change, Finding};
+use crate::exploration_map::{CellState, Change, Delta, Finding};
 
 const BUDGET: usize = PARCEL_BYTES_MAX;
 
@@ -334,7 +334,7 @@ fn period_0_only_receives() {
 fn malformed_messages_are_rejected_and_other_kinds_ignored() {
     let mut map = ExplorationMap::new(extent(4));
     let mut sharing = Sharing::new(5, 3);
-    let message = |kind, data: &[u8]| ReceivedMessage { from: AgentId(2), kind, data: data.to_vec() };
+    let message = |kind, data: &[u8]| ReceivedMessage { from: AgentId(2), kind, data: data.into() };
     let received = [
         message(MAP_MESSAGE, &[9]),
         message(0, &[1, 2, 3]),
@@ -357,7 +357,11 @@ fn malformed_messages_are_rejected_and_other_kinds_ignored() {
 /// The most that one false message can report: the whole map is free, or all of it wall.
 fn whole_map(extent: Extent, finding: Finding) -> ReceivedMessage {
     let all = (0..extent.volume() as u32).map(|cell| Change { cell, finding, from: None });
-    ReceivedMessage { from: AgentId(2), kind: MAP_MESSAGE, data: map_message::encode(&[], &Delta::of(extent, all)) }
+    ReceivedMessage {
+        from: AgentId(2),
+        kind: MAP_MESSAGE,
+        data: map_message::encode(&[], &Delta::of(extent, all)).into(),
+    }
 }
 
 #[test]
@@ -378,7 +382,7 @@ fn flooding_sender_is_barred() {
     assert!(map.journal_len() as u64 <= CHANGES_MAX as u64 * volume);
     // Malformed messages get the same answer, since messages of barred senders are not decoded.
     let refused = |sharing: &mut Sharing, map: &mut ExplorationMap, from: u32, data: &[u8]| {
-        let message = ReceivedMessage { from: AgentId(from), kind: MAP_MESSAGE, data: data.to_vec() };
+        let message = ReceivedMessage { from: AgentId(from), kind: MAP_MESSAGE, data: data.into() };
         sharing.incoming(map, &[message]).refused
     };
     let barred = MapMessageError::Barred { allowance: 4 * volume };
@@ -420,7 +424,7 @@ proptest! {
                 data[0] = VERSION;
                 data[1] %= 2;
             }
-            let message = ReceivedMessage { from: AgentId(1), kind: MAP_MESSAGE, data: data.clone() };
+            let message = ReceivedMessage { from: AgentId(1), kind: MAP_MESSAGE, data: data.clone().into() };
             let report = sharing.incoming(&mut map, &[message]);
             count += report.messages + report.refused.len();
         }

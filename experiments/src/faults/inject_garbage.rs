@@ -91,7 +91,10 @@ fn command(rng: &mut ChaCha8Rng, run: u64, topic: u32, agents: u32) -> Command {
         2 => Command { agent: agents, ..command },
         3 => Command { run: run ^ 1, ..command },
         4 => task(Task { kind: Task::MOVE, distance_m: f64::NAN, pitch_rad: f64::INFINITY, ..Task::default() }),
-        5 => Command { parcels: vec![Parcel { agent: 0, kind: 1, data: vec![7; PARCEL_BYTES_MAX + 1] }], ..command },
+        5 => Command {
+            parcels: vec![Parcel { agent: 0, kind: 1, data: vec![7; PARCEL_BYTES_MAX + 1].into() }],
+            ..command
+        },
         _ => command,
     }
 }

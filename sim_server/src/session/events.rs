@@ -11,6 +11,7 @@
 use msgs::cdr;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Observation as Fragment;
+use msgs::shared_bytes::SharedBytes;
 use msgs::trigger::Trigger;
 
 use super::{RunError, SHUTDOWN_TIMEOUT, Session};
@@ -84,7 +85,7 @@ impl Session<'_, '_> {
         if has_other_radio {
             engine.world.set_radios(scenario.communication.comms(scenario.seed));
         }
-        let data = cdr::encode(&announcement);
+        let data = SharedBytes::from(cdr::encode(&announcement));
         for agent in
             engine.world.agents().filter(|agent| !engine.lost.contains(agent) && !self.external.contains(agent))
         {

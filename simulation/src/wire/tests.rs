@@ -1,5 +1,6 @@
 use msgs::cdr;
 use msgs::maes_msgs::{Command, LidarRequest as LidarMessage, Parcel as ParcelMessage, Task, Wake as WakeMessage};
+use msgs::shared_bytes::SharedBytes;
 use proptest::prelude::*;
 
 use super::*;
@@ -44,7 +45,7 @@ proptest! {
             contacts: (0..contacts).map(|agent| (AgentId(agent), Point3::origin())).collect(),
             messages: parcel_bytes
                 .iter()
-                .map(|&bytes| AgentMessage { peer: Peer::One(AgentId(1)), kind: 2, data: vec![7; bytes] })
+                .map(|&bytes| AgentMessage { peer: Peer::One(AgentId(1)), kind: 2, data: vec![7; bytes].into() })
                 .collect(),
             seen_free: list.clone(),
             seen_wall: list.clone(),
@@ -92,7 +93,7 @@ proptest! {
                 yaw_rate_rad_s: other,
             },
             lidar: LidarMessage { kind: lidar.0, period_ticks: lidar.1 },
-            parcels: vec![ParcelMessage { agent: receiver, kind: 0, data: Vec::new() }],
+            parcels: vec![ParcelMessage { agent: receiver, kind: 0, data: SharedBytes::default() }],
             ..Command::default()
         };
         if let Ok((action, _)) = command(&message, 5) {
@@ -133,7 +134,7 @@ fn refusals_name_field_value_and_what_is_allowed() {
         &Command { lidar: LidarMessage { kind: LidarMessage::EVERY, period_ticks: 0 }, ..Command::default() },
         "lidar.period_ticks = 0",
     );
-    let parcel = |agent, bytes| ParcelMessage { agent, kind: 0, data: vec![0; bytes] };
+    let parcel = |agent, bytes| ParcelMessage { agent, kind: 0, data: vec![0; bytes].into() };
     refuses(&Command { parcels: vec![parcel(5, 1)], ..Command::default() }, "a parcel is for agent 5, 0 to 4");
     refuses(
         &Command { parcels: vec![parcel(1, 50_000), parcel(2, 50_000)], ..Command::default() },
@@ -167,7 +168,7 @@ fn a_scenario_says_which_body_each_agent_has() {
 fn relay_ids_round_trip() {
     let relay = RelayId { owner: AgentId(4), number: 7 };
     let says = |agent, bytes| {
-        let parcel = maes_msgs::Parcel { agent, kind: 2, data: vec![1; bytes] };
+        let parcel = maes_msgs::Parcel { agent, kind: 2, data: vec![1; bytes].into() };
         command(&Command { parcels: vec![parcel], ..Command::default() }, 5).map(|(action, _)| action.messages[0].peer)
     };
     assert_eq!(says(relay.on_wire(), RELAY_BYTES_MAX), Ok(Peer::Relay(relay)));
@@ -179,7 +180,7 @@ fn relay_ids_round_trip() {
     assert!(says(foreign.on_wire(), 0).unwrap_err().contains("0 to 4, BROADCAST, LEAVE_RELAY or a relay are allowed"));
 
     let place = Point3::new(1.0, 1.0, 1.0);
-    let messages = vec![AgentMessage { peer: Peer::Relay(relay), kind: 2, data: vec![5] }];
+    let messages = vec![AgentMessage { peer: Peer::Relay(relay), kind: 2, data: vec![5].into() }];
     let observed = Observation { relays: vec![(relay, place)], messages, ..observation() };
     let parts = observation_parts(observed, Part::RUNNING);
     assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);

@@ -10,6 +10,7 @@ mod contact_table;
 
 use msgs::ids::AgentId;
 use msgs::relay_id::RelayId;
+use msgs::shared_bytes::SharedBytes;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 use voxels::{Grid, Terrain, length_in_walls_m, line_of_sight};
@@ -155,7 +156,7 @@ pub struct AgentMessage {
     /// The kind of content, chosen by the sender, for accounting.
     pub kind: u8,
     /// The content.
-    pub data: Vec<u8>,
+    pub data: SharedBytes,
 }
 
 /// The other end of a message, seen from an agent.

@@ -8,6 +8,7 @@
 //! Invariant: no body overlaps another, whoever joins.
 
 use msgs::ids::AgentId;
+use msgs::shared_bytes::SharedBytes;
 use nalgebra::Point3;
 
 use super::body::{Body, Pose};
@@ -135,7 +136,7 @@ impl World {
     }
 
     /// Adds a message of the server to the next observation of an agent.
-    pub fn tell(&mut self, agent: AgentId, data: Vec<u8>) {
+    pub fn tell(&mut self, agent: AgentId, data: SharedBytes) {
         let message = AgentMessage { peer: Peer::Server, kind: 0, data };
         self.agents[agent.index()].pending_observation.tell(message);
     }

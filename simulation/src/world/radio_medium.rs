@@ -253,8 +253,16 @@ impl World {
         let table = self.contacts.as_mut().expect("it has just been computed");
         let state = &self.agents[agent.index()];
         let is_as_reported = relays == state.reported_relays
-            && table.of(agent, &self.params.comms.contact, &self.terrain).eq(state.reported_contacts.iter().copied());
+            && table.row(agent, &self.params.comms.contact, &self.terrain) == state.reported_contacts;
         if is_as_reported { 0 } else { CONTACTS }
+    }
+
+    /// Notes that the agents in contact have been reported.
+    pub(super) fn note_reported_contacts(&mut self, agent: AgentId) {
+        self.compute_contacts();
+        let table = self.contacts.as_mut().expect("it has just been computed");
+        let row = table.row(agent, &self.params.comms.contact, &self.terrain);
+        self.agents[agent.index()].reported_contacts.copy_from_slice(row);
     }
 
     fn compute_contacts(&mut self) {

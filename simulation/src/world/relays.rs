@@ -9,6 +9,7 @@
 
 use msgs::ids::AgentId;
 use msgs::relay_id::RelayId;
+use msgs::shared_bytes::SharedBytes;
 use nalgebra::Point3;
 use voxels::{Grid, Terrain};
 
@@ -24,7 +25,7 @@ pub struct Relay {
     /// The kind of the stored content.
     pub kind: u8,
     /// The stored content.
-    pub data: Vec<u8>,
+    pub data: SharedBytes,
     /// Number of writes; 0: it was deployed empty and still is.
     pub writings: u64,
     network: usize,
@@ -71,7 +72,7 @@ impl Relays {
         &mut self,
         owner: AgentId,
         position: Point3<f64>,
-        content: (u8, Vec<u8>),
+        content: (u8, SharedBytes),
         comms: &Comms,
         terrain: &Grid<Terrain>,
     ) -> bool {
@@ -117,7 +118,7 @@ impl Relays {
         writer: AgentId,
         from: Point3<f64>,
         to: RelayId,
-        content: (u8, Vec<u8>),
+        content: (u8, SharedBytes),
         comms: &Comms,
         terrain: &Grid<Terrain>,
     ) -> bool {

@@ -192,7 +192,7 @@ fn walls_and_range_end_contact() {
 fn messages_reach_agents_in_contact() {
     let starts = [at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5), at(7.5, 3.5, 1.5)];
     let mut world = World::new(two_rooms(), params(), &starts);
-    let message = |peer, data: &[u8]| AgentMessage { peer, kind: 7, data: data.to_vec() };
+    let message = |peer, data: &[u8]| AgentMessage { peer, kind: 7, data: data.into() };
     let messages =
         vec![message(Peer::Broadcast, b"all"), message(Peer::One(B), b"one"), message(Peer::One(A), b"self")];
     world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
@@ -209,7 +209,7 @@ fn messages_reach_agents_in_contact() {
 fn full_inbox_drops_messages() {
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     for _ in 0..70 {
-        let messages = vec![AgentMessage { peer: Peer::One(B), kind: 0, data: vec![0; PARCEL_BYTES_MAX] }];
+        let messages = vec![AgentMessage { peer: Peer::One(B), kind: 0, data: vec![0; PARCEL_BYTES_MAX].into() }];
         world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
     }
     assert_eq!((world.totals().parcels_delivered, world.totals().parcels_inbox_full), (64, 6));
@@ -250,7 +250,7 @@ fn speculative_observations_do_not_commit() {
     world.look(&workers);
     let first = world.observe(A, Commit::Speculative);
     assert_eq!(first.seen_free.len(), 60);
-    let message = |data: &[u8]| AgentMessage { peer: Peer::One(A), kind: 0, data: data.to_vec() };
+    let message = |data: &[u8]| AgentMessage { peer: Peer::One(A), kind: 0, data: data.into() };
     world.step([(B, Action { messages: vec![message(b"x")], ..action(Motion::Keep) })].into());
     let second = world.observe(A, Commit::Speculative);
     assert_eq!((second.seen_free.len(), second.messages.len(), second.events & PARCEL), (0, 1, PARCEL));
@@ -490,7 +490,7 @@ fn silent_radios_have_no_contacts() {
     let mut world = with_late_agent();
     assert!(world.join(B));
     let send = |world: &mut World| {
-        let message = |peer| AgentMessage { peer, kind: 7, data: vec![1] };
+        let message = |peer| AgentMessage { peer, kind: 7, data: vec![1].into() };
         let messages = vec![message(Peer::One(B)), message(Peer::Broadcast)];
         world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
         world.observe(B, Commit::Committed).messages.len()

@@ -345,7 +345,7 @@ impl Tours {
         let encoded = messages.into_iter().map(|(to, message)| AgentMessage {
             to: Some(to),
             kind: TASKS_MESSAGE,
-            data: message.encode(self.extent),
+            data: message.encode(self.extent).into(),
         });
         encoded.collect()
     }

@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
 use msgs::relay_id::RelayId;
+use msgs::shared_bytes::SharedBytes;
 use nalgebra::{Point3, Vector3};
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
@@ -106,11 +107,11 @@ prop_compose! {
             relays: relays.iter().map(|&(number, position)| Relay { id: relay(number), position }).collect(),
             readings: relays
                 .iter()
-                .map(|&(number, _)| Reading { relay: relay(number), kind: 1, data: Vec::new() })
+                .map(|&(number, _)| Reading { relay: relay(number), kind: 1, data: SharedBytes::default() })
                 .collect(),
             messages: messages
                 .into_iter()
-                .map(|(from, kind, data)| ReceivedMessage { from: AgentId(from), kind, data })
+                .map(|(from, kind, data)| ReceivedMessage { from: AgentId(from), kind, data: data.into() })
                 .collect(),
             scan_tick: has_scanned.then_some(Tick(tick)),
             seen,

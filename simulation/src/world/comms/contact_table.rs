@@ -139,6 +139,15 @@ impl ContactTable {
         model: &ContactModel,
         terrain: &Grid<Terrain>,
     ) -> impl Iterator<Item = AgentId> + '_ {
+        self.row(agent, model, terrain).iter().enumerate().flat_map(|(word, &bits)| {
+            let lowest = |&left: &u64| Some(left & left.wrapping_sub(1)).filter(|&rest| rest != 0);
+            let rests = std::iter::successors(Some(bits).filter(|&bits| bits != 0), lowest);
+            rests.map(move |left| AgentId::from_index(64 * word + left.trailing_zeros() as usize))
+        })
+    }
+
+    /// The agents in contact with `agent`, one bit each.
+    pub fn row(&mut self, agent: AgentId, model: &ContactModel, terrain: &Grid<Terrain>) -> &[u64] {
         let one = agent.index();
         if self.up_to_date[one] != self.updates {
             for other in 0..self.radios.len() {
@@ -149,12 +158,7 @@ impl ContactTable {
             self.up_to_date[one] = self.updates;
         }
         let words = self.words();
-        let row = self.rows[one * words..][..words].iter().enumerate();
-        row.flat_map(|(word, &bits)| {
-            let lowest = |&left: &u64| Some(left & left.wrapping_sub(1)).filter(|&rest| rest != 0);
-            let rests = std::iter::successors(Some(bits).filter(|&bits| bits != 0), lowest);
-            rests.map(move |left| AgentId::from_index(64 * word + left.trailing_zeros() as usize))
-        })
+        &self.rows[one * words..][..words]
     }
 
     /// Whether two different agents are in contact, directly or over a relay network in contact

@@ -52,7 +52,7 @@ fn params(comms: Comms) -> WorldParams {
 }
 
 fn message(peer: Peer, data: &[u8]) -> AgentMessage {
-    AgentMessage { peer, kind: 7, data: data.to_vec() }
+    AgentMessage { peer, kind: 7, data: data.into() }
 }
 
 fn sends(messages: Vec<AgentMessage>) -> Action {
