@@ -81,9 +81,37 @@ pub(super) struct Viewpoints {
     read: usize,
     /// By viewpoint.
     views: BTreeMap<Cell, View>,
-    /// By cell, the cover of which it is part.
-    covered: Vec<u32>,
-    cover: u32,
+    covered: CellSet,
+}
+
+/// A set of cells, a bit for each of the map.
+#[derive(Debug)]
+struct CellSet {
+    bits: Vec<u64>,
+    /// The words that are not 0.
+    used: Vec<u32>,
+}
+
+impl CellSet {
+    fn new(cells: usize) -> Self {
+        Self { bits: vec![0; cells.div_ceil(64)], used: Vec::new() }
+    }
+
+    fn contains(&self, index: u32) -> bool {
+        self.bits[index as usize / 64] >> (index % 64) & 1 != 0
+    }
+
+    fn insert(&mut self, index: u32) {
+        let word = &mut self.bits[index as usize / 64];
+        if *word == 0 {
+            self.used.push(index / 64);
+        }
+        *word |= 1 << (index % 64);
+    }
+
+    fn clear(&mut self) {
+        self.used.drain(..).for_each(|word| self.bits[word as usize] = 0);
+    }
 }
 
 /// The unexplored cells seen from a viewpoint with their probabilities to be free, in units of 1 /
@@ -109,8 +137,7 @@ impl Viewpoints {
             changed: vec![0; blocks],
             read: 0,
             views: BTreeMap::new(),
-            covered: vec![0; extent.volume()],
-            cover: 0,
+            covered: CellSet::new(extent.volume()),
         }
     }
 
@@ -136,7 +163,7 @@ impl Viewpoints {
                 }
             }
         }
-        self.cover += 1;
+        self.covered.clear();
         let mut tasks = Vec::new();
         // A gain only falls as others are chosen: one that is up to date and still the greatest is
         // the greatest of all.
@@ -148,12 +175,12 @@ impl Viewpoints {
             let seen = &views[&cell];
             if as_of < tasks.len() {
                 let covered = &self.covered;
-                let rest = seen.cells.iter().filter(|&&(index, _)| covered[index as usize] != self.cover);
+                let rest = seen.cells.iter().filter(|&&(index, _)| !covered.contains(index));
                 let gain = rest.map(|&(_, chance)| u64::from(chance)).sum();
                 queue.push((gain, Reverse((number, cell)), tasks.len()));
                 continue;
             }
-            seen.cells.iter().for_each(|&(index, _)| self.covered[index as usize] = self.cover);
+            seen.cells.iter().for_each(|&(index, _)| self.covered.insert(index));
             let Candidate { region, frontier, .. } = candidates[number];
             tasks.push(Task { region, cell, frontier, expected_cells });
         }
@@ -171,7 +198,7 @@ impl Viewpoints {
         });
         let mut chances = 0;
         for (beside, index) in unexplored {
-            if self.covered[index] == self.cover {
+            if self.covered.contains(index as u32) {
                 return None;
             }
             chances += self.expectation.of(map, beside, Place::AtFrontier);
