@@ -71,6 +71,15 @@ impl CellSet {
         }
     }
 
+    /// Removes all cells, at the cost of those that are in it.
+    pub fn clear(&mut self) {
+        for word in bits(&self.occupied, 0..self.occupied.len()) {
+            self.words[word] = 0;
+        }
+        self.occupied.fill(0);
+        self.len = 0;
+    }
+
     /// The cells in it, ascending.
     pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
         bits(&self.occupied, 0..self.occupied.len()).flat_map(|word| bits(&self.words, word..word + 1))
@@ -123,6 +132,8 @@ mod tests {
             }
             prop_assert_eq!(set.len(), model.len());
             prop_assert!(set.iter().eq(model));
+            set.clear();
+            prop_assert!(set.is_empty() && set.iter().next().is_none() && (0..9000).all(|cell| !set.contains(cell)));
         }
     }
 }

@@ -21,6 +21,7 @@
 mod avoidance;
 mod coordination;
 mod dtw;
+mod expectation;
 mod gain;
 mod goal;
 mod obstacles;
@@ -32,6 +33,7 @@ mod team;
 mod tests;
 mod tours;
 mod tree;
+mod variants;
 mod voronoi;
 
 use std::cmp::Ordering;
@@ -45,8 +47,6 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
-use super::auction::AuctionParams;
-use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
 use crate::abstract_graph::{AbstractGraph, ShortestPaths};
 use crate::command::{Command, Motion, ScanRequest, Trigger};
@@ -60,9 +60,8 @@ use goal::Goal;
 use obstacles::Obstacles;
 pub use params::Params;
 use pursuit::LastKnownPositions;
-use team::TeamParams;
 pub use tours::TASKS_MESSAGE;
-use tours::{Tours, ToursParams};
+use tours::Tours;
 use tree::{Tree, vector};
 
 /// Longest wait after a collision with another agent, ticks: about the time in which the other one
@@ -121,69 +120,7 @@ struct WorldModel {
 }
 
 impl Dsvp {
-    /// Settings: those of [`Params`].
-    ///
-    /// # Errors
-    /// If a setting is out of range.
-    pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        Ok(Self::with(Params::from_settings(settings, Params::default())?, Scheme::Alone, rng))
-    }
-
-    /// The planner with an auction of goals. Settings: those of [`Params`], and `spread_m`,
-    /// `discount`, `trespass_m`, `detour`, `pace_m_s`, `lease_s` (see docs/controllers.md).
-    ///
-    /// # Errors
-    /// If a setting is out of range.
-    pub fn with_auction(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        let params = Params::from_settings(settings, Params::default())?;
-        Ok(Self::with(params, Scheme::Auction(AuctionParams::from_settings(settings)?), rng))
-    }
-
-    /// The planner with an auction and tours over shared-out tasks. Settings: those of
-    /// [`Dsvp::with_auction`], and `visit_s`, `cut_s`, `meeting_s`, `promising_min`, `remnant_m`,
-    /// `explores`, `relocates` (see docs/controllers.md).
-    ///
-    /// # Errors
-    /// If a setting is out of range.
-    pub fn with_tours(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        let params = Params::from_settings(settings, Params { beside_wall: 0.1, ..Params::default() })?;
-        Ok(Self::with(params, Scheme::Tours(ToursParams::from_settings(settings)?), rng))
-    }
-
-    /// The planner with a Voronoi decomposition of the map. Settings: those of
-    /// [`Dsvp::with_auction`], and `clump_m` (see docs/controllers.md).
-    ///
-    /// # Errors
-    /// If a setting is out of range.
-    pub fn with_voronoi(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        let params = Params::from_settings(settings, Params::default())?;
-        let auction = AuctionParams::from_settings(settings)?;
-        let clump_m = settings.number("clump_m", 6.0, 0.0, 1000.0)?;
-        Ok(Self::with(params, Scheme::Voronoi(auction, clump_m), rng))
-    }
-
-    /// The planner with an auction that counts seconds. Settings: those of [`Dsvp::with_auction`],
-    /// and `lambda_time_per_s`, `share_min`, `hope`, `start_m` (see docs/controllers.md).
-    ///
-    /// # Errors
-    /// If a setting is out of range.
-    pub fn with_time(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        let default = Params { lambda_time_per_s: 0.03, ..Params::default() };
-        let params = Params::with_time(settings, default)?;
-        Ok(Self::with(params, Scheme::Auction(AuctionParams::from_settings(settings)?), rng))
-    }
-
-    /// The planner with tours for the whole team. Settings: those of [`Dsvp::with_auction`], and
-    /// `tasks`, `expected_min`, `exponent`, `urgency`, `leg_s`, `memory_s` (see
-    /// docs/controllers.md).
-    ///
-    /// # Errors
-    /// If a setting is out of range.
-    pub fn with_team(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        let params = Params::from_settings(settings, Params { gain_min: 5, ..Params::default() })?;
-        Ok(Self::with(params, Scheme::Team(TeamParams::from_settings(settings)?), rng))
-    }
-
+    /// The planner before its first observation.
     fn with(params: Params, scheme: Scheme, rng: ChaCha8Rng) -> Self {
         Self {
             params,
@@ -209,13 +146,15 @@ impl Dsvp {
         let extent = run_info.extent;
         let Params { gain_range_m, gain_rays, gain_depth, beside_wall, .. } = self.params;
         let scheme = self.scheme;
-        let range_m = gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m());
-        let range_cells = range_m / extent.cell_m();
-        let model = self.model.get_or_insert_with(|| WorldModel {
-            graph: AbstractGraph::new(extent, ctx.body().radius_m),
-            paths: ShortestPaths::default(),
-            gain_estimator: GainEstimator::new(gain_rays, range_cells, gain_depth, Likelihood::new(beside_wall)),
-            coordination: scheme.begin(ctx, range_cells),
+        let model = self.model.get_or_insert_with(|| {
+            let range_m = gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m());
+            let range_cells = range_m / extent.cell_m();
+            WorldModel {
+                graph: AbstractGraph::new(extent, ctx.body().radius_m),
+                paths: ShortestPaths::default(),
+                gain_estimator: GainEstimator::new(gain_rays, range_cells, gain_depth, Likelihood::new(beside_wall)),
+                coordination: scheme.begin(ctx, range_cells),
+            }
         });
         model.coordination.receive(observation, run_info.agents);
         self.last_known.record(&observation.contacts, extent, observation.tick);
@@ -412,10 +351,7 @@ impl Dsvp {
             None => Tree::new(here),
         };
         tree.grow(map, &growth, &ahead, obstacles, &mut self.rng);
-        if let Some(Goal::Viewpoint { cell, .. }) = self.goal
-            && cell == here
-            && gain_estimator.gain(map, here) >= self.params.gain_min
-        {
+        if has_gain_left(self.goal, here, map, gain_estimator, self.params.gain_min) {
             self.unproductive.insert(here);
         }
         let (unproductive, share_min) = (&self.unproductive, self.params.share_min);
@@ -493,6 +429,18 @@ impl Dsvp {
         }
         self.plan(observation, ctx)
     }
+}
+
+/// Whether the agent is at the viewpoint that was its goal, and the scan from there did not reveal
+/// the cells that it was chosen for.
+fn has_gain_left(
+    goal: Option<Goal>,
+    here: Cell,
+    map: &ExplorationMap,
+    gain_estimator: &mut GainEstimator,
+    gain_min: u32,
+) -> bool {
+    matches!(goal, Some(Goal::Viewpoint { cell, .. }) if cell == here) && gain_estimator.gain(map, here) >= gain_min
 }
 
 /// For each region within the horizon the frontier nearest to the agent.

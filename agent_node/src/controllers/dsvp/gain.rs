@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 use nalgebra::Point3;
 use voxels::{Cell, Extent, lattice, walk};
 
-use super::team::{Expectation, Place};
+use super::expectation::{Expectation, Place};
 use crate::exploration_map::{CellState, ExplorationMap};
 
 /// How much an unexplored cell counts, by the number of known walls beside it: surfaces are smooth,

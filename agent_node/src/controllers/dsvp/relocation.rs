@@ -1,6 +1,8 @@
 //! The stages without gain nearby: relocation to a frontier, and pursuit of other agents without
 //! any.
 
+use std::collections::BTreeSet;
+
 use rand::seq::IndexedRandom;
 
 use super::avoidance::motion_to;
@@ -8,7 +10,7 @@ use super::gain::{Likelihood, WHOLE};
 use super::goal::Goal;
 use super::obstacles::Obstacles;
 use super::{ATTEMPTS, Dsvp, Plan, WorldModel, by_distance};
-use crate::abstract_graph::{AbstractGraph, RegionId};
+use crate::abstract_graph::{AbstractGraph, Region, RegionId};
 use crate::controllers::Ctx;
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::Observation;
@@ -35,12 +37,9 @@ impl Dsvp {
             if best.len() == ATTEMPTS && best.last().is_some_and(|&(most, ..)| most <= path_m) {
                 break;
             }
-            let abandoned = &self.abandoned;
-            let open = region.frontiers.iter().filter(|&frontier| !abandoned.contains(frontier));
-            let Some(&frontier) = open.min_by(|a, b| by_distance(here, a, b)) else {
+            let Some((frontier, cell)) = nearest_viewpoint(graph, (id, region), here, &self.abandoned) else {
                 continue;
             };
-            let cell = viewpoint(graph, id, region.centre, frontier);
             if cell == here {
                 let seen_from_here = |frontier: &&Cell| viewpoint(graph, id, region.centre, **frontier) == here;
                 self.abandoned.extend(region.frontiers.iter().filter(seen_from_here));
@@ -100,6 +99,18 @@ fn hope(map: &ExplorationMap, frontiers: &[Cell], exponent: f64) -> f64 {
         }
     }
     libm::pow(1.0 - none, exponent).max(1e-3)
+}
+
+/// The frontier of a region nearest to a cell, without those left out, and its viewpoint.
+pub(super) fn nearest_viewpoint(
+    graph: &AbstractGraph,
+    (id, region): (RegionId, &Region),
+    here: Cell,
+    left_out: &BTreeSet<Cell>,
+) -> Option<(Cell, Cell)> {
+    let open = region.frontiers.iter().filter(|frontier| !left_out.contains(frontier));
+    let &frontier = open.min_by(|a, b| by_distance(here, a, b))?;
+    Some((frontier, viewpoint(graph, id, region.centre, frontier)))
 }
 
 /// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body does

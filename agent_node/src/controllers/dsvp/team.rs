@@ -3,7 +3,7 @@
 //!
 //! It takes the place of the exploration stage. At each plan the tasks of the map are found anew
 //! ([`viewpoints`]), weighted by the number of free cells that they are expected to show
-//! ([`expectation`]) and by the probability that no other agent has seen them in the meantime
+//! ([`super::expectation`]) and by the probability that no other agent has seen them in the meantime
 //! ([`sightings`]), and divided among this agent, from where it is, and the others, from their
 //! claimed goals ([`division`]). Claims are exchanged as in the auction, which also settles
 //! conflicts. An agent without a task in that division plans for itself alone; one without any
@@ -13,7 +13,6 @@
 //! observations alone.
 
 mod division;
-mod expectation;
 mod sightings;
 mod viewpoints;
 
@@ -27,13 +26,12 @@ use super::coordination::Coordination;
 use super::gain::GainEstimator;
 use super::goal::Goal;
 use super::obstacles::Obstacles;
-use super::{ATTEMPTS, Dsvp, Plan, WorldModel};
+use super::{ATTEMPTS, Dsvp, Plan, WorldModel, has_gain_left};
 use crate::abstract_graph::{AbstractGraph, RegionId, ShortestPaths};
 use crate::controllers::Ctx;
 use crate::controllers::auction::AuctionParams;
 use crate::observation::Observation;
 use division::Division;
-pub(super) use expectation::{Expectation, Place};
 use sightings::{Prospect, Sighting, Sightings};
 use viewpoints::{Candidate, Task, Viewpoints};
 
@@ -164,10 +162,7 @@ impl Dsvp {
         };
         let Coordination::Team(auction, team) = coordination else { return Plan::Nothing };
         let (map, here, now) = (ctx.map(), ctx.cell(), observation.tick);
-        if let Some(Goal::Viewpoint { cell, .. }) = self.goal
-            && cell == here
-            && gain_estimator.gain(map, here) >= self.params.gain_min
-        {
+        if has_gain_left(self.goal, here, map, gain_estimator, self.params.gain_min) {
             self.unproductive.insert(here);
         }
         team.sightings.update(auction, observation);

@@ -16,11 +16,11 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
-use voxels::{Cell, Extent};
+use voxels::{Cell, CellSet, Extent};
 
-use super::super::by_distance;
+use super::super::expectation::{Expectation, Place};
 use super::super::gain::{GainEstimator, WHOLE};
-use super::expectation::{Expectation, Place};
+use super::super::relocation::nearest_viewpoint;
 use crate::abstract_graph::{AbstractGraph, Region, RegionId};
 use crate::exploration_map::{CellState, ExplorationMap};
 
@@ -59,11 +59,8 @@ impl Candidate {
         here: Cell,
         left_out: &BTreeSet<Cell>,
     ) -> Option<Self> {
-        let centre = region.centre;
-        let open = region.frontiers.iter().filter(|frontier| !left_out.contains(frontier));
-        let &frontier = open.min_by(|a, b| by_distance(here, a, b))?;
-        let cell = super::super::relocation::viewpoint(graph, id, centre, frontier);
-        Some(Self { region: id, centre, frontier, cell })
+        let (frontier, cell) = nearest_viewpoint(graph, (id, region), here, left_out)?;
+        Some(Self { region: id, centre: region.centre, frontier, cell })
     }
 }
 
@@ -82,36 +79,6 @@ pub(super) struct Viewpoints {
     /// By viewpoint.
     views: BTreeMap<Cell, View>,
     covered: CellSet,
-}
-
-/// A set of cells, a bit for each of the map.
-#[derive(Debug)]
-struct CellSet {
-    bits: Vec<u64>,
-    /// The words that are not 0.
-    used: Vec<u32>,
-}
-
-impl CellSet {
-    fn new(cells: usize) -> Self {
-        Self { bits: vec![0; cells.div_ceil(64)], used: Vec::new() }
-    }
-
-    fn contains(&self, index: u32) -> bool {
-        self.bits[index as usize / 64] >> (index % 64) & 1 != 0
-    }
-
-    fn insert(&mut self, index: u32) {
-        let word = &mut self.bits[index as usize / 64];
-        if *word == 0 {
-            self.used.push(index / 64);
-        }
-        *word |= 1 << (index % 64);
-    }
-
-    fn clear(&mut self) {
-        self.used.drain(..).for_each(|word| self.bits[word as usize] = 0);
-    }
 }
 
 /// The unexplored cells seen from a viewpoint with their probabilities to be free, in units of 1 /
@@ -175,12 +142,12 @@ impl Viewpoints {
             let seen = &views[&cell];
             if as_of < tasks.len() {
                 let covered = &self.covered;
-                let rest = seen.cells.iter().filter(|&&(index, _)| !covered.contains(index));
+                let rest = seen.cells.iter().filter(|&&(index, _)| !covered.contains(index as usize));
                 let gain = rest.map(|&(_, chance)| u64::from(chance)).sum();
                 queue.push((gain, Reverse((number, cell)), tasks.len()));
                 continue;
             }
-            seen.cells.iter().for_each(|&(index, _)| self.covered.insert(index));
+            seen.cells.iter().for_each(|&(index, _)| self.covered.insert(index as usize));
             let Candidate { region, frontier, .. } = candidates[number];
             tasks.push(Task { region, cell, frontier, expected_cells });
         }
@@ -198,7 +165,7 @@ impl Viewpoints {
         });
         let mut chances = 0;
         for (beside, index) in unexplored {
-            if self.covered.contains(index as u32) {
+            if self.covered.contains(index) {
                 return None;
             }
             chances += self.expectation.of(map, beside, Place::AtFrontier);

@@ -6,7 +6,7 @@
 
 use voxels::Cell;
 
-use super::super::gain::WHOLE;
+use super::gain::WHOLE;
 use crate::exploration_map::{CellState, ExplorationMap};
 
 /// Log odds without known neighbours, and what each known wall and each known free cell adds.
@@ -19,7 +19,7 @@ const FREE_BEHIND: usize = 8;
 
 /// Where a cell lies on a ray, as far as that says more than its neighbours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::controllers) enum Place {
+pub(super) enum Place {
     /// Beside a cell known to be free.
     AtFrontier,
     /// Behind an unexplored cell that is taken to be free.
@@ -28,12 +28,12 @@ pub(in crate::controllers) enum Place {
 
 /// The probabilities, by the number of known walls and of known free cells around a cell.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::controllers) struct Expectation {
+pub(super) struct Expectation {
     by_neighbours: Box<[[u32; 27]; 27]>,
 }
 
 impl Expectation {
-    pub(in crate::controllers) fn new() -> Self {
+    pub(super) fn new() -> Self {
         let mut by_neighbours = Box::new([[0; 27]; 27]);
         for (walls, row) in by_neighbours.iter_mut().enumerate() {
             for (free, chance) in row.iter_mut().enumerate() {
@@ -45,7 +45,7 @@ impl Expectation {
     }
 
     /// The probability that an unexplored cell is free, in units of 1 / [`WHOLE`].
-    pub(in crate::controllers) fn of(&self, map: &ExplorationMap, cell: Cell, place: Place) -> u32 {
+    pub(super) fn of(&self, map: &ExplorationMap, cell: Cell, place: Place) -> u32 {
         let mut walls = 0;
         let mut free = if place == Place::Beyond { FREE_BEHIND } else { 0 };
         map.for_states_around(cell, |state| match state {
