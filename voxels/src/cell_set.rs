@@ -59,6 +59,25 @@ impl CellSet {
         }
     }
 
+    /// Adds `count` cells from `start` on; at most 64.
+    pub fn insert_run(&mut self, start: usize, count: u32) {
+        let run = if count < 64 { (1 << count) - 1 } else { u64::MAX };
+        let (word, shift) = (start / 64, start % 64);
+        self.insert_bits(word, run << shift);
+        if shift + count as usize > 64 {
+            self.insert_bits(word + 1, run >> (64 - shift));
+        }
+    }
+
+    fn insert_bits(&mut self, word: usize, bits: u64) {
+        if bits != 0 {
+            let before = self.words[word];
+            self.words[word] |= bits;
+            self.occupied[word / 64] |= bit(word);
+            self.len += (bits & !before).count_ones() as usize;
+        }
+    }
+
     /// Removes a cell.
     pub fn remove(&mut self, cell: usize) {
         let word = cell / 64;
@@ -112,7 +131,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn behaves_as_a_set(changes in prop::collection::vec((0usize..9000, any::<bool>()), 0..400)) {
+        fn behaves_as_a_set(
+            changes in prop::collection::vec((0usize..9000, any::<bool>()), 0..400),
+            runs in prop::collection::vec((0usize..8936, 0u32..=64), 0..20),
+        ) {
             let mut set = CellSet::new(9000);
             let mut model = BTreeSet::new();
             for (cell, is_added) in changes {
@@ -124,6 +146,10 @@ mod tests {
                     model.remove(&cell);
                 }
                 prop_assert_eq!(set.contains(cell), is_added);
+            }
+            for (start, count) in runs {
+                set.insert_run(start, count);
+                model.extend(start..start + count as usize);
             }
             for start in (0..8900).step_by(97) {
                 let count = start as u32 % 65;

@@ -306,3 +306,29 @@ proptest! {
         prop_assert_eq!(reports, Delta::of(extent, map.changes_since(0)));
     }
 }
+
+proptest! {
+    #[test]
+    fn walls_and_free_cells_around_a_cell_are_those_of_its_states(
+        kinds in prop::collection::vec(0..4, 5 * 4 * 6),
+        at in (0..5_i32, 0..4_i32, 0..6_i32),
+    ) {
+        let extent = Extent::new([5, 4, 6], 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        for (cell, kind) in extent.cells().zip(kinds) {
+            let index = extent.index(cell).unwrap() as u32;
+            match kind {
+                0 => map.note_wall(&[index]),
+                1 => map.note_free(&[index]),
+                2 => map.note_covered(cell),
+                _ => {}
+            }
+        }
+        let cell = Cell::new(at.0, at.1, at.2);
+        let around: Vec<CellState> =
+            cell.neighbours26().into_iter().chain([cell]).map(|beside| map.state(beside)).collect();
+        let count = |states: &[CellState]| around.iter().filter(|state| states.contains(state)).count() as u8;
+        let expected = Around { walls: count(&[CellState::Wall]), free: count(&[CellState::Free, CellState::Covered]) };
+        prop_assert_eq!(map.around(cell), expected);
+    }
+}

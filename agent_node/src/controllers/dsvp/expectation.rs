@@ -4,10 +4,8 @@
 //! known free cells is mostly free. The odds are those of a logistic regression over 69 000
 //! unexplored cells beside frontiers (see docs/controllers.md), rounded.
 
-use voxels::Cell;
-
 use super::gain::WHOLE;
-use crate::exploration_map::{CellState, ExplorationMap};
+use crate::exploration_map::Around;
 
 /// Log odds without known neighbours, and what each known wall and each known free cell adds.
 const LOG_ODDS: f64 = -0.4;
@@ -45,23 +43,18 @@ impl Expectation {
     }
 
     /// The probability that an unexplored cell is free, in units of 1 / [`WHOLE`].
-    pub(super) fn of(&self, map: &ExplorationMap, cell: Cell, place: Place) -> u32 {
-        let mut walls = 0;
-        let mut free = if place == Place::Beyond { FREE_BEHIND } else { 0 };
-        map.for_states_around(cell, |state| match state {
-            CellState::Wall => walls += 1,
-            CellState::Free | CellState::Covered => free += 1,
-            CellState::Unexplored => {}
-        });
-        self.by_neighbours[walls][free.min(26)]
+    pub(super) fn of(&self, around: Around, place: Place) -> u32 {
+        let behind = if place == Place::Beyond { FREE_BEHIND } else { 0 };
+        self.by_neighbours[usize::from(around.walls)][(usize::from(around.free) + behind).min(26)]
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use voxels::Extent;
+    use voxels::{Cell, Extent};
 
     use super::*;
+    use crate::exploration_map::ExplorationMap;
 
     #[test]
     fn walls_around_a_cell_make_it_less_probable_and_free_cells_more() {
@@ -73,14 +66,14 @@ mod tests {
             let indices = cell.neighbours26().map(|beside| extent.index(beside).unwrap() as u32);
             map.note_wall(&indices[..walls]);
             map.note_free(&indices[walls..walls + free]);
-            expectation.of(&map, cell, Place::AtFrontier)
+            expectation.of(map.around(cell), Place::AtFrontier)
         };
         assert!(chance(9, 1) < WHOLE / 100, "a hole in a surface: {}", chance(9, 1));
         assert!(chance(0, 9) > WHOLE * 4 / 5, "an opening: {}", chance(0, 9));
         assert!((1..6).all(|number| chance(number, 3) < chance(number - 1, 3)));
         assert!((1..10).all(|number| chance(3, number) > chance(3, number - 1)));
         let map = ExplorationMap::new(extent);
-        let [at, beyond] = [Place::AtFrontier, Place::Beyond].map(|place| expectation.of(&map, cell, place));
+        let [at, beyond] = [Place::AtFrontier, Place::Beyond].map(|place| expectation.of(map.around(cell), place));
         assert!(at < beyond && beyond <= WHOLE);
     }
 }

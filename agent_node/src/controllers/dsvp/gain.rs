@@ -12,7 +12,7 @@ use nalgebra::Point3;
 use voxels::{Cell, Extent, lattice, walk};
 
 use super::expectation::{Expectation, Place};
-use crate::exploration_map::{CellState, ExplorationMap};
+use crate::exploration_map::{Around, CellState, ExplorationMap};
 
 /// How much an unexplored cell counts, by the number of known walls beside it: surfaces are smooth,
 /// so what is beside a wall is mostly wall.
@@ -57,8 +57,9 @@ pub(in crate::controllers) struct GainEstimator {
     likelihood: Likelihood,
     /// Half the side of the cube that contains all rays, cells.
     reach: i32,
-    /// For each cell of that cube, the viewpoint that last counted it.
+    /// For each cell of that cube, the viewpoint that last counted it, and what is around it then.
     counted: Vec<u32>,
+    around: Vec<Around>,
     viewpoint: u32,
 }
 
@@ -74,6 +75,17 @@ struct Rays {
     map_size: [u32; 3],
     /// End of each ray.
     ends: Vec<u32>,
+}
+
+/// An unexplored cell on a ray.
+struct Met {
+    cell: Cell,
+    /// Its index in the cube around the viewpoint.
+    place: usize,
+    /// How many such cells are before it on the ray.
+    before: u32,
+    /// Whether no ray of this viewpoint has met it before.
+    is_new: bool,
 }
 
 impl Rays {
@@ -110,14 +122,16 @@ impl GainEstimator {
         let place = |&by: &Cell| cube.index(home + by).expect("the cube contains all rays") as u32;
         let places = cells.iter().map(place).collect();
         let rays = Rays { cells, places, offsets: Vec::new(), map_size: [0; 3], ends };
-        Self { rays, depth, likelihood, reach, counted: vec![0; cube.volume()], viewpoint: 0 }
+        let counted = vec![0; cube.volume()];
+        let around = vec![Around::default(); cube.volume()];
+        Self { rays, depth, likelihood, reach, counted, around, viewpoint: 0 }
     }
 
     /// The unexplored cells visible from the centre of a cell, each by its likelihood to be free.
     pub(in crate::controllers) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
         let likelihood = self.likelihood;
         let mut gain = 0;
-        self.for_unexplored(map, viewpoint, |cell, _, is_new| {
+        self.for_unexplored(map, viewpoint, |Met { cell, is_new, .. }| {
             if is_new {
                 gain += likelihood.of(map, cell);
             }
@@ -137,21 +151,27 @@ impl GainEstimator {
         seen: &mut Vec<(u32, u32)>,
     ) {
         let mut certain = WHOLE;
-        self.for_unexplored(map, viewpoint, |cell, before, is_new| {
-            let place = if before == 0 { Place::AtFrontier } else { Place::Beyond };
-            certain = if before == 0 { WHOLE } else { certain };
-            certain = certain * expectation.of(map, cell, place) / WHOLE;
+        let mut around = std::mem::take(&mut self.around);
+        self.for_unexplored(map, viewpoint, |Met { cell, place, before, is_new }| {
+            let around = &mut around[place];
+            if is_new {
+                *around = map.around(cell);
+            }
+            certain = match before {
+                0 => expectation.of(*around, Place::AtFrontier),
+                _ => certain * expectation.of(*around, Place::Beyond) / WHOLE,
+            };
             if is_new && let Some(index) = map.extent().index(cell) {
                 seen.push((index as u32, certain));
             }
             certain >= CERTAIN_MIN
         });
+        self.around = around;
     }
 
-    /// Calls `meet` for the unexplored cells that rays meet, nearest first, with the number of such
-    /// cells before it on the ray, and whether no ray has met it before; a ray ends once that
+    /// Calls `meet` for the unexplored cells that rays meet, nearest first; a ray ends once that
     /// returns false.
-    fn for_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell, mut meet: impl FnMut(Cell, u32, bool) -> bool) {
+    fn for_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell, mut meet: impl FnMut(Met) -> bool) {
         let extent = map.extent();
         self.viewpoint += 1;
         self.rays.fit(extent.size());
@@ -175,7 +195,7 @@ impl GainEstimator {
         &mut self,
         viewpoint: Cell,
         state: impl Fn(&Rays, usize) -> CellState,
-        meet: &mut impl FnMut(Cell, u32, bool) -> bool,
+        meet: &mut impl FnMut(Met) -> bool,
     ) {
         let mut start = 0;
         for &end in &self.rays.ends {
@@ -185,11 +205,12 @@ impl GainEstimator {
                     CellState::Wall => break,
                     CellState::Free | CellState::Covered => {}
                     CellState::Unexplored => {
-                        let counted = &mut self.counted[self.rays.places[number] as usize];
-                        let is_new = std::mem::replace(counted, self.viewpoint) != self.viewpoint;
-                        let goes_on = meet(viewpoint + self.rays.cells[number], unexplored, is_new);
+                        let place = self.rays.places[number] as usize;
+                        let is_new = std::mem::replace(&mut self.counted[place], self.viewpoint) != self.viewpoint;
+                        let cell = viewpoint + self.rays.cells[number];
+                        let is_followed = meet(Met { cell, place, before: unexplored, is_new });
                         unexplored += 1;
-                        if unexplored == self.depth || !goes_on {
+                        if unexplored == self.depth || !is_followed {
                             break;
                         }
                     }

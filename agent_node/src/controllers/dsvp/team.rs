@@ -3,9 +3,9 @@
 //!
 //! It takes the place of the exploration stage. At each plan the tasks of the map are found anew
 //! ([`viewpoints`]), weighted by the number of free cells that they are expected to show
-//! ([`super::expectation`]) and by the probability that no other agent has seen them in the meantime
-//! ([`sightings`]), and divided among this agent, from where it is, and the others, from their
-//! claimed goals ([`division`]). Claims are exchanged as in the auction, which also settles
+//! ([`super::expectation`]) and by the probability that no other agent has seen them in the
+//! meantime ([`sightings`]), and divided among this agent, from where it is, and the others, from
+//! their claimed goals ([`division`]). Claims are exchanged as in the auction, which also settles
 //! conflicts. An agent without a task in that division plans for itself alone; one without any
 //! task at all relocates.
 //!
@@ -93,9 +93,9 @@ impl Team {
         let TeamParams { leg_s, exponent, .. } = self.params;
         let mut arrivals_s: Vec<Vec<f64>> = vec![Vec::new(); tasks.len()];
         for sighting in self.sightings.iter() {
-            let lengths_m = lengths_m(&mut self.search, world, sighting.cell, &tasks);
-            for (arrivals_s, length_m) in arrivals_s.iter_mut().zip(lengths_m) {
-                let travel_s = length_m.map_or(UNREACHABLE_S, |length_m| length_m / sighting.speed_m_s + leg_s);
+            let lengths = lengths(&mut self.search, world.graph, sighting.cell, &tasks);
+            for (arrivals_s, length) in arrivals_s.iter_mut().zip(lengths) {
+                let travel_s = world.leg_s(length, sighting.speed_m_s, leg_s);
                 arrivals_s.push(sighting.free_s - seconds(world.now) + travel_s);
             }
         }
@@ -123,13 +123,16 @@ impl Team {
     fn own_tour(&mut self, valued: &[Valued], world: &World<'_>) -> Vec<usize> {
         let TeamParams { leg_s, urgency, memory_s, .. } = self.params;
         let tasks: Vec<Task> = valued.iter().map(|valued| valued.task).collect();
-        let row = |task: &Task| -> Vec<f64> {
-            let lengths_m = lengths_m(&mut self.search, world, task.cell, &tasks);
-            let leg =
-                |length_m: Option<f64>| length_m.map_or(UNREACHABLE_S, |length_m| length_m / world.speed_m_s + leg_s);
-            lengths_m.into_iter().map(leg).collect()
-        };
-        let between_s: Vec<Vec<f64>> = tasks.iter().map(row).collect();
+        let mut between_s = vec![vec![UNREACHABLE_S; tasks.len()]; tasks.len()];
+        // A path is as long as the way back.
+        for (from, task) in tasks.iter().enumerate() {
+            let lengths = lengths(&mut self.search, world.graph, task.cell, &tasks[from..]);
+            for (to, length) in (from..).zip(lengths) {
+                let leg_s = world.leg_s(length, world.speed_m_s, leg_s);
+                between_s[from][to] = leg_s;
+                between_s[to][from] = leg_s;
+            }
+        }
         let whole: f64 = valued.iter().map(|valued| valued.weight).sum();
         let weights: Vec<f64> = valued.iter().map(|valued| valued.weight / whole).collect();
         let own: Vec<f64> = valued.iter().map(|valued| valued.own_s).collect();
@@ -152,6 +155,13 @@ struct World<'g> {
     cell_m: f64,
     speed_m_s: f64,
     now: Tick,
+}
+
+impl World<'_> {
+    /// The duration of a leg of this length in cells, with a stop, seconds.
+    fn leg_s(&self, length: Option<f64>, speed_m_s: f64, stop_s: f64) -> f64 {
+        length.map_or(UNREACHABLE_S, |cells| cells * self.cell_m / speed_m_s + stop_s)
+    }
 }
 
 impl Dsvp {
@@ -209,16 +219,16 @@ fn goal(task: &Task, gain_estimator: &mut GainEstimator, ctx: &Ctx<'_>, gain_min
     }
 }
 
-/// Lengths of the paths from a cell to some tasks, metres, where there are any.
-fn lengths_m(search: &mut ShortestPaths, world: &World<'_>, from: Cell, tasks: &[Task]) -> Vec<Option<f64>> {
+/// Lengths of the paths from a cell to some tasks, cells, where there are any.
+fn lengths(search: &mut ShortestPaths, graph: &AbstractGraph, from: Cell, tasks: &[Task]) -> Vec<Option<f64>> {
     let mut by_region: BTreeMap<RegionId, Option<f64>> = tasks.iter().map(|task| (task.region, None)).collect();
     let mut left = by_region.len();
-    search.begin(world.graph, from);
+    search.begin(graph, from);
     while left > 0
-        && let Some((id, _, length)) = search.next(world.graph)
+        && let Some((id, _, length)) = search.next(graph)
     {
-        if let Some(length_m) = by_region.get_mut(&id) {
-            *length_m = Some(length * world.cell_m);
+        if let Some(found) = by_region.get_mut(&id) {
+            *found = Some(length);
             left -= 1;
         }
     }

@@ -3,6 +3,7 @@ use nalgebra::Point3;
 
 use super::super::testing::World;
 use super::*;
+use crate::controllers::settings::Settings;
 use crate::exploration_map::{CellState, Delta};
 use crate::observation::Contact;
 

@@ -33,56 +33,63 @@ pub(super) struct Division<'l> {
     pub(super) urgency: f64,
 }
 
+/// The tour of one agent, with what has to be known to insert a task.
+#[derive(Debug, Clone, Default)]
+struct Tour {
+    tasks: Vec<usize>,
+    /// When each task is reached, seconds from now; may be before now.
+    times_s: Vec<f64>,
+    /// By place, the weight of the tasks from there on.
+    weights_from: Vec<f64>,
+    /// The part of the tour in the cost.
+    cost: f64,
+}
+
 impl Division<'_> {
     /// The tours, by agent.
     pub(super) fn tours(&self) -> Vec<Vec<usize>> {
         let mut order: Vec<usize> = (0..self.weights.len()).collect();
         order.sort_by(|&a, &b| self.weights[b].total_cmp(&self.weights[a]).then(a.cmp(&b)));
-        let mut tours = vec![Vec::new(); self.first_s.len()];
-        let mut costs = vec![0.0; tours.len()];
+        let mut tours = vec![Tour::default(); self.first_s.len()];
         let mut holders = vec![0; order.len()];
         for &task in &order {
-            let (_, agent, place) = self.cheapest_place(&tours, &costs, task);
-            tours[agent].insert(place, task);
-            costs[agent] = self.cost(agent, tours[agent].iter().copied());
+            let (_, agent, place) = self.cheapest_place(&tours, task);
+            self.insert(&mut tours[agent], agent, place, task);
             holders[task] = agent;
         }
         for _ in 0..ROUNDS_MAX {
             let mut has_moved = false;
             for &task in &order {
-                has_moved |= self.move_if_cheaper(task, &mut tours, &mut costs, &mut holders);
+                has_moved |= self.move_if_cheaper(task, &mut tours, &mut holders);
             }
             if !has_moved {
                 break;
             }
         }
-        tours
+        tours.into_iter().map(|tour| tour.tasks).collect()
     }
 
     /// Moves a task to its cheapest place, and whether that is another one.
-    fn move_if_cheaper(&self, task: usize, tours: &mut [Vec<usize>], costs: &mut [f64], holders: &mut [usize]) -> bool {
+    fn move_if_cheaper(&self, task: usize, tours: &mut [Tour], holders: &mut [usize]) -> bool {
         let holder = holders[task];
-        let Some(place) = tours[holder].iter().position(|&other| other == task) else { return false };
-        let before = costs[holder];
-        tours[holder].remove(place);
-        costs[holder] = self.cost(holder, tours[holder].iter().copied());
-        let (added, to, at) = self.cheapest_place(tours, costs, task);
-        let is_cheaper = added < before - costs[holder] - EPSILON_S;
+        let Some(place) = tours[holder].tasks.iter().position(|&other| other == task) else { return false };
+        let before = tours[holder].cost;
+        tours[holder].tasks.remove(place);
+        self.time(&mut tours[holder], holder);
+        let (added, to, at) = self.cheapest_place(tours, task);
+        let is_cheaper = added < before - tours[holder].cost - EPSILON_S;
         let (to, at) = if is_cheaper { (to, at) } else { (holder, place) };
-        tours[to].insert(at, task);
-        costs[to] = self.cost(to, tours[to].iter().copied());
+        self.insert(&mut tours[to], to, at, task);
         holders[task] = to;
         is_cheaper
     }
 
     /// The cheapest place of a task in all tours: added cost, agent, place.
-    fn cheapest_place(&self, tours: &[Vec<usize>], costs: &[f64], task: usize) -> (f64, usize, usize) {
+    fn cheapest_place(&self, tours: &[Tour], task: usize) -> (f64, usize, usize) {
         let mut best = (f64::INFINITY, 0, 0);
         for (agent, tour) in tours.iter().enumerate() {
-            for place in 0..=tour.len() {
-                let (ahead, behind) = tour.split_at(place);
-                let with = ahead.iter().copied().chain(once(task)).chain(behind.iter().copied());
-                let added = self.cost(agent, with) - costs[agent];
+            for place in 0..=tour.tasks.len() {
+                let added = self.added(tour, agent, place, task);
                 if added < best.0 {
                     best = (added, agent, place);
                 }
@@ -91,18 +98,68 @@ impl Division<'_> {
         best
     }
 
+    /// What a task adds to the cost at a place of a tour.
+    fn added(&self, tour: &Tour, agent: usize, place: usize, task: usize) -> f64 {
+        let time_s = match place.checked_sub(1) {
+            None => self.first_s[agent][task],
+            Some(before) => tour.times_s[before] + self.between_s[tour.tasks[before]][task],
+        };
+        if time_s < 0.0 || tour.times_s.first().is_some_and(|&first_s| first_s < 0.0) {
+            // Tasks that have been reached before now cost nothing.
+            let (ahead, behind) = tour.tasks.split_at(place);
+            let with = ahead.iter().copied().chain(once(task)).chain(behind.iter().copied());
+            return self.cost(agent, with) - tour.cost;
+        }
+        let end_s = tour.times_s.last().copied().unwrap_or_default();
+        let (longer_s, weight_from) = match tour.tasks.get(place) {
+            Some(&next) => (time_s + self.between_s[task][next] - tour.times_s[place], tour.weights_from[place]),
+            None => (time_s - end_s, 0.0),
+        };
+        let weighted_s = self.weights[task] * time_s + weight_from * longer_s;
+        longer_s / self.first_s.len() as f64 + self.urgency * weighted_s
+    }
+
+    fn insert(&self, tour: &mut Tour, agent: usize, place: usize, task: usize) {
+        tour.tasks.insert(place, task);
+        self.time(tour, agent);
+    }
+
+    /// Renews what is known of a tour whose tasks have changed.
+    fn time(&self, tour: &mut Tour, agent: usize) {
+        let Tour { tasks, times_s, weights_from, cost } = tour;
+        times_s.clear();
+        times_s.extend(self.times_s(agent, tasks.iter().copied()).map(|(_, time_s)| time_s));
+        weights_from.clear();
+        weights_from.resize(tasks.len(), 0.0);
+        let mut weight = 0.0;
+        for (from, &task) in weights_from.iter_mut().zip(tasks.iter()).rev() {
+            weight += self.weights[task];
+            *from = weight;
+        }
+        *cost = self.cost(agent, tasks.iter().copied());
+    }
+
     /// The part of a tour in the cost.
     fn cost(&self, agent: usize, tour: impl Iterator<Item = usize>) -> f64 {
-        let (mut from, mut time_s, mut weighted_s): (Option<usize>, f64, f64) = (None, 0.0, 0.0);
-        for task in tour {
-            time_s = match from {
-                None => self.first_s[agent][task],
-                Some(from) => time_s + self.between_s[from][task],
-            };
+        let (mut end_s, mut weighted_s): (f64, f64) = (0.0, 0.0);
+        for (task, time_s) in self.times_s(agent, tour) {
             weighted_s += self.weights[task] * time_s.max(0.0);
-            from = Some(task);
+            end_s = time_s;
         }
-        time_s.max(0.0) / self.first_s.len() as f64 + self.urgency * weighted_s
+        end_s.max(0.0) / self.first_s.len() as f64 + self.urgency * weighted_s
+    }
+
+    /// The tasks of a tour with the times at which they are reached, seconds from now.
+    fn times_s(&self, agent: usize, tour: impl Iterator<Item = usize>) -> impl Iterator<Item = (usize, f64)> {
+        let mut last: Option<(usize, f64)> = None;
+        tour.map(move |task| {
+            let time_s = match last {
+                None => self.first_s[agent][task],
+                Some((from, time_s)) => time_s + self.between_s[from][task],
+            };
+            last = Some((task, time_s));
+            (task, time_s)
+        })
     }
 }
 
@@ -155,6 +212,24 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn what_a_task_adds_is_the_difference_of_costs(
+            first_s in prop::collection::vec(-20.0..60.0, 6),
+            between_s in prop::collection::vec(prop::collection::vec(0.0..60.0, 6), 6),
+            weights in prop::collection::vec(0.0..1.0, 6),
+            count in 0..6_usize,
+        ) {
+            let division = Division { first_s: vec![first_s; 2], between_s: &between_s, weights: &weights, urgency: 5.0 };
+            let mut tour = Tour { tasks: (0..count).collect(), ..Tour::default() };
+            division.time(&mut tour, 1);
+            for place in 0..=count {
+                let mut with = tour.clone();
+                division.insert(&mut with, 1, place, 5);
+                let added = division.added(&tour, 1, place, 5);
+                prop_assert!((with.cost - tour.cost - added).abs() < 1e-9, "{} {} {added}", with.cost, tour.cost);
+            }
+        }
+
         #[test]
         fn each_task_is_in_one_tour(
             agents in prop::collection::vec(-50.0..50.0, 1..5),

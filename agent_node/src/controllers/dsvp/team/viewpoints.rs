@@ -10,8 +10,8 @@
 //! gain); here for frontiers and by probabilities.
 //!
 //! Invariants: the tasks depend on the map, the graph and the cells to leave out alone, not on when
-//! they were last asked for: what a viewpoint sees is kept only while nothing in its reach has
-//! changed. This module plans no tours.
+//! they were last asked for: what a viewpoint sees is kept only while nothing has changed that it
+//! depends on. This module plans no tours.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
@@ -24,8 +24,8 @@ use super::super::relocation::nearest_viewpoint;
 use crate::abstract_graph::{AbstractGraph, Region, RegionId};
 use crate::exploration_map::{CellState, ExplorationMap};
 
-/// Side of the blocks of which changes are noted, cells.
-const BLOCK_CELLS: i32 = 10;
+/// For how many plans a view is kept that none of them asks for.
+const KEPT_PLANS: u64 = 20;
 
 /// A viewpoint to visit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,45 +65,53 @@ impl Candidate {
 }
 
 /// What the viewpoints of one agent see.
+///
+/// A ray passes known cells, which stay what they are unless a report is corrected, and ends in
+/// unexplored ones. So a view depends on its unexplored cells and those around them alone; after a
+/// correction, on all within its reach.
 #[derive(Debug)]
 pub(super) struct Viewpoints {
     expectation: Expectation,
     extent: Extent,
-    /// Distance in cells within which a change of the map can change what is seen.
+    /// Distance in cells within which a correction can change what is seen.
     reach: i32,
-    /// Blocks of the map along each axis, and by block the position in the journal of its last
-    /// change.
-    size: [i32; 3],
-    changed: Vec<usize>,
-    read: usize,
     /// By viewpoint.
     views: BTreeMap<Cell, View>,
+    /// The number of plans so far.
+    plans: u64,
+    /// The position in the journal and the number of corrections at the last plan.
+    read: usize,
+    corrections: u64,
+    /// The cells that have changed since the last plan, and those around them.
+    changed: CellSet,
     covered: CellSet,
 }
 
-/// The unexplored cells seen from a viewpoint with their probabilities to be free, in units of 1 /
-/// [`WHOLE`].
+/// What is seen from a viewpoint.
 #[derive(Debug)]
 struct View {
+    /// The unexplored cells that its rays meet, with their probabilities to be free and seen, in
+    /// units of 1 / [`WHOLE`].
     cells: Vec<(u32, u32)>,
-    /// The position in the journal up to which it is true.
-    read: usize,
+    /// The sum of these probabilities.
+    gain: u64,
+    /// The last plan that asked for it.
+    plan: u64,
 }
 
 impl Viewpoints {
     /// No viewpoint has been looked at yet; rays are at most `range_cells` long.
     pub(super) fn new(extent: Extent, range_cells: f64) -> Self {
-        let size = extent.size().map(|cells| cells.div_ceil(BLOCK_CELLS as u32) as i32);
-        let blocks: usize = size.iter().map(|&blocks| blocks as usize).product();
         Self {
             expectation: Expectation::new(),
             extent,
             // A cell counts by what is known of its neighbours.
             reach: range_cells.ceil() as i32 + 1,
-            size,
-            changed: vec![0; blocks],
-            read: 0,
             views: BTreeMap::new(),
+            plans: 0,
+            read: 0,
+            corrections: 0,
+            changed: CellSet::new(extent.volume()),
             covered: CellSet::new(extent.volume()),
         }
     }
@@ -118,15 +126,15 @@ impl Viewpoints {
         is_unproductive: &dyn Fn(Cell) -> bool,
         expected_min: f64,
     ) -> Vec<Task> {
+        self.plans += 1;
         self.note_changes(map);
         let mut queue = BinaryHeap::new();
-        let mut views = BTreeMap::new();
         for (number, candidate) in candidates.iter().enumerate() {
             for cell in [candidate.cell, candidate.centre] {
-                if !is_unproductive(cell) && !views.contains_key(&cell) {
-                    let view = self.view(map, gain_estimator, cell);
-                    queue.push((sum(&view), Reverse((number, cell)), 0));
-                    views.insert(cell, view);
+                if !is_unproductive(cell)
+                    && let Some(gain) = self.first_gain(map, gain_estimator, cell)
+                {
+                    queue.push((gain, Reverse((number, cell)), 0));
                 }
             }
         }
@@ -139,19 +147,18 @@ impl Viewpoints {
             if expected_cells < expected_min {
                 break;
             }
-            let seen = &views[&cell];
+            let seen = &self.views[&cell].cells;
             if as_of < tasks.len() {
                 let covered = &self.covered;
-                let rest = seen.cells.iter().filter(|&&(index, _)| !covered.contains(index as usize));
+                let rest = seen.iter().filter(|&&(index, _)| !covered.contains(index as usize));
                 let gain = rest.map(|&(_, chance)| u64::from(chance)).sum();
                 queue.push((gain, Reverse((number, cell)), tasks.len()));
                 continue;
             }
-            seen.cells.iter().for_each(|&(index, _)| self.covered.insert(index as usize));
+            seen.iter().for_each(|&(index, _)| self.covered.insert(index as usize));
             let Candidate { region, frontier, .. } = candidates[number];
             tasks.push(Task { region, cell, frontier, expected_cells });
         }
-        self.views = views;
         let chosen: BTreeSet<RegionId> = tasks.iter().map(|task| task.region).collect();
         let left = candidates.iter().filter(|candidate| !chosen.contains(&candidate.region));
         tasks.extend(left.filter_map(|candidate| self.remnant(map, candidate, expected_min)));
@@ -168,50 +175,49 @@ impl Viewpoints {
             if self.covered.contains(index) {
                 return None;
             }
-            chances += self.expectation.of(map, beside, Place::AtFrontier);
+            chances += self.expectation.of(map.around(beside), Place::AtFrontier);
         }
         let expected_cells = (f64::from(chances) / f64::from(WHOLE)).min(expected_min);
         let Candidate { region, cell, frontier, .. } = *candidate;
         Some(Task { region, cell, frontier, expected_cells })
     }
 
-    fn view(&mut self, map: &ExplorationMap, gain_estimator: &mut GainEstimator, cell: Cell) -> View {
-        if let Some(view) = self.views.remove(&cell)
-            && !self.has_changed_since(view.read, cell)
-        {
-            return view;
-        }
-        let mut cells = Vec::new();
-        gain_estimator.expected(map, cell, &self.expectation, &mut cells);
-        View { cells, read: self.read }
+    /// The gain of a viewpoint by itself; `None` if it was asked for in this plan already.
+    fn first_gain(&mut self, map: &ExplorationMap, gain_estimator: &mut GainEstimator, cell: Cell) -> Option<u64> {
+        let view = self.views.entry(cell).or_insert_with(|| {
+            let mut cells = Vec::new();
+            gain_estimator.expected(map, cell, &self.expectation, &mut cells);
+            let gain = cells.iter().map(|&(_, chance)| u64::from(chance)).sum();
+            View { cells, gain, plan: 0 }
+        });
+        (std::mem::replace(&mut view.plan, self.plans) != self.plans).then_some(view.gain)
     }
 
-    /// Notes which blocks have changed since the last time.
+    /// Notes which cells have changed since the last plan, and forgets what is no longer true.
     fn note_changes(&mut self, map: &ExplorationMap) {
-        let before = std::mem::replace(&mut self.read, map.journal_len());
-        for (cell, _) in map.cells_changed_since(before) {
-            let [x, y, z] = [cell.x, cell.y, cell.z].map(|at| at / BLOCK_CELLS);
-            self.changed[((z * self.size[1] + y) * self.size[0] + x) as usize] = self.read;
+        self.changed.clear();
+        let is_corrected = self.corrections != map.corrections();
+        let (reach, [size_x, size_y, size_z]) = (self.reach, self.extent.size().map(u32::cast_signed));
+        for (cell, _) in map.cells_changed_since(self.read) {
+            if is_corrected {
+                let is_near = |at: i32, other: i32| (at - other).abs() <= reach;
+                self.views.retain(|viewpoint, _| {
+                    !(is_near(viewpoint.x, cell.x) && is_near(viewpoint.y, cell.y) && is_near(viewpoint.z, cell.z))
+                });
+            }
+            let around = |at: i32, size: i32| (at - 1).max(0)..(at + 2).min(size);
+            let row = around(cell.x, size_x);
+            for (z, y) in around(cell.z, size_z).flat_map(|z| around(cell.y, size_y).map(move |y| (z, y))) {
+                let start = (z * size_y + y) as usize * size_x as usize + row.start as usize;
+                self.changed.insert_run(start, row.len() as u32);
+            }
         }
+        self.corrections = map.corrections();
+        self.read = map.journal_len();
+        let (changed, plans) = (&self.changed, self.plans);
+        self.views.retain(|_, view| {
+            let is_true = || !view.cells.iter().any(|&(index, _)| changed.contains(index as usize));
+            plans - view.plan <= KEPT_PLANS && is_true()
+        });
     }
-
-    /// Whether something within the reach of a viewpoint has changed since a position of the
-    /// journal.
-    fn has_changed_since(&self, read: usize, cell: Cell) -> bool {
-        let blocks = |at: i32, size: i32| {
-            let [low, high] = [at - self.reach, at + self.reach].map(|at| at.div_euclid(BLOCK_CELLS));
-            low.max(0)..=high.min(size - 1)
-        };
-        let [along_x, along_y, along_z] =
-            [blocks(cell.x, self.size[0]), blocks(cell.y, self.size[1]), blocks(cell.z, self.size[2])];
-        let mut rows = along_z.flat_map(|z| along_y.clone().map(move |y| (z * self.size[1] + y) * self.size[0]));
-        rows.any(|row| {
-            let blocks = (row + along_x.start()) as usize..=(row + along_x.end()) as usize;
-            self.changed[blocks].iter().any(|&changed| changed > read)
-        })
-    }
-}
-
-fn sum(view: &View) -> u64 {
-    view.cells.iter().map(|&(_, chance)| u64::from(chance)).sum()
 }
