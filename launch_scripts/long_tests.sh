@@ -5,8 +5,9 @@
 #
 # All browser tests of the page, the notebooks and the API pages of the Python package, plans over
 # Dask, Ray and submitit, SIERRA, the viewer Rerun without a window, which needs a driver for Vulkan
-# (Debian: mesa-vulkan-drivers), and what `cargo install` installs; without words also every code
-# block of the documents that takes long, such as movies and benchmarks, and the site with its links.
+# (Debian: mesa-vulkan-drivers), and what `cargo install` installs; without words also runs over
+# Zenoh, every code block of the documents that takes long, such as movies and benchmarks, and the
+# site with its links.
 # Installs the Python packages and the mdBook that they need, and takes an hour on two cores. Exit
 # code 1 if a test fails.
 set -euo pipefail
@@ -16,6 +17,7 @@ launch_scripts/patched_rustdds.sh >/dev/null
 failed=0
 cargo test --release --workspace --locked --no-fail-fast -- --ignored "$@" || failed=1
 if (($# == 0)); then
+    cargo test --release --locked -p tests -p ros_node --features tests/zenoh -- zenoh || failed=1
     MAES_DOCUMENTED=long cargo test --release --locked -p tests --test end_to_end documented_blocks || failed=1
     launch_scripts/site.sh || failed=1
 fi

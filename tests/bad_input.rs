@@ -258,6 +258,24 @@ fn ros_environment() {
     assert!(!file.exists());
 }
 
+/// Of programs that are built without the feature `zenoh`.
+#[cfg(not(feature = "zenoh"))]
+#[test]
+fn zenoh_without_the_feature() {
+    let site = Site::new();
+    let file = site.path("run.mcap");
+    let mut server = site.binary("sim_server");
+    let mut maes = site.binary("maes");
+    server.arg("run").arg(scenario("default.toml")).arg("--record").arg(&file);
+    maes.arg("run").arg(scenario("default.toml")).arg("--record").arg(&file);
+    let words =
+        ["RMW_IMPLEMENTATION is \"rmw_zenoh_cpp\"; allowed are those of DDS", "cargo build --release --features zenoh"];
+    for command in [&mut server, &mut maes] {
+        assert_bad_input(&Process::start(command.env("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")).ended(), &words);
+        assert!(!file.exists());
+    }
+}
+
 #[test]
 fn launcher_arguments() {
     let site = Site::new();

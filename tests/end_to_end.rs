@@ -90,6 +90,10 @@ mod replay;
 mod ros_package;
 /// Simulation control from a real ROS 2 node: pause, steps, entities, parameters.
 mod services;
+/// Runs over Zenoh, and another implementation of the format of rmw_zenoh that observes and
+/// controls them.
+#[cfg(feature = "zenoh")]
+mod zenoh;
 
 /// The configurations of RViz 2 and Foxglove.
 mod layouts;

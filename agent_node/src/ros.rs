@@ -21,10 +21,9 @@ use msgs::visualization_msgs::Marker;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{
-    Inbox, Publisher, RosError, Sample, SharedParameters, SubscriptionTracker, ThrottledWarning, linger, now,
-    own_source,
+    Context, Inbox, Node, Publisher, RosError, Sample, SharedParameters, SubscriptionTracker, ThrottledWarning, linger,
+    now, own_source,
 };
-use ros2_client::{Context, Node};
 
 use crate::parameters;
 use crate::transport::{Inbound, Level, ServerTransport};

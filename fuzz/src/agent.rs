@@ -144,7 +144,7 @@ fn runs(data: &mut Unstructured<'_>) -> Result<CellRuns> {
     for _ in 0..data.int_in_range(0..=6)? {
         let (gap, length) = (data.arbitrary::<u8>()?, data.int_in_range(1..=30)?);
         let start = if is_legal { next + u32::from(gap) } else { data.arbitrary()? };
-        if is_legal && start + u32::from(length) > SIZE.iter().product() {
+        if is_legal && start + u32::from(length) > SIZE.iter().product::<u32>() {
             break;
         }
         cells.start.push(start);

@@ -7,6 +7,7 @@
 use std::collections::BTreeSet;
 
 use crate::message::{ALL, MessageType};
+use crate::service::TYPES;
 
 /// What stands between two definitions, before the name of the second.
 const SEPARATOR: &str = "================================================================================";
@@ -55,25 +56,6 @@ const SERVICES: [(&str, &str); 5] = [
     ("ResetSimulation", include_str!("standard/simulation_interfaces/srv/ResetSimulation.srv")),
 ];
 
-/// What these refer to, and no topic carries.
-const PARTS: [MessageType; 3] = [
-    MessageType {
-        package: "simulation_interfaces",
-        name: "Result",
-        definition: include_str!("standard/simulation_interfaces/msg/Result.msg"),
-    },
-    MessageType {
-        package: "simulation_interfaces",
-        name: "SimulationState",
-        definition: include_str!("standard/simulation_interfaces/msg/SimulationState.msg"),
-    },
-    MessageType {
-        package: "simulation_interfaces",
-        name: "SimulatorFeatures",
-        definition: include_str!("standard/simulation_interfaces/msg/SimulatorFeatures.msg"),
-    },
-];
-
 fn append_dependencies(message: MessageType, seen: &mut BTreeSet<MessageType>, text: &mut String) {
     for dependency in dependencies(message) {
         if seen.insert(dependency) {
@@ -99,7 +81,7 @@ fn dependencies(message: MessageType) -> BTreeSet<MessageType> {
 fn find(reference: &str, package: &str) -> MessageType {
     let (package, name) = reference.split_once('/').unwrap_or((package, reference));
     *ALL.iter()
-        .chain(&PARTS)
+        .chain(TYPES)
         .find(|candidate| candidate.package == package && candidate.name == name)
         .expect("the list of types is complete, and a test asks for the schema of each")
 }

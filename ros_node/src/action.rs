@@ -1,32 +1,44 @@
 //! The server of the action `SimulateSteps`, which executes one goal at a time.
 //!
-//! An action is three services and two topics. The inbox yields each accepted goal; its executor
-//! reports feedback and the result. A goal that arrives while another is executed is rejected. The
-//! results of the last [`RESULTS_MAX`] goals are kept for late result requests.
+//! An action is three services and two topics, which `dds` and `zenoh` offer. The inbox yields each
+//! accepted goal; its executor reports feedback and the result. A goal that arrives while another
+//! is executed is rejected. The results of the last [`RESULTS_MAX`] goals are kept for late result
+//! requests.
+
+mod dds;
+#[cfg(feature = "zenoh")]
+mod zenoh;
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
 use ros2_client::action::{
-    ActionServer, ActionServerQosPolicies, CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultRequest,
-    GetResultResponse, GoalId, GoalInfo, GoalStatusEnum, SendGoalRequest, SendGoalResponse,
+    CancelGoalRequest, CancelGoalResponse, GetResultRequest, GetResultResponse, GoalId, GoalInfo, GoalStatusEnum,
+    SendGoalRequest, SendGoalResponse,
 };
 use ros2_client::action_msgs::{CancelGoalResponseEnum, GoalStatus, GoalStatusArray};
 use ros2_client::builtin_interfaces::Time;
-use ros2_client::{ActionTypeName, CreateError, Name, Node, RmwRequestId};
 use serde::Deserialize;
 
-use super::services::{CallerDiscovery, Wire, mapping, qos};
-use super::{EndpointFactory, Inbox, RosError, ThrottledWarning, qos_profile};
+use super::network::Network;
+use super::services::Wire;
+use super::{EndpointFactory, Inbox, Node, RosError, ThrottledWarning};
 use msgs::cdr;
+use msgs::service::Reply;
 use msgs::simulation_interfaces::{Result as Outcome, ResultResponse, StepRequest, StepsFeedback};
 use msgs::topics::Qos;
 
-type Steps = ActionServer<Wire<StepRequest>, Wire<ResultResponse>, Wire<StepsFeedback>>;
-
 /// Maximum number of results kept, and of callers waiting for one.
 const RESULTS_MAX: usize = 16;
+
+/// QoS of the topics.
+const FEEDBACK_QOS: Qos = Qos::reliable(64);
+const STATUS_QOS: Qos = Qos::latched(1);
+
+/// The requests, answers and messages of the action.
+type GoalRequest = SendGoalRequest<Wire<StepRequest>>;
+type ResultAnswer = GetResultResponse<Wire<ResultResponse>>;
 
 /// An item that the action adds to the inbox.
 pub enum StepsEvent {
@@ -56,15 +68,20 @@ impl Goal {
     }
 }
 
+/// The topics of the action.
+trait Topics {
+    /// Publishes feedback of a goal, or says why that is not possible.
+    fn feedback(&self, goal: GoalId, feedback: StepsFeedback) -> Result<(), String>;
+    /// Publishes the status of all goals that are known, or says why that is not possible.
+    fn status(&self, status: GoalStatusArray) -> Result<(), String>;
+}
+
 struct Shared {
-    server: Steps,
+    topics: Box<dyn Topics>,
     /// The goal under execution, and whether it was cancelled.
     active: Option<(GoalId, bool)>,
     ended: VecDeque<(GoalId, GoalStatusEnum, Outcome)>,
-    waiting: VecDeque<(GoalId, RmwRequestId)>,
-    /// For the responses to goals, to cancellations and to result requests.
-    callers: [CallerDiscovery; 3],
-    feedback_readers: CallerDiscovery,
+    waiting: VecDeque<(GoalId, Reply<ResultAnswer>)>,
     unsent: ThrottledWarning,
 }
 
@@ -87,95 +104,44 @@ impl EndpointFactory {
         inbox: &mut Inbox<T>,
         convert: impl Fn(Result<Option<StepsEvent>, String>) -> T + 'static,
     ) -> Result<(), RosError> {
-        for _endpoint in 0..8 {
-            self.pause();
+        match &self.context.network {
+            Network::Dds(_) => self.dds_steps_action(node.dds(), name, inbox, Rc::new(convert)),
+            #[cfg(feature = "zenoh")]
+            Network::Zenoh(_) => zenoh::steps_action(node.zenoh(), name, inbox, Rc::new(convert)),
         }
-        let failed = |source| RosError::Endpoint {
-            topic: format!("{name} [simulation_interfaces/action/SimulateSteps]"),
-            source,
-        };
-        let parsed =
-            Name::parse(name).map_err(|error| failed(CreateError::BadParameter { reason: error.to_string() }))?;
-        let policies = ActionServerQosPolicies {
-            goal_service: qos(),
-            result_service: qos(),
-            cancel_service: qos(),
-            feedback_publisher: qos_profile(&Qos::reliable(64)),
-            status_publisher: qos_profile(&Qos::latched(1)),
-        };
-        let kind = ActionTypeName::new("simulation_interfaces", "SimulateSteps");
-        let server: Steps = node.create_action_server(mapping(), &parsed, &kind, policies).map_err(failed)?;
-        let shared = Rc::new(RefCell::new(Shared {
-            server,
-            active: None,
-            ended: VecDeque::new(),
-            waiting: VecDeque::new(),
-            callers: ["send_goal", "cancel_goal", "get_result"]
-                .map(|service| CallerDiscovery::new(&self.participant, &format!("{name}/_action/{service}"))),
-            feedback_readers: CallerDiscovery::of_topic(&self.participant, format!("rt{name}/_action/feedback")),
-            unsent: ThrottledWarning::new(format!("{name}: not sent")),
-        }));
-        let convert = Rc::new(convert);
-        let (of_goals, made) = (Rc::clone(&shared), Rc::clone(&convert));
-        inbox.add(Box::new(move |context| {
-            let taken =
-                std::pin::pin!(of_goals.borrow_mut().server.goal_server().async_receive_request()).poll(context);
-            taken.map(|taken| {
-                made(taken.map_err(|error| error.to_string()).map(|(id, goal)| accept(&of_goals, id, goal)))
-            })
-        }));
-        let (of_cancels, made) = (Rc::clone(&shared), Rc::clone(&convert));
-        inbox.add(Box::new(move |context| {
-            let mut shared = of_cancels.borrow_mut();
-            let taken = std::pin::pin!(shared.server.cancel_server().async_receive_request()).poll(context);
-            taken.map(|taken| {
-                made(taken.map_err(|error| error.to_string()).map(|(id, request)| shared.cancel(id, &request)))
-            })
-        }));
-        inbox.add(Box::new(move |context| {
-            let mut shared = shared.borrow_mut();
-            let taken = std::pin::pin!(shared.server.result_server().async_receive_request()).poll(context);
-            taken.map(|taken| {
-                convert(taken.map_err(|error| error.to_string()).map(|(id, request)| {
-                    shared.result_wanted(id, &request);
-                    None
-                }))
-            })
-        }));
-        Ok(())
     }
-}
-
-fn accept(
-    shared: &Rc<RefCell<Shared>>,
-    id: RmwRequestId,
-    request: SendGoalRequest<Wire<StepRequest>>,
-) -> Option<StepsEvent> {
-    let mut inner = shared.borrow_mut();
-    let is_new = inner.active.is_none() && inner.ended.iter().all(|(known, ..)| *known != request.goal_id);
-    let response = SendGoalResponse { accepted: is_new, stamp: Time::ZERO };
-    inner.callers[0].wait_for(&id);
-    inner.feedback_readers.wait_for(&id);
-    if let Err(error) = inner.server.send_goal_response(id, response) {
-        inner.unsent.add(&error);
-    }
-    if !is_new {
-        return None;
-    }
-    inner.active = Some((request.goal_id, false));
-    inner.publish_status();
-    drop(inner);
-    let Wire(StepRequest { steps }) = request.goal;
-    Some(StepsEvent::Goal(Goal { steps, shared: Rc::clone(shared), id: request.goal_id }))
 }
 
 impl Shared {
-    fn feedback(&mut self, goal_id: GoalId, completed_steps: u64, remaining_steps: u64) {
-        let feedback = Wire(StepsFeedback { completed_steps, remaining_steps });
-        let FeedbackMessage { goal_id, feedback } = FeedbackMessage { goal_id, feedback };
-        if let Err(error) = self.server.send_feedback(goal_id, feedback) {
-            self.unsent.add(&error);
+    fn new(name: &str, topics: Box<dyn Topics>) -> Rc<RefCell<Self>> {
+        let unsent = ThrottledWarning::new(format!("{name}: not sent"));
+        let (ended, waiting) = (VecDeque::new(), VecDeque::new());
+        Rc::new(RefCell::new(Shared { topics, active: None, ended, waiting, unsent }))
+    }
+
+    fn note<E: std::fmt::Display>(&mut self, sent: Result<(), E>) {
+        if let Err(reason) = sent {
+            self.unsent.add(&reason);
         }
+    }
+
+    fn accept(shared: &Rc<RefCell<Self>>, request: GoalRequest, reply: Reply<SendGoalResponse>) -> Option<StepsEvent> {
+        let mut inner = shared.borrow_mut();
+        let is_new = inner.active.is_none() && inner.ended.iter().all(|(known, ..)| *known != request.goal_id);
+        reply.send(SendGoalResponse { accepted: is_new, stamp: Time::ZERO });
+        if !is_new {
+            return None;
+        }
+        inner.active = Some((request.goal_id, false));
+        inner.publish_status();
+        drop(inner);
+        let Wire(StepRequest { steps }) = request.goal;
+        Some(StepsEvent::Goal(Goal { steps, shared: Rc::clone(shared), id: request.goal_id }))
+    }
+
+    fn feedback(&mut self, goal_id: GoalId, completed_steps: u64, remaining_steps: u64) {
+        let sent = self.topics.feedback(goal_id, StepsFeedback { completed_steps, remaining_steps });
+        self.note(sent);
     }
 
     fn end(&mut self, id: GoalId, outcome: Outcome) {
@@ -193,15 +159,15 @@ impl Shared {
         let (ready, waiting): (VecDeque<_>, _) =
             std::mem::take(&mut self.waiting).into_iter().partition(|(goal, _)| *goal == id);
         self.waiting = waiting;
-        for (goal, request) in ready {
-            self.send_result(goal, request);
+        for (goal, reply) in ready {
+            self.send_result(goal, reply);
         }
     }
 
-    fn cancel(&mut self, id: RmwRequestId, request: &CancelGoalRequest) -> Option<StepsEvent> {
+    fn cancel(&mut self, request: &CancelGoalRequest, reply: Reply<CancelGoalResponse>) -> Option<StepsEvent> {
         let wanted = cdr::decode::<Cancelled>(cdr::encode(request).get(..20)?).ok()?;
         let active = self.active.filter(|(goal, _)| wanted.id == [0; 16] || wanted.id == *goal.uuid.as_bytes());
-        let response = CancelGoalResponse {
+        reply.send(CancelGoalResponse {
             return_code: if active.is_some() {
                 CancelGoalResponseEnum::None
             } else {
@@ -211,36 +177,28 @@ impl Shared {
                 .iter()
                 .map(|(goal_id, _)| GoalInfo { goal_id: *goal_id, stamp: Time::ZERO })
                 .collect(),
-        };
-        self.callers[1].wait_for(&id);
-        if let Err(error) = self.server.send_cancel_response(id, response) {
-            self.unsent.add(&error);
-        }
+        });
         let (goal, _) = active?;
         self.active = Some((goal, true));
         self.publish_status();
         Some(StepsEvent::Cancel)
     }
 
-    fn result_wanted(&mut self, id: RmwRequestId, request: &GetResultRequest) {
+    fn result_wanted(&mut self, request: &GetResultRequest, reply: Reply<ResultAnswer>) {
         let is_active = self.active.is_some_and(|(goal, _)| goal == request.goal_id);
         if is_active && self.waiting.len() < RESULTS_MAX {
-            self.waiting.push_back((request.goal_id, id));
+            self.waiting.push_back((request.goal_id, reply));
         } else {
-            self.send_result(request.goal_id, id);
+            self.send_result(request.goal_id, reply);
         }
     }
 
     /// Responds with the result of a finished goal, or that the goal is unknown.
-    fn send_result(&mut self, goal: GoalId, request: RmwRequestId) {
+    fn send_result(&mut self, goal: GoalId, reply: Reply<ResultAnswer>) {
         let ended = self.ended.iter().find(|(known, ..)| *known == goal);
         let unknown = || (GoalStatusEnum::Unknown, Outcome::failure(Outcome::NOT_FOUND, "no such goal"));
         let (status, result) = ended.map_or_else(unknown, |(_, status, outcome)| (*status, outcome.clone()));
-        let response = GetResultResponse { status, result: Wire(ResultResponse { result }) };
-        self.callers[2].wait_for(&request);
-        if let Err(error) = self.server.send_result(request, response) {
-            self.unsent.add(&error);
-        }
+        reply.send(GetResultResponse { status, result: Wire(ResultResponse { result }) });
     }
 
     fn publish_status(&mut self) {
@@ -249,8 +207,7 @@ impl Shared {
         status_list.extend(self.active.map(|(goal, is_cancelled)| {
             status(goal, if is_cancelled { GoalStatusEnum::Canceling } else { GoalStatusEnum::Executing })
         }));
-        if let Err(error) = self.server.send_goal_statuses(GoalStatusArray { status_list }) {
-            self.unsent.add(&error);
-        }
+        let sent = self.topics.status(GoalStatusArray { status_list });
+        self.note(sent);
     }
 }

@@ -5,14 +5,20 @@
 //! [`BLOCKING`], and the caller can do other work in between; a reader that acknowledges nothing
 //! for [`READER_TIMEOUT`] delays its own topic by that much per [`WINDOW`] samples, and no other
 //! topic. Best-effort readers are not waited for.
+//!
+//! Over Zenoh the connection to each process has a window instead, and a call waits for room in it
+//! until Zenoh closes the connection to a process that takes nothing.
 
 use std::time::{Duration, Instant};
 
-use ros2_client::{Context, CreateError, Node, WriteError};
+use ros2_client::{CreateError, WriteError};
 use rustdds::{QosPolicies, QosPolicyBuilder, policy};
 
-use super::dds_topic_name;
-use super::{EndpointFactory, Publisher, RosError, ThrottledWarning, endpoint_error, now, qos_profile};
+use super::dds::{self, endpoint_error, qos_profile};
+use super::network::Network;
+#[cfg(feature = "zenoh")]
+use super::zenoh;
+use super::{EndpointFactory, Node, RosError, ThrottledWarning, now};
 use msgs::cdr::Encoded;
 use msgs::topics::{Reliability, Topic};
 
@@ -43,7 +49,19 @@ pub enum PublishOutcome {
 
 /// A publisher of encoded messages that waits for its readers.
 pub struct BlockingPublisher {
-    publisher: Publisher<Encoded>,
+    writer: Writer,
+    unsent: ThrottledWarning,
+}
+
+enum Writer {
+    Dds(DdsWriter),
+    #[cfg(feature = "zenoh")]
+    Zenoh(zenoh::Writer),
+}
+
+struct DdsWriter {
+    publisher: ros2_client::Publisher<Encoded>,
+    topic: rustdds::Topic,
     full_since: Option<Instant>,
     /// Set after a replacement, until its readers have had time to match it.
     matched_at: Option<Instant>,
@@ -54,23 +72,16 @@ impl EndpointFactory {
     ///
     /// # Errors
     /// If the middleware refuses it.
-    pub fn blocking_publisher(
-        &mut self,
-        context: &Context,
-        node: &mut Node,
-        topic: &Topic,
-    ) -> Result<BlockingPublisher, RosError> {
-        self.pause();
-        let type_name = ros2_client::MessageTypeName::new(topic.message.package, topic.message.name);
-        let participant = context.domain_participant();
-        let failed = |source| endpoint_error(topic, source);
-        let dds_topic = participant
-            .create_topic(dds_topic_name(topic), type_name.dds_msg_type(), &policies(topic), rustdds::TopicKind::NoKey)
-            .map_err(|source| failed(CreateError::from(source)))?;
-        let publisher = node.create_publisher(&dds_topic, None).map_err(failed)?;
-        let unsent = ThrottledWarning::new(format!("{}: not sent", topic.name));
-        let publisher = Publisher { publisher, topic: dds_topic, renewed: now(), unsent };
-        Ok(BlockingPublisher { publisher, full_since: None, matched_at: None })
+    pub fn blocking_publisher(&mut self, node: &mut Node, topic: &Topic) -> Result<BlockingPublisher, RosError> {
+        let writer = match &self.context.network {
+            Network::Dds(_) => {
+                self.pause();
+                Writer::Dds(DdsWriter::new(&self.context.participant(), node.dds(), topic)?)
+            }
+            #[cfg(feature = "zenoh")]
+            Network::Zenoh(_) => Writer::Zenoh(node.zenoh().blocking_writer(topic)?),
+        };
+        Ok(BlockingPublisher { writer, unsent: ThrottledWarning::new(format!("{}: not sent", topic.name)) })
     }
 }
 
@@ -88,35 +99,55 @@ impl BlockingPublisher {
     /// Publishes a message if the window has room. A message that the middleware refuses for
     /// another reason is counted as not sent.
     pub fn publish(&mut self, node: &mut Node, message: &Encoded) -> PublishOutcome {
+        let published = match &mut self.writer {
+            Writer::Dds(writer) => writer.publish(node.dds(), message),
+            #[cfg(feature = "zenoh")]
+            Writer::Zenoh(writer) => writer.publish(message).map(|()| PublishOutcome::Sent),
+        };
+        published.unwrap_or_else(|reason| {
+            self.unsent.add(&reason);
+            PublishOutcome::Sent
+        })
+    }
+}
+
+impl DdsWriter {
+    fn new(
+        participant: &rustdds::DomainParticipant,
+        node: &mut ros2_client::Node,
+        topic: &Topic,
+    ) -> Result<Self, RosError> {
+        let type_name = ros2_client::MessageTypeName::new(topic.message.package, topic.message.name);
+        let failed = |source| endpoint_error(topic, source);
+        let dds_topic = participant
+            .create_topic(dds::topic_name(topic), type_name.dds_msg_type(), &policies(topic), rustdds::TopicKind::NoKey)
+            .map_err(|source| failed(CreateError::from(source)))?;
+        let publisher = node.create_publisher(&dds_topic, None).map_err(failed)?;
+        Ok(DdsWriter { publisher, topic: dds_topic, full_since: None, matched_at: None })
+    }
+
+    fn publish(&mut self, node: &mut ros2_client::Node, message: &Encoded) -> Result<PublishOutcome, String> {
         if self.matched_at.is_some_and(|matched_at| now() < matched_at) {
-            return PublishOutcome::Retry;
+            return Ok(PublishOutcome::Retry);
         }
         self.matched_at = None;
-        match self.publisher.publisher.publish(message.clone()) {
+        match self.publisher.publish(message.clone()) {
             Ok(()) => self.full_since = None,
             Err(WriteError::WouldBlock { .. }) => {
                 let since = *self.full_since.get_or_insert_with(now);
-                return if since.elapsed() < READER_TIMEOUT { PublishOutcome::Retry } else { self.renew(node) };
+                return if since.elapsed() < READER_TIMEOUT { Ok(PublishOutcome::Retry) } else { self.renew(node) };
             }
-            Err(other) => self.publisher.unsent.add(&other),
+            Err(other) => return Err(other.to_string()),
         }
-        PublishOutcome::Sent
+        Ok(PublishOutcome::Sent)
     }
 
     /// Replaces the publisher, which abandons readers that acknowledge nothing.
-    fn renew(&mut self, node: &mut Node) -> PublishOutcome {
+    fn renew(&mut self, node: &mut ros2_client::Node) -> Result<PublishOutcome, String> {
         self.full_since = None;
         self.matched_at = Some(now() + MATCHING_TIME);
-        match node.create_publisher(&self.publisher.topic, None) {
-            Ok(publisher) => {
-                self.publisher.publisher = publisher;
-                PublishOutcome::Renewed
-            }
-            Err(error) => {
-                self.publisher.unsent.add(&error);
-                PublishOutcome::Sent
-            }
-        }
+        self.publisher = node.create_publisher(&self.topic, None).map_err(|error| error.to_string())?;
+        Ok(PublishOutcome::Renewed)
     }
 }
 

@@ -24,7 +24,8 @@ use std::time::{Duration, Instant};
 
 use rustdds::{DomainParticipant, DomainParticipantStatusEvent as Event, StatusEvented};
 
-use super::{DISCOVERABLE_IDS, discovery_port, now};
+use super::dds::{DISCOVERABLE_IDS, discovery_port};
+use super::now;
 
 /// Wall time without a new participant after which discovery counts as complete. Participants
 /// answer a new one at once.

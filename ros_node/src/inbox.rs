@@ -10,10 +10,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
 use std::time::Duration;
 
-use ros2_client::Context;
 use rustdds::RTPSEntity;
 use serde::{Deserialize, Deserializer};
 
+use super::network::{Context, Network};
 use super::now;
 use msgs::message::Message;
 
@@ -21,7 +21,8 @@ use msgs::message::Message;
 pub struct Sample<M> {
     /// The message, or why its bytes cannot be decoded.
     pub message: Result<M, String>,
-    /// The participant that sent it: its GUID prefix and four zeros; all zeros if unknown.
+    /// The participant that sent it: its GUID prefix and four zeros, or its Zenoh session; all
+    /// zeros if unknown.
     pub source: [u8; 16],
 }
 
@@ -115,15 +116,15 @@ pub(super) fn take<M: Message + 'static>(
 
 /// The participant of this process, as in [`Sample::source`].
 pub fn own_source(context: &Context) -> [u8; 16] {
-    source_of(context.domain_participant().guid())
+    match &context.network {
+        Network::Dds(context) => participant_of(context.domain_participant().guid().to_bytes()),
+        #[cfg(feature = "zenoh")]
+        Network::Zenoh(session) => session.source(),
+    }
 }
 
-/// The participant of an endpoint, as in [`Sample::source`].
-pub fn source_of(endpoint: rustdds::GUID) -> [u8; 16] {
-    participant_of(endpoint.to_bytes())
-}
-
-fn participant_of(mut guid: [u8; 16]) -> [u8; 16] {
+/// The participant of an endpoint.
+pub(super) fn participant_of(mut guid: [u8; 16]) -> [u8; 16] {
     guid[GUID_PREFIX_LENGTH..].fill(0);
     guid
 }

@@ -5,9 +5,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use ros2_client::Node;
-
-use super::{EndpointFactory, Inbox, RosError};
+use super::{EndpointFactory, Inbox, Node, RosError};
 use msgs::parameters::{
     DescribeParameters, DescriptorsResponse, GetParameterTypes, GetParameters, KindsResponse, ListParameters,
     ListResponse, Named, Parameters, SetAtomicallyResponse, SetParameters, SetParametersAtomically, SetResponse,

@@ -17,8 +17,8 @@ use std::fs;
 use std::io;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -132,7 +132,31 @@ pub fn stop_on_signals(second_code: u8) -> io::Result<Arc<AtomicBool>> {
         flag::register_conditional_shutdown(signal, second_code.into(), Arc::clone(&stop))?;
         flag::register(signal, Arc::clone(&stop))?;
     }
+    STOP.get_or_init(|| Arc::clone(&stop));
     Ok(stop)
+}
+
+/// The flag of [`stop_on_signals`].
+static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// Whether the start waits for something outside of this process, so that it has no limit.
+static IS_WAITING: AtomicBool = AtomicBool::new(false);
+
+/// Waits as part of the start, without a limit, until a call of `poll`, one in each `period`,
+/// returns something or a signal ends the process.
+#[cfg(feature = "zenoh")]
+#[expect(clippy::disallowed_methods, reason = "there is no event to wait for")]
+pub(crate) fn wait_while_starting<T>(period: Duration, mut poll: impl FnMut() -> Option<T>) -> Option<T> {
+    let is_stopping = || STOP.get().is_some_and(|stop| stop.load(Ordering::Relaxed));
+    IS_WAITING.store(true, Ordering::Relaxed);
+    let found = loop {
+        match poll() {
+            None if !is_stopping() => thread::sleep(period),
+            found => break found,
+        }
+    };
+    IS_WAITING.store(false, Ordering::Relaxed);
+    found
 }
 
 /// The watch over this process.
@@ -206,7 +230,8 @@ impl Watch {
                 running if running == Phase::Running as u8 => Phase::Running,
                 _ => Phase::ShuttingDown,
             };
-            if phase != self.phase {
+            let is_waiting = phase == Phase::Starting && IS_WAITING.load(Ordering::Relaxed);
+            if phase != self.phase || is_waiting {
                 (self.phase, self.since) = (phase, now());
             }
             let memory = resident_bytes().unwrap_or(0);

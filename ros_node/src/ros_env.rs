@@ -1,4 +1,4 @@
-//! The ROS environment variables that select the network a process joins.
+//! The ROS environment variables that select the network a process joins, and its middleware.
 //!
 //! Invariants: a pure function of the variables passed in, so that a test needs no environment; an
 //! unknown value is an error that names the variable, its value and the allowed values. This module
@@ -17,6 +17,12 @@ use thiserror::Error;
 const DOMAIN_ID_MAX: u16 = 232;
 
 const DOMAIN_ID: &str = "ROS_DOMAIN_ID";
+
+/// The middleware of the ROS nodes here.
+pub(crate) const RMW_IMPLEMENTATION: &str = "RMW_IMPLEMENTATION";
+
+/// The value of it that means Zenoh; all others mean DDS.
+const ZENOH: &str = "rmw_zenoh_cpp";
 
 /// The discovery range, since ROS 2 Iron.
 const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
@@ -39,12 +45,24 @@ pub struct RosEnvError {
     pub allowed: &'static str,
 }
 
+/// The middleware.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Middleware {
+    /// DDS, for every other value of `RMW_IMPLEMENTATION`.
+    #[default]
+    Dds,
+    /// Zenoh, as `rmw_zenoh` uses it.
+    #[cfg(feature = "zenoh")]
+    Zenoh,
+}
+
 /// Which other processes are discovered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DiscoveryRange {
     /// None.
     Off,
     /// Those on this machine; nothing is sent to the network.
+    #[default]
     Localhost,
     /// Those that multicast reaches.
     Subnet,
@@ -65,10 +83,13 @@ impl fmt::Display for DiscoveryRange {
 }
 
 /// The ROS network that a process joins.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RosEnv {
     /// Domain id, 0 to 232: processes of different domains do not discover each other.
     pub domain_id: u16,
+    pub middleware: Middleware,
+    /// Over Zenoh only [`DiscoveryRange::Off`] has an effect: there the session configuration says
+    /// who connects to whom.
     pub range: DiscoveryRange,
     /// Names or addresses of machines that multicast does not reach; empty with `OFF` and
     /// `LOCALHOST`.
@@ -76,11 +97,11 @@ pub struct RosEnv {
 }
 
 impl RosEnv {
-    /// Reads `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_LOCALHOST_ONLY` and
-    /// `ROS_STATIC_PEERS`. An empty variable counts as unset.
+    /// Reads `ROS_DOMAIN_ID`, `RMW_IMPLEMENTATION`, `ROS_AUTOMATIC_DISCOVERY_RANGE`,
+    /// `ROS_LOCALHOST_ONLY` and `ROS_STATIC_PEERS`. An empty variable counts as unset.
     ///
-    /// Defaults: domain 0, this machine only. `ROS_LOCALHOST_ONLY=0` selects the network unless a
-    /// range is set.
+    /// Defaults: domain 0, DDS, this machine only. `ROS_LOCALHOST_ONLY=0` selects the network
+    /// unless a range is set.
     ///
     /// # Errors
     /// If a variable has an unknown value.
@@ -99,12 +120,17 @@ impl RosEnv {
             DiscoveryRange::Off | DiscoveryRange::Localhost => Vec::new(),
             DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => static_peers(set(STATIC_PEERS))?,
         };
-        Ok(RosEnv { domain_id: domain_id(set(DOMAIN_ID))?, range, static_peers })
+        let middleware = middleware(set(RMW_IMPLEMENTATION))?;
+        Ok(RosEnv { domain_id: domain_id(set(DOMAIN_ID))?, middleware, range, static_peers })
     }
 }
 
 impl fmt::Display for RosEnv {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        #[cfg(feature = "zenoh")]
+        if self.middleware == Middleware::Zenoh {
+            return write!(f, "ROS domain {} over Zenoh", self.domain_id);
+        }
         write!(f, "ROS domain {}, range {}", self.domain_id, self.range)?;
         if self.static_peers.is_empty() { Ok(()) } else { write!(f, ", peers {}", self.static_peers.join(";")) }
     }
@@ -115,6 +141,23 @@ fn domain_id(value: Option<String>) -> Result<u16, RosEnvError> {
     match value.parse() {
         Ok(id) if id <= DOMAIN_ID_MAX => Ok(id),
         _ => Err(RosEnvError { variable: DOMAIN_ID, value, allowed: "0 to 232" }),
+    }
+}
+
+#[cfg(feature = "zenoh")]
+fn middleware(value: Option<String>) -> Result<Middleware, RosEnvError> {
+    Ok(if value.as_deref() == Some(ZENOH) { Middleware::Zenoh } else { Middleware::Dds })
+}
+
+#[cfg(not(feature = "zenoh"))]
+fn middleware(value: Option<String>) -> Result<Middleware, RosEnvError> {
+    match value {
+        Some(value) if value == ZENOH => {
+            let allowed = "those of DDS, because this build has no Zenoh; `cargo build --release --features zenoh` \
+                           makes one that has it";
+            Err(RosEnvError { variable: RMW_IMPLEMENTATION, value, allowed })
+        }
+        _ => Ok(Middleware::Dds),
     }
 }
 
@@ -158,11 +201,34 @@ mod tests {
 
     #[test]
     fn default_is_this_machine_only() {
-        let home = RosEnv { domain_id: 0, range: DiscoveryRange::Localhost, static_peers: Vec::new() };
+        let home = RosEnv::default();
         assert_eq!(env(&[]), Ok(home.clone()));
         let empty = [(DOMAIN_ID, ""), (RANGE, ""), (LOCALHOST_ONLY, ""), (STATIC_PEERS, "")];
         assert_eq!(env(&empty), Ok(home.clone()));
         assert_eq!(home.to_string(), "ROS domain 0, range LOCALHOST");
+    }
+
+    #[test]
+    fn other_middleware_than_zenoh_is_dds() {
+        for value in ["", "rmw_fastrtps_cpp", "rmw_cyclonedds_cpp", "rmw_unknown"] {
+            assert_eq!(env(&[(RMW_IMPLEMENTATION, value)]).unwrap().middleware, Middleware::Dds, "{value}");
+        }
+    }
+
+    #[cfg(feature = "zenoh")]
+    #[test]
+    fn zenoh_is_chosen_by_rmw_implementation() {
+        let env = env(&[(RMW_IMPLEMENTATION, ZENOH), (DOMAIN_ID, "7")]).unwrap();
+        assert_eq!(env.middleware, Middleware::Zenoh);
+        assert_eq!(env.to_string(), "ROS domain 7 over Zenoh");
+    }
+
+    #[cfg(not(feature = "zenoh"))]
+    #[test]
+    fn a_build_without_zenoh_says_how_to_make_one() {
+        let error = env(&[(RMW_IMPLEMENTATION, ZENOH)]).unwrap_err().to_string();
+        assert!(error.starts_with("RMW_IMPLEMENTATION is \"rmw_zenoh_cpp\"; allowed are those of DDS"), "{error}");
+        assert!(error.contains("cargo build --release --features zenoh"), "{error}");
     }
 
     #[test]

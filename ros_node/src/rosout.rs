@@ -2,9 +2,7 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use ros2_client::Node;
-
-use super::{EndpointFactory, Publisher, RosError};
+use super::{EndpointFactory, Node, Publisher, RosError};
 use msgs::builtin_interfaces::Time;
 use msgs::printable;
 use msgs::rcl_interfaces::{Level, Log};

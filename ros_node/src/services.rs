@@ -9,7 +9,7 @@
 //!
 //! DDS-RPC leaves the correlation of request and response to the vendor: Fast DDS and Connext send
 //! it beside the message, Cyclone inside it. A server supports one mapping, which follows
-//! `RMW_IMPLEMENTATION` as in every other node.
+//! `RMW_IMPLEMENTATION` as in every other node. Over Zenoh a service is a queryable (`zenoh`).
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -19,21 +19,21 @@ use std::task::{Context as TaskContext, Poll};
 use std::time::Duration;
 
 use ros2_client::service::{Server, ServiceMapping};
-use ros2_client::{CreateError, Name, Node, RmwRequestId, ServiceTypeName};
+use ros2_client::{CreateError, Name, RmwRequestId, ServiceTypeName};
 use rustdds::DomainParticipant;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::{EndpointFactory, Inbox, RosError, ThrottledWarning, now, qos_profile};
+use super::dds::qos_profile;
+use super::network::Network;
+use super::ros_env::RMW_IMPLEMENTATION;
+use super::{EndpointFactory, Inbox, Node, RosError, ThrottledWarning, now};
 use msgs::service::{Ask, Reply, Service};
 use msgs::topics::Qos;
 
 /// Queue depth of requests and responses; deeper than the ROS default, because several callers may
 /// ask at once.
-const QUEUE_DEPTH: u32 = 64;
-
-/// The environment variable that names the middleware of the ROS nodes here.
-const RMW_IMPLEMENTATION: &str = "RMW_IMPLEMENTATION";
+pub(super) const QUEUE_DEPTH: u32 = 64;
 
 /// Maximum wall time to wait for the response reader of a new caller: its request may arrive before
 /// its reader is discovered, and a response sent before that is lost.
@@ -136,9 +136,30 @@ impl EndpointFactory {
     ///
     /// # Errors
     /// If the middleware refuses it.
-    pub fn service<S: Service, T>(
+    pub fn service<S: Service + 'static, T>(
         &mut self,
         node: &mut Node,
+        name: &str,
+        inbox: &mut Inbox<T>,
+        convert: impl Fn(Result<Ask<S>, String>) -> T + 'static,
+    ) -> Result<(), RosError> {
+        match &self.context.network {
+            Network::Dds(_) => self.dds_service(node.dds(), name, inbox, convert),
+            #[cfg(feature = "zenoh")]
+            Network::Zenoh(_) => {
+                let server = node.zenoh().server::<S>(name)?;
+                inbox.add(Box::new(move |context| {
+                    let taken = server.take(context);
+                    taken.map(|taken| convert(taken.map(|(request, reply)| Ask { request, reply })))
+                }));
+                Ok(())
+            }
+        }
+    }
+
+    fn dds_service<S: Service, T>(
+        &mut self,
+        node: &mut ros2_client::Node,
         name: &str,
         inbox: &mut Inbox<T>,
         convert: impl Fn(Result<Ask<S>, String>) -> T + 'static,
@@ -153,7 +174,7 @@ impl EndpointFactory {
         let server: ServerOf<S> = node.create_server(mapping(), &parsed, &kind, qos(), qos()).map_err(failed)?;
         let server = Rc::new(server);
         let unsent = Rc::new(RefCell::new(ThrottledWarning::new(format!("{name}: answer not sent"))));
-        let callers = Rc::new(CallerDiscovery::new(&self.participant, name));
+        let callers = Rc::new(CallerDiscovery::new(&self.context.participant(), name));
         inbox.add(Box::new(move |context| {
             take_request(&server, context).map(|taken| {
                 convert(taken.map(|(id, request)| {

@@ -7,7 +7,8 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 
 use rustdds::DomainParticipantBuilder;
 
-use super::{DISCOVERABLE_IDS, RosError, discovery_port, has_dds_fixes};
+use super::RosError;
+use super::dds::{DISCOVERABLE_IDS, discovery_port, has_fixes};
 use crate::ros_env::RosEnv;
 
 /// The addresses that announcements go to: the discovery ports of the first participants of each
@@ -30,7 +31,7 @@ pub(super) fn announce_to(builder: DomainParticipantBuilder, peers: &[SocketAddr
     if peers.is_empty() {
         return builder;
     }
-    if !has_dds_fixes() {
+    if !has_fixes() {
         eprintln!(
             "ROS_STATIC_PEERS has no effect: this program was built without the fixes of contrib/rustdds, which \
              launch_scripts/build.sh builds with"
@@ -55,7 +56,7 @@ mod tests {
 
     fn of(peers: &[&str]) -> Result<Vec<SocketAddr>, RosError> {
         let static_peers = peers.iter().map(|&peer| peer.to_owned()).collect();
-        destinations(&RosEnv { domain_id: 1, range: DiscoveryRange::Subnet, static_peers })
+        destinations(&RosEnv { domain_id: 1, range: DiscoveryRange::Subnet, static_peers, ..RosEnv::default() })
     }
 
     #[test]

@@ -13,8 +13,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use ros2_client::Context;
-
+use super::network::{Context, Network};
 use super::now;
 use msgs::topics::Topic;
 
@@ -45,7 +44,7 @@ impl SubscriptionTracker {
     /// Tracks these topics, which are numbered in this order.
     pub fn new<'a>(topics: impl IntoIterator<Item = &'a Topic>) -> Self {
         let number_of: BTreeMap<String, usize> =
-            topics.into_iter().zip(0..).map(|(topic, number)| (dds_topic_name(topic), number)).collect();
+            topics.into_iter().zip(0..).map(|(topic, number)| (topic.name.clone(), number)).collect();
         let topics = number_of.iter().map(|_| Readers::default()).collect();
         SubscriptionTracker { number_of, topics, next_poll: None }
     }
@@ -57,12 +56,23 @@ impl SubscriptionTracker {
         if self.next_poll.is_some_and(|next| begun < next) {
             return false;
         }
-        let readers = context.domain_participant().discovered_readers();
-        let there = readers.iter().map(|reader| {
-            let data = &reader.subscription_topic_data;
-            (data.topic_name().as_str(), reader.reader_proxy.remote_reader_guid.to_bytes())
-        });
-        self.update(there, begun);
+        match &context.network {
+            Network::Dds(context) => {
+                let readers = context.domain_participant().discovered_readers();
+                let there = readers.iter().filter_map(|reader| {
+                    let data = &reader.subscription_topic_data;
+                    // The DDS name of a topic is that of ROS with a prefix.
+                    let name = data.topic_name().strip_prefix("rt")?;
+                    Some((name, reader.reader_proxy.remote_reader_guid.to_bytes()))
+                });
+                self.update(there, begun);
+            }
+            #[cfg(feature = "zenoh")]
+            Network::Zenoh(session) => {
+                let readers = session.subscriptions();
+                self.update(readers.iter().map(|(topic, gid)| (topic.as_str(), *gid)), begun);
+            }
+        }
         self.next_poll = Some(now() + POLL_PERIOD.max(begun.elapsed() * POLL_COST_FACTOR));
         true
     }
@@ -107,11 +117,6 @@ impl SubscriptionTracker {
     }
 }
 
-/// The DDS name of a ROS topic.
-pub fn dds_topic_name(topic: &Topic) -> String {
-    format!("rt{}", topic.name)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,8 +126,8 @@ mod tests {
     fn readers_join_settle_and_leave() {
         let mut tracker = SubscriptionTracker::new(&[topics::clock(), topics::map()]);
         let begun = now();
-        let (one, other) = (("rt/sim/map", [1; 16]), ("rt/sim/map", [2; 16]));
-        let strange = ("rt/chatter", [3; 16]);
+        let (one, other) = (("/sim/map", [1; 16]), ("/sim/map", [2; 16]));
+        let strange = ("/chatter", [3; 16]);
         let mut at = |there: &[(&str, [u8; 16])], passed: u32| {
             tracker.update(there.iter().copied(), begun + SETTLING_TIME * passed / 2);
             assert!(!tracker.has_subscribers(0));

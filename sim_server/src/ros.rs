@@ -4,7 +4,7 @@
 //! Invariants: messages to one agent never wait for another agent or for observers (see
 //! [`ros_node`]); every message carries the participant that sent it. The run loop decides about
 //! membership, legality and resending. This file and its folder are the only ones of this crate
-//! that name the ROS client.
+//! that name [`ros_node`].
 
 mod external_control;
 mod join;
@@ -28,8 +28,7 @@ use msgs::signing::NONE;
 use msgs::topics;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
-use ros_node::{Inbox, Publisher, RosError, Sample, linger, own_source};
-use ros2_client::{Context, Node};
+use ros_node::{Context, Inbox, Node, Publisher, RosError, Sample, linger, own_source};
 
 use crate::control::Request;
 use crate::transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
@@ -290,9 +289,8 @@ impl ControlInput for RosTransport {
         true
     }
 
-    /// Without the fixes of the DDS library, others drop an answer that is sent in fragments.
     fn answer_bytes_max(&self) -> usize {
-        if ros_node::has_dds_fixes() { OBSERVATION_BYTES_MAX } else { ANSWER_BYTES_MAX }
+        if self.context.sends_long_answers() { OBSERVATION_BYTES_MAX } else { ANSWER_BYTES_MAX }
     }
 }
 

@@ -19,6 +19,9 @@ use crate::{SupervisorError, domain, outside};
 pub(crate) const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
 const STATIC_PEERS: &str = "ROS_STATIC_PEERS";
 
+/// The middleware, which has to be the same everywhere.
+const RMW_IMPLEMENTATION: &str = "RMW_IMPLEMENTATION";
+
 /// The range of a run on several hosts, unless the environment has one that reaches them.
 pub(crate) const SUBNET: &str = "SUBNET";
 
@@ -88,6 +91,7 @@ impl RemoteTeam {
             (RANGE.to_owned(), range.unwrap_or_else(|| SUBNET.to_owned())),
             (STATIC_PEERS.to_owned(), hosts.server.clone()),
         ]);
+        environment.extend(std::env::var(RMW_IMPLEMENTATION).ok().map(|name| (RMW_IMPLEMENTATION.to_owned(), name)));
         environment.extend(secret.text().map(|secret| (signing::JOIN_SECRET.to_owned(), secret)));
         let binaries = outside::within(std::path::Path::new(""), &run.binaries);
         let open = |host| Connection::open(host, &binaries, &run.logs).map(Rc::new);

@@ -15,7 +15,12 @@ pub(crate) fn folder() -> &'static Path {
         // again.
         let arguments = ["build", "--release", "--bins", "--examples"];
         let packages = ["-p", "sim_server", "-p", "agent_node", "-p", "maes"];
-        let built = cargo().args(arguments).args(packages).output().expect("cargo runs");
+        let mut build = cargo();
+        build.args(arguments).args(packages);
+        if cfg!(feature = "zenoh") {
+            build.args(["--features", "sim_server/zenoh,agent_node/zenoh,maes/zenoh"]);
+        }
+        let built = build.output().expect("cargo runs");
         assert!(built.status.success(), "building the binaries:\n{}", String::from_utf8_lossy(&built.stderr));
         target_folder().join("release")
     })

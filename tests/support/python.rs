@@ -57,6 +57,13 @@ pub(crate) fn for_cyclone() -> &'static Path {
     PYTHON.get_or_init(|| environment("cyclone"))
 }
 
+/// The interpreter with Zenoh, and an implementation of the format of rmw_zenoh.
+#[cfg(feature = "zenoh")]
+pub(crate) fn for_zenoh() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("zenoh"))
+}
+
 /// The interpreter with the packages of a requirements file.
 fn environment(name: &str) -> PathBuf {
     let mut command = Command::new("timeout");

@@ -16,9 +16,7 @@ use msgs::nav_msgs::Odometry;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
-use ros_node::dds_topic_name;
-use ros_node::{EndpointFactory, Inbox, Publisher, RosError, Sample, source_of};
-use ros2_client::{Context, Node};
+use ros_node::{Context, EndpointFactory, Inbox, Node, Publisher, RosError, Sample};
 
 use super::Item;
 use super::visualisation::VisualisationPublishers;
@@ -108,11 +106,8 @@ impl ExternalAgents {
     }
 
     fn find_controllers(&mut self, context: &Context, run: u64) {
-        let writers = context.domain_participant().discovered_writers();
         for (&agent, external) in self.agents.iter_mut().filter(|(_, external)| !external.is_accepted) {
-            let topic = dds_topic_name(&topics::cmd_vel(agent));
-            let of_agent = writers.iter().filter(|writer| *writer.publication_topic_data.topic_name() == topic);
-            let sources = of_agent.map(|writer| SourceId(source_of(writer.publication_topic_data.key)));
+            let sources = context.publishers(&topics::cmd_vel(agent)).into_iter().map(SourceId);
             external.source = external.source.or(sources.min());
             if let Some(source) = external.source {
                 let message = Inbound::Join(twist::join(run, agent));

@@ -14,8 +14,7 @@ use msgs::ids::Tick;
 use msgs::rosgraph_msgs::Clock;
 use msgs::topics;
 use ros_node::ros_env::RosEnv;
-use ros_node::{BlockingPublisher, Inbox, PublishOutcome, RosError, SubscriptionTracker, linger};
-use ros2_client::{Context, Node};
+use ros_node::{BlockingPublisher, Context, Inbox, Node, PublishOutcome, RosError, SubscriptionTracker, linger};
 
 use super::services::{ServiceEvent, Services};
 use crate::recording::Recording;
@@ -133,10 +132,10 @@ impl ReplayNode {
         )?;
         let (context, mut endpoints) = ros_node::join(env, true)?;
         let mut node = ros_node::node(&context, NODE)?;
-        let clock = endpoints.blocking_publisher(&context, &mut node, &topics::clock())?;
+        let clock = endpoints.blocking_publisher(&mut node, &topics::clock())?;
         let mut topics = Vec::new();
         for topic in schedule.topics() {
-            let publisher = endpoints.blocking_publisher(&context, &mut node, topic)?;
+            let publisher = endpoints.blocking_publisher(&mut node, topic)?;
             topics.push(ReplayTopic { publisher, cache: LatchedCache::for_topic(topic), arrivals: 0 });
         }
         let mut inbox = Inbox::default();

@@ -10,8 +10,7 @@ use msgs::parameters::{Named, Parameter, ParameterEvent, Parameters};
 use msgs::service::{Ask, Service};
 use msgs::simulation_interfaces::Result as Outcome;
 use msgs::topics;
-use ros_node::{EndpointFactory, Goal, Inbox, Publisher, RosError, StepsEvent, ThrottledWarning};
-use ros2_client::Node;
+use ros_node::{EndpointFactory, Goal, Inbox, Node, Publisher, RosError, StepsEvent, ThrottledWarning};
 
 use crate::control::{Request, Steps};
 use simulation::parameters;

@@ -13,8 +13,7 @@ use msgs::sensor_msgs::PointCloud2;
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
-use ros_node::{EndpointFactory, Publisher, RosError, SubscriptionTracker};
-use ros2_client::{Context, Node};
+use ros_node::{Context, EndpointFactory, Node, Publisher, RosError, SubscriptionTracker};
 
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 

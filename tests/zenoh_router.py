@@ -1,0 +1,31 @@
+"""A Zenoh router that stands in for `rmw_zenohd`.
+
+    zenoh_router.py PORT
+
+Listens at this port of 127.0.0.1, tells its peers of each other, prints `ready`, and serves until
+it is killed. Needs the package eclipse-zenoh.
+"""
+
+import signal
+import sys
+
+import zenoh
+
+# What the default configuration of rmw_zenohd sets.
+CONFIG = """{
+  mode: "router",
+  listen: { endpoints: ["tcp/127.0.0.1:%s"] },
+  scouting: {
+    multicast: { enabled: false },
+    gossip: {
+      target: { router: ["router", "peer"], peer: ["router"] },
+      autoconnect: { router: [], peer: ["router", "peer"] },
+    },
+  },
+  timestamping: { enabled: true },
+  routing: { router: { peers_failover_brokering: true } },
+}"""
+
+with zenoh.open(zenoh.Config.from_json5(CONFIG % sys.argv[1])):
+    print("ready", flush=True)
+    signal.pause()
