@@ -9,6 +9,7 @@
 mod authentication;
 mod inbound;
 mod observation_log;
+mod resend_timer;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -27,20 +28,17 @@ use crate::transport::{AgentTransport, Level, Transport};
 use authentication::Authentication;
 pub(super) use authentication::with_external;
 use observation_log::ObservationLog;
+use resend_timer::ResendTimer;
 use simulation::lockstep::{Barrier, Membership, Refusal, SourceId, listed};
 use simulation::scenario::OnAgentLoss;
 use simulation::world::body::Motion;
 use simulation::world::{Action, Commit};
 
-/// Wall time without a reply after which an observation is resent for the first time; the interval
-/// doubles from then on.
-const RESEND_FIRST: Duration = Duration::from_millis(100);
-
-/// Longest wall time between two resends.
-const RESEND_MAX: Duration = Duration::from_secs(1);
-
 /// Wall time for which the session waits for a message before it attends to its other duties.
 pub(super) const POLL_PERIOD: Duration = Duration::from_millis(50);
+
+/// The same at least, when a resend is due before that.
+const POLL_PERIOD_MIN: Duration = Duration::from_millis(1);
 
 /// Longest wall time between two polls that counts towards a timeout. A longer gap means that this
 /// process was stopped, for which no agent is to blame.
@@ -165,6 +163,7 @@ pub(super) struct AgentSessions {
     restarted: BTreeSet<u64>,
     /// An agent that answered a replayed observation differently: agent, tick, and the difference.
     divergence: Option<(AgentId, Tick, String)>,
+    resend_timer: ResendTimer,
 }
 
 impl AgentSessions {
@@ -192,6 +191,7 @@ impl AgentSessions {
             to_prompt: BTreeSet::new(),
             restarted: BTreeSet::new(),
             divergence: None,
+            resend_timer: ResendTimer::default(),
         }
     }
 
@@ -283,10 +283,12 @@ impl AgentSessions {
         context.observer.phase_ended(Phase::Send, tick);
         let mut last_poll = context.transport.now();
         let mut waited = Duration::ZERO;
-        let mut interval = RESEND_FIRST;
-        let mut resend_at = interval;
+        let first_interval = self.resend_timer.first();
+        let (mut interval, mut resend_at) = (first_interval, first_interval);
+        let (mut is_first_wait, mut is_resent) = (!requests.is_empty(), false);
         while self.is_waiting(&barrier) {
-            if let Some(incoming) = context.transport.receive(POLL_PERIOD) {
+            let patience = resend_at.saturating_sub(waited).clamp(POLL_PERIOD_MIN, POLL_PERIOD);
+            if let Some(incoming) = context.transport.receive(patience) {
                 self.handle(incoming, &mut barrier, context);
             }
             if let Some((agent, tick, what)) = self.divergence.take() {
@@ -295,8 +297,8 @@ impl AgentSessions {
             if !self.to_prompt.is_empty() {
                 // A replayed agent has made progress: the others have been waiting for it, so the
                 // timeout starts anew.
-                (waited, interval) = (Duration::ZERO, RESEND_FIRST);
-                resend_at = interval;
+                (waited, interval, resend_at) = (Duration::ZERO, first_interval, first_interval);
+                is_first_wait = false;
                 self.prompt(requests, &barrier, context.transport);
             }
             if !self.is_waiting(&barrier) {
@@ -317,14 +319,21 @@ impl AgentSessions {
                 self.mark_replaceable(&self.awaited(&barrier), timeout, context);
             }
             if waited >= resend_at {
-                interval = (interval * 2).min(RESEND_MAX);
+                interval = ResendTimer::next(interval);
                 resend_at = waited + interval;
+                (is_first_wait, is_resent) = (false, true);
                 self.to_prompt = self.awaited(&barrier);
                 for agent in &self.to_prompt {
                     self.retransmits_due[agent.index()] += 1;
                 }
                 self.prompt(requests, &barrier, context.transport);
             }
+        }
+        if is_first_wait {
+            let since_poll = context.transport.now().duration_since(last_poll).min(POLL_GAP_MAX);
+            self.resend_timer.note(waited + since_poll);
+        } else if is_resent {
+            self.resend_timer.note_resent();
         }
         Ok(Ok(barrier.into_answers()))
     }
