@@ -16,7 +16,7 @@ use crate::support::runs::{Run, Site};
 use crate::support::{python, root};
 
 /// A run of two agents without look-ahead.
-const FLAGS: [&str; 10] = [
+pub(crate) const FLAGS: [&str; 10] = [
     "--agents",
     "2",
     "--size",

@@ -6,6 +6,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::Duration;
 
+use crate::services::FLAGS;
 use crate::support::processes::{Ended, Process, signal};
 use crate::support::recordings::Recording;
 use crate::support::runs::{Outcome, Run, Site, scenario, text};
@@ -109,23 +110,10 @@ fn observed(network: &Network, flags: &[&str], scene: &str) -> Ended {
     run.ended()
 }
 
-const TWO: [&str; 10] = [
-    "--agents",
-    "2",
-    "--size",
-    "20",
-    "--look-ahead",
-    "false",
-    "--set",
-    "stop_when_explored=false",
-    "--decision-timeout",
-    "30",
-];
-
 #[test]
 fn another_implementation_observes_and_controls_a_run() {
     let network = Network::new();
-    let flags = [&TWO[..], &["--duration", "60"]].concat();
+    let flags = [&FLAGS[..], &["--duration", "60"]].concat();
     let ended = observed(&network, &flags, "whole").with_code(0);
     let undisturbed = network.site.record(&[&flags[..], &["--transport", "memory"]].concat());
     assert_eq!(ended.digest(), undisturbed.digest());
@@ -134,7 +122,7 @@ fn another_implementation_observes_and_controls_a_run() {
 #[test]
 fn steps_are_an_action() {
     // Longer than it takes to cancel a goal.
-    observed(&Network::new(), &[&TWO[..], &["--duration", "36000"]].concat(), "action").with_code(130);
+    observed(&Network::new(), &[&FLAGS[..], &["--duration", "36000"]].concat(), "action").with_code(130);
 }
 
 #[test]

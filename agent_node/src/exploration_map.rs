@@ -20,6 +20,7 @@
 //!
 //! Beyond that, reports are not validated.
 
+mod around;
 mod delta;
 #[cfg(test)]
 pub(crate) mod drawing;
@@ -32,6 +33,7 @@ use std::ops::Range;
 use msgs::ids::AgentId;
 use voxels::{Cell, CellSet, Extent, Grid};
 
+pub(crate) use around::Around;
 use delta::cell_in;
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, bits, with_delta};
@@ -120,8 +122,6 @@ pub const CHANGES_MAX: usize = 4;
 
 /// Bit of a cell's byte: found by the own sensor (apart from the mark of coverage).
 const IS_OWN: u8 = 4;
-/// The lowest bit of each of three cells' bytes.
-const LANES: u32 = 0x01_01_01;
 /// Unit of a cell's byte: one explored face neighbour.
 const ONE_CLOSED: u8 = 8;
 
@@ -139,14 +139,6 @@ fn state_of(packed: u8) -> CellState {
 /// inside.
 fn is_open(packed: u8, outside: u8) -> bool {
     packed / ONE_CLOSED + outside < 6
-}
-
-/// How many of a cell and the 26 around it are known to be walls, and how many to be free; those
-/// outside the map are walls.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Around {
-    pub(crate) walls: u8,
-    pub(crate) free: u8,
 }
 
 /// The map of one agent.
@@ -207,36 +199,6 @@ impl ExplorationMap {
     #[inline]
     pub(crate) fn state_at(&self, index: usize) -> CellState {
         state_of(self.cells[index])
-    }
-
-    /// What is known of a cell and the 26 around it.
-    #[inline]
-    pub(crate) fn around(&self, cell: Cell) -> Around {
-        let extent = self.extent();
-        let one = Cell::new(1, 1, 1);
-        let Some(corner) = extent.index(cell - one).filter(|_| extent.contains(cell + one)) else {
-            let mut around = Around::default();
-            for beside in cell.neighbours26().into_iter().chain([cell]) {
-                match self.state(beside) {
-                    CellState::Wall => around.walls += 1,
-                    CellState::Free | CellState::Covered => around.free += 1,
-                    CellState::Unexplored => {}
-                }
-            }
-            return around;
-        };
-        let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
-        let cells = self.cells.as_slice();
-        // A byte for each column of nine rows, in which no sum exceeds nine.
-        let (mut walls, mut known) = (0, 0);
-        for row in (0..9).map(|row| corner + (row / 3 * size_y + row % 3) * size_x) {
-            let states = u32::from_le_bytes([cells[row], cells[row + 1], cells[row + 2], 0]);
-            let (low, high) = (states & LANES, states >> 1 & LANES);
-            walls += low & high;
-            known += low | high;
-        }
-        let sum = |lanes: u32| lanes.to_le_bytes().into_iter().sum::<u8>();
-        Around { walls: sum(walls), free: sum(known) - sum(walls) }
     }
 
     /// Number of known free cells, covered ones included.

@@ -86,6 +86,9 @@ pub(crate) use services;
 /// The definition of the service that cancels goals of actions, `action_msgs/srv/CancelGoal`.
 pub const CANCEL_GOAL: &str = include_str!("standard/action_msgs/srv/CancelGoal.srv");
 
+/// The definition of the action that makes steps: its goal, its result, and its feedback.
+pub const SIMULATE_STEPS: &str = include_str!("standard/simulation_interfaces/action/SimulateSteps.action");
+
 /// The type of the status of the goals of an action.
 pub const GOAL_STATUS_ARRAY: MessageType = MessageType {
     package: "action_msgs",

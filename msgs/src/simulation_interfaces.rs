@@ -402,9 +402,6 @@ pub const NAMESPACE_INVALID: u8 = 105;
 /// Code of `SpawnEntity`: the entity cannot be there.
 pub const INVALID_SPAWN_POSE: u8 = 109;
 
-/// The definition of the action that makes steps: its goal, its result, and its feedback.
-pub const SIMULATE_STEPS: &str = include_str!("standard/simulation_interfaces/action/SimulateSteps.action");
-
 services! { "simulation_interfaces" {
     /// What the simulator can do.
     GetSimulatorFeatures: NoRequest => FeaturesResponse;

@@ -120,7 +120,12 @@ impl DdsWriter {
         let type_name = ros2_client::MessageTypeName::new(topic.message.package, topic.message.name);
         let failed = |source| endpoint_error(topic, source);
         let dds_topic = participant
-            .create_topic(dds::topic_name(topic), type_name.dds_msg_type(), &policies(topic), rustdds::TopicKind::NoKey)
+            .create_topic(
+                dds::topic_name(&topic.name),
+                type_name.dds_msg_type(),
+                &policies(topic),
+                rustdds::TopicKind::NoKey,
+            )
             .map_err(|source| failed(CreateError::from(source)))?;
         let publisher = node.create_publisher(&dds_topic, None).map_err(failed)?;
         Ok(DdsWriter { publisher, topic: dds_topic, full_since: None, matched_at: None })

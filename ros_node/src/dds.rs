@@ -49,15 +49,15 @@ const ANNOUNCEMENT_TIME_FOREIGN: Duration = Duration::from_millis(100);
 /// names the nodes of this process.
 const NODES_TOPIC_TIME_FOREIGN: Duration = Duration::from_millis(250);
 
-/// Joins the network that the environment names, and says how long to wait after each batch of
-/// endpoints.
+/// Joins the network that the environment names, whose discovery is not off, and says how long to
+/// wait after each batch of endpoints.
 ///
 /// A process that `is_discovered_by_all` takes one of the first participant ids of its machine,
 /// which every other process announces itself to; other processes leave `RESERVED_IDS` of them
 /// free. Under `LOCALHOST` the sockets of this process reach the loopback device only.
 ///
 /// # Errors
-/// If discovery is off or the middleware fails to create a participant.
+/// If a static peer has no address, or the middleware fails to create a participant.
 #[expect(clippy::disallowed_methods, reason = "no event marks that an endpoint was announced")]
 pub(super) fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, Duration), RosError> {
     let peers = static_peers::destinations(env)?;
@@ -132,7 +132,7 @@ pub(super) fn discovery_port(domain_id: u16, participant_id: u16) -> u16 {
     7400 + 250 * domain_id + 10 + 2 * participant_id
 }
 
-/// Creates a node without the client's parameter services and log; its log is [`rosout::Rosout`].
+/// Creates a node, see [`super::node`].
 ///
 /// # Errors
 /// If the middleware fails to create it.
@@ -151,9 +151,17 @@ pub(super) fn dds_topic(node: &Node, topic: &topics::Topic) -> Result<rustdds::T
     node.create_topic(&name, type_name, &qos_profile(&topic.qos)).map_err(|source| endpoint_error(topic, source))
 }
 
+/// What the name of a ROS topic has before it in DDS.
+const TOPIC_PREFIX: &str = "rt";
+
 /// The DDS name of a ROS topic.
-pub(super) fn topic_name(topic: &topics::Topic) -> String {
-    format!("rt{}", topic.name)
+pub(super) fn topic_name(topic: &str) -> String {
+    format!("{TOPIC_PREFIX}{topic}")
+}
+
+/// The ROS topic of a DDS name, if it is one.
+pub(super) fn ros_topic(dds_name: &str) -> Option<&str> {
+    dds_name.strip_prefix(TOPIC_PREFIX)
 }
 
 pub(super) fn endpoint_error(topic: &topics::Topic, source: CreateError) -> RosError {

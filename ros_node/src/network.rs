@@ -87,7 +87,7 @@ impl Context {
     pub fn publishers(&self, topic: &Topic) -> Vec<[u8; 16]> {
         match &self.network {
             Network::Dds(context) => {
-                let name = dds::topic_name(topic);
+                let name = dds::topic_name(&topic.name);
                 let writers = context.domain_participant().discovered_writers();
                 let of_topic = writers.iter().filter(|writer| *writer.publication_topic_data.topic_name() == name);
                 of_topic.map(|writer| inbox::participant_of(writer.publication_topic_data.key.to_bytes())).collect()
@@ -98,8 +98,8 @@ impl Context {
     }
 
     /// Whether others receive answers of services that take more than
-    /// [`ANSWER_BYTES_MAX`](msgs::limits::ANSWER_BYTES_MAX): over DDS, not without the fixes of the DDS
-    /// library.
+    /// [`ANSWER_BYTES_MAX`](msgs::limits::ANSWER_BYTES_MAX): over DDS, not without the fixes of the
+    /// DDS library.
     pub fn sends_long_answers(&self) -> bool {
         match &self.network {
             Network::Dds(_) => dds::has_fixes(),

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::network::{Context, Network};
-use super::now;
+use super::{dds, now};
 use msgs::topics::Topic;
 
 /// Minimum wall time between two polls.
@@ -61,9 +61,8 @@ impl SubscriptionTracker {
                 let readers = context.domain_participant().discovered_readers();
                 let there = readers.iter().filter_map(|reader| {
                     let data = &reader.subscription_topic_data;
-                    // The DDS name of a topic is that of ROS with a prefix.
-                    let name = data.topic_name().strip_prefix("rt")?;
-                    Some((name, reader.reader_proxy.remote_reader_guid.to_bytes()))
+                    let topic = dds::ros_topic(data.topic_name())?;
+                    Some((topic, reader.reader_proxy.remote_reader_guid.to_bytes()))
                 });
                 self.update(there, begun);
             }

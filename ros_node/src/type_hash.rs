@@ -252,7 +252,7 @@ mod tests {
     use msgs::parameters::{self, ParameterEvent};
     use msgs::rcl_interfaces::Log;
     use msgs::rosgraph_msgs::Clock;
-    use msgs::service::{CANCEL_GOAL, GOAL_STATUS_ARRAY, Service};
+    use msgs::service::{CANCEL_GOAL, GOAL_STATUS_ARRAY, SIMULATE_STEPS, Service};
     use msgs::simulation_interfaces;
 
     use super::*;
@@ -298,7 +298,7 @@ mod tests {
             of_service(S::PACKAGE, S::NAME, S::DEFINITION)
         }
         let info = *TYPES.iter().find(|of| of.name == "ServiceEventInfo").unwrap();
-        let steps = of_action("simulation_interfaces", "SimulateSteps", simulation_interfaces::SIMULATE_STEPS);
+        let steps = of_action("simulation_interfaces", "SimulateSteps", SIMULATE_STEPS);
         for (hash, expected) in [
             (of(Clock::TYPE), "692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564"),
             (of(Log::TYPE), "e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac"),

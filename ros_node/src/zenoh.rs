@@ -7,8 +7,8 @@
 //!
 //! Invariants: publishing waits for a reader at most as long as `wait_before_drop` of Zenoh says, a
 //! millisecond, except on a [`Writer`] made for that; every queue of received items is bounded;
-//! threads of Zenoh only put items into queues, and the thread of the [`Inbox`](super::Inbox) decodes
-//! them. Shared memory, TLS and transports other than TCP are left out of the build.
+//! threads of Zenoh only put items into queues, and the thread of the [`Inbox`](super::Inbox)
+//! decodes them. Shared memory, TLS and transports other than TCP are left out of the build.
 //!
 //! See <https://github.com/ros2/rmw_zenoh/blob/rolling/docs/design.md>.
 

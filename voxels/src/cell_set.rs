@@ -46,23 +46,17 @@ impl CellSet {
         if shift + count as usize > 64 {
             bits |= self.words[word + 1] << (64 - shift);
         }
-        if count < 64 { bits & ((1 << count) - 1) } else { bits }
+        bits & low_bits(count)
     }
 
     /// Adds a cell; panics like a slice if there is no such cell, as all of its functions do.
     pub fn insert(&mut self, cell: usize) {
-        let word = cell / 64;
-        if self.words[word] & bit(cell) == 0 {
-            self.words[word] |= bit(cell);
-            self.occupied[word / 64] |= bit(word);
-            self.len += 1;
-        }
+        self.insert_bits(cell / 64, bit(cell));
     }
 
     /// Adds `count` cells from `start` on; at most 64.
     pub fn insert_run(&mut self, start: usize, count: u32) {
-        let run = if count < 64 { (1 << count) - 1 } else { u64::MAX };
-        let (word, shift) = (start / 64, start % 64);
+        let (word, shift, run) = (start / 64, start % 64, low_bits(count));
         self.insert_bits(word, run << shift);
         if shift + count as usize > 64 {
             self.insert_bits(word + 1, run >> (64 - shift));
@@ -70,11 +64,11 @@ impl CellSet {
     }
 
     fn insert_bits(&mut self, word: usize, bits: u64) {
-        if bits != 0 {
-            let before = self.words[word];
-            self.words[word] |= bits;
+        let new = bits & !self.words[word];
+        if new != 0 {
+            self.words[word] |= new;
             self.occupied[word / 64] |= bit(word);
-            self.len += (bits & !before).count_ones() as usize;
+            self.len += new.count_ones() as usize;
         }
     }
 
@@ -107,6 +101,11 @@ impl CellSet {
 
 fn bit(index: usize) -> u64 {
     1 << (index % 64)
+}
+
+/// The lowest bits; `count` is at most 64.
+fn low_bits(count: u32) -> u64 {
+    if count < 64 { (1 << count) - 1 } else { u64::MAX }
 }
 
 /// Indices of the bits set in some of the words, ascending.

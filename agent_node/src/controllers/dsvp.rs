@@ -153,7 +153,7 @@ impl Dsvp {
                 graph: AbstractGraph::new(extent, ctx.body().radius_m),
                 paths: ShortestPaths::default(),
                 gain_estimator: GainEstimator::new(gain_rays, range_cells, gain_depth, Likelihood::new(beside_wall)),
-                coordination: scheme.begin(ctx, range_cells),
+                coordination: scheme.begin(ctx),
             }
         });
         model.coordination.receive(observation, run_info.agents);

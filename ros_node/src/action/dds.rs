@@ -11,7 +11,7 @@ use ros2_client::action_msgs::GoalStatusArray;
 use ros2_client::{ActionTypeName, CreateError, Name, Node, RmwRequestId};
 
 use super::{FEEDBACK_QOS, STATUS_QOS, Shared, StepsEvent, Topics};
-use crate::dds::qos_profile;
+use crate::dds::{qos_profile, topic_name};
 use crate::services::{CallerDiscovery, Wire, mapping, qos};
 use crate::{EndpointFactory, Inbox, RosError, ThrottledWarning};
 
@@ -61,7 +61,7 @@ impl EndpointFactory {
             goal_callers: callers("send_goal"),
             cancel_callers: callers("cancel_goal"),
             result_callers: callers("get_result"),
-            feedback_readers: CallerDiscovery::of_topic(&participant, format!("rt{name}/_action/feedback")),
+            feedback_readers: CallerDiscovery::of_topic(&participant, topic_name(&format!("{name}/_action/feedback"))),
             unsent: RefCell::new(ThrottledWarning::new(format!("{name}: not sent"))),
         });
         let shared = Shared::new(name, Box::new(Published(Rc::clone(&server))));

@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use msgs::service::{CANCEL_GOAL, GOAL_STATUS_ARRAY, Reply};
-use msgs::simulation_interfaces::{SIMULATE_STEPS, StepsFeedback};
+use msgs::service::{CANCEL_GOAL, GOAL_STATUS_ARRAY, Reply, SIMULATE_STEPS};
+use msgs::simulation_interfaces::StepsFeedback;
 use ros2_client::action::{
     CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultRequest, GoalId, SendGoalResponse,
 };

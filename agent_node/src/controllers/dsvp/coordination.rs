@@ -41,8 +41,8 @@ impl Scheme {
         }
     }
 
-    /// The state at the start; rays of viewpoints are at most `range_cells` long.
-    pub(super) fn begin(self, ctx: &Ctx<'_>, range_cells: f64) -> Coordination {
+    /// The state at the start.
+    pub(super) fn begin(self, ctx: &Ctx<'_>) -> Coordination {
         let run_info = ctx.run_info();
         match self {
             Self::Alone => Coordination::Alone,
@@ -55,7 +55,7 @@ impl Scheme {
             ),
             Self::Team(params) => Coordination::Team(
                 Auction::new(params.auction, &run_info.bodies, ctx.agent(), run_info.extent),
-                Box::new(Team::new(params, run_info.extent, range_cells)),
+                Box::new(Team::new(params, run_info.extent)),
             ),
             Self::Tours(params) => Coordination::Tours(
                 Auction::new(params.auction, &run_info.bodies, ctx.agent(), run_info.extent),

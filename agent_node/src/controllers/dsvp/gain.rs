@@ -57,8 +57,9 @@ pub(in crate::controllers) struct GainEstimator {
     likelihood: Likelihood,
     /// Half the side of the cube that contains all rays, cells.
     reach: i32,
-    /// For each cell of that cube, the viewpoint that last counted it, and what is around it then.
+    /// For each cell of that cube, the viewpoint that last counted it.
     counted: Vec<u32>,
+    /// What was around it then, once [`GainEstimator::expected`] has been asked for.
     around: Vec<Around>,
     viewpoint: u32,
 }
@@ -123,8 +124,7 @@ impl GainEstimator {
         let places = cells.iter().map(place).collect();
         let rays = Rays { cells, places, offsets: Vec::new(), map_size: [0; 3], ends };
         let counted = vec![0; cube.volume()];
-        let around = vec![Around::default(); cube.volume()];
-        Self { rays, depth, likelihood, reach, counted, around, viewpoint: 0 }
+        Self { rays, depth, likelihood, reach, counted, around: Vec::new(), viewpoint: 0 }
     }
 
     /// The unexplored cells visible from the centre of a cell, each by its likelihood to be free.
@@ -152,6 +152,7 @@ impl GainEstimator {
     ) {
         let mut certain = WHOLE;
         let mut around = std::mem::take(&mut self.around);
+        around.resize(self.counted.len(), Around::default());
         self.for_unexplored(map, viewpoint, |Met { cell, place, before, is_new }| {
             let around = &mut around[place];
             if is_new {

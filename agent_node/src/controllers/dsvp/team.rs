@@ -82,9 +82,9 @@ struct Valued {
 }
 
 impl Team {
-    /// Nothing is known yet. Rays are at most `range_cells` long.
-    pub(super) fn new(params: TeamParams, extent: Extent, range_cells: f64) -> Self {
-        let viewpoints = Viewpoints::new(extent, range_cells);
+    /// Nothing is known yet.
+    pub(super) fn new(params: TeamParams, extent: Extent) -> Self {
+        let viewpoints = Viewpoints::new(extent);
         Self { params, viewpoints, sightings: Sightings::default(), search: ShortestPaths::default() }
     }
 

@@ -108,7 +108,7 @@ impl Division<'_> {
             // Tasks that have been reached before now cost nothing.
             let (ahead, behind) = tour.tasks.split_at(place);
             let with = ahead.iter().copied().chain(once(task)).chain(behind.iter().copied());
-            return self.cost(agent, with) - tour.cost;
+            return self.cost(self.timed(agent, with)) - tour.cost;
         }
         let end_s = tour.times_s.last().copied().unwrap_or_default();
         let (longer_s, weight_from) = match tour.tasks.get(place) {
@@ -128,7 +128,7 @@ impl Division<'_> {
     fn time(&self, tour: &mut Tour, agent: usize) {
         let Tour { tasks, times_s, weights_from, cost } = tour;
         times_s.clear();
-        times_s.extend(self.times_s(agent, tasks.iter().copied()).map(|(_, time_s)| time_s));
+        times_s.extend(self.timed(agent, tasks.iter().copied()).map(|(_, time_s)| time_s));
         weights_from.clear();
         weights_from.resize(tasks.len(), 0.0);
         let mut weight = 0.0;
@@ -136,13 +136,13 @@ impl Division<'_> {
             weight += self.weights[task];
             *from = weight;
         }
-        *cost = self.cost(agent, tasks.iter().copied());
+        *cost = self.cost(tasks.iter().copied().zip(times_s.iter().copied()));
     }
 
-    /// The part of a tour in the cost.
-    fn cost(&self, agent: usize, tour: impl Iterator<Item = usize>) -> f64 {
+    /// The part of a tour in the cost, by its tasks and the times at which they are reached.
+    fn cost(&self, timed: impl Iterator<Item = (usize, f64)>) -> f64 {
         let (mut end_s, mut weighted_s): (f64, f64) = (0.0, 0.0);
-        for (task, time_s) in self.times_s(agent, tour) {
+        for (task, time_s) in timed {
             weighted_s += self.weights[task] * time_s.max(0.0);
             end_s = time_s;
         }
@@ -150,7 +150,7 @@ impl Division<'_> {
     }
 
     /// The tasks of a tour with the times at which they are reached, seconds from now.
-    fn times_s(&self, agent: usize, tour: impl Iterator<Item = usize>) -> impl Iterator<Item = (usize, f64)> {
+    fn timed(&self, agent: usize, tour: impl Iterator<Item = usize>) -> impl Iterator<Item = (usize, f64)> {
         let mut last: Option<(usize, f64)> = None;
         tour.map(move |task| {
             let time_s = match last {

@@ -3,7 +3,6 @@ use proptest::prelude::*;
 
 use super::super::gain::Likelihood;
 use super::*;
-use crate::abstract_graph::ShortestPaths;
 use crate::controllers::settings::Settings;
 use crate::controllers::testing::World as SmallWorld;
 use crate::exploration_map::{CellState, Change, Delta, ExplorationMap, Finding};
@@ -45,7 +44,7 @@ proptest! {
         let here = Cell::new(15, 6, 6);
         let mut map = ExplorationMap::new(extent);
         map.note_free(&[extent.index(here).unwrap() as u32]);
-        let mut kept = Viewpoints::new(extent, RANGE_CELLS);
+        let mut kept = Viewpoints::new(extent);
         for (x, y, z, side, kind) in reports {
             // A box of free cells or walls.
             let cells = extent.cells().filter(|cell| {
@@ -61,7 +60,7 @@ proptest! {
                 _ => map.note_free(&indices),
             }
             let found = tasks(&mut kept, &map, here, expected_min);
-            prop_assert_eq!(&found, &tasks(&mut Viewpoints::new(extent, RANGE_CELLS), &map, here, expected_min));
+            prop_assert_eq!(&found, &tasks(&mut Viewpoints::new(extent), &map, here, expected_min));
             // What has been chosen for its gain adds no more than what was chosen before it.
             let gains: Vec<f64> = found.iter().map(|task| task.expected_cells).collect();
             let chosen = gains.iter().take_while(|&&gain| gain > expected_min).count();
@@ -80,7 +79,7 @@ fn one_viewpoint_is_enough_for_what_it_sees() {
     let (_, regions) = candidates(&map, Cell::new(0, 0, 0));
     let of = |regions: &[Candidate]| {
         let mut gain_estimator = GainEstimator::new(100, RANGE_CELLS, 3, Likelihood::new(1.0));
-        let mut viewpoints = Viewpoints::new(extent, RANGE_CELLS);
+        let mut viewpoints = Viewpoints::new(extent);
         let tasks = viewpoints.tasks(&map, &mut gain_estimator, regions, &|_| false, 15.0);
         tasks.iter().filter(|task| task.expected_cells >= 15.0).count()
     };

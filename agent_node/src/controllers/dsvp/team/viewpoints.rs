@@ -68,13 +68,11 @@ impl Candidate {
 ///
 /// A ray passes known cells, which stay what they are unless a report is corrected, and ends in
 /// unexplored ones. So a view depends on its unexplored cells and those around them alone; after a
-/// correction, on all within its reach.
+/// correction all are looked at anew.
 #[derive(Debug)]
 pub(super) struct Viewpoints {
     expectation: Expectation,
     extent: Extent,
-    /// Distance in cells within which a correction can change what is seen.
-    reach: i32,
     /// By viewpoint.
     views: BTreeMap<Cell, View>,
     /// The number of plans so far.
@@ -100,13 +98,11 @@ struct View {
 }
 
 impl Viewpoints {
-    /// No viewpoint has been looked at yet; rays are at most `range_cells` long.
-    pub(super) fn new(extent: Extent, range_cells: f64) -> Self {
+    /// No viewpoint has been looked at yet.
+    pub(super) fn new(extent: Extent) -> Self {
         Self {
             expectation: Expectation::new(),
             extent,
-            // A cell counts by what is known of its neighbours.
-            reach: range_cells.ceil() as i32 + 1,
             views: BTreeMap::new(),
             plans: 0,
             read: 0,
@@ -196,23 +192,20 @@ impl Viewpoints {
     /// Notes which cells have changed since the last plan, and forgets what is no longer true.
     fn note_changes(&mut self, map: &ExplorationMap) {
         self.changed.clear();
-        let is_corrected = self.corrections != map.corrections();
-        let (reach, [size_x, size_y, size_z]) = (self.reach, self.extent.size().map(u32::cast_signed));
+        if self.corrections != map.corrections() {
+            self.corrections = map.corrections();
+            self.views.clear();
+        }
+        let [size_x, size_y, size_z] = self.extent.size().map(u32::cast_signed);
         for (cell, _) in map.cells_changed_since(self.read) {
-            if is_corrected {
-                let is_near = |at: i32, other: i32| (at - other).abs() <= reach;
-                self.views.retain(|viewpoint, _| {
-                    !(is_near(viewpoint.x, cell.x) && is_near(viewpoint.y, cell.y) && is_near(viewpoint.z, cell.z))
-                });
-            }
             let around = |at: i32, size: i32| (at - 1).max(0)..(at + 2).min(size);
             let row = around(cell.x, size_x);
             for (z, y) in around(cell.z, size_z).flat_map(|z| around(cell.y, size_y).map(move |y| (z, y))) {
-                let start = (z * size_y + y) as usize * size_x as usize + row.start as usize;
-                self.changed.insert_run(start, row.len() as u32);
+                if let Some(start) = self.extent.index(Cell::new(row.start, y, z)) {
+                    self.changed.insert_run(start, row.len() as u32);
+                }
             }
         }
-        self.corrections = map.corrections();
         self.read = map.journal_len();
         let (changed, plans) = (&self.changed, self.plans);
         self.views.retain(|_, view| {
