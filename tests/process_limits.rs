@@ -25,19 +25,22 @@ fn a_stalled_start_is_begun_again_and_the_run_is_the_same() {
     let file = site.path("stalled.mcap");
     let scenario = site.file("limits.toml", SCENARIO);
     let mut script = site.command("bash");
-    // Slots are few: the processes of one run share that of the server.
+    // Slots are few: the processes of one run share that of the server. Only the process that
+    // stalls has the short limit, which a busy machine could make the others exceed.
     script.args([
         "-c",
-        "agent_node --id 0 --stalled-starts 2 2>stalled.log & agent_node --id 1 & exec sim_server \"$@\"",
+        "MAES_START_LIMIT_S=1 agent_node --id 0 --stalled-starts 2 2>stalled.log & agent_node --id 1 & \
+         exec sim_server \"$@\"",
         "bash",
     ]);
     let summary = site.path("summary.json");
-    script
-        .args(["run", text(&scenario), "--record", text(&file), "--summary", text(&summary)])
-        .env("MAES_START_LIMIT_S", "1");
+    script.args(["run", text(&scenario), "--record", text(&file), "--summary", text(&summary)]);
     let path = format!("{}:{}", crate::support::binaries::folder().display(), std::env::var("PATH").unwrap());
     let ended = site.start(script.env("PATH", path)).ended().with_code(0);
-    assert!(ended.stderr.contains("the process of agent 0 has stalled at its start, and began again (2x)"), "{ended}");
+    let reported = "the process of agent 0 has stalled at its start, and began again (";
+    let again = ended.stderr.split_once(reported).and_then(|(_, rest)| rest.split_once("x)"));
+    let again: u32 = again.and_then(|(again, _)| again.parse().ok()).unwrap_or_else(|| panic!("{ended}"));
+    assert!(again >= 2, "{ended}");
     let summary = sim_server::summary::Summary::read(&summary).expect("there is a summary");
     assert_eq!(summary.restarted_processes, 1);
     let said = std::fs::read_to_string(site.path("stalled.log")).unwrap();
