@@ -9,7 +9,8 @@
 //! shortest one on the abstract graph of all known free space ([`crate::abstract_graph`]), which
 //! replaces the global RRG; a goal is dropped as soon as its unexplored cells have been seen by any
 //! agent; an agent that knows no frontier pursues the agent it has been out of contact with for
-//! longest, to deliver its map, and explores again when map updates bring frontiers.
+//! longest, to deliver its map, and explores again when map updates bring frontiers. Agents tell
+//! each other who knows none, and rest when all have none (see `dsvp/pursuit.rs`).
 //!
 //! **Frontiers of other agents.** Frontiers are a function of the map: merging another agent's map
 //! brings its frontiers, except those that the own map already resolves. So exchanging maps
@@ -59,7 +60,8 @@ use gain::{GainEstimator, Likelihood};
 use goal::Goal;
 use obstacles::Obstacles;
 pub use params::Params;
-use pursuit::LastKnownPositions;
+pub use pursuit::FINISHED_MESSAGE;
+use pursuit::Pursuit;
 pub use tours::TASKS_MESSAGE;
 use tours::Tours;
 use tree::{Tree, vector};
@@ -103,7 +105,6 @@ pub struct Dsvp {
     waits_until: Option<Tick>,
     /// Since when it has been at rest, waiting for a scan from here.
     at_rest_since: Option<Tick>,
-    last_known: LastKnownPositions,
     /// Frontiers that stayed frontiers when observed from the nearest viewpoint.
     abandoned: BTreeSet<Cell>,
     /// Viewpoints from which a scan did not reveal the cells they were chosen for.
@@ -117,6 +118,7 @@ struct WorldModel {
     paths: ShortestPaths,
     gain_estimator: GainEstimator,
     coordination: Coordination,
+    pursuit: Pursuit,
 }
 
 impl Dsvp {
@@ -134,7 +136,6 @@ impl Dsvp {
             is_contested: false,
             waits_until: None,
             at_rest_since: None,
-            last_known: LastKnownPositions::default(),
             abandoned: BTreeSet::new(),
             unproductive: BTreeSet::new(),
         }
@@ -154,10 +155,11 @@ impl Dsvp {
                 paths: ShortestPaths::default(),
                 gain_estimator: GainEstimator::new(gain_rays, range_cells, gain_depth, Likelihood::new(beside_wall)),
                 coordination: scheme.begin(ctx),
+                pursuit: Pursuit::new(ctx.agent(), run_info.agents),
             }
         });
         model.coordination.receive(observation, run_info.agents);
-        self.last_known.record(&observation.contacts, extent, observation.tick);
+        model.pursuit.receive(observation, extent);
     }
 
     /// Brings the abstract graph up to date with the map. Most decisions do not need it: it does
@@ -216,9 +218,11 @@ impl Dsvp {
             }
             Some(Goal::Frontier { frontier, .. }) => ctx.map().is_frontier(frontier),
             Some(Goal::Pursuit { agent, .. }) => {
-                !observation.contacts.iter().any(|contact| contact.agent == agent) && !self.has_map_changed(ctx.map())
+                model.pursuit.is_sought(agent, &observation.contacts) && !self.has_map_changed(ctx.map())
             }
-            Some(Goal::Wandering { .. }) => !self.has_map_changed(ctx.map()),
+            Some(Goal::Wandering { .. }) => {
+                model.pursuit.seeks_any(&observation.contacts) && !self.has_map_changed(ctx.map())
+            }
             Some(Goal::Evasion { .. }) => true,
             None => false,
         }
@@ -259,8 +263,9 @@ impl Dsvp {
             Plan::Nothing => {
                 self.goal = None;
                 let trigger = Trigger::at(observation.tick.after(IDLE_TICKS));
+                let has_finished = self.model.as_ref().is_some_and(|model| model.pursuit.have_all_finished());
                 Command::new(hold(observation), trigger.or(Trigger::on(Events::CONTACTS | Events::PARCEL)))
-                    .with_info("waiting for news")
+                    .with_info(if has_finished { "nothing left to do" } else { "waiting for news" })
             }
         }
     }
@@ -296,9 +301,14 @@ impl Dsvp {
         }
     }
 
-    /// The trigger while under way.
+    /// The trigger while under way. What an agent sees on the way matters only if it explores, and
+    /// whom it meets if it has news.
     fn trigger(&self) -> Trigger {
-        Trigger::TASK_DONE.or(Trigger::on(Events::NEW_CELL)).or(self.scheme.trigger())
+        let events = match self.goal {
+            Some(Goal::Pursuit { .. } | Goal::Wandering { .. }) => Events::CONTACTS | Events::PARCEL,
+            _ => Events::NEW_CELL,
+        };
+        Trigger::TASK_DONE.or(Trigger::on(events)).or(self.scheme.trigger())
     }
 
     /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
@@ -393,7 +403,12 @@ impl Controller for Dsvp {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.update(observation, ctx);
         let command = self.choose(observation, ctx);
-        self.with_tasks(command, observation, ctx)
+        let command = self.with_tasks(command, observation, ctx);
+        let has_met = observation.events & Events::CONTACTS != 0;
+        match &mut self.model {
+            Some(WorldModel { pursuit, .. }) => pursuit.with_message(command, &observation.contacts, has_met),
+            None => command,
+        }
     }
 }
 

@@ -59,18 +59,19 @@ impl Dsvp {
         if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
     }
 
-    /// No frontier is left on this map: carries the map to the agent out of contact for longest;
-    /// once all have been tried, to a random region.
+    /// No frontier is left on this map: carries the map to the agent out of contact for longest of
+    /// those that may have something left to explore; once all have been tried, to a random region.
     pub(super) fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        let Some(WorldModel { graph, paths, .. }) = &mut self.model else { return Plan::Nothing };
-        if observation.contacts.len() + 1 >= ctx.run_info().agents as usize {
+        let Some(WorldModel { graph, paths, pursuit, .. }) = &mut self.model else { return Plan::Nothing };
+        pursuit.finish();
+        if !pursuit.seeks_any(&observation.contacts) {
             return Plan::Nothing;
         }
         let here = ctx.cell();
         if let Some(Goal::Pursuit { agent, cell }) = self.goal
             && cell == here
         {
-            self.last_known.mark_absent(agent);
+            pursuit.mark_absent(agent);
         }
         paths.begin(graph, here);
         let mut reached = Vec::new();
@@ -78,7 +79,7 @@ impl Dsvp {
             reached.push(region.centre);
         }
         let wandering = reached.choose(&mut self.rng).map(|&cell| Goal::Wandering { cell });
-        for goal in self.last_known.candidates(&observation.contacts, here).take(ATTEMPTS - 1).chain(wandering) {
+        for goal in pursuit.candidates(&observation.contacts, here).take(ATTEMPTS - 1).chain(wandering) {
             if let Some(motion) = motion_to(ctx, graph, paths, goal.cell(), obstacles) {
                 return Plan::Go(goal, motion);
             }

@@ -5,7 +5,7 @@ use super::super::testing::World;
 use super::*;
 use crate::controllers::settings::Settings;
 use crate::exploration_map::{CellState, Delta};
-use crate::observation::Contact;
+use crate::observation::{Contact, ReceivedMessage};
 
 fn planner(settings: &[&str]) -> Dsvp {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
@@ -173,6 +173,44 @@ fn pursues_the_last_contact_and_then_wanders() {
     assert_eq!(with_news[0], "with news to agent 2, last at (13, 4, 0)");
     assert!(with_news[1].starts_with("with news to ("), "{with_news:?}");
     assert!(world.been.contains(&Cell::new(13, 4, 0)));
+}
+
+/// In rooms without anything left, after a contact that has told of these agents that they have
+/// nothing left: the texts for people, and whether it has told the contact of itself.
+fn after_contact_with(finished: &[u32]) -> (Vec<String>, bool) {
+    let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
+    let mut controller = planner(&[]);
+    world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(13.5, 4.5, 0.5) }];
+    world.run(&mut controller, 500);
+    world.said.clear();
+    let ids = finished.iter().flat_map(|id| id.to_le_bytes());
+    let data: Vec<u8> = [1].into_iter().chain(ids).collect();
+    world.observation.messages = vec![ReceivedMessage { from: AgentId(2), kind: FINISHED_MESSAGE, data: data.into() }];
+    world.observation.scan_tick = Some(world.observation.tick);
+    let told = world.ask(&mut controller).messages;
+    world.observation.messages.clear();
+    world.observation.contacts.clear();
+    world.run(&mut controller, 500);
+    (world.said, told.iter().any(|message| message.kind == FINISHED_MESSAGE))
+}
+
+#[test]
+fn the_map_is_carried_only_to_agents_that_may_have_something_left() {
+    let (said, _) = after_contact_with(&[]);
+    assert!(said.iter().any(|said| said.starts_with("with news to agent 2")), "{said:?}");
+    // Agent 0 has never been met.
+    let (said, has_told) = after_contact_with(&[2]);
+    assert!(said.iter().all(|said| !said.contains("agent 2")), "{said:?}");
+    assert!(said.iter().any(|said| said.starts_with("with news to (")), "{said:?}");
+    assert!(has_told);
+}
+
+#[test]
+fn team_with_nothing_left_rests() {
+    let (said, has_told) = after_contact_with(&[0, 2]);
+    assert_eq!(said.last().unwrap(), "nothing left to do");
+    assert!(said.iter().all(|said| !said.starts_with("with news")), "{said:?}");
+    assert!(has_told);
 }
 
 #[test]
