@@ -15,6 +15,7 @@
 //! Lengths are estimates: from centre to centre through the best face. This module plans nothing.
 
 mod block;
+mod path_lengths;
 mod shortest_paths;
 mod voronoi;
 
@@ -28,6 +29,7 @@ use crate::path::{Graph, Moves};
 
 pub use block::BLOCK_CELLS;
 use block::{CELLS, Cells, Side, connected, middle, offset, place_of, places};
+pub use path_lengths::PathLengths;
 pub use shortest_paths::ShortestPaths;
 pub use voronoi::Voronoi;
 

@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use voxels::Cell;
 
-use super::{AbstractGraph, Region, RegionId, block_along};
+use super::{AbstractGraph, Edge, Region, RegionId, block_along};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{Goal, Graph, Moves, Path, Scratch, Search};
 
@@ -56,7 +56,7 @@ impl ShortestPaths {
                 continue;
             }
             for edge in &region.edges {
-                let to = length + (edge.length * PER_CELL) as u32;
+                let to = length + edge_length(edge);
                 let there = &mut self.reached[edge.slot as usize];
                 let is_new = there.epoch != self.epoch;
                 // Among paths of equal length the one over the region with the lowest id wins,
@@ -95,6 +95,11 @@ impl ShortestPaths {
         let is_open = |cell: Cell| corridor.contains(cell) && (cell == to || !keeps_out(cell));
         Search::new(Graph::new(map, moves), scratch, from, Goal::Cell(to)).within(&is_open).run()
     }
+}
+
+/// The length of an edge, in fractions of a cell.
+pub(super) fn edge_length(edge: &Edge) -> u32 {
+    (edge.length * PER_CELL) as u32
 }
 
 /// An entry of the queue.

@@ -149,6 +149,25 @@ proptest! {
     }
 
     #[test]
+    fn path_lengths_are_those_of_the_shortest_paths(cells in noise(), radius in prop::sample::select(vec![0.4, 0.9])) {
+        let extent = Extent::new([11, 9, 8], 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        apply(&mut map, &cells, 0..cells.len());
+        let mut graph = AbstractGraph::new(extent, radius);
+        graph.update(&map, &Moves::new(radius, 1.0, Neighbours::TwentySix));
+        let mut by_buckets = PathLengths::default();
+        by_buckets.renew(&graph);
+        let regions: Vec<RegionId> = graph.near(Cell::default(), 20).map(|(id, _)| id).collect();
+        for from in extent.cells().step_by(17) {
+            let by_heap = lengths(&mut ShortestPaths::default(), &graph, from);
+            by_buckets.begin(&graph, from);
+            for &to in &regions {
+                prop_assert_eq!(by_buckets.to(&graph, to), by_heap.get(&to).copied());
+            }
+        }
+    }
+
+    #[test]
     fn regions_are_connected_iff_a_path_exists(cells in noise()) {
         let extent = Extent::new([11, 9, 8], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);

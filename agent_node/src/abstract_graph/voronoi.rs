@@ -7,7 +7,7 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
-use super::shortest_paths::PER_CELL;
+use super::shortest_paths::{PER_CELL, edge_length};
 use super::{AbstractGraph, RegionId};
 
 /// The decomposition by the sources of the last call of [`Voronoi::decompose`].
@@ -51,7 +51,7 @@ impl Voronoi {
             }
             self.order.push(id);
             for edge in &region.edges {
-                self.relax(edge.slot, edge.to, length + (edge.length * PER_CELL) as u32, source);
+                self.relax(edge.slot, edge.to, length + edge_length(edge), source);
             }
         }
     }

@@ -27,7 +27,7 @@ use super::gain::GainEstimator;
 use super::goal::Goal;
 use super::obstacles::Obstacles;
 use super::{ATTEMPTS, Dsvp, Plan, WorldModel, has_gain_left};
-use crate::abstract_graph::{AbstractGraph, RegionId, ShortestPaths};
+use crate::abstract_graph::{AbstractGraph, PathLengths, RegionId};
 use crate::controllers::Ctx;
 use crate::controllers::auction::AuctionParams;
 use crate::observation::Observation;
@@ -69,7 +69,7 @@ pub(super) struct Team {
     params: TeamParams,
     viewpoints: Viewpoints,
     sightings: Sightings,
-    search: ShortestPaths,
+    lengths: PathLengths,
 }
 
 /// A task with what a division has to know.
@@ -85,16 +85,18 @@ impl Team {
     /// Nothing is known yet.
     pub(super) fn new(params: TeamParams, extent: Extent) -> Self {
         let viewpoints = Viewpoints::new(extent);
-        Self { params, viewpoints, sightings: Sightings::default(), search: ShortestPaths::default() }
+        Self { params, viewpoints, sightings: Sightings::default(), lengths: PathLengths::default() }
     }
 
     /// The tasks that are worth most for their time, with the times to them.
     fn valued(&mut self, tasks: Vec<Task>, own_m: &BTreeMap<RegionId, f64>, world: &World<'_>) -> Vec<Valued> {
         let TeamParams { leg_s, exponent, .. } = self.params;
         let mut arrivals_s: Vec<Vec<f64>> = vec![Vec::new(); tasks.len()];
+        self.lengths.renew(world.graph);
         for sighting in self.sightings.iter() {
-            let lengths = lengths(&mut self.search, world.graph, sighting.cell, &tasks);
-            for (arrivals_s, length) in arrivals_s.iter_mut().zip(lengths) {
+            self.lengths.begin(world.graph, sighting.cell);
+            for (arrivals_s, task) in arrivals_s.iter_mut().zip(&tasks) {
+                let length = self.lengths.to(world.graph, task.region);
                 let travel_s = world.leg_s(length, sighting.speed_m_s, leg_s);
                 arrivals_s.push(sighting.free_s - seconds(world.now) + travel_s);
             }
@@ -126,8 +128,9 @@ impl Team {
         let mut between_s = vec![vec![UNREACHABLE_S; tasks.len()]; tasks.len()];
         // A path is as long as the way back.
         for (from, task) in tasks.iter().enumerate() {
-            let lengths = lengths(&mut self.search, world.graph, task.cell, &tasks[from..]);
-            for (to, length) in (from..).zip(lengths) {
+            self.lengths.begin(world.graph, task.cell);
+            for (to, other) in tasks.iter().enumerate().skip(from) {
+                let length = self.lengths.to(world.graph, other.region);
                 let leg_s = world.leg_s(length, world.speed_m_s, leg_s);
                 between_s[from][to] = leg_s;
                 between_s[to][from] = leg_s;
@@ -217,22 +220,6 @@ fn goal(task: &Task, gain_estimator: &mut GainEstimator, ctx: &Ctx<'_>, gain_min
     } else {
         Goal::Frontier { cell: task.cell, frontier: task.frontier }
     }
-}
-
-/// Lengths of the paths from a cell to some tasks, cells, where there are any.
-fn lengths(search: &mut ShortestPaths, graph: &AbstractGraph, from: Cell, tasks: &[Task]) -> Vec<Option<f64>> {
-    let mut by_region: BTreeMap<RegionId, Option<f64>> = tasks.iter().map(|task| (task.region, None)).collect();
-    let mut left = by_region.len();
-    search.begin(graph, from);
-    while left > 0
-        && let Some((id, _, length)) = search.next(graph)
-    {
-        if let Some(found) = by_region.get_mut(&id) {
-            *found = Some(length);
-            left -= 1;
-        }
-    }
-    tasks.iter().map(|task| by_region[&task.region]).collect()
 }
 
 /// Sim time, seconds.

@@ -3,6 +3,7 @@ use proptest::prelude::*;
 
 use super::super::gain::Likelihood;
 use super::*;
+use crate::abstract_graph::ShortestPaths;
 use crate::controllers::settings::Settings;
 use crate::controllers::testing::World as SmallWorld;
 use crate::exploration_map::{CellState, Change, Delta, ExplorationMap, Finding};
