@@ -2,17 +2,21 @@
 # Compares the speed of this checkout with that of a commit: builds both, each in a target folder of
 # its own, has them run in turns, and prints ratios.
 #
-#   launch_scripts/bench_against.sh COMMIT [--rounds N] [--profile NAME] [--only WORDS]
+#   launch_scripts/bench_against.sh COMMIT [--rounds N] [--profile NAME] [--only WORDS] [--instructions]
 #
 #   --rounds N        pairs of runs of each kind, after one pair that is not counted (default 5)
 #   --profile NAME    the profile of both builds: release (default) or dist
 #   --only WORDS      only the kinds whose name has these words
+#   --instructions    counts instructions instead, in one short run of each kind in memory on one
+#                     thread: the same to about a thousandth whatever else the machine does, so that
+#                     changes of 1 % can be seen. Needs valgrind.
 #
 # Each line: what, the wall seconds of the commit and of this checkout (medians), how many times as
 # fast this checkout is, and how many times as much processor time the commit takes: geometric means
 # over the pairs with their 95 % intervals (Student's t on the logarithms). Both runs of a pair must
 # have the same digest; exit code 1 if not. With other work on the machine the intervals of wall
-# times are wide; those of processor times stay narrow.
+# times are wide; those of processor times stay narrow. With --instructions: what, the instructions
+# of the commit and of this checkout in millions, the start included, and their ratio.
 #
 # With BENCH_BIN_DIR and BENCH_OTHER_BIN_DIR, those folders have the binaries and nothing is built.
 set -euo pipefail
@@ -22,12 +26,13 @@ fail() {
     exit "${2:-2}"
 }
 
-usage='launch_scripts/bench_against.sh COMMIT [--rounds N] [--profile release|dist] [--only WORDS]'
+usage='launch_scripts/bench_against.sh COMMIT [--rounds N] [--profile release|dist] [--only WORDS] [--instructions]'
 [[ $# -gt 0 && $1 != -* ]] || fail "expected a commit: $usage"
 commit=$(git -C "$root" rev-parse --short=12 --verify --quiet "$1^{commit}") || fail "$1: expected a commit of this repository"
 shift
-rounds=5 profile=release only=
+rounds=5 profile=release only='' instructions=''
 while (($#)); do
+    [[ $1 == --instructions ]] && { instructions=yes && shift && continue; }
     [[ $# -gt 1 ]] || fail "$1: a value is missing: $usage"
     case $1 in
     --rounds) rounds=$2 ;;
@@ -39,6 +44,7 @@ while (($#)); do
 done
 [[ $rounds =~ ^[1-9][0-9]{0,2}$ ]] || fail "--rounds $rounds: expected a number from 1 to 999"
 [[ $profile == release || $profile == dist ]] || fail "--profile $profile: expected release or dist"
+[[ -z $instructions ]] || command -v valgrind >/dev/null || fail "--instructions needs valgrind"
 
 # The binaries of a checkout.
 build() { # CHECKOUT TARGET
@@ -109,7 +115,38 @@ compare() { # WHAT FLAG...
         "$work/pairs"
 }
 
+# The digest of a run, and the instructions that it takes.
+instructions() { # FOLDER FLAG...
+    local bin=$1
+    shift
+    valgrind --tool=callgrind --callgrind-out-file=/dev/null "$bin/maes" run "$@" >"$work/stdout" 2>"$work/stderr" ||
+        { cat "$work/stderr" >&2; fail "$bin/maes run $* has failed" 1; }
+    awk '/^digest:/ {digest = $2} /Collected/ {print digest, $NF}' "$work/stdout" "$work/stderr"
+}
+
+count() { # WHAT FLAG...
+    local what=$1 then now
+    shift
+    [[ $what == *"$only"* ]] || return 0
+    set -- "$@" --transport memory --together --threads 1 --size 100 --seed 1 --set stop_when_explored=false
+    then=$(instructions "$other" "$@") now=$(instructions "$this" "$@")
+    [[ ${then%% *} == "${now%% *}" ]] || fail "$what: the digests differ: ${then%% *} and ${now%% *}" 1
+    awk -v what="$what" -v then="${then#* }" -v now="${now#* }" \
+        'BEGIN { printf "%-34s %10.1f %10.1f  %6.3f\n", what, then / 1e6, now / 1e6, then / now }'
+}
+
 load=$(cut -d' ' -f1 /proc/loadavg)
+if [[ -n $instructions ]]; then
+    echo "$(date -u +%Y-%m-%d), $(valgrind --version), profile $profile, against $commit"
+    printf '%-34s %10s %10s  %6s\n' "millions of instructions" then now ratio
+    count "rbw, 10 agents, 60 s" --agents 10 --controller rbw --duration 60
+    count "lvd, 10 agents, 20 s" --agents 10 --controller lvd --duration 20
+    count "dsvp, 10 agents, 60 s" --agents 10 --controller dsvp --duration 60
+    count "dsvp-team, 10 agents, 20 s" --agents 10 --controller dsvp-team --duration 20
+    count "rbw, 100 agents, 10 s" --agents 100 --controller rbw --duration 10
+    count "dsvp, 100 agents, 10 s" --agents 100 --controller dsvp --duration 10
+    exit
+fi
 echo "$(date -u +%Y-%m-%d), $(nproc) cores, load $load, profile $profile, $rounds pairs, against $commit"
 printf '%-46s %8s %8s  %-22s %-22s\n' "" "then, s" "now, s" "times as fast" "processor time"
 cave=(--size 100 --seed 1 --set stop_when_explored=false --record "$work/run.mcap")

@@ -72,6 +72,7 @@ class Recording:
 
     def __init__(self, file):
         self.messages = defaultdict(list)
+        self.bytes = Counter()
         with open(file, "rb") as stream:
             reader = make_reader(stream, decoder_factories=[DecoderFactory()])
             check(reader.get_header().profile == Profile.ROS2, "the profile is ros2")
@@ -79,6 +80,7 @@ class Recording:
             for _, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False):
                 check(message.log_time == message.publish_time, "both stamps are sim time")
                 self.messages[channel.topic].append((message.log_time, decoded))
+                self.bytes[channel.topic] += len(message.data)
             self.attachments = {attachment.name: attachment for attachment in reader.iter_attachments()}
 
     def of(self, topic):
@@ -99,8 +101,9 @@ def check_formats(recording):
 
 
 def check_counts(recording, info):
-    listed = {topic: int(count) for count, topic in re.findall(r"^ *(\d+) (/\S+)$", info, re.MULTILINE)}
-    found = {topic: len(messages) for topic, messages in recording.messages.items()}
+    lines = re.findall(r"^ *(\d+) +(\d+) (/\S+)$", info, re.MULTILINE)
+    listed = {topic: (int(count), int(size)) for count, size, topic in lines}
+    found = {topic: (len(messages), recording.bytes[topic]) for topic, messages in recording.messages.items()}
     check(listed == found, f"`info` counts {listed}, there are {found}")
 
 

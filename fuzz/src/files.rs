@@ -89,7 +89,7 @@ pub(crate) fn recording(bytes: &[u8]) {
     let read = messages.by_ref().count() as u64;
     let end = messages.end().expect("messages end somewhere");
     let info = info::of(&recording);
-    assert_eq!(info.messages.values().sum::<u64>(), read);
+    assert_eq!(info.messages.values().map(|traffic| traffic.count).sum::<u64>(), read);
     assert_eq!(info.damage.is_some(), matches!(end, End::CutOff { .. } | End::Damage { .. }));
     let text = info::text(&info);
     assert!(text.lines().last().is_some_and(|last| last.starts_with("digest: ")), "{text}");

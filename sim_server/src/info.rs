@@ -3,6 +3,7 @@
 //! Truncated recordings are summarised up to the truncation. Control characters are escaped, so
 //! that no name in a recording can imitate the digest.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use msgs::{maes_msgs, printable, topics};
@@ -14,8 +15,8 @@ use crate::recording::{End, Recording, RecordingError};
 pub struct Info {
     /// Scenario as TOML.
     pub scenario: String,
-    /// Number of messages, by topic.
-    pub messages: std::collections::BTreeMap<String, u64>,
+    /// The messages, by topic.
+    pub messages: BTreeMap<String, Traffic>,
     pub digest: Option<maes_msgs::Digest>,
     /// The scenario as announced to agents.
     pub announced: Option<maes_msgs::Scenario>,
@@ -27,6 +28,15 @@ pub struct Info {
     pub result: Option<maes_msgs::Result>,
     /// Where and why reading stopped, unless at the end.
     pub damage: Option<String>,
+}
+
+/// The messages of a topic.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Number of messages.
+    pub count: u64,
+    /// Bytes of all of them as they are sent, without the headers of a transport.
+    pub bytes: u64,
 }
 
 /// Summarises a file.
@@ -44,7 +54,9 @@ pub fn of(recording: &Recording) -> Info {
     let mut messages = recording.messages();
     for message in &mut messages {
         let topic = &message.channel.topic;
-        *info.messages.entry(topic.clone()).or_default() += 1;
+        let traffic = info.messages.entry(topic.clone()).or_default();
+        traffic.count += 1;
+        traffic.bytes += message.data.len() as u64;
         if *topic == topics::digest().name {
             info.digest = message.decode().ok();
         } else if *topic == topics::result().name {
@@ -84,8 +96,9 @@ fn forks(scenario: &str) -> String {
 #[must_use]
 pub fn text(info: &Info) -> String {
     let mut text = format!("scenario:\n{}\nmessages:\n", printable::text(&info.scenario));
-    for (topic, count) in &info.messages {
-        text += &format!("{count:>10} {}\n", printable::line(topic));
+    text += &format!("{:>10} {:>12}\n", "number", "bytes");
+    for (topic, Traffic { count, bytes }) in &info.messages {
+        text += &format!("{count:>10} {bytes:>12} {}\n", printable::line(topic));
     }
     text += &forks(&info.scenario);
     match &info.result {

@@ -19,7 +19,7 @@ use msgs::ids::{AgentId, Tick};
 use serde_json::{Value, json};
 use simulation::world::World;
 
-use crate::session::{Phase, RunObserver};
+use crate::session::{Phase, PhaseTimes, RunObserver};
 use crate::wall_clock::now;
 
 /// Shorter spans are not in the trace, only in the table: a run has millions of them.
@@ -34,9 +34,7 @@ const SLOWEST: usize = 5;
 /// The profile of a run.
 #[derive(Debug, Default)]
 pub struct Profile {
-    /// When the clock of the run started, and when the last phase ended.
-    clock: Option<(Instant, Instant)>,
-    sums: [Duration; Phase::ALL.len()],
+    times: PhaseTimes,
     spans: Vec<Span>,
     /// Spans that are too many for the trace.
     omitted: usize,
@@ -66,22 +64,14 @@ pub struct Profiled<'a> {
 }
 
 impl Profile {
-    /// Time between the start of the clock and the end of the last phase.
+    /// The wall time of each phase.
     #[must_use]
-    pub fn total(&self) -> Duration {
-        self.clock.map_or(Duration::ZERO, |(started, last)| last.duration_since(started))
-    }
-
-    /// Time of each phase.
-    pub fn phases(&self) -> impl Iterator<Item = (Phase, Duration)> {
-        Phase::ALL.into_iter().zip(self.sums)
+    pub fn times(&self) -> &PhaseTimes {
+        &self.times
     }
 
     fn end(&mut self, phase: Phase, tick: Tick, now: Instant) {
-        let Some((_, last)) = &mut self.clock else { return };
-        let start = std::mem::replace(last, now);
-        let duration = now.duration_since(start);
-        self.sums[phase as usize] += duration;
+        let Some((start, duration)) = self.times.end(phase, now) else { return };
         if duration < SPAN_MIN {
             return;
         }
@@ -95,10 +85,10 @@ impl Profile {
     /// The shares of the phases as a table, and the decisions of `controller`, if there are any.
     #[must_use]
     pub fn table(&self, controller: &str, decisions: &[Decision]) -> String {
-        let total_s = self.total().as_secs_f64();
+        let total_s = self.times.total().as_secs_f64();
         let percent = |duration: Duration| 100.0 * duration.as_secs_f64() / total_s.max(f64::MIN_POSITIVE);
         let mut text = format!("profile of {total_s:.2} s of wall time:\n");
-        let mut phases: Vec<_> = self.phases().collect();
+        let mut phases: Vec<_> = self.times.phases().collect();
         phases.sort_by_key(|&(_, duration)| std::cmp::Reverse(duration));
         for (phase, duration) in phases {
             let (name, seconds) = (phase.name(), duration.as_secs_f64());
@@ -124,7 +114,7 @@ impl Profile {
     #[must_use]
     pub fn trace(&self, decisions: &[Decision]) -> Value {
         const SERVER: u32 = 0;
-        let Some((origin, _)) = self.clock else { return json!({ "traceEvents": [] }) };
+        let Some(origin) = self.times.started() else { return json!({ "traceEvents": [] }) };
         let thread = |number: u32, name: String| {
             let args = json!({ "name": name });
             json!({ "name": "thread_name", "ph": "M", "pid": 1, "tid": number, "args": args })
@@ -164,8 +154,7 @@ impl RunObserver for Profiled<'_> {
     fn started(&mut self) {
         self.inner.started();
         if let Some(profile) = &mut self.profile {
-            let now = now();
-            profile.clock = Some((now, now));
+            profile.times.start(now());
         }
     }
 
@@ -202,10 +191,11 @@ mod tests {
                 observer.phase_ended(phase, tick);
             }
         }
-        assert_eq!(profile.phases().map(|(_, duration)| duration).sum::<Duration>(), profile.total());
-        assert!(profile.total() <= outer.elapsed());
-        let start = profile.clock.unwrap().0;
-        profile.end(Phase::Scan, Tick(50), profile.clock.unwrap().1 + Duration::from_millis(3));
+        let (times, total) = (profile.times(), profile.times().total());
+        assert_eq!(times.phases().map(|(_, duration)| duration).sum::<Duration>(), total);
+        assert!(total <= outer.elapsed());
+        let start = times.started().unwrap();
+        profile.end(Phase::Scan, Tick(50), start + total + Duration::from_millis(3));
         let decision = |millis, agent| Decision {
             agent: AgentId(agent),
             tick: Tick(7),
@@ -229,11 +219,11 @@ mod tests {
     fn trace_is_bounded() {
         let mut profile = Profile::default();
         let start = now();
-        profile.clock = Some((start, start));
+        profile.times.start(start);
         for number in 1..=SPANS_MAX as u32 + 5 {
             profile.end(Phase::Scan, Tick(0), start + SPAN_MIN * number);
         }
         assert_eq!((profile.spans.len(), profile.omitted), (SPANS_MAX, 5));
-        assert_eq!(profile.total(), SPAN_MIN * (SPANS_MAX as u32 + 5));
+        assert_eq!(profile.times().total(), SPAN_MIN * (SPANS_MAX as u32 + 5));
     }
 }

@@ -5,7 +5,7 @@
 //! says what is run; this file has the loop; `admission` its start and `result` its end; `engine`
 //! executes a tick; `agents` speaks the protocol; `re_execution` takes the place of the agents for
 //! ticks that a recording already has; `control` answers requests; `log` and `observers` write and
-//! publish.
+//! publish; `phase` names the parts of the loop.
 //!
 //! Wall time decides only when to resend, when to give up, and how fast to go; a run that is not
 //! given up has one result.
@@ -24,6 +24,7 @@ mod events;
 mod log;
 mod null;
 mod observers;
+mod phase;
 mod re_execution;
 mod record;
 mod result;
@@ -54,6 +55,7 @@ pub use config::{JoinPolicy, Mode, RunConfig, RunStart};
 pub use error::RunError;
 pub use log::{Checker, RecordingSinks};
 pub use null::{NullObserver, NullTransport};
+pub use phase::{Phase, PhaseTimes};
 
 /// Wall time between two reports of progress, and between two provisional saves during ticks.
 const REPORT_PERIOD: Duration = Duration::from_millis(500);
@@ -105,59 +107,6 @@ pub trait RunObserver {
     fn note(&mut self, text: &str);
     /// Called when a phase of the loop has ended, which began when the one before ended.
     fn phase_ended(&mut self, _phase: Phase, _tick: Tick) {}
-}
-
-/// A phase of the loop of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
-    /// Waiting for the real-time factor, and for requests while the clock is held.
-    Pace,
-    /// What is recorded besides observations and commands: poses, digest, progress.
-    State,
-    /// Publishing to observers, events, reports.
-    Publish,
-    /// Casting the scans of a tick, or handing them to helpers.
-    Scan,
-    /// Contacts, waiting for scans, and making observations.
-    Observe,
-    /// Signing and sending observations.
-    Send,
-    /// Waiting for the agents; those in this process learn, decide and share.
-    Agents,
-    /// Encoding and recording observations and commands.
-    Record,
-    /// Radio, bodies and the digest.
-    Move,
-}
-
-impl Phase {
-    pub const ALL: [Self; 9] = [
-        Self::Pace,
-        Self::State,
-        Self::Publish,
-        Self::Scan,
-        Self::Observe,
-        Self::Send,
-        Self::Agents,
-        Self::Record,
-        Self::Move,
-    ];
-
-    /// What it is called in profiles.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pace => "pace",
-            Self::State => "record state",
-            Self::Publish => "publish",
-            Self::Scan => "scan",
-            Self::Observe => "contacts and observations",
-            Self::Send => "send",
-            Self::Agents => "agents",
-            Self::Record => "record",
-            Self::Move => "radio and bodies",
-        }
-    }
 }
 
 /// Executes a run in the world that was built for its scenario. `stop` ends it early, with a
@@ -339,7 +288,8 @@ impl<'c> Session<'c, '_> {
     }
 
     fn end_phase(&mut self, phase: Phase) {
-        self.observer.phase_ended(phase, self.engine.tick());
+        let tick = self.engine.tick();
+        self.waiting().1.end_phase(phase, tick);
     }
 
     /// Executes one tick, with the replies of the agents or with recorded ones. Breaks if the wait
@@ -424,8 +374,9 @@ impl<'c> Session<'c, '_> {
 
     /// The sessions with what they need while they wait.
     fn waiting(&mut self) -> (&mut AgentSessions, WaitContext<'_, 'c>) {
-        let Self { sessions, transport, observer, log, stop, .. } = self;
-        (sessions, WaitContext { transport: &mut **transport, observer: &mut **observer, log, stop })
+        let Self { sessions, transport, observer, observers, log, stop, .. } = self;
+        let (transport, observer, watched) = (&mut **transport, &mut **observer, observers.phase_times());
+        (sessions, WaitContext { transport, observer, watched, log, stop })
     }
 
     /// Publishes what is due.

@@ -38,7 +38,7 @@ use crate::world::World;
 use cells::{Unexplored, walls};
 pub use cloud::points;
 pub use poses::odometry;
-pub use status::RunStatus;
+pub use status::{LiveStatus, RunStatus};
 
 /// Wall time between two chunks of a topic, ns, so that a subscriber can take each before the next.
 const CHUNK_PERIOD_NS: u64 = 10_000_000;
@@ -198,7 +198,7 @@ impl VisualisationScheduler {
     /// The messages to record at the start of this tick. Must be called in every tick.
     pub fn due_for_recording(&mut self, world: &mut World, run_status: &RunStatus<'_>) -> VisualisationMessages {
         let mut messages = Vec::new();
-        let run_status = RunStatus { rtf: None, ..*run_status };
+        let run_status = RunStatus { live: None, ..*run_status };
         for &topic in &self.recorded_topics {
             let period = self.settings.period_ticks(topic);
             if self.recorded.is_due(topic, world, period) {

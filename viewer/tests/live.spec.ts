@@ -104,6 +104,34 @@ test("the real-time factor is the server's", LONG, async ({ page, servers }) => 
   }
 });
 
+test("shows where the simulator's time goes", LONG, async ({ page, servers }) => {
+  const { url } = await servers.run([...ENDLESS, "--rtf", "5"]);
+  servers.agents(AGENTS);
+  await shown.open(page, url);
+  const phases = page.getByTestId("sim-phases");
+  await expect(phases.locator("dd")).toHaveCount(0);
+  await page.getByTestId("sim-play").click();
+  await page.getByText("Where its time goes").click();
+  await expect(phases.locator("dt")).toHaveText([
+    "pace",
+    "record state",
+    "publish",
+    "scan",
+    "contacts and observations",
+    "send",
+    "agents",
+    "record",
+    "radio and bodies",
+  ]);
+  const sum = async (): Promise<number> => {
+    const texts = await phases.locator("dd").allTextContents();
+    return texts.reduce((whole, text) => whole + Number.parseInt(text, 10), 0);
+  };
+  // Each share is rounded down.
+  expect(await sum()).toBeGreaterThan(100 - 9);
+  expect(await sum()).toBeLessThanOrEqual(100);
+});
+
 test("earlier times can be shown while the run continues", LONG, async ({ page, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "5"]);
   servers.agents(AGENTS);

@@ -24,8 +24,8 @@ const BUCKETS: usize = 16;
 /// The length of what has not been reached.
 const UNREACHED: u32 = u32::MAX;
 
-/// The lengths of the paths from the cell of the last call of [`PathLengths::begin`]. They are those
-/// of the graph at the last call of [`PathLengths::renew`].
+/// The lengths of the paths from the cell of the last call of [`PathLengths::begin`]. They are
+/// those of the graph at the last call of [`PathLengths::renew`].
 #[derive(Debug, Clone, Default)]
 pub struct PathLengths {
     /// By slot of the region, the place of its edges.

@@ -22,7 +22,7 @@ use msgs::scan_request::ScanRequest;
 use msgs::trigger::Trigger;
 
 use super::log::SessionLog;
-use super::{JoinPolicy, Phase, RunError, RunObserver, RunStart};
+use super::{JoinPolicy, Phase, PhaseTimes, RunError, RunObserver, RunStart};
 use crate::recorder::RecordError;
 use crate::transport::{AgentTransport, Level, Transport};
 use authentication::Authentication;
@@ -113,11 +113,21 @@ pub(super) struct MissingReplies {
 pub(super) struct WaitContext<'a, 's> {
     pub(super) transport: &'a mut dyn Transport,
     pub(super) observer: &'a mut dyn RunObserver,
+    /// The phases, while observers look at them.
+    pub(super) watched: &'a mut PhaseTimes,
     pub(super) log: &'a mut SessionLog<'s>,
     pub(super) stop: &'a AtomicBool,
 }
 
 impl WaitContext<'_, '_> {
+    /// Reports the end of a phase of the loop.
+    pub(super) fn end_phase(&mut self, phase: Phase, tick: Tick) {
+        self.observer.phase_ended(phase, tick);
+        if self.watched.is_running() {
+            self.watched.end(phase, self.transport.now());
+        }
+    }
+
     /// Called between two messages: whether to wait further.
     fn poll(&mut self) -> Result<bool, RecordError> {
         self.log.save_if_due(self.transport.now())?;
@@ -280,7 +290,7 @@ impl AgentSessions {
         self.answered_by_predecessor.clear();
         self.to_prompt = self.awaited(&barrier);
         self.prompt(requests, &barrier, context.transport);
-        context.observer.phase_ended(Phase::Send, tick);
+        context.end_phase(Phase::Send, tick);
         let mut last_poll = context.transport.now();
         let mut waited = Duration::ZERO;
         let first_interval = self.resend_timer.first();

@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 
+use super::PhaseTimes;
 use super::engine::Engine;
 use crate::transport::Transport;
 use crate::wall_clock::nanoseconds;
 use simulation::scenario::Scenario;
 use simulation::visualisation::{
-    self, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
+    self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
 };
 use simulation::wire;
 
@@ -21,16 +22,27 @@ pub(super) struct Observers {
     views: VisualisationScheduler,
     /// Start of the first tick, wall time.
     started: Instant,
+    /// Runs while `/sim/info` has subscribers.
+    phase_times: PhaseTimes,
 }
 
 impl Observers {
     pub(super) fn new(scenario: &Scenario, now: Instant) -> Self {
-        Self { views: VisualisationScheduler::new(scenario.views.clone(), scenario.agents.count), started: now }
+        Self {
+            views: VisualisationScheduler::new(scenario.views.clone(), scenario.agents.count),
+            started: now,
+            phase_times: PhaseTimes::default(),
+        }
     }
 
     /// Starts the wall clock of the run.
     pub(super) fn start_clock(&mut self, now: Instant) {
         self.started = now;
+    }
+
+    /// The wall time of the phases of the loop.
+    pub(super) fn phase_times(&mut self) -> &mut PhaseTimes {
+        &mut self.phase_times
     }
 
     /// Wall time since the start.
@@ -48,19 +60,30 @@ impl Observers {
         }
         engine.settle();
         let Engine { world, infos, lost, .. } = engine;
-        self.views.due_for_recording(world, &RunStatus { infos, lost, rtf: None })
+        self.views.due_for_recording(world, &RunStatus { infos, lost, live: None })
     }
 
     /// Publishes what is due to topics with subscribers. Works at any time, also while the clock is
     /// held.
     pub(super) fn publish(&mut self, engine: &mut Engine<'_>, may_tick: bool, transport: &mut dyn Transport) {
         let elapsed = self.elapsed(transport.now());
-        let Some(subscribers) = transport.subscribers() else { return };
+        let now = transport.now();
+        let Some(subscribers) = transport.subscribers() else {
+            self.phase_times.stop();
+            return;
+        };
+        match subscribers.contains_key(&VisualisationTopic::Info) {
+            true if !self.phase_times.is_running() => self.phase_times.start(now),
+            true => {}
+            false => self.phase_times.stop(),
+        }
         engine.settle();
         let rtf = (!elapsed.is_zero()).then(|| sim_time(engine.tick()).div_duration_f64(elapsed));
+        let phases_s = self.phase_times.seconds();
         let Engine { world, infos, lost, .. } = engine;
+        let run_status = RunStatus { infos, lost, live: Some(LiveStatus { rtf, phases_s: &phases_s }) };
         let moment = PublishTime { wall_ns: nanoseconds(elapsed), is_paused: !may_tick };
-        for (view, picture) in self.views.due_live(world, &RunStatus { infos, lost, rtf }, subscribers, moment) {
+        for (view, picture) in self.views.due_live(world, &run_status, subscribers, moment) {
             transport.publish(view, &picture);
         }
     }

@@ -28,9 +28,10 @@ impl Session<'_, '_> {
         let present: Vec<ObservationRequest> = last.iter().filter(is_present).cloned().collect();
         // The agents come first: an error of the recording does not concern them. The stop flag
         // does not cut this wait short.
-        let Self { sessions, transport, observer, log, .. } = &mut self;
+        let Self { sessions, transport, observer, observers, log, .. } = &mut self;
         let never = AtomicBool::new(false);
-        let mut context = WaitContext { transport: &mut **transport, observer: &mut **observer, log, stop: &never };
+        let (transport, observer, watched) = (&mut **transport, &mut **observer, observers.phase_times());
+        let mut context = WaitContext { transport, observer, watched, log, stop: &never };
         sessions.shut_down(tick, &present, SHUTDOWN_TIMEOUT, &mut context)?;
         for request in &last {
             for fragment in &request.fragments {

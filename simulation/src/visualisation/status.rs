@@ -19,9 +19,17 @@ pub struct RunStatus<'a> {
     pub infos: &'a [String],
     /// Agents that have been lost.
     pub lost: &'a BTreeSet<AgentId>,
-    /// Real-time factor since the start: sim seconds per second of wall time; `None` for the
-    /// recording.
+    /// What depends on wall time; `None` for the recording.
+    pub live: Option<LiveStatus<'a>>,
+}
+
+/// What the session knows of a run under way that depends on wall time.
+#[derive(Debug, Clone, Copy)]
+pub struct LiveStatus<'a> {
+    /// Real-time factor since the start: sim seconds per second of wall time.
     pub rtf: Option<f64>,
+    /// Wall time of the loop by phase since the topic has subscribers, seconds.
+    pub phases_s: &'a [(&'static str, f64)],
 }
 
 /// A status of the run and one of each agent, in messages of bounded size.
@@ -30,7 +38,8 @@ pub(super) fn info(world: &World, run_status: &RunStatus<'_>) -> Vec<DiagnosticA
     let mut done = Vec::new();
     let mut filling = bare.clone();
     let mut left = VIEW_BYTES_MAX - MESSAGE_BYTES_BARE;
-    for status in std::iter::once(of_run(world, run_status)).chain(of_agents(world, run_status)) {
+    let of_loop = run_status.live.map(|live| of_loop(&live));
+    for status in std::iter::once(of_run(world, run_status)).chain(of_loop).chain(of_agents(world, run_status)) {
         let bytes = bytes_of(&status);
         if bytes > left {
             done.push(std::mem::replace(&mut filling, bare.clone()));
@@ -51,9 +60,23 @@ fn of_run(world: &World, run_status: &RunStatus<'_>) -> DiagnosticStatus {
         value("covered", format!("{:.4}", coverage.covered())),
         value("agents_lost", run_status.lost.len()),
     ];
-    values.extend(run_status.rtf.map(|rtf| value("rtf", format!("{rtf:.1}"))));
+    let rtf = run_status.live.and_then(|live| live.rtf);
+    values.extend(rtf.map(|rtf| value("rtf", format!("{rtf:.1}"))));
     let message = format!("{:.1} % explored", coverage.explored() * 100.0);
     DiagnosticStatus { name: "run".to_owned(), message, values, ..DiagnosticStatus::default() }
+}
+
+/// Where the wall time goes.
+fn of_loop(live: &LiveStatus<'_>) -> DiagnosticStatus {
+    let whole_s: f64 = live.phases_s.iter().map(|(_, seconds)| seconds).sum();
+    let most = live.phases_s.iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|_| whole_s > 0.0);
+    let message = most.map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / whole_s));
+    DiagnosticStatus {
+        name: "loop".to_owned(),
+        message: message.unwrap_or_default(),
+        values: live.phases_s.iter().map(|(name, seconds)| value(name, format!("{seconds:.3}"))).collect(),
+        ..DiagnosticStatus::default()
+    }
 }
 
 fn of_agents(world: &World, run_status: &RunStatus<'_>) -> impl Iterator<Item = DiagnosticStatus> {

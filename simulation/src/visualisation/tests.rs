@@ -48,7 +48,8 @@ fn step(world: &mut World, actions: impl IntoIterator<Item = (u32, Motion)>) {
 }
 
 fn run_status<'a>(lost: &'a BTreeSet<AgentId>, infos: &'a [String]) -> RunStatus<'a> {
-    RunStatus { infos, lost, rtf: Some(7.25) }
+    let live = LiveStatus { rtf: Some(7.25), phases_s: &[("scan", 1.5), ("agents", 4.5)] };
+    RunStatus { infos, lost, live: Some(live) }
 }
 
 fn scheduler(record: Vec<RecordedView>) -> VisualisationScheduler {
@@ -225,9 +226,12 @@ fn status_covers_the_run_and_each_agent() {
     let lost = BTreeSet::from([AgentId(1)]);
     let messages = status::info(&world, &run_status(&lost, &infos));
     let statuses = &messages[0].status;
-    assert_eq!(statuses.iter().map(|status| status.name.as_str()).collect::<Vec<_>>(), ["run", "agent_0", "agent_1"]);
-    assert_eq!(statuses[1].message, "looking around");
-    assert_eq!((statuses[2].message.as_str(), statuses[2].level), ("lost", 2));
+    let names: Vec<_> = statuses.iter().map(|status| status.name.as_str()).collect();
+    assert_eq!(names, ["run", "loop", "agent_0", "agent_1"]);
+    assert_eq!(statuses[2].message, "looking around");
+    assert_eq!((statuses[3].message.as_str(), statuses[3].level), ("lost", 2));
+    let of_loop: Vec<_> = statuses[1].values.iter().map(|value| (value.key.as_str(), value.value.as_str())).collect();
+    assert_eq!((statuses[1].message.as_str(), of_loop), ("agents 75 %", vec![("scan", "1.500"), ("agents", "4.500")]));
     let rtf = statuses[0].values.iter().find(|value| value.key == "rtf").unwrap();
     assert_eq!(rtf.value, "7.2");
 }
@@ -238,13 +242,13 @@ fn recorded_topics_depend_on_sim_time_and_fit_into_samples() {
         use RecordedView::{Contacts, Info, Map, Odom, Path, Points, TfStatic, Unexplored};
         vec![TfStatic, Odom, Points, Path, Map, Unexplored, Contacts, Info]
     };
-    let run = |rtf| {
+    let run = |live: Option<LiveStatus<'_>>| {
         let mut world = world();
         let mut scheduler = scheduler(every());
         let (lost, infos) = (BTreeSet::new(), vec!["busy".to_owned(), String::new()]);
         let mut recorded = Vec::new();
         for _ in 0..60 {
-            let run_status = RunStatus { rtf, ..run_status(&lost, &infos) };
+            let run_status = RunStatus { live, ..run_status(&lost, &infos) };
             for (topic, message) in scheduler.due_for_recording(&mut world, &run_status) {
                 let bytes = cdr::encode(&message);
                 assert!(bytes.len() <= VIEW_BYTES_MAX, "{topic:?}");
@@ -254,7 +258,7 @@ fn recorded_topics_depend_on_sim_time_and_fit_into_samples() {
         }
         recorded
     };
-    let recorded = run(Some(1.0));
+    let recorded = run(Some(LiveStatus { rtf: Some(1.0), phases_s: &[("scan", 1.0)] }));
     assert_eq!(recorded, run(None));
     let ticks = |wanted: VisualisationTopic| -> Vec<u64> {
         recorded.iter().filter(|(_, topic, _)| *topic == wanted).map(|(tick, _, _)| tick.0).collect()

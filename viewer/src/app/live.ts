@@ -10,6 +10,7 @@
 import { FoxgloveClient } from "@foxglove/ws-protocol";
 import type { FetchAssetResponse, IWebSocket, ServerInfo, Service } from "@foxglove/ws-protocol";
 import type { LiveFeed } from "../data/sources.ts";
+import { LoopWatch } from "./loop-times.ts";
 import { ServiceCalls } from "./service-calls.ts";
 import * as services from "./services.ts";
 
@@ -70,6 +71,8 @@ export class LiveConnection {
   simulationState: number | null = null;
   /** Requested real-time factor; 0: as fast as possible; null: not known. */
   rtf: number | null = null;
+  /** Where the wall time of the simulator goes. */
+  readonly loop = new LoopWatch(() => this.#listener.changed());
 
   readonly #listener: ConnectionListener;
   readonly #environment: ConnectionEnvironment;
@@ -205,6 +208,18 @@ export class LiveConnection {
       ifPresent((failure) => this.#calls.onFailure(failure)),
     );
     client.on(
+      "advertise",
+      ifPresent((channels) => this.loop.onAdvertise(channels)),
+    );
+    client.on(
+      "unadvertise",
+      ifPresent((channels) => this.loop.onUnadvertise(channels)),
+    );
+    client.on(
+      "message",
+      ifPresent((message) => this.loop.onMessage(message)),
+    );
+    client.on(
       "parameterValues",
       ifPresent(({ parameters }) => {
         const value = parameters.find((parameter) => parameter.name === RTF)?.value;
@@ -219,6 +234,7 @@ export class LiveConnection {
     );
     // A close event always follows; browsers do not reveal the cause of the error.
     client.on("error", () => undefined);
+    this.loop.connect(client);
     this.#calls.connect((request) => client.sendServiceCallRequest(request));
     this.#after("attempt", CONNECT_TIMEOUT_MS, () => this.#onClose());
   }
@@ -364,6 +380,7 @@ export class LiveConnection {
     this.#pending = 0;
     const client = this.#client;
     this.#client = null;
+    this.loop.disconnect();
     this.#calls.disconnect();
     client?.close();
   }

@@ -1,9 +1,13 @@
-/** The card that controls a simulator: pause, steps, speed, restart, stop, and new runs. */
+/**
+ * The card that controls a simulator: pause, steps, speed, restart, stop, and new runs; and where
+ * its wall time goes.
+ */
 import { confirmed } from "./dialogs.ts";
-import { el, icon, iconButton, setHidden, setIcon, slider, textButton } from "./dom.ts";
+import { el, icon, iconButton, setHidden, setIcon, setText, slider, textButton } from "./dom.ts";
 import type { Slider } from "./dom.ts";
-import { speedFactor } from "./format.ts";
+import { percent, speedFactor } from "./format.ts";
 import type { LiveConnection } from "./live.ts";
+import type { PhaseShare } from "./loop-times.ts";
 import { nearestStep, RUN_RATES } from "./rates.ts";
 import { STATE } from "./services.ts";
 
@@ -23,6 +27,7 @@ export class SimulatorCard {
   readonly #stop: HTMLButtonElement;
   readonly #new: HTMLButtonElement;
   readonly #speed: Slider;
+  readonly #phases = new PhaseList();
   #isPlaying = false;
 
   constructor(actions: SimulatorActions) {
@@ -96,6 +101,7 @@ export class SimulatorCard {
         this.#stop,
       ),
       this.#speed.root,
+      this.#phases.root,
       this.#new,
     );
   }
@@ -115,8 +121,39 @@ export class SimulatorCard {
     if (live.rtf !== null && document.activeElement !== this.#speed.input) {
       this.#speed.set(nearestStep(RUN_RATES, live.rtf));
     }
+    setHidden(this.#phases.root, !canControl);
+    live.loop.want(canControl && this.#phases.root.open);
+    this.#phases.show(live.loop.shares);
     setHidden(this.#new, !live.isIdleServer);
     this.#new.disabled = !live.canStart;
     this.#new.title = live.canStart ? "" : "The current run has to end first";
+  }
+}
+
+/** The shares of the wall time by phase of the simulator's loop, folded at first. */
+class PhaseList {
+  readonly root: HTMLDetailsElement;
+  readonly #list = el("dl", { class: "facts", testid: "sim-phases" });
+  readonly #values = new Map<string, HTMLElement>();
+
+  constructor() {
+    const summary = el(
+      "summary",
+      { title: "Shares of the last two seconds of wall time" },
+      "Where its time goes",
+    );
+    this.root = el("details", { class: "phases", testid: "sim-profile" }, summary, this.#list);
+  }
+
+  show(shares: readonly PhaseShare[]): void {
+    for (const { name, share } of shares) {
+      let value = this.#values.get(name);
+      if (!value) {
+        value = el("dd");
+        this.#values.set(name, value);
+        this.#list.append(el("dt", {}, name), value);
+      }
+      setText(value, percent(share));
+    }
   }
 }
