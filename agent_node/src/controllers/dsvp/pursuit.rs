@@ -3,7 +3,8 @@
 //!
 //! M-TARE (Cao et al., Science Robotics 2023) calls meeting on purpose a pursuit; here it is taken
 //! up only by an agent that knows no frontier. Agents tell each other who has none: a map without
-//! frontiers lacks nothing that others could bring. When all are known to have none, the team rests.
+//! frontiers lacks nothing that others could bring. When all are known to have none, the team
+//! rests.
 //!
 //! Invariants: who has had nothing left once is not pursued any more; a malformed message changes
 //! nothing.
