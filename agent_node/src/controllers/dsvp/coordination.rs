@@ -55,7 +55,7 @@ impl Scheme {
             ),
             Self::Team(params) => Coordination::Team(
                 Auction::new(params.auction, &run_info.bodies, ctx.agent(), run_info.extent),
-                Box::new(Team::new(params, run_info.extent)),
+                Box::new(Team::new(params.of(ctx.body().kind), run_info.extent)),
             ),
             Self::Tours(params) => Coordination::Tours(
                 Auction::new(params.auction, &run_info.bodies, ctx.agent(), run_info.extent),

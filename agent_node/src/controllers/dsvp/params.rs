@@ -1,5 +1,6 @@
 //! The parameters of DSVP with their defaults and sources.
 
+use msgs::body_model::BodyKind;
 use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
@@ -187,7 +188,17 @@ impl TeamParams {
             exponent: settings.number("exponent", 1.5, 0.0, 10.0)?,
             urgency: settings.number("urgency", 5.0, 0.0, 1000.0)?,
             leg_s: settings.number("leg_s", 7.0, 0.0, 100.0)?,
+            aerial_urgency: settings.number("aerial_urgency", 0.5, 0.0, 1000.0)?,
+            aerial_leg_s: settings.number("aerial_leg_s", 4.0, 0.0, 100.0)?,
             memory_s: settings.number("memory_s", 60.0, 0.0, 10_000.0)?,
         })
+    }
+
+    /// Those of an agent with a body of this kind.
+    pub(super) fn of(self, kind: BodyKind) -> Self {
+        match kind {
+            BodyKind::Submarine => self,
+            BodyKind::Aerial => Self { urgency: self.aerial_urgency, leg_s: self.aerial_leg_s, ..self },
+        }
     }
 }

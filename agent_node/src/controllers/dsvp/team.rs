@@ -59,6 +59,9 @@ pub(super) struct TeamParams {
     pub(super) urgency: f64,
     /// Time of a leg beside its length over the speed: to turn, start, stop and look; seconds.
     pub(super) leg_s: f64,
+    /// The urgency and the time of a leg for aerial bodies, which need not turn.
+    pub(super) aerial_urgency: f64,
+    pub(super) aerial_leg_s: f64,
     /// How long an agent takes part after it should have been at its last known goal, seconds.
     pub(super) memory_s: f64,
 }

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use super::super::gain::Likelihood;
 use super::*;
 use crate::abstract_graph::ShortestPaths;
+use crate::bodies::BodyKind;
 use crate::controllers::settings::Settings;
 use crate::controllers::testing::World as SmallWorld;
 use crate::exploration_map::{CellState, Change, Delta, ExplorationMap, Finding};
@@ -132,4 +133,12 @@ fn explores_with_few_tasks_at_a_time() {
     let mut controller = Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).unwrap();
     world.run(&mut controller, 2000);
     assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
+}
+
+#[test]
+fn aerial_bodies_have_settings_of_their_own() {
+    let texts = ["leg_s=9".to_owned(), "aerial_leg_s=2".to_owned()];
+    let params = TeamParams::from_settings(&mut Settings::parse(&texts).unwrap()).unwrap();
+    let of = |kind| (params.of(kind).leg_s, params.of(kind).urgency);
+    assert_eq!([of(BodyKind::Submarine), of(BodyKind::Aerial)], [(9.0, 5.0), (2.0, 0.5)]);
 }
