@@ -6,7 +6,7 @@
 Prints Markdown tables of docs/scaling.md:
   delay   ticks/s asked at every tick against the delay of the link, and the model
   link    10 dsvp agents, half an hour, 1 ms each way, 1 % loss: x real time, and the digest in memory
-  model   the cost of a tick, fitted to agents and processes, and three points of the model
+  model   the cost of a tick, fitted to agents and processes, and checked at three other points
 Each figure is the best of the rounds, which other work on the machine disturbs least. Needs root, iproute2, /dev/net/tun and Python 3; the folder
 of --bin (default: target/release) has maes, sim_server, agent_node and link_emulator:
 cargo build --release --bins. Nothing else should run.
@@ -110,18 +110,24 @@ def half_an_hour(args) -> None:
 
 
 def model(args) -> None:
-    """The tick costs a + b * processes + c * agents: fitted at three points, checked at three others."""
-    fit = {(agents, per): tick_ms(args, 2, agents, per, 0) for agents, per in [(2, 1), (10, 1), (40, 20)]}
-    (two, ten, forty) = (fit[2, 1], fit[10, 1], fit[40, 20])
-    # two = a + 2 b + 2 c; ten = a + 10 b + 10 c; forty = a + 2 b + 40 c
-    per_agent = (forty - two) / 38
-    per_process = (ten - two) / 8 - per_agent
-    fixed = two - 2 * per_process - 2 * per_agent
-    print(f"a tick costs {fixed:.3f} ms, {per_process:.3f} ms a process and {per_agent:.4f} ms an agent\n")
+    """
+    The tick costs a + b * processes + c * agents + d * agents^2, as each agent is told of all others in
+    contact: fitted at four points, checked at three others.
+    """
+    ten, twenty, forty = (tick_ms(args, 2, agents, agents, 0) for agents in (10, 20, 40))
+    per_process = (tick_ms(args, 2, 10, 1, 0) - ten) / 9
+    # Through three points: the slopes from 10 to 20 and from 20 to 40 are c + 30 d and c + 60 d.
+    slopes = (twenty - ten) / 10, (forty - twenty) / 20
+    per_pair = (slopes[1] - slopes[0]) / 30
+    per_agent = slopes[0] - 30 * per_pair
+    fixed = ten - 10 * per_agent - 100 * per_pair - per_process
+    print(f"a tick costs {fixed:.3f} ms, {per_process:.3f} ms a process, {per_agent:.4f} ms an agent"
+          f" and {per_pair:.5f} ms a pair of agents\n")
     rows = []
     for hosts, agents, per, delay in [(2, 20, 2, 0), (3, 40, 4, 1), (5, 100, 10, 0.2)]:
         measured = tick_ms(args, hosts, agents, per, delay)
-        expected = fixed + per_process * agents / per + per_agent * agents + 2 * delay
+        asked = fixed + per_process * agents / per + per_agent * agents + per_pair * agents**2
+        expected = asked + 2 * delay
         rows.append([str(hosts - 1), str(agents), str(agents // per), f"{delay} ms", f"{measured:.2f}", f"{expected:.2f}"])
     table(["hosts", "agents", "processes", "delay", "ms a tick", "model"], rows)
 
