@@ -66,8 +66,8 @@ impl Observers {
     /// Publishes what is due to topics with subscribers. Works at any time, also while the clock is
     /// held.
     pub(super) fn publish(&mut self, engine: &mut Engine<'_>, may_tick: bool, transport: &mut dyn Transport) {
-        let elapsed = self.elapsed(transport.now());
         let now = transport.now();
+        let elapsed = self.elapsed(now);
         let Some(subscribers) = transport.subscribers() else {
             self.phase_times.stop();
             return;
