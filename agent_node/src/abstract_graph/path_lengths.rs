@@ -1,8 +1,8 @@
 //! Lengths of shortest paths from many cells to many regions: a copy of the graph as flat arrays,
 //! and Dijkstra's algorithm with buckets instead of a heap.
 //!
-//! Every edge is at least as long as a bucket is wide. So a region in the first bucket with any
-//! cannot be reached sooner over another one of that bucket, and the order within a bucket does not
+//! Every edge is at least as long as a bucket is wide. So no path to a region in the lowest bucket
+//! that is not empty gets shorter over another region of that bucket, and their order does not
 //! matter (Dinitz 1978; Cherkassky, Goldberg, Radzik 1996).
 //!
 //! Invariant: the lengths are those of [`ShortestPaths`](super::ShortestPaths), to the bit.
@@ -12,7 +12,7 @@ use std::ops::Range;
 use voxels::Cell;
 
 use super::shortest_paths::{PER_CELL, edge_length};
-use super::{AbstractGraph, RegionId};
+use super::{AbstractGraph, BLOCK_CELLS, RegionId};
 
 /// Width of a bucket: the length of the shortest edge possible, a step from face to face.
 const WIDTH: u32 = PER_CELL as u32;
@@ -20,6 +20,12 @@ const WIDTH: u32 = PER_CELL as u32;
 /// Buckets in use at a time, a power of two: the longest edge possible, over two blocks from corner
 /// to corner, reaches fewer buckets ahead.
 const BUCKETS: usize = 16;
+
+// The longest edge leads from corner to corner of a block, and the same beyond its face.
+const _: () = assert!(
+    4 * 3 * (BLOCK_CELLS as usize - 1).pow(2) < (BUCKETS - 1).pow(2),
+    "an edge reaches fewer buckets ahead than there are"
+);
 
 /// The length of what has not been reached.
 const UNREACHED: u32 = u32::MAX;
@@ -47,11 +53,13 @@ impl PathLengths {
         for region in graph.blocks.iter().flatten().flat_map(|block| &block.regions) {
             let start = self.edges.len() as u32;
             self.edges.extend(region.edges.iter().map(|edge| (edge.slot, edge_length(edge))));
+            debug_assert!(self.edges[start as usize..].iter().all(|&(_, length)| length >= WIDTH));
             self.places[region.slot as usize] = start..self.edges.len() as u32;
         }
     }
 
     /// Finds the lengths of the paths from a cell. From a cell outside all regions there are none.
+    /// The graph must be that of the last call of [`PathLengths::renew`].
     pub fn begin(&mut self, graph: &AbstractGraph, from: Cell) {
         self.lengths.clear();
         self.lengths.resize(self.places.len(), UNREACHED);
@@ -65,7 +73,7 @@ impl PathLengths {
             empty = if slots.is_empty() { empty + 1 } else { 0 };
             for slot in slots.drain(..) {
                 let length = self.lengths[slot as usize];
-                // It may have been reached sooner meanwhile, and visited.
+                // A shorter path was found, and the region was visited in an earlier bucket.
                 if (length / WIDTH) as usize != bucket {
                     continue;
                 }

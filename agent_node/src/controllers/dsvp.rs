@@ -9,8 +9,8 @@
 //! shortest one on the abstract graph of all known free space ([`crate::abstract_graph`]), which
 //! replaces the global RRG; a goal is dropped as soon as its unexplored cells have been seen by any
 //! agent; an agent that knows no frontier pursues the agent it has been out of contact with for
-//! longest, to deliver its map, and explores again when map updates bring frontiers. Agents tell
-//! each other who knows none, and rest when all have none (see `dsvp/pursuit.rs`).
+//! longest, to deliver its map, and explores again when map updates bring frontiers. Agents report
+//! to each other who knows none, and rest when all have none (see `dsvp/pursuit.rs`).
 //!
 //! **Frontiers of other agents.** Frontiers are a function of the map: merging another agent's map
 //! brings its frontiers, except those that the own map already resolves. So exchanging maps
@@ -220,9 +220,7 @@ impl Dsvp {
             Some(Goal::Pursuit { agent, .. }) => {
                 model.pursuit.is_sought(agent, &observation.contacts) && !self.has_map_changed(ctx.map())
             }
-            Some(Goal::Wandering { .. }) => {
-                model.pursuit.seeks_any(&observation.contacts) && !self.has_map_changed(ctx.map())
-            }
+            Some(Goal::Wandering { .. }) => !model.pursuit.have_all_finished() && !self.has_map_changed(ctx.map()),
             Some(Goal::Evasion { .. }) => true,
             None => false,
         }
@@ -272,9 +270,10 @@ impl Dsvp {
 
     fn go(&mut self, goal: Goal, motion: Motion, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         self.goal = Some(goal);
-        if let Some(WorldModel { graph, coordination, .. }) = &mut self.model {
+        if let Some(WorldModel { graph, coordination, pursuit, .. }) = &mut self.model {
             match goal {
                 Goal::Viewpoint { cell, .. } | Goal::Frontier { cell, .. } => {
+                    pursuit.report(false, observation.tick);
                     coordination.claim(graph, cell, path_length_m(&ctx.position(), &motion), observation.tick);
                 }
                 _ => coordination.withdraw(),
@@ -406,7 +405,7 @@ impl Controller for Dsvp {
         let command = self.with_tasks(command, observation, ctx);
         let has_met = observation.events & Events::CONTACTS != 0;
         match &mut self.model {
-            Some(WorldModel { pursuit, .. }) => pursuit.with_message(command, &observation.contacts, has_met),
+            Some(WorldModel { pursuit, .. }) => pursuit.with_reports(command, &observation.contacts, has_met),
             None => command,
         }
     }

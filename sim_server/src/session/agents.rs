@@ -113,8 +113,8 @@ pub(super) struct MissingReplies {
 pub(super) struct WaitContext<'a, 's> {
     pub(super) transport: &'a mut dyn Transport,
     pub(super) observer: &'a mut dyn RunObserver,
-    /// The phases, while observers look at them.
-    pub(super) watched: &'a mut PhaseTimes,
+    /// Runs while `/sim/info` has subscribers.
+    pub(super) phase_times: &'a mut PhaseTimes,
     pub(super) log: &'a mut SessionLog<'s>,
     pub(super) stop: &'a AtomicBool,
 }
@@ -123,8 +123,8 @@ impl WaitContext<'_, '_> {
     /// Reports the end of a phase of the loop.
     pub(super) fn end_phase(&mut self, phase: Phase, tick: Tick) {
         self.observer.phase_ended(phase, tick);
-        if self.watched.is_running() {
-            self.watched.end(phase, self.transport.now());
+        if self.phase_times.is_running() {
+            self.phase_times.end(phase, self.transport.now());
         }
     }
 

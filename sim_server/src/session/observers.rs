@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 
-use super::PhaseTimes;
 use super::engine::Engine;
+use super::{Phase, PhaseTimes};
 use crate::transport::Transport;
 use crate::wall_clock::nanoseconds;
 use simulation::scenario::Scenario;
@@ -79,7 +79,7 @@ impl Observers {
         }
         engine.settle();
         let rtf = (!elapsed.is_zero()).then(|| sim_time(engine.tick()).div_duration_f64(elapsed));
-        let phases_s = self.phase_times.seconds();
+        let phases_s = Phase::ALL.map(|phase| (phase.name(), self.phase_times.of(phase).as_secs_f64()));
         let Engine { world, infos, lost, .. } = engine;
         let run_status = RunStatus { infos, lost, live: Some(LiveStatus { rtf, phases_s: &phases_s }) };
         let moment = PublishTime { wall_ns: nanoseconds(elapsed), is_paused: !may_tick };

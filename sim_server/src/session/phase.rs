@@ -72,7 +72,7 @@ impl PhaseTimes {
         *self = Self { clock: Some((now, now)), ..Self::default() };
     }
 
-    /// Stops the clock.
+    /// Stops the clock; the times stay.
     pub fn stop(&mut self) {
         self.clock = None;
     }
@@ -90,7 +90,7 @@ impl PhaseTimes {
     }
 
     /// Notes the end of a phase, and returns when it began and how long it took; nothing while the
-    /// clock stands.
+    /// clock is stopped.
     pub fn end(&mut self, phase: Phase, now: Instant) -> Option<(Instant, Duration)> {
         let (_, last) = self.clock.as_mut()?;
         let start = std::mem::replace(last, now);
@@ -105,14 +105,9 @@ impl PhaseTimes {
         self.clock.map_or(Duration::ZERO, |(started, last)| last.duration_since(started))
     }
 
-    /// The name of each phase and its time, seconds.
+    /// Time of a phase.
     #[must_use]
-    pub fn seconds(&self) -> [(&'static str, f64); Phase::ALL.len()] {
-        Phase::ALL.map(|phase| (phase.name(), self.sums[phase as usize].as_secs_f64()))
-    }
-
-    /// Time of each phase.
-    pub fn phases(&self) -> impl Iterator<Item = (Phase, Duration)> {
-        Phase::ALL.into_iter().zip(self.sums)
+    pub fn of(&self, phase: Phase) -> Duration {
+        self.sums[phase as usize]
     }
 }

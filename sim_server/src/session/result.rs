@@ -30,8 +30,8 @@ impl Session<'_, '_> {
         // does not cut this wait short.
         let Self { sessions, transport, observer, observers, log, .. } = &mut self;
         let never = AtomicBool::new(false);
-        let (transport, observer, watched) = (&mut **transport, &mut **observer, observers.phase_times());
-        let mut context = WaitContext { transport, observer, watched, log, stop: &never };
+        let (transport, observer, phase_times) = (&mut **transport, &mut **observer, observers.phase_times());
+        let mut context = WaitContext { transport, observer, phase_times, log, stop: &never };
         sessions.shut_down(tick, &present, SHUTDOWN_TIMEOUT, &mut context)?;
         for request in &last {
             for fragment in &request.fragments {

@@ -45,7 +45,7 @@ describe("times of the loop", () => {
     // The first message is older than the window, the second one just as old.
     shares.add(times(4, 4));
     expect(shares.shares.map(({ share }) => share)).toEqual([1, 0]);
-    // The clock was started anew.
+    // The clock was restarted.
     shares.add(times(0.1, 0));
     expect(shares.shares).toEqual([]);
     shares.add(times(0.1, 0.4));
@@ -62,7 +62,7 @@ describe("the subscription", () => {
     } as unknown as FoxgloveClient;
     let changes = 0;
     const watch = new LoopWatch(() => changes++);
-    watch.want(true);
+    watch.setEnabled(true);
     watch.connect(client);
     const channel = (id: number, topic: string) => [
       { id, topic, encoding: "cdr", schemaName: "", schema: "" },
@@ -70,7 +70,7 @@ describe("the subscription", () => {
     watch.onAdvertise(channel(3, "/tf"));
     expect(calls).toEqual([]);
     watch.onAdvertise(channel(5, "/sim/info"));
-    watch.want(true);
+    watch.setEnabled(true);
     expect(calls).toEqual(["+5"]);
     const give = (subscriptionId: number, values: Record<string, string>) => {
       const { buffer, byteOffset, byteLength } = message({ loop: values });
@@ -81,12 +81,13 @@ describe("the subscription", () => {
     expect(changes).toBe(0);
     give(105, { scan: "1" });
     give(105, { scan: "2" });
+    give(105, { scan: "much" });
     expect([changes, watch.shares]).toEqual([2, [{ name: "scan", share: 1 }]]);
     // The next run has other channels.
     watch.onUnadvertise([5]);
     watch.onAdvertise(channel(8, "/sim/info"));
-    watch.want(false);
-    watch.want(true);
+    watch.setEnabled(false);
+    watch.setEnabled(true);
     expect(calls).toEqual(["+5", "+8", "-108", "+8"]);
     expect(watch.shares).toEqual([]);
   });

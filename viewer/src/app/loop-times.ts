@@ -39,7 +39,8 @@ export function readTimes(bytes: Uint8Array): Times | null {
       const key = reader.string();
       pairs.push([key, Number(reader.string())]);
     }
-    if (name === STATUS) return new Map(pairs);
+    if (name !== STATUS) continue;
+    return pairs.every(([, seconds]) => Number.isFinite(seconds)) ? new Map(pairs) : null;
   }
   return null;
 }
@@ -51,7 +52,7 @@ export class LoopShares {
   add(times: Times): void {
     const wholeS = [...times.values()].reduce((sum, seconds) => sum + seconds, 0);
     const last = this.#past.at(-1);
-    // The clock of the phases was started anew.
+    // The clock of the phases was restarted.
     if (last && wholeS < last.wholeS) this.#past = [];
     this.#past.push({ wholeS, times });
     while (this.#past.length > 2 && this.#past[1]!.wholeS <= wholeS - WINDOW_S) this.#past.shift();
@@ -75,7 +76,7 @@ export class LoopWatch {
   #client: FoxgloveClient | null = null;
   #channel: number | null = null;
   #subscription: number | null = null;
-  #isWanted = false;
+  #isEnabled = false;
   #shares = new LoopShares();
 
   /** `changed` is called when there are other shares. */
@@ -88,8 +89,8 @@ export class LoopWatch {
   }
 
   /** Subscribes, or ends the subscription. */
-  want(isWanted: boolean): void {
-    this.#isWanted = isWanted;
+  setEnabled(isEnabled: boolean): void {
+    this.#isEnabled = isEnabled;
     this.#update();
   }
 
@@ -108,9 +109,8 @@ export class LoopWatch {
   onAdvertise(channels: readonly Channel[]): void {
     const channel = channels.find(({ topic }) => topic === TOPIC);
     if (!channel) return;
+    this.#end();
     this.#channel = channel.id;
-    this.#subscription = null;
-    this.#shares = new LoopShares();
     this.#update();
   }
 
@@ -118,11 +118,18 @@ export class LoopWatch {
     if (this.#channel === null || !channels.includes(this.#channel)) return;
     this.#channel = null;
     this.#subscription = null;
+    this.#shares = new LoopShares();
   }
 
   onMessage({ subscriptionId, data }: MessageData): void {
     if (subscriptionId !== this.#subscription) return;
-    const times = readTimes(new Uint8Array(data.buffer, data.byteOffset, data.byteLength));
+    let times: Times | null;
+    try {
+      times = readTimes(new Uint8Array(data.buffer, data.byteOffset, data.byteLength));
+    } catch {
+      // A message of another type, or a damaged one.
+      return;
+    }
     if (!times) return;
     this.#shares.add(times);
     this.#changed();
@@ -130,12 +137,14 @@ export class LoopWatch {
 
   #update(): void {
     if (!this.#client || this.#channel === null) return;
-    if (this.#isWanted && this.#subscription === null) {
-      this.#shares = new LoopShares();
-      this.#subscription = this.#client.subscribe(this.#channel);
-    } else if (!this.#isWanted && this.#subscription !== null) {
-      this.#client.unsubscribe(this.#subscription);
-      this.#subscription = null;
-    }
+    if (!this.#isEnabled) this.#end();
+    else this.#subscription ??= this.#client.subscribe(this.#channel);
+  }
+
+  #end(): void {
+    if (this.#subscription === null) return;
+    this.#client?.unsubscribe(this.#subscription);
+    this.#subscription = null;
+    this.#shares = new LoopShares();
   }
 }

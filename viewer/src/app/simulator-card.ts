@@ -122,7 +122,7 @@ export class SimulatorCard {
       this.#speed.set(nearestStep(RUN_RATES, live.rtf));
     }
     setHidden(this.#phases.root, !canControl);
-    live.loop.want(canControl && this.#phases.root.open);
+    live.loop.setEnabled(canControl && this.#phases.root.open);
     this.#phases.show(live.loop.shares);
     setHidden(this.#new, !live.isIdleServer);
     this.#new.disabled = !live.canStart;
@@ -146,6 +146,10 @@ class PhaseList {
   }
 
   show(shares: readonly PhaseShare[]): void {
+    if (shares.length === 0 && this.#values.size > 0) {
+      this.#values.clear();
+      this.#list.replaceChildren();
+    }
     for (const { name, share } of shares) {
       let value = this.#values.get(name);
       if (!value) {

@@ -1,15 +1,17 @@
-//! Where to carry news to when nothing is left to explore: to agents that may have something left,
-//! at their last known positions.
+//! Where to carry the map to when nothing is left to explore: to agents that may have something
+//! left, at their last known positions.
 //!
 //! M-TARE (Cao et al., Science Robotics 2023) calls meeting on purpose a pursuit; here it is taken
-//! up only by an agent that knows no frontier. Agents tell each other who has none: a map without
-//! frontiers lacks nothing that others could bring. When all are known to have none, the team
-//! rests.
+//! up only by an agent that knows no frontier. Agents report to each other whether they have any:
+//! one without frontiers that it can reach needs no map of others. When all have reported to have
+//! none, the team rests. A later report replaces an earlier one, also if an agent has frontiers
+//! again.
 //!
-//! Invariants: who has had nothing left once is not pursued any more; a malformed message changes
-//! nothing.
+//! Invariants: only an agent itself makes reports on itself; a malformed message changes nothing.
+//! An agent that never reports (a lost one, or one with another kind of controller) is pursued
+//! until the end of the run.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
 use voxels::{Cell, Extent};
@@ -18,13 +20,24 @@ use super::goal::Goal;
 use crate::command::Command;
 use crate::observation::{Contact, Observation, ReceivedMessage};
 
-/// The mark of messages that tell which agents have nothing left to explore.
+/// The message kind of the reports.
 pub const FINISHED_MESSAGE: u8 = 4;
 
 const VERSION: u8 = 1;
 
-/// Bytes of an id.
-const ID_BYTES: usize = 4;
+/// Bytes of a report: the id of the agent, the tick, and whether it has nothing left.
+const REPORT_BYTES: usize = 4 + 8 + 1;
+
+/// Reports by agent.
+type Reports = BTreeMap<AgentId, Report>;
+
+/// Whether an agent has nothing left to explore.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Report {
+    /// When it reported that.
+    as_of: Tick,
+    has_finished: bool,
+}
 
 /// What an agent knows of those that it could bring its map to.
 #[derive(Debug, Clone)]
@@ -33,10 +46,10 @@ pub(super) struct Pursuit {
     agents: u32,
     /// Where and when each agent was last in contact, by agent.
     last_known: Vec<Option<LastKnown>>,
-    /// The agents that have nothing left to explore.
-    finished: BTreeSet<AgentId>,
-    /// Whether the agents in contact have not been told of all of them.
-    has_news: bool,
+    /// The last report of each agent that has made one.
+    reports: Reports,
+    /// Whether the agents in contact may lack some of the reports.
+    is_unsent: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,10 +63,10 @@ struct LastKnown {
 impl Pursuit {
     /// That of one agent of a team, before it has met others.
     pub(super) fn new(own: AgentId, agents: u32) -> Self {
-        Self { own, agents, last_known: Vec::new(), finished: BTreeSet::new(), has_news: false }
+        Self { own, agents, last_known: Vec::new(), reports: Reports::new(), is_unsent: false }
     }
 
-    /// Records the agents in contact and what they tell.
+    /// Records the agents in contact and their reports.
     pub(super) fn receive(&mut self, observation: &Observation, extent: Extent) {
         for contact in &observation.contacts {
             let cell = extent.cell_of(&contact.position);
@@ -64,31 +77,55 @@ impl Pursuit {
             self.last_known[place] = Some(LastKnown { cell, seen: observation.tick, is_absent: false });
         }
         for ReceivedMessage { kind, data, .. } in &observation.messages {
-            if *kind == FINISHED_MESSAGE {
-                self.add(decode(data, self.agents).unwrap_or_default());
+            if *kind == FINISHED_MESSAGE
+                && let Some(received) = decode(data, self.agents)
+            {
+                self.merge(&received, observation.tick);
             }
         }
     }
 
-    /// Notes that this agent knows no frontier.
-    pub(super) fn finish(&mut self) {
-        self.add([self.own]);
+    fn merge(&mut self, received: &Reports, now: Tick) {
+        for (&agent, report) in received.iter().filter(|(_, report)| report.as_of <= now) {
+            if agent == self.own {
+                // A controller before this one may have reported something else.
+                let has_finished = self.has_finished(agent);
+                if report.has_finished != has_finished {
+                    self.insert(agent, Report { as_of: now, has_finished });
+                }
+            } else if self.reports.get(&agent).is_none_or(|known| known.as_of < report.as_of) {
+                self.insert(agent, *report);
+            }
+        }
+        let lacks = |(agent, known): (&AgentId, &Report)| received.get(agent).is_none_or(|it| it.as_of < known.as_of);
+        self.is_unsent |= self.reports.iter().any(lacks);
     }
 
-    fn add(&mut self, finished: impl IntoIterator<Item = AgentId>) {
-        for agent in finished {
-            self.has_news |= self.finished.insert(agent);
+    fn insert(&mut self, agent: AgentId, report: Report) {
+        self.reports.insert(agent, report);
+        self.is_unsent = true;
+    }
+
+    /// Reports whether this agent has nothing left to explore, if that has changed.
+    pub(super) fn report(&mut self, has_finished: bool, now: Tick) {
+        if self.has_finished(self.own) != has_finished {
+            self.insert(self.own, Report { as_of: now, has_finished });
         }
     }
 
-    /// Adds the message for the agents in contact to a command, if there is something to tell.
-    /// `has_met` tells whether they may be others than before.
-    pub(super) fn with_message(&mut self, command: Command, contacts: &[Contact], has_met: bool) -> Command {
-        if contacts.is_empty() || self.finished.is_empty() || !(has_met || self.has_news) {
+    /// Whether an agent has last reported to have nothing left.
+    fn has_finished(&self, agent: AgentId) -> bool {
+        self.reports.get(&agent).is_some_and(|report| report.has_finished)
+    }
+
+    /// Adds the reports for the agents in contact to a command, if they may lack some. `has_met`
+    /// says that there may be others in contact than before.
+    pub(super) fn with_reports(&mut self, command: Command, contacts: &[Contact], has_met: bool) -> Command {
+        if contacts.is_empty() || self.reports.is_empty() || !(has_met || self.is_unsent) {
             return command;
         }
-        self.has_news = false;
-        command.with_message(None, FINISHED_MESSAGE, encode(&self.finished))
+        self.is_unsent = false;
+        command.with_message(None, FINISHED_MESSAGE, encode(&self.reports))
     }
 
     /// Marks an agent as absent from its last known position.
@@ -98,20 +135,15 @@ impl Pursuit {
         }
     }
 
-    /// Whether an agent is out of contact and not known to have nothing left to explore.
+    /// Whether an agent is out of contact and may have something left to explore.
     pub(super) fn is_sought(&self, agent: AgentId, contacts: &[Contact]) -> bool {
         let is_in_contact = contacts.binary_search_by_key(&agent, |contact| contact.agent).is_ok();
-        agent != self.own && !is_in_contact && !self.finished.contains(&agent)
-    }
-
-    /// Whether there is any agent to bring the map to.
-    pub(super) fn seeks_any(&self, contacts: &[Contact]) -> bool {
-        (0..self.agents).any(|agent| self.is_sought(AgentId(agent), contacts))
+        agent != self.own && !is_in_contact && !self.has_finished(agent)
     }
 
     /// Whether all agents of the team have nothing left to explore.
     pub(super) fn have_all_finished(&self) -> bool {
-        self.finished.len() == self.agents as usize
+        (0..self.agents).all(|agent| self.has_finished(AgentId(agent)))
     }
 
     /// The agents sought that may still be at their last known positions, longest out of contact
@@ -127,33 +159,106 @@ impl Pursuit {
     }
 }
 
-/// The version, and each id as a uint32.
-fn encode(finished: &BTreeSet<AgentId>) -> Vec<u8> {
-    let ids = finished.iter().flat_map(|agent| agent.0.to_le_bytes());
-    std::iter::once(VERSION).chain(ids).collect()
+/// The version and the reports, little-endian.
+fn encode(reports: &Reports) -> Vec<u8> {
+    let mut bytes = vec![VERSION];
+    for (agent, Report { as_of, has_finished }) in reports {
+        bytes.extend(agent.0.to_le_bytes());
+        bytes.extend(as_of.0.to_le_bytes());
+        bytes.push((*has_finished).into());
+    }
+    bytes
 }
 
-/// The agents of a message, or nothing if it is malformed.
-fn decode(data: &[u8], agents: u32) -> Option<Vec<AgentId>> {
-    let (&VERSION, ids) = data.split_first()? else { return None };
-    let (ids, rest) = ids.as_chunks::<ID_BYTES>();
-    let finished: Vec<AgentId> = ids.iter().map(|&id| AgentId(u32::from_le_bytes(id))).collect();
-    (rest.is_empty() && finished.iter().all(|agent| agent.0 < agents)).then_some(finished)
+/// The reports of a message, or nothing if it is malformed.
+fn decode(data: &[u8], agents: u32) -> Option<Reports> {
+    let (&VERSION, reports) = data.split_first()? else { return None };
+    let (reports, []) = reports.as_chunks::<REPORT_BYTES>() else { return None };
+    let report = |bytes: &[u8; REPORT_BYTES]| {
+        let (agent, rest) = bytes.split_first_chunk()?;
+        let (as_of, has_finished) = rest.split_first_chunk()?;
+        let (agent, as_of) = (AgentId(u32::from_le_bytes(*agent)), Tick(u64::from_le_bytes(*as_of)));
+        let has_finished = match has_finished {
+            [0] => false,
+            [1] => true,
+            _ => return None,
+        };
+        (agent.0 < agents).then_some((agent, Report { as_of, has_finished }))
+    };
+    reports.iter().map(report).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::controllers::testing::idle;
+
+    const OWN: AgentId = AgentId(1);
+    const OTHER: AgentId = AgentId(2);
+
+    fn report(as_of: u64, has_finished: bool) -> Report {
+        Report { as_of: Tick(as_of), has_finished }
+    }
+
+    /// After receiving these reports in this tick.
+    fn received(pursuit: &mut Pursuit, now: u64, reports: &[(AgentId, Report)]) {
+        let data = encode(&reports.iter().copied().collect()).into();
+        let messages = vec![ReceivedMessage { from: OTHER, kind: FINISHED_MESSAGE, data }];
+        let observation = Observation { tick: Tick(now), messages, ..idle() };
+        pursuit.receive(&observation, Extent::new([10; 3], 1.0).unwrap());
+    }
 
     #[test]
     fn messages_are_read_as_written_and_malformed_ones_are_refused() {
-        let finished: BTreeSet<_> = [AgentId(0), AgentId(6)].into();
-        let bytes = encode(&finished);
-        assert_eq!(bytes, [1, 0, 0, 0, 0, 6, 0, 0, 0]);
-        assert_eq!(decode(&bytes, 7), Some(finished.into_iter().collect()));
+        let reports: Reports = [(AgentId(0), report(258, true)), (AgentId(6), report(7, false))].into();
+        let bytes = encode(&reports);
+        assert_eq!(bytes[..14], [1, 0, 0, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0, 1]);
+        assert_eq!(decode(&bytes, 7), Some(reports));
         assert_eq!(decode(&bytes, 6), None, "an agent that is not of the team");
-        assert_eq!(decode(&bytes[..8], 7), None, "cut off");
-        assert_eq!(decode(&[2, 0, 0, 0, 0], 7), None, "of another version");
+        assert_eq!(decode(&bytes[..26], 7), None, "cut off");
+        assert_eq!(decode(&[&bytes[..13], &[2][..]].concat(), 7), None, "neither yes nor no");
+        assert_eq!(decode(&[2], 7), None, "of another version");
         assert_eq!(decode(&[], 7), None);
+    }
+
+    #[test]
+    fn later_reports_replace_earlier_ones() {
+        let mut pursuit = Pursuit::new(OWN, 3);
+        received(&mut pursuit, 50, &[(OTHER, report(60, true))]);
+        assert!(pursuit.is_sought(OTHER, &[]), "a report of the future");
+        received(&mut pursuit, 50, &[(OTHER, report(40, true))]);
+        assert!(!pursuit.is_sought(OTHER, &[]));
+        received(&mut pursuit, 60, &[(OTHER, report(30, false))]);
+        assert!(!pursuit.is_sought(OTHER, &[]), "an earlier report");
+        received(&mut pursuit, 60, &[(OTHER, report(55, false))]);
+        assert!(pursuit.is_sought(OTHER, &[]), "it has frontiers again");
+    }
+
+    #[test]
+    fn reports_of_others_on_this_agent_are_corrected() {
+        let mut pursuit = Pursuit::new(OWN, 2);
+        received(&mut pursuit, 50, &[(OWN, report(40, true)), (AgentId(0), report(40, true))]);
+        assert!(!pursuit.have_all_finished());
+        assert_eq!(pursuit.reports[&OWN], report(50, false));
+    }
+
+    #[test]
+    fn contacts_that_lack_a_report_get_it() {
+        let contacts = [Contact { agent: OTHER, position: nalgebra::Point3::origin() }];
+        let mut pursuit = Pursuit::new(OWN, 3);
+        let mut sends = |pursuit: &mut Pursuit, has_met| {
+            let command = Command::keep(crate::command::Trigger::NEXT_TICK);
+            !pursuit.with_reports(command, &contacts, has_met).messages.is_empty()
+        };
+        assert!(!sends(&mut pursuit, true), "there is none");
+        pursuit.report(true, Tick(10));
+        assert!(sends(&mut pursuit, false));
+        pursuit.report(true, Tick(11));
+        assert!(!sends(&mut pursuit, false), "nothing has changed");
+        assert!(sends(&mut pursuit, true), "another contact may lack it");
+        received(&mut pursuit, 20, &[(OTHER, report(15, true))]);
+        assert!(sends(&mut pursuit, false), "the message that had it was lost");
+        received(&mut pursuit, 30, &[(OTHER, report(15, true)), (OWN, report(10, true))]);
+        assert!(!sends(&mut pursuit, false), "both have all");
     }
 }

@@ -60,14 +60,16 @@ impl Dsvp {
     }
 
     /// No frontier is left on this map: carries the map to the agent out of contact for longest of
-    /// those that may have something left to explore; once all have been tried, to a random region.
+    /// those that may have something left to explore; once all have been tried, to a random region,
+    /// which also clears the way of those that explore. The team rests when all have nothing left.
     pub(super) fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
         let Some(WorldModel { graph, paths, pursuit, .. }) = &mut self.model else { return Plan::Nothing };
-        pursuit.finish();
-        if !pursuit.seeks_any(&observation.contacts) {
+        let here = ctx.cell();
+        pursuit.report(graph.region_of(here).is_some(), observation.tick);
+        let are_all_in_contact = observation.contacts.len() + 1 >= ctx.run_info().agents as usize;
+        if are_all_in_contact || pursuit.have_all_finished() {
             return Plan::Nothing;
         }
-        let here = ctx.cell();
         if let Some(Goal::Pursuit { agent, cell }) = self.goal
             && cell == here
         {

@@ -183,8 +183,8 @@ fn after_contact_with(finished: &[u32]) -> (Vec<String>, bool) {
     world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(13.5, 4.5, 0.5) }];
     world.run(&mut controller, 500);
     world.said.clear();
-    let ids = finished.iter().flat_map(|id| id.to_le_bytes());
-    let data: Vec<u8> = [1].into_iter().chain(ids).collect();
+    let report = |id: &u32| [&id.to_le_bytes()[..], &7_u64.to_le_bytes(), &[1]].concat();
+    let data: Vec<u8> = [1].into_iter().chain(finished.iter().flat_map(report)).collect();
     world.observation.messages = vec![ReceivedMessage { from: AgentId(2), kind: FINISHED_MESSAGE, data: data.into() }];
     world.observation.scan_tick = Some(world.observation.tick);
     let told = world.ask(&mut controller).messages;
