@@ -246,7 +246,7 @@ mod tests {
     fn contacts_that_lack_a_report_get_it() {
         let contacts = [Contact { agent: OTHER, position: nalgebra::Point3::origin() }];
         let mut pursuit = Pursuit::new(OWN, 3);
-        let mut sends = |pursuit: &mut Pursuit, has_met| {
+        let sends = |pursuit: &mut Pursuit, has_met| {
             let command = Command::keep(crate::command::Trigger::NEXT_TICK);
             !pursuit.with_reports(command, &contacts, has_met).messages.is_empty()
         };
