@@ -10,7 +10,7 @@
 import { FoxgloveClient } from "@foxglove/ws-protocol";
 import type { FetchAssetResponse, IWebSocket, ServerInfo, Service } from "@foxglove/ws-protocol";
 import type { LiveFeed } from "../data/sources.ts";
-import { LoopWatch } from "./loop-times.ts";
+import { LoopSubscription } from "./loop-times.ts";
 import { ServiceCalls } from "./service-calls.ts";
 import * as services from "./services.ts";
 
@@ -72,7 +72,7 @@ export class LiveConnection {
   /** Requested real-time factor; 0: as fast as possible; null: not known. */
   rtf: number | null = null;
   /** Where the wall time of the simulator goes. */
-  readonly loop = new LoopWatch(() => this.#listener.changed());
+  readonly loop = new LoopSubscription(() => this.#listener.changed());
 
   readonly #listener: ConnectionListener;
   readonly #environment: ConnectionEnvironment;

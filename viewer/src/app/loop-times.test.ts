@@ -1,7 +1,7 @@
 import { CdrWriter } from "@foxglove/cdr";
 import type { FoxgloveClient } from "@foxglove/ws-protocol";
 import { describe, expect, it } from "vitest";
-import { LoopShares, LoopWatch, readTimes } from "./loop-times.ts";
+import { LoopShares, LoopSubscription, readTimes } from "./loop-times.ts";
 
 /** A `diagnostic_msgs/DiagnosticArray` with these statuses: name, and pairs of key and value. */
 function message(statuses: Record<string, Record<string, string>>): Uint8Array {
@@ -61,34 +61,34 @@ describe("the subscription", () => {
       unsubscribe: (subscription: number) => calls.push(`-${subscription}`),
     } as unknown as FoxgloveClient;
     let changes = 0;
-    const watch = new LoopWatch(() => changes++);
-    watch.setEnabled(true);
-    watch.connect(client);
+    const subscription = new LoopSubscription(() => changes++);
+    subscription.setEnabled(true);
+    subscription.connect(client);
     const channel = (id: number, topic: string) => [
       { id, topic, encoding: "cdr", schemaName: "", schema: "" },
     ];
-    watch.onAdvertise(channel(3, "/tf"));
+    subscription.onAdvertise(channel(3, "/tf"));
     expect(calls).toEqual([]);
-    watch.onAdvertise(channel(5, "/sim/info"));
-    watch.setEnabled(true);
+    subscription.onAdvertise(channel(5, "/sim/info"));
+    subscription.setEnabled(true);
     expect(calls).toEqual(["+5"]);
     const give = (subscriptionId: number, values: Record<string, string>) => {
       const { buffer, byteOffset, byteLength } = message({ loop: values });
       const data = new DataView(buffer, byteOffset, byteLength);
-      watch.onMessage({ op: 1, subscriptionId, timestamp: 0n, data });
+      subscription.onMessage({ op: 1, subscriptionId, timestamp: 0n, data });
     };
     give(103, { scan: "9" });
     expect(changes).toBe(0);
     give(105, { scan: "1" });
     give(105, { scan: "2" });
     give(105, { scan: "much" });
-    expect([changes, watch.shares]).toEqual([2, [{ name: "scan", share: 1 }]]);
+    expect([changes, subscription.shares]).toEqual([2, [{ name: "scan", share: 1 }]]);
     // The next run has other channels.
-    watch.onUnadvertise([5]);
-    watch.onAdvertise(channel(8, "/sim/info"));
-    watch.setEnabled(false);
-    watch.setEnabled(true);
+    subscription.onUnadvertise([5]);
+    subscription.onAdvertise(channel(8, "/sim/info"));
+    subscription.setEnabled(false);
+    subscription.setEnabled(true);
     expect(calls).toEqual(["+5", "+8", "-108", "+8"]);
-    expect(watch.shares).toEqual([]);
+    expect(subscription.shares).toEqual([]);
   });
 });

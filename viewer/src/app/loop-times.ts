@@ -71,7 +71,7 @@ export class LoopShares {
 }
 
 /** The subscription of a connection to the times of the loop. */
-export class LoopWatch {
+export class LoopSubscription {
   readonly #changed: () => void;
   #client: FoxgloveClient | null = null;
   #channel: number | null = null;

@@ -175,8 +175,8 @@ fn pursues_the_last_contact_and_then_wanders() {
     assert!(world.been.contains(&Cell::new(13, 4, 0)));
 }
 
-/// In rooms without anything left, after a contact that has told of these agents that they have
-/// nothing left: the texts for people, and whether it has told the contact of itself.
+/// In rooms without anything left, after a contact that reported these agents to have nothing left:
+/// the texts for people, and whether the agent sent reports to that contact.
 fn after_contact_with(finished: &[u32]) -> (Vec<String>, bool) {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     let mut controller = planner(&[]);
@@ -187,11 +187,11 @@ fn after_contact_with(finished: &[u32]) -> (Vec<String>, bool) {
     let data: Vec<u8> = [1].into_iter().chain(finished.iter().flat_map(report)).collect();
     world.observation.messages = vec![ReceivedMessage { from: AgentId(2), kind: FINISHED_MESSAGE, data: data.into() }];
     world.observation.scan_tick = Some(world.observation.tick);
-    let told = world.ask(&mut controller).messages;
+    let sent = world.ask(&mut controller).messages;
     world.observation.messages.clear();
     world.observation.contacts.clear();
     world.run(&mut controller, 500);
-    (world.said, told.iter().any(|message| message.kind == FINISHED_MESSAGE))
+    (world.said, sent.iter().any(|message| message.kind == FINISHED_MESSAGE))
 }
 
 #[test]
@@ -199,18 +199,18 @@ fn the_map_is_carried_only_to_agents_that_may_have_something_left() {
     let (said, _) = after_contact_with(&[]);
     assert!(said.iter().any(|said| said.starts_with("with news to agent 2")), "{said:?}");
     // Agent 0 has never been met.
-    let (said, has_told) = after_contact_with(&[2]);
+    let (said, has_sent) = after_contact_with(&[2]);
     assert!(said.iter().all(|said| !said.contains("agent 2")), "{said:?}");
     assert!(said.iter().any(|said| said.starts_with("with news to (")), "{said:?}");
-    assert!(has_told);
+    assert!(has_sent);
 }
 
 #[test]
 fn team_with_nothing_left_rests() {
-    let (said, has_told) = after_contact_with(&[0, 2]);
+    let (said, has_sent) = after_contact_with(&[0, 2]);
     assert_eq!(said.last().unwrap(), "nothing left to do");
     assert!(said.iter().all(|said| !said.starts_with("with news")), "{said:?}");
-    assert!(has_told);
+    assert!(has_sent);
 }
 
 #[test]
