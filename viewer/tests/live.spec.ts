@@ -108,7 +108,7 @@ test("shows where the simulator's time goes", LONG, async ({ page, servers }) =>
   const { url } = await servers.run([...ENDLESS, "--rtf", "5"]);
   servers.agents(AGENTS);
   await shown.open(page, url);
-  const phases = page.getByTestId("sim-phases");
+  const phases = page.getByTestId("sim-profile");
   await page.getByTestId("sim-play").click();
   await page.getByText("Where its time goes").click();
   await expect(phases.locator("dt")).toHaveText([

@@ -102,8 +102,7 @@ export class LoopSubscription {
   disconnect(): void {
     this.#client = null;
     this.#channel = null;
-    this.#subscription = null;
-    this.#shares = new LoopShares();
+    this.#forget();
   }
 
   onAdvertise(channels: readonly Channel[]): void {
@@ -117,8 +116,7 @@ export class LoopSubscription {
   onUnadvertise(channels: readonly number[]): void {
     if (this.#channel === null || !channels.includes(this.#channel)) return;
     this.#channel = null;
-    this.#subscription = null;
-    this.#shares = new LoopShares();
+    this.#forget();
   }
 
   onMessage({ subscriptionId, data }: MessageData): void {
@@ -144,6 +142,10 @@ export class LoopSubscription {
   #end(): void {
     if (this.#subscription === null) return;
     this.#client?.unsubscribe(this.#subscription);
+    this.#forget();
+  }
+
+  #forget(): void {
     this.#subscription = null;
     this.#shares = new LoopShares();
   }

@@ -2,12 +2,12 @@
  * The card that controls a simulator: pause, steps, speed, restart, stop, and new runs; and where
  * its wall time goes.
  */
+import { FactList } from "./cards.ts";
 import { confirmed } from "./dialogs.ts";
-import { el, icon, iconButton, setHidden, setIcon, setText, slider, textButton } from "./dom.ts";
+import { el, icon, iconButton, setHidden, setIcon, slider, textButton } from "./dom.ts";
 import type { Slider } from "./dom.ts";
 import { percent, speedFactor } from "./format.ts";
 import type { LiveConnection } from "./live.ts";
-import type { PhaseShare } from "./loop-times.ts";
 import { nearestStep, RUN_RATES } from "./rates.ts";
 import { STATE } from "./services.ts";
 
@@ -27,7 +27,9 @@ export class SimulatorCard {
   readonly #stop: HTMLButtonElement;
   readonly #new: HTMLButtonElement;
   readonly #speed: Slider;
-  readonly #phases = new PhaseList();
+  /** The shares of the wall time by phase of the simulator's loop, folded at first. */
+  readonly #profile: HTMLDetailsElement;
+  readonly #phases = new FactList();
   #isPlaying = false;
 
   constructor(actions: SimulatorActions) {
@@ -88,6 +90,12 @@ export class SimulatorCard {
       },
       (index) => actions.control((live) => live.setRtf(RUN_RATES[index]!)),
     );
+    this.#profile = el(
+      "details",
+      { class: "phases", testid: "sim-profile" },
+      el("summary", { title: "Shares of the last two seconds of wall time" }, "Where its time goes"),
+      this.#phases.root,
+    );
     this.root = el(
       "section",
       { class: "card", testid: "simulator-card" },
@@ -101,7 +109,7 @@ export class SimulatorCard {
         this.#stop,
       ),
       this.#speed.root,
-      this.#phases.root,
+      this.#profile,
       this.#new,
     );
   }
@@ -121,43 +129,13 @@ export class SimulatorCard {
     if (live.rtf !== null && document.activeElement !== this.#speed.input) {
       this.#speed.set(nearestStep(RUN_RATES, live.rtf));
     }
-    setHidden(this.#phases.root, !canControl);
-    live.loop.setEnabled(canControl && this.#phases.root.open);
-    this.#phases.show(live.loop.shares);
+    setHidden(this.#profile, !canControl);
+    live.loop.setEnabled(canControl && this.#profile.open);
+    const { shares } = live.loop;
+    setHidden(this.#phases.root, shares.length === 0);
+    for (const { name, share } of shares) this.#phases.set(name, percent(share));
     setHidden(this.#new, !live.isIdleServer);
     this.#new.disabled = !live.canStart;
     this.#new.title = live.canStart ? "" : "The current run has to end first";
-  }
-}
-
-/** The shares of the wall time by phase of the simulator's loop, folded at first. */
-class PhaseList {
-  readonly root: HTMLDetailsElement;
-  readonly #list = el("dl", { class: "facts", testid: "sim-phases" });
-  readonly #values = new Map<string, HTMLElement>();
-
-  constructor() {
-    const summary = el(
-      "summary",
-      { title: "Shares of the last two seconds of wall time" },
-      "Where its time goes",
-    );
-    this.root = el("details", { class: "phases", testid: "sim-profile" }, summary, this.#list);
-  }
-
-  show(shares: readonly PhaseShare[]): void {
-    if (shares.length === 0 && this.#values.size > 0) {
-      this.#values.clear();
-      this.#list.replaceChildren();
-    }
-    for (const { name, share } of shares) {
-      let value = this.#values.get(name);
-      if (!value) {
-        value = el("dd");
-        this.#values.set(name, value);
-        this.#list.append(el("dt", {}, name), value);
-      }
-      setText(value, percent(share));
-    }
   }
 }
