@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use agent_node::transport::{Inbound, ServerTransport};
 use experiments::in_memory::AgentsEnd;
@@ -126,6 +126,52 @@ fn restarted_agent_gives_the_same_run() {
     let digest = undisturbed();
     for answers in [0, 1, 20] {
         assert_eq!(dying_after(answers).digest(), digest, "died after {answers} answers");
+    }
+}
+
+/// Replies go to all processes, so that more of them than can be received would keep a large team
+/// from its start.
+#[test]
+fn repeated_joins_are_answered_once() {
+    let played = Play::of_two(1.0).with(|mut inner, ids, is_over| {
+        if ids == [AgentId(0)] {
+            serve(&mut inner, 0, &ids, is_over);
+            return;
+        }
+        let begun = now();
+        let mut link = Counting { inner, replies: 0 };
+        serve(&mut link, 1, &ids, is_over);
+        // One for each second that a busy machine may take.
+        let seconds = usize::try_from(begun.elapsed().as_millis() / 900).expect("it is small");
+        assert!((1..=1 + seconds).contains(&link.replies), "{} replies in {seconds} s", link.replies);
+    });
+    played.outcome();
+}
+
+#[expect(clippy::disallowed_methods, reason = "a bound for a busy machine")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+/// The link of a process that sends each join ten times, and counts the replies.
+struct Counting {
+    inner: AgentsEnd,
+    replies: usize,
+}
+
+impl ServerTransport for Counting {
+    fn send_join(&mut self, join: &Join) {
+        (0..10).for_each(|_| self.inner.send_join(join));
+    }
+
+    fn send_command(&mut self, command: &Command) {
+        self.inner.send_command(command);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
+        let received = self.inner.receive(timeout);
+        self.replies += usize::from(matches!(&received, Some(Inbound::JoinReply(reply)) if reply.instance == 1));
+        received
     }
 }
 

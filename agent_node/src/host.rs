@@ -39,8 +39,12 @@ pub use authentication::Credentials;
 use map_publisher::PublishedMap;
 pub use options::{Options, RunError};
 
-/// Wall time between two attempts to join.
+/// Wall time between two of the first attempts to join.
 const JOIN_PERIOD: Duration = Duration::from_millis(200);
+
+/// How many attempts those are; more follow each [`PROBE_PERIOD`], so that a team that is too large
+/// for them to be answered in time does not make it worse.
+const QUICK_JOINS: u32 = 5;
 
 /// Wall time without messages after which the server is probed, and between two probes.
 const PROBE_PERIOD: Duration = Duration::from_secs(1);
@@ -154,6 +158,8 @@ struct Host<T> {
     server_timeout: Duration,
     agents: BTreeMap<AgentId, HostedAgent>,
     joined_last: Option<Instant>,
+    /// Attempts to join since the first one, or since the lowest agent is decided.
+    attempts: u32,
     /// Duration without messages from the server.
     silence: Duration,
     polled_at: Instant,
@@ -226,6 +232,7 @@ impl<T: ServerTransport> Host<T> {
             server_timeout,
             agents,
             joined_last: None,
+            attempts: 0,
             silence: Duration::ZERO,
             polled_at,
             timeout: RECEIVE_TIMEOUT,
@@ -252,7 +259,7 @@ impl<T: ServerTransport> Host<T> {
         let is_joining = self.agents.values().any(|hosted| !hosted.is_accepted);
         let is_server_silent = self.silence >= PROBE_PERIOD || self.other_run.is_some();
         let now = self.transport.now();
-        let period = if is_joining { JOIN_PERIOD } else { PROBE_PERIOD };
+        let period = if is_joining && self.attempts < QUICK_JOINS { JOIN_PERIOD } else { PROBE_PERIOD };
         if !(is_joining || is_server_silent) || self.joined_last.is_some_and(|last| now.duration_since(last) < period) {
             return;
         }
@@ -264,6 +271,7 @@ impl<T: ServerTransport> Host<T> {
             self.transport.send_signed_join(&self.authentication.join(join, self.transport.source()));
         }
         self.joined_last = Some(now);
+        self.attempts += 1;
     }
 
     fn handle(&mut self, message: Inbound) -> Result<(), RunError> {
@@ -331,7 +339,7 @@ impl<T: ServerTransport> Host<T> {
         if reply.code == JoinReply::HELD {
             let is_new = !std::mem::replace(&mut hosted.is_held, true);
             if leads_others && is_new {
-                self.joined_last = None;
+                (self.joined_last, self.attempts) = (None, 0);
             }
             return Ok(());
         }
@@ -346,7 +354,7 @@ impl<T: ServerTransport> Host<T> {
         if !std::mem::replace(&mut hosted.is_accepted, true) {
             hosted.key = key;
             if leads_others {
-                self.joined_last = None;
+                (self.joined_last, self.attempts) = (None, 0);
             }
             self.transport.log(agent, Level::Info, &format!("takes part with {}", hosted.label));
         }

@@ -35,6 +35,7 @@ struct Server {
     says: Vec<Inbound>,
     replies: usize,
     joins: Vec<Join>,
+    joined_at: Vec<Instant>,
     answers: Vec<Command>,
     /// The message authentication codes of signed answers.
     codes: Vec<Bytes>,
@@ -46,6 +47,8 @@ struct Server {
     agents: u32,
     /// Whether the first join is answered with `HELD`.
     is_held: bool,
+    /// Silence after which the process ends.
+    timeout: Duration,
     /// Passes only while the server is silent, so that a busy machine decides no test.
     now: Instant,
 }
@@ -59,7 +62,9 @@ impl Server {
     fn saying(says: Vec<Inbound>, replies: usize) -> Self {
         let says = says.into_iter().rev().collect();
         let (joins, answers, codes, now) = (Vec::new(), Vec::new(), Vec::new(), any_instant());
-        Self { says, replies, joins, answers, codes, key: NONE, credentials: None, agents: 1, is_held: false, now }
+        let (joined_at, timeout, key) = (Vec::new(), Duration::from_millis(1), NONE);
+        let (credentials, agents, is_held) = (None, 1, false);
+        Self { says, replies, joins, joined_at, answers, codes, key, credentials, agents, is_held, timeout, now }
     }
 
     fn runs(&mut self) -> Result<(), RunError> {
@@ -70,7 +75,7 @@ impl Server {
             settings: Vec::new(),
             instance: 3,
             credentials: self.credentials.clone(),
-            server_timeout: Duration::from_millis(1),
+            server_timeout: self.timeout,
             chaos_delay: Duration::ZERO,
             map_hz: 5.0,
             decision_times: None,
@@ -82,6 +87,7 @@ impl Server {
 impl ServerTransport for Server {
     fn send_join(&mut self, join: &Join) {
         self.joins.push(join.clone());
+        self.joined_at.push(self.now);
         if self.replies > 0 {
             self.replies -= 1;
             let Join { run, agent, instance, .. } = *join;
@@ -113,6 +119,19 @@ impl ServerTransport for Server {
         self.now += if said.is_none() { timeout } else { Duration::ZERO };
         said
     }
+}
+
+/// A server that does not reply is asked less and less often, so that a large team can start.
+#[test]
+fn joins_are_repeated_quickly_at_first_only() {
+    let mut server = Server::saying(vec![scenario(OURS)], 0);
+    server.timeout = Duration::from_secs(10);
+    assert!(matches!(server.runs(), Err(RunError::ServerSilent { .. })));
+    let gaps: Vec<Duration> = server.joined_at.windows(2).map(|pair| pair[1].duration_since(pair[0])).collect();
+    let (quick, slow) = gaps.split_at(QUICK_JOINS as usize - 1);
+    let is_about = |period: Duration| move |gap: &Duration| (period..=period + RECEIVE_TIMEOUT).contains(gap);
+    assert!(quick.iter().all(is_about(JOIN_PERIOD)), "{gaps:?}");
+    assert!(slow.len() > 5 && slow.iter().all(is_about(PROBE_PERIOD)), "{gaps:?}");
 }
 
 #[test]

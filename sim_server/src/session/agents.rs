@@ -13,7 +13,7 @@ mod resend_timer;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{PROTOCOL, RECORDED_PROTOCOL};
@@ -43,6 +43,11 @@ const POLL_PERIOD_MIN: Duration = Duration::from_millis(1);
 /// Longest wall time between two polls that counts towards a timeout. A longer gap means that this
 /// process was stopped, for which no agent is to blame.
 const POLL_GAP_MAX: Duration = Duration::from_millis(200);
+
+/// Wall time in which a process that repeats its join is not answered again: the reply is on its
+/// way, to all processes. A large team that is answered more often than they can receive never
+/// starts.
+const REPLY_PERIOD: Duration = Duration::from_millis(900);
 
 /// Refusals of one kind that are reported; further ones are only counted, because an agent may
 /// flood.
@@ -169,6 +174,8 @@ pub(super) struct AgentSessions {
     answered_by_predecessor: BTreeSet<AgentId>,
     /// Agents to which an observation may have to be sent.
     to_prompt: BTreeSet<AgentId>,
+    /// By agent: the instance that was accepted last, and when it was told so.
+    replied: BTreeMap<AgentId, (u64, Instant)>,
     /// The instances of processes that have started themselves again: they stalled.
     restarted: BTreeSet<u64>,
     /// An agent that answered a replayed observation differently: agent, tick, and the difference.
@@ -199,6 +206,7 @@ impl AgentSessions {
             contenders: BTreeMap::new(),
             answered_by_predecessor: BTreeSet::new(),
             to_prompt: BTreeSet::new(),
+            replied: BTreeMap::new(),
             restarted: BTreeSet::new(),
             divergence: None,
             resend_timer: ResendTimer::default(),

@@ -14,13 +14,15 @@
 //!
 //! Invariant: a refused message changes nothing but its counter.
 
+use std::time::Instant;
+
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Join, JoinReply, SignedCommand, SignedJoin};
 use msgs::signing::NONE;
 
 use super::observation_log::Recall;
-use super::{AgentSessions, CommandReply, REFUSAL_REPORTS_MAX, WaitContext};
+use super::{AgentSessions, CommandReply, REFUSAL_REPORTS_MAX, REPLY_PERIOD, WaitContext};
 use crate::transport::{Inbound, Incoming};
 use simulation::lockstep::{Barrier, JoinRequest, Lease, Refusal, SourceId};
 use simulation::wire;
@@ -176,6 +178,15 @@ impl AgentSessions {
         let is_of_member = |lease: &Lease| lease.instance == instance && !self.membership.is_given_up(lease.source);
         if granted.is_err() && self.membership.lease(AgentId(agent)).is_some_and(is_of_member) {
             return;
+        }
+        let now = context.transport.now();
+        let is_answered =
+            |&(told, at): &(u64, Instant)| told == instance && now.saturating_duration_since(at) < REPLY_PERIOD;
+        if granted.is_ok() && self.replied.get(&AgentId(agent)).is_some_and(is_answered) {
+            return;
+        }
+        if granted.is_ok() {
+            self.replied.insert(AgentId(agent), (instance, now));
         }
         let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
         let code = granted.as_ref().err().map_or(JoinReply::NONE, Refusal::code);
