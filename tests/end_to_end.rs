@@ -102,9 +102,10 @@ mod rerun;
 
 /// The Foxglove server: live stream, control, served recordings.
 mod foxglove_server;
+/// The viewer in a browser.
+mod unix_sockets;
 /// Attacks on the page and the WebSocket, each without effect.
 mod view_attacks;
-/// The viewer in a browser.
 mod viewer;
 
 /// Foreign crates: licences, duplicate versions, sources, features.

@@ -36,13 +36,19 @@ fn cyclone_observer(site: &Site) -> Process {
 
 #[test]
 fn observers_of_three_kinds_do_not_change_the_run() {
+    observers_receive_everything(&[]);
+}
+
+/// Fails unless observers of three kinds receive everything of a run, which is the undisturbed one.
+#[track_caller]
+pub(crate) fn observers_receive_everything(flags: &[&str]) {
     let site = Site::new();
     let mut observer = observer(&site, &[]);
     let mut cyclone_observer = cyclone_observer(&site);
     let whole = site.record(&[&["--transport", "memory", "--duration", "600"][..], &FLAGS].concat());
 
-    let mut run_sh = site.run_sh(&[&["--duration", "600", "--rtf", "2", "--record", "run.mcap"][..], &FLAGS].concat());
-    let mut run = site.start(&mut run_sh);
+    let paced = ["--duration", "600", "--rtf", "2", "--record", "run.mcap"];
+    let mut run = site.start(&mut site.run_sh(&[&paced[..], &FLAGS, flags].concat()));
     observer.prints("received everything");
     observer.ended().with_code(0);
     cyclone_observer.prints("received everything");

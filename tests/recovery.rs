@@ -24,14 +24,14 @@ const FLAGS: [&str; 14] = [
 ];
 
 /// Paces a run that a test lets end by itself.
-const PACED: [&str; 6] = ["--rtf", "60", "--decision-timeout", "2", "--record", "run.mcap"];
+pub(crate) const PACED: [&str; 6] = ["--rtf", "60", "--decision-timeout", "2", "--record", "run.mcap"];
 
 /// Paces a run that a test interrupts.
 const SLOW: [&str; 6] = ["--rtf", "10", "--decision-timeout", "2", "--record", "run.mcap"];
 
 const HELD: &str = "the clock is held until they are started again";
 
-fn started(site: &Site, pace: &[&str]) -> Run {
+pub(crate) fn started(site: &Site, pace: &[&str]) -> Run {
     let mut run = site.start(&mut site.run_sh(&[&FLAGS[..], pace].concat()));
     run.is_under_way(&site.path("run.mcap"));
     run
@@ -44,7 +44,7 @@ fn undisturbed(site: &Site) -> Vec<u8> {
 
 /// Fails unless the run ends with the recording of the undisturbed one.
 #[track_caller]
-fn assert_undisturbed(site: &Site, run: Run) {
+pub(crate) fn assert_undisturbed(site: &Site, run: Run) {
     run.ended().with_code(0);
     assert_same(site, &undisturbed(site));
 }

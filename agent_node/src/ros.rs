@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::Duration;
 
+use msgs::cdr::{self, CdrError};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Scenario, SignedCommand, SignedJoin, SignedObservation};
 use msgs::parameters::{Named, Parameter};
@@ -21,20 +22,30 @@ use msgs::visualization_msgs::Marker;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{
-    Context, Inbox, Node, Publisher, RosError, Sample, SharedParameters, SubscriptionTracker, ThrottledWarning, linger,
-    now, own_source,
+    Connected, Context, Inbox, MessageKind, Node, Publisher, RosError, Sample, SharedParameters, SocketSample, Sockets,
+    SubscriptionTracker, ThrottledWarning, linger, now, own_source,
 };
+use serde::Serialize;
 
 use crate::parameters;
 use crate::transport::{Inbound, Level, ServerTransport};
+
+/// Numbers of blocks in [`RosTransport::subscriptions`], after the maps.
+const COMMANDS: usize = 1;
+const JOINS: usize = 2;
 
 /// The agents of a process as nodes of a ROS 2 network.
 pub struct RosTransport {
     /// Messages, and `None` for those handled already.
     inbox: Inbox<Result<Option<Inbound>, String>>,
+    server: Server,
+    /// Whether it was tried to connect to the server by a socket.
+    has_tried_socket: bool,
+    /// The server, while it is connected by a socket.
+    connected: Connected,
     agents: Vec<AgentEndpoints>,
     ignored: ThrottledWarning,
-    /// The subscriptions to the maps, by agent.
+    /// The subscriptions to the maps, commands and joins, in blocks in the order of `agents`.
     subscriptions: SubscriptionTracker,
     observers: BTreeMap<AgentId, u64>,
     context: Context,
@@ -63,7 +74,7 @@ impl RosTransport {
         let (context, mut workshop) = ros_node::join(env, false)?;
         let mut inbox = Inbox::default();
         let mut agents = Vec::new();
-        let server = Server::default();
+        let (server, connected) = (Server::default(), Connected::default());
         for &agent in ids {
             let name = format!("agent_{agent}");
             let mut node = ros_node::node(&context, &name)?;
@@ -83,16 +94,24 @@ impl RosTransport {
                     Ok(Some(Inbound::Scenario(scenario)))
                 })?;
                 let server = server.clone();
+                let connected = connected.clone();
                 workshop.subscribe(
                     &mut node,
                     &topics::join_reply(),
                     &mut inbox,
-                    move |sample: Sample<JoinReply>| server.message(sample).map(Inbound::JoinReply).map(Some),
+                    move |sample: Sample<JoinReply>| {
+                        let is_for_others = connected.contains(&sample.source);
+                        if is_for_others { Ok(None) } else { server.message(sample).map(Inbound::JoinReply).map(Some) }
+                    },
                 )?;
             }
-            let server = server.clone();
+            let (server, connected) = (server.clone(), connected.clone());
             let observations = topics::signed_observation(agent).unacknowledged();
             workshop.subscribe(&mut node, &observations, &mut inbox, move |sample| {
+                // It comes over the socket as well.
+                if connected.contains(&sample.source) {
+                    return Ok(None);
+                }
                 observation(agent, server.message(sample)?).map(Inbound::SignedObservation).map(Some)
             })?;
             let join = workshop.publisher(&mut node, &topics::signed_join(agent))?;
@@ -111,14 +130,63 @@ impl RosTransport {
             }
             agents.push(AgentEndpoints { agent, join, command, belief, rosout, parameters, node });
         }
-        let map_topics: Vec<_> = ids.iter().map(|&agent| topics::belief(agent)).collect();
-        let subscriptions = SubscriptionTracker::new(&map_topics);
+        let blocks = [topics::belief, topics::command, topics::join];
+        let tracked: Vec<_> = blocks.iter().flat_map(|topic| ids.iter().map(|&agent| topic(agent))).collect();
+        let subscriptions = SubscriptionTracker::new(&tracked);
         let ignored = ThrottledWarning::new("message ignored".to_owned());
-        Ok(RosTransport { inbox, agents, ignored, subscriptions, observers: BTreeMap::new(), context })
+        Ok(RosTransport {
+            inbox,
+            server,
+            has_tried_socket: false,
+            connected,
+            agents,
+            ignored,
+            subscriptions,
+            observers: BTreeMap::new(),
+            context,
+        })
+    }
+
+    /// Connects to the server by a socket once it is known. A server that has none for this
+    /// process, on another machine for example, has its topics.
+    fn connect(&mut self) {
+        let Some(server) = self.server.0.get().filter(|_| !self.has_tried_socket) else { return };
+        self.has_tried_socket = true;
+        let agents = self.agents.iter().map(|endpoints| endpoints.agent);
+        if let Ok(sockets) = Sockets::connect(server, own_source(&self.context), agents, &self.connected)
+            && let Err(error) = self.inbox.set_sockets(sockets, over_socket)
+        {
+            self.ignored.add(&error);
+        }
+    }
+
+    fn poll_subscriptions(&mut self) {
+        if self.subscriptions.poll(&self.context) {
+            let numbered = self.agents.iter().enumerate();
+            self.observers = numbered
+                .filter_map(|(number, endpoints)| Some((endpoints.agent, self.subscriptions.arrivals(number)?)))
+                .collect();
+        }
     }
 
     fn endpoints(&mut self, agent: AgentId) -> Option<&mut AgentEndpoints> {
         self.agents.iter_mut().find(|endpoints| endpoints.agent == agent)
+    }
+
+    fn number(&self, agent: AgentId) -> Option<usize> {
+        self.agents.iter().position(|endpoints| endpoints.agent == agent)
+    }
+
+    /// Sends a message of an agent over the socket, if there is one; returns whether it is to be
+    /// published as well.
+    fn send<M: Serialize>(&mut self, kind: MessageKind, number: usize, message: &M) -> bool {
+        let agent = self.agents[number].agent;
+        if !self.inbox.sockets().is_some_and(|sockets| sockets.send(kind, agent, message)) {
+            return true;
+        }
+        self.poll_subscriptions();
+        let block = if kind == MessageKind::Join { JOINS } else { COMMANDS };
+        self.subscriptions.has_other_subscribers(block * self.agents.len() + number, &self.connected)
     }
 }
 
@@ -132,13 +200,17 @@ impl ServerTransport for RosTransport {
     }
 
     fn send_signed_join(&mut self, signed: &SignedJoin) {
-        if let Some(endpoints) = self.endpoints(AgentId(signed.join.agent)) {
+        let Some(number) = self.number(AgentId(signed.join.agent)) else { return };
+        if self.send(MessageKind::Join, number, signed) {
+            let endpoints = &mut self.agents[number];
             endpoints.join.publish(&mut endpoints.node, signed);
         }
     }
 
     fn send_signed_command(&mut self, signed: &SignedCommand) {
-        if let Some(endpoints) = self.endpoints(AgentId(signed.command.agent)) {
+        let Some(number) = self.number(AgentId(signed.command.agent)) else { return };
+        if self.send(MessageKind::Command, number, signed) {
+            let endpoints = &mut self.agents[number];
             endpoints.command.publish(&mut endpoints.node, signed);
         }
     }
@@ -148,12 +220,7 @@ impl ServerTransport for RosTransport {
     }
 
     fn observers(&mut self) -> Option<&BTreeMap<AgentId, u64>> {
-        if self.subscriptions.poll(&self.context) {
-            let numbered = self.agents.iter().enumerate();
-            self.observers = numbered
-                .filter_map(|(number, endpoints)| Some((endpoints.agent, self.subscriptions.arrivals(number)?)))
-                .collect();
-        }
+        self.poll_subscriptions();
         (!self.observers.is_empty()).then_some(&self.observers)
     }
 
@@ -182,7 +249,10 @@ impl ServerTransport for RosTransport {
             match self.inbox.receive(left)? {
                 Ok(None) => {}
                 Ok(Some(Inbound::JoinReply(reply))) if self.endpoints(AgentId(reply.agent)).is_none() => {}
-                Ok(Some(message)) => return Some(message),
+                Ok(Some(message)) => {
+                    self.connect();
+                    return Some(message);
+                }
                 Err(reason) => self.ignored.add(&reason),
             }
             if left.is_zero() {
@@ -225,6 +295,19 @@ impl Server {
             return Err(format!("participant {source:02x?} is not the server of this run"));
         }
         message(sample)
+    }
+}
+
+/// A message that has come over the socket of the server.
+fn over_socket(sample: SocketSample<'_>) -> Result<Option<Inbound>, String> {
+    let undecodable = |error: CdrError| error.to_string();
+    match sample.kind {
+        MessageKind::JoinReply => Ok(Some(Inbound::JoinReply(cdr::decode(sample.bytes).map_err(undecodable)?))),
+        MessageKind::Observation => {
+            let signed = cdr::decode(sample.bytes).map_err(undecodable)?;
+            observation(sample.agent, signed).map(Inbound::SignedObservation).map(Some)
+        }
+        MessageKind::Join | MessageKind::Command => Ok(None),
     }
 }
 

@@ -80,6 +80,15 @@ pub fn encode<T: Serialize>(message: &T) -> Vec<u8> {
 /// derives `Serialize` from plain fields does.
 pub fn encode_into<T: Serialize>(bytes: &mut Vec<u8>, message: &T) {
     bytes.clear();
+    append(bytes, message);
+}
+
+/// Adds the bytes of `message` to `bytes`, with the header. What comes before has no influence on
+/// the padding.
+///
+/// # Panics
+/// As [`encode_into`].
+pub fn append<T: Serialize>(bytes: &mut Vec<u8>, message: &T) {
     bytes.extend_from_slice(&HEADER_LE);
     cdr_encoding::to_writer::<T, LittleEndian, _>(bytes, message)
         .expect("writing to memory succeeds, and every sequence of a message knows its length");
@@ -194,6 +203,16 @@ mod tests {
         let mut bytes = vec![7; 100];
         encode_into(&mut bytes, &Time { sec: -1, nanosec: 2 });
         assert_eq!(bytes, [0, 1, 0, 0, 255, 255, 255, 255, 2, 0, 0, 0]);
+    }
+
+    #[test]
+    fn what_comes_before_has_no_influence_on_the_padding() {
+        let parcel = Parcel { agent: 1, kind: 2, data: vec![8, 9].into() };
+        for before in 0..8 {
+            let mut bytes = vec![7; before];
+            append(&mut bytes, &parcel);
+            assert_eq!(bytes, [vec![7; before], encode(&parcel)].concat());
+        }
     }
 
     #[test]

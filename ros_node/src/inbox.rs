@@ -1,20 +1,25 @@
-//! Subscriptions and services that are waited for together.
+//! Subscriptions, services and sockets that are waited for together.
 //!
 //! Invariants: they are served in turn, so that one busy topic does not starve the others;
 //! undecodable bytes are an error that stops nothing; every sample carries the participant that
 //! sent it.
 
 use std::collections::VecDeque;
+use std::io::{self, Read, Write};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::net::UnixStream;
 use std::pin::pin;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
 use std::time::Duration;
 
+use nix::poll::PollTimeout;
 use rustdds::RTPSEntity;
 use serde::{Deserialize, Deserializer};
 
 use super::network::{Context, Network};
 use super::now;
+use super::unix_sockets::{SocketSample, Sockets};
 use msgs::message::Message;
 
 /// A sample of a topic.
@@ -26,10 +31,11 @@ pub struct Sample<M> {
     pub source: [u8; 16],
 }
 
-/// Subscriptions and services that are waited for together.
+/// Subscriptions, services and sockets that are waited for together.
 pub struct Inbox<T> {
     ready: Arc<Ready>,
     subscriptions: Vec<Subscription<T>>,
+    sockets: Option<SocketInbox<T>>,
 }
 
 struct Subscription<T> {
@@ -40,9 +46,20 @@ struct Subscription<T> {
 /// Takes the next sample of a subscription, or registers the waker with it.
 pub(super) type Take<T> = Box<dyn Fn(&mut TaskContext<'_>) -> Poll<T>>;
 
+struct SocketInbox<T> {
+    sockets: Sockets,
+    convert: Box<dyn Fn(SocketSample<'_>) -> T>,
+    /// Subscriptions that were asked since the sockets were looked at.
+    asked: u32,
+}
+
+/// Subscriptions that are asked before the sockets are looked at again, so that a flood on topics
+/// does not keep away what comes over them.
+const ASKED_MAX: u32 = 16;
+
 impl<T> Default for Inbox<T> {
     fn default() -> Self {
-        Inbox { ready: Arc::default(), subscriptions: Vec::new() }
+        Inbox { ready: Arc::default(), subscriptions: Vec::new(), sockets: None }
     }
 }
 
@@ -54,11 +71,37 @@ impl<T> Inbox<T> {
         self.ready.push(number);
     }
 
+    /// Adds sockets to what is waited for, which yield `convert(sample)`.
+    ///
+    /// # Errors
+    /// If the system has no more file descriptors.
+    pub fn set_sockets(
+        &mut self,
+        sockets: Sockets,
+        convert: impl Fn(SocketSample<'_>) -> T + 'static,
+    ) -> io::Result<()> {
+        self.ready.wake_by_pipe()?;
+        self.sockets = Some(SocketInbox { sockets, convert: Box::new(convert), asked: 0 });
+        Ok(())
+    }
+
+    /// The sockets, if there are any.
+    pub fn sockets(&mut self) -> Option<&mut Sockets> {
+        self.sockets.as_mut().map(|inbox| &mut inbox.sockets)
+    }
+
     /// The next item, or `None` after the timeout.
     pub fn receive(&mut self, timeout: Duration) -> Option<T> {
         let begun = now();
         loop {
-            let number = self.ready.next(timeout.saturating_sub(begun.elapsed()))?;
+            let left = || timeout.saturating_sub(begun.elapsed());
+            let number = match &mut self.sockets {
+                None => self.ready.next(left())?,
+                Some(inbox) => match inbox.next(&self.ready, left)? {
+                    Next::Item(item) => return Some(item),
+                    Next::Subscription(number) => number,
+                },
+            };
             let subscription = &self.subscriptions[number];
             if let Poll::Ready(taken) = (subscription.take)(&mut TaskContext::from_waker(&subscription.waker)) {
                 self.ready.push(number);
@@ -68,26 +111,112 @@ impl<T> Inbox<T> {
     }
 }
 
+/// What there is next.
+enum Next<T> {
+    Item(T),
+    /// A subscription that may have something.
+    Subscription(usize),
+}
+
+impl<T> SocketInbox<T> {
+    /// What the sockets or else the subscriptions have next; `None` when no time is left. Sockets
+    /// are read when they are looked at, and only then, so that they do not keep away what comes
+    /// over topics either.
+    fn next(&mut self, ready: &Ready, left: impl Fn() -> Duration) -> Option<Next<T>> {
+        if self.asked >= ASKED_MAX {
+            self.look(ready, Duration::ZERO);
+        }
+        let mut is_over = false;
+        loop {
+            if let Some(item) = self.sockets.next(&self.convert) {
+                return Some(Next::Item(item));
+            }
+            if let Some(number) = ready.next_now() {
+                self.asked += 1;
+                return Some(Next::Subscription(number));
+            }
+            if is_over {
+                return None;
+            }
+            let left = left();
+            is_over = left.is_zero();
+            self.look(ready, left);
+        }
+    }
+
+    /// Looks at the sockets, and waits for them unless a subscription is ready.
+    fn look(&mut self, ready: &Ready, left: Duration) {
+        self.asked = 0;
+        // Milliseconds, and more rather than less.
+        let left = PollTimeout::try_from(left.as_micros().div_ceil(1000)).unwrap_or(PollTimeout::MAX);
+        ready.wait_with(|pipe, is_ready| self.sockets.wait(pipe, if is_ready { PollTimeout::ZERO } else { left }));
+    }
+}
+
 /// The subscriptions that may have a sample, in the order in which they are polled.
 #[derive(Default)]
 struct Ready {
-    numbers: Mutex<VecDeque<usize>>,
+    state: Mutex<ReadyState>,
     changed: Condvar,
+    /// Wakes who waits for sockets as well: where it waits, and where the others write.
+    pipe: OnceLock<(UnixStream, UnixStream)>,
+}
+
+#[derive(Default)]
+struct ReadyState {
+    numbers: VecDeque<usize>,
+    /// Whether the inbox waits for the pipe.
+    waits_for_pipe: bool,
 }
 
 impl Ready {
     fn push(&self, number: usize) {
-        self.lock().push_back(number);
+        let mut state = self.lock();
+        state.numbers.push_back(number);
+        let waits_for_pipe = std::mem::take(&mut state.waits_for_pipe);
+        drop(state);
         self.changed.notify_one();
+        if waits_for_pipe && let Some((_, write)) = self.pipe.get() {
+            // One byte at a time is in the pipe, so there is room for it.
+            drop((&*write).write(&[0]));
+        }
     }
 
     fn next(&self, timeout: Duration) -> Option<usize> {
-        let waited = self.changed.wait_timeout_while(self.lock(), timeout, |numbers| numbers.is_empty());
-        waited.unwrap_or_else(PoisonError::into_inner).0.pop_front()
+        let waited = self.changed.wait_timeout_while(self.lock(), timeout, |state| state.numbers.is_empty());
+        waited.unwrap_or_else(PoisonError::into_inner).0.numbers.pop_front()
     }
 
-    fn lock(&self) -> MutexGuard<'_, VecDeque<usize>> {
-        self.numbers.lock().unwrap_or_else(PoisonError::into_inner)
+    fn next_now(&self) -> Option<usize> {
+        self.lock().numbers.pop_front()
+    }
+
+    /// Opens the pipe.
+    fn wake_by_pipe(&self) -> io::Result<()> {
+        let (read, write) = UnixStream::pair()?;
+        read.set_nonblocking(true)?;
+        write.set_nonblocking(true)?;
+        drop(self.pipe.set((read, write)));
+        Ok(())
+    }
+
+    /// Calls `wait` with the pipe and whether a subscription is ready. It waits until the pipe can
+    /// be read, unless one is ready, and returns whether it can.
+    fn wait_with(&self, wait: impl FnOnce(BorrowedFd<'_>, bool) -> bool) {
+        let Some((read, _)) = self.pipe.get() else { return };
+        let mut state = self.lock();
+        let is_ready = !state.numbers.is_empty();
+        state.waits_for_pipe = !is_ready;
+        drop(state);
+        let is_woken = wait(read.as_fd(), is_ready);
+        self.lock().waits_for_pipe = false;
+        if is_woken {
+            drop((&*read).read(&mut [0; 8]));
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, ReadyState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -178,6 +307,49 @@ mod tests {
         std::thread::scope(|scope| {
             scope.spawn(move || waker.wake());
             assert_eq!(inbox.receive(Duration::from_secs(60)), Some(2));
+        });
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn sockets_and_subscriptions_keep_each_other_from_nothing() {
+        use crate::unix_sockets::{Connected, MessageKind};
+        use msgs::ids::AgentId;
+
+        let (server, connected) = ([0xee; 16], Connected::default());
+        // A subscription that always has something.
+        let mut inbox = inbox_of(0..1);
+        inbox.set_sockets(Sockets::listen(server, &connected).unwrap(), |_| 1).unwrap();
+        let mut agent = Sockets::connect(server, [1; 16], [AgentId(0)], &connected).unwrap();
+        let sent = 100;
+        for _ in 0..sent {
+            assert!(agent.send(MessageKind::Command, AgentId(0), &Clock::default()));
+        }
+        drop(agent);
+        let received: Vec<_> = (0..10 * sent).map(|_| inbox.receive(Duration::ZERO).unwrap()).collect();
+        assert_eq!(received.iter().filter(|&&item| item == 1).count(), sent);
+        assert!(received[..sent].contains(&1) && received[..sent].contains(&0));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_wake_ends_a_wait_for_sockets() {
+        let mut inbox = Inbox::default();
+        let left = Arc::new(Mutex::new(None));
+        let waker = Arc::clone(&left);
+        inbox.add(Box::new(move |context: &mut TaskContext<'_>| {
+            match waker.lock().unwrap().replace(context.waker().clone()) {
+                None => Poll::Pending,
+                Some(_) => Poll::Ready(7),
+            }
+        }));
+        let connected = crate::unix_sockets::Connected::default();
+        inbox.set_sockets(Sockets::listen([0xef; 16], &connected).unwrap(), |_| 0).unwrap();
+        assert_eq!(inbox.receive(Duration::from_millis(1)), None);
+        let waker = left.lock().unwrap().clone().unwrap();
+        std::thread::scope(|scope| {
+            scope.spawn(move || waker.wake());
+            assert_eq!(inbox.receive(Duration::from_secs(60)), Some(7));
         });
     }
 

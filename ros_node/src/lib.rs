@@ -1,5 +1,5 @@
-//! The ROS 2 client of both processes: one participant, publishers that never block, and an inbox
-//! that multiplexes subscriptions and services.
+//! The ROS 2 client of both processes: one participant, publishers that never block, an inbox that
+//! multiplexes subscriptions and services, and Unix sockets for what a tick waits for.
 //!
 //! The transports of `sim_server` and `agent_node` build on this crate, which alone names the
 //! libraries of the middleware: DDS (`ros2-client` over RustDDS), and with the feature `zenoh` also
@@ -21,6 +21,7 @@ mod services;
 mod static_peers;
 mod subscription_tracker;
 mod type_hash;
+mod unix_sockets;
 #[cfg(feature = "zenoh")]
 mod zenoh;
 
@@ -45,6 +46,7 @@ pub use inbox::{Inbox, Sample, own_source};
 pub use network::{Context, EndpointFactory, Node, Publisher, join, node};
 pub use parameters::Shared as SharedParameters;
 pub use subscription_tracker::SubscriptionTracker;
+pub use unix_sockets::{Connected, MessageKind, SocketSample, Sockets};
 
 /// Minimum wall time between two warnings about one subject.
 const REPORT_PERIOD: Duration = Duration::from_secs(5);

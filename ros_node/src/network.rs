@@ -1,11 +1,13 @@
 //! This process in a ROS network: its context, its nodes, and the factory of its endpoints. Each is
 //! of the middleware that the environment names.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use msgs::message::Message;
 use msgs::topics::Topic;
-use rustdds::DomainParticipant;
+use rustdds::{DomainParticipant, StatusEvented};
 use serde::Serialize;
 
 use super::inbox::{self, Decoded, Inbox, Sample};
@@ -22,6 +24,8 @@ const ENDPOINTS_PER_BATCH: usize = 32;
 #[derive(Clone)]
 pub struct Context {
     pub(super) network: Network,
+    /// Events of discovery so far.
+    events: Arc<AtomicU64>,
 }
 
 /// The network of a middleware.
@@ -64,7 +68,7 @@ pub fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context, Endpoi
         #[cfg(feature = "zenoh")]
         Middleware::Zenoh => (Network::Zenoh(zenoh::Session::open(env)?), Duration::ZERO),
     };
-    let context = Context { network };
+    let context = Context { network, events: Arc::default() };
     Ok((context.clone(), EndpointFactory { made: 0, context, announcement_time }))
 }
 
@@ -94,6 +98,20 @@ impl Context {
             }
             #[cfg(feature = "zenoh")]
             Network::Zenoh(session) => session.publishers(&topic.name),
+        }
+    }
+
+    /// How many events of discovery there were; as long as it stays the same, so do the endpoints
+    /// of others. `None`: the middleware does not say.
+    pub(super) fn discovery_events(&self) -> Option<u64> {
+        match &self.network {
+            Network::Dds(context) => {
+                let listener = context.domain_participant().status_listener();
+                let new = std::iter::from_fn(|| listener.try_recv_status()).count() as u64;
+                Some(self.events.fetch_add(new, Ordering::Relaxed) + new)
+            }
+            #[cfg(feature = "zenoh")]
+            Network::Zenoh(_) => None,
         }
     }
 

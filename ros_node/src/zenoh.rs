@@ -90,8 +90,8 @@ impl Session {
         self.0.graph.publishers(topic)
     }
 
-    /// The subscriptions of other sessions: their topics and ids.
-    pub(super) fn subscriptions(&self) -> Vec<(String, [u8; 16])> {
+    /// The subscriptions of other sessions: their topics, ids and sessions.
+    pub(super) fn subscriptions(&self) -> Vec<(String, [u8; 16], [u8; 16])> {
         self.0.graph.subscriptions(&self.id())
     }
 

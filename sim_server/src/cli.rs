@@ -162,6 +162,14 @@ pub struct KeyArgs {
         value_name = "true|false",
         num_args = 0..=1,
         default_missing_value = "true",
+        help = meaning("execution.unix_sockets")
+    )]
+    pub unix_sockets: Option<bool>,
+    #[arg(
+        long,
+        value_name = "true|false",
+        num_args = 0..=1,
+        default_missing_value = "true",
         help = meaning("execution.paused")
     )]
     pub paused: Option<bool>,
@@ -207,6 +215,7 @@ impl KeyArgs {
         set("--rtf", "execution.rtf", self.rtf.clone());
         set("--threads", "execution.threads", self.threads.map(Into::into));
         set("--look-ahead", "execution.look_ahead", self.look_ahead.map(Into::into));
+        set("--unix-sockets", "execution.unix_sockets", self.unix_sockets.map(Into::into));
         set("--paused", "execution.paused", self.paused.map(Into::into));
         set("--join-timeout", "execution.join_timeout_s", self.join_timeout.map(Into::into));
         set("--decision-timeout", "execution.decision_timeout_s", self.decision_timeout.map(Into::into));

@@ -8,6 +8,7 @@
 
 mod external_control;
 mod join;
+mod links;
 mod services;
 mod visualisation;
 
@@ -28,7 +29,7 @@ use msgs::signing::NONE;
 use msgs::topics;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
-use ros_node::{Context, Inbox, Node, Publisher, RosError, Sample, linger, own_source};
+use ros_node::{Connected, Context, Inbox, Node, Publisher, RosError, Sample, linger, own_source};
 
 use crate::control::Request;
 use crate::transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
@@ -40,6 +41,7 @@ use simulation::visualisation::{Subscribers, VisualisationMessage, Visualisation
 
 use external_control::ExternalAgents;
 use join::JoinOfAnyVersion;
+use links::Links;
 use services::{ServiceEvent, Services};
 use visualisation::VisualisationPublishers;
 
@@ -85,6 +87,7 @@ pub struct RosTransport {
     other_run: Rc<Cell<Option<u64>>>,
     /// Publishers for agents of this protocol, by agent.
     observations: BTreeMap<AgentId, Publisher<SignedObservation>>,
+    links: Links,
     /// Agents that are controlled with standard messages.
     external: ExternalAgents,
     scenario: Publisher<Scenario>,
@@ -126,16 +129,19 @@ impl RosTransport {
             }
             Item::Handled
         })?;
+        let links = Links::open(run.execution.unix_sockets, agents, &driven, own, &mut inbox);
         let external = ExternalAgents::new(&driven, &mut endpoints, &mut node, &mut inbox, &own_run)?;
         let mut observations = BTreeMap::new();
         for agent in (0..agents).map(AgentId).filter(|agent| !driven.contains(agent)) {
             let joins = topics::signed_join(agent);
+            let connected = links.connected().clone();
             endpoints.subscribe(&mut node, &joins, &mut inbox, move |sample: Sample<JoinOfAnyVersion>| {
-                Item::Agent(Box::new(incoming(agent, sample, |JoinOfAnyVersion(join)| Inbound::SignedJoin(join))))
+                item_over_ros(agent, sample, &connected, |JoinOfAnyVersion(join)| Inbound::SignedJoin(join))
             })?;
             let commands = topics::signed_command(agent).unacknowledged();
+            let connected = links.connected().clone();
             endpoints.subscribe(&mut node, &commands, &mut inbox, move |sample: Sample<SignedCommand>| {
-                Item::Agent(Box::new(incoming(agent, sample, Inbound::SignedCommand)))
+                item_over_ros(agent, sample, &connected, Inbound::SignedCommand)
             })?;
             observations.insert(agent, endpoints.publisher(&mut node, &topics::signed_observation(agent))?);
         }
@@ -153,6 +159,7 @@ impl RosTransport {
             own_run,
             other_run,
             observations,
+            links,
             external,
             scenario,
             join_reply,
@@ -186,7 +193,9 @@ impl AgentTransport for RosTransport {
 
     fn reply_join(&mut self, reply: &JoinReply) {
         self.external.receive_reply(reply);
-        self.join_reply.publish(&mut self.node, reply);
+        if self.links.reply(reply, &mut self.inbox, &self.context) {
+            self.join_reply.publish(&mut self.node, reply);
+        }
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
@@ -195,7 +204,11 @@ impl AgentTransport for RosTransport {
 
     fn send_signed(&mut self, agent: AgentId, part: SignedObservation) {
         match self.observations.get_mut(&agent) {
-            Some(observations) => observations.publish(&mut self.node, &part),
+            Some(observations) => {
+                if self.links.observe(agent, &part, &mut self.inbox, &self.context) {
+                    observations.publish(&mut self.node, &part);
+                }
+            }
             None => {
                 let (node, clock, part) = (&mut self.node, &mut self.clock, &part.observation);
                 self.external.send(node, clock, &mut self.visualisation, agent, part);
@@ -298,6 +311,14 @@ impl Drop for RosTransport {
     fn drop(&mut self) {
         linger(self.visualisation.has_listeners() || self.services.was_called());
     }
+}
+
+/// What came over ROS, unless its sender is connected by a socket: then it comes over that as well.
+fn item_over_ros<M>(agent: AgentId, sample: Sample<M>, connected: &Connected, inbound: impl Fn(M) -> Inbound) -> Item {
+    if connected.contains(&sample.source) {
+        return Item::Handled;
+    }
+    Item::Agent(Box::new(incoming(agent, sample, inbound)))
 }
 
 fn incoming<M>(topic_agent: AgentId, sample: Sample<M>, inbound: impl Fn(M) -> Inbound) -> Incoming {

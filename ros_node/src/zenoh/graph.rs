@@ -45,12 +45,14 @@ impl Graph {
         of_topic.filter_map(|publisher| names::session_bytes(&publisher.session)).collect()
     }
 
-    /// The subscriptions of other sessions: their topics and ids.
-    pub(super) fn subscriptions(&self, own_session: &str) -> Vec<(String, [u8; 16])> {
+    /// The subscriptions of other sessions: their topics, ids and sessions.
+    pub(super) fn subscriptions(&self, own_session: &str) -> Vec<(String, [u8; 16], [u8; 16])> {
         let entities = self.entities.lock();
         let others = entities.iter().filter(|(_, of)| of.session != own_session);
         let subscriptions = others.filter(|(_, of)| of.kind == EndpointKind::Subscription);
-        subscriptions.map(|(gid, of)| (of.topic.clone(), *gid)).collect()
+        subscriptions
+            .map(|(gid, of)| (of.topic.clone(), *gid, names::session_bytes(&of.session).unwrap_or(*gid)))
+            .collect()
     }
 
     /// The session of a publisher, if it is known.

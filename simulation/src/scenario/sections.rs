@@ -239,6 +239,8 @@ pub struct ExecutionSection {
     pub threads: u32,
     /// Whether agents are asked only when they are due. Otherwise they are asked at every tick.
     pub look_ahead: bool,
+    /// Whether observations and commands go over Unix sockets between processes of one machine.
+    pub unix_sockets: bool,
     /// Greatest real-time factor.
     pub rtf: Rtf,
     /// Whether the run starts paused, at tick 0, until a service call resumes it.
@@ -257,6 +259,7 @@ impl Default for ExecutionSection {
         Self {
             threads: 0,
             look_ahead: true,
+            unix_sockets: false,
             rtf: Rtf::MAX,
             paused: false,
             join_timeout_s: 60.0,

@@ -384,6 +384,10 @@ pub const TABLES: [Table; 22] = [
             "threads that cast scans, and execute agents in memory; 0: one for each core", ""),
         key("look_ahead", Boolean, Is("true"), NONE,
             "whether agents are asked only when they are due; otherwise they are asked at every tick", ""),
+        key("unix_sockets", Boolean, Is("false"), NONE,
+            "whether observations and commands go over Unix sockets to the agents of the same machine, and over ROS 2 \
+             only to other machines and observers", "")
+            .limits("on Linux; without effect over memory").see("topics.md#unix-sockets"),
         key("rtf", NumberOrMax, Is("\"max\""), between(1e-3, 1e6),
             "greatest real-time factor: sim seconds per second of wall time; max: as fast as possible", ""),
         key("paused", Boolean, Is("false"), NONE,
