@@ -2,6 +2,7 @@
 
 use crate::support::processes::{Ended, Process, signal};
 use crate::support::recordings::{OLDER_RECORDING, Recording, counter, refusals};
+use crate::support::rtps;
 use crate::support::runs::{Run, Site, scenario};
 
 /// A run of ten minutes of sim time.
@@ -85,6 +86,26 @@ fn only_agent_1_is_there(join_timeout_s: &str) -> bool {
     // The agent that was there receives the end of the run.
     agent.ended().with_code(0);
     true
+}
+
+/// A process that is killed cannot take its leave: others drop it when it has not announced itself
+/// for its lease.
+#[test]
+fn processes_announce_a_lease_of_seconds() {
+    if !ros_node::has_dds_fixes() {
+        eprintln!("NOT TESTED: the published DDS library has a lease of 50 s");
+        return;
+    }
+    let site = Site::new();
+    // Agents announce themselves to the first ids of a domain, and take later ones.
+    let announcements = rtps::first_discovery_socket(site.domain().id());
+    let agent = Process::start(site.binary("agent_node").args(["--id", "1"]));
+    // PID_PARTICIPANT_LEASE_DURATION (RTPS 2.5, table 9.14): seconds, and a fraction.
+    let lease = [[2, 0, 8, 0], [10, 0, 0, 0], [0; 4]].concat();
+    let mut packet = [0; 2048];
+    let length = announcements.recv(&mut packet).expect("the agent announces itself");
+    assert!(packet[..length].windows(lease.len()).any(|bytes| bytes == lease), "{:x?}", &packet[..length]);
+    drop(agent);
 }
 
 #[test]

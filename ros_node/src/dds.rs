@@ -20,6 +20,10 @@ use serde::Serialize;
 use super::ros_env::{DiscoveryRange, RosEnv};
 use super::{RosError, discovery, loopback, now, static_peers, type_hash};
 
+/// Wall time between two announcements of this participant. Others list a process that was killed
+/// for five times as long; with the published DDS library, which announces every 10 s, for 50 s.
+const PRESENCE_PERIOD: Duration = Duration::from_secs(2);
+
 /// Participant ids of a machine that every new participant announces itself to: loopback has no
 /// multicast, so the middleware sends to the ports of the first twelve ids
 /// (`SPDP_LOCALHOST_PEER_COUNT`). Participants with higher ids learn of each other only through
@@ -64,7 +68,7 @@ pub(super) fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context,
     type_hash::announce();
     let participant = |first_id| {
         let builder = static_peers::announce_to(DomainParticipantBuilder::new(env.domain_id), &peers);
-        let builder = first_participant_id(builder, first_id);
+        let builder = with_announcement_period(first_participant_id(builder, first_id), PRESENCE_PERIOD);
         match env.range {
             DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
             DiscoveryRange::Off | DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
@@ -125,6 +129,20 @@ fn first_participant_id(builder: DomainParticipantBuilder, id: u16) -> DomainPar
     }
     impl WithoutFirstId for DomainParticipantBuilder {}
     builder.first_participant_id(id)
+}
+
+/// Sets the wall time between two announcements, which the DDS library can with the fixes of
+/// `contrib/rustdds` only.
+fn with_announcement_period(builder: DomainParticipantBuilder, period: Duration) -> DomainParticipantBuilder {
+    /// As in [`first_participant_id`].
+    trait WithoutPeriod: Sized {
+        #[allow(dead_code, reason = "the copy with the fixes has the method")]
+        fn announcement_period(self, _period: Duration) -> Self {
+            self
+        }
+    }
+    impl WithoutPeriod for DomainParticipantBuilder {}
+    builder.announcement_period(period)
 }
 
 /// UDP port of a participant's unicast discovery traffic (RTPS 2.5, section 9.6.2.3).

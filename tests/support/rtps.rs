@@ -50,7 +50,7 @@ pub(crate) struct FakeParticipant {
 
 /// UDP ports of the unicast discovery traffic of a domain that are open (section 9.6.2.3).
 pub(crate) fn discovery_ports(domain: u16) -> Vec<u16> {
-    let first = 7400 + 250 * domain + 10;
+    let first = first_port(domain);
     let table = fs::read_to_string("/proc/net/udp").expect("Linux lists the sockets");
     let port = |line: &str| {
         let address = line.split_whitespace().nth(1)?;
@@ -61,6 +61,18 @@ pub(crate) fn discovery_ports(domain: u16) -> Vec<u16> {
     open.sort_unstable();
     open.dedup();
     open
+}
+
+/// The socket for the discovery traffic of the first participant id of a domain, which must be
+/// free.
+pub(crate) fn first_discovery_socket(domain: u16) -> UdpSocket {
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, first_port(domain))).expect("the first id is free");
+    socket.set_read_timeout(Some(HANG)).expect("a time-out can be set");
+    socket
+}
+
+fn first_port(domain: u16) -> u16 {
+    7400 + 250 * domain + 10
 }
 
 impl FakeParticipant {
