@@ -44,6 +44,8 @@ pub struct RosTransport {
     /// The server, while it is connected by a socket.
     connected: Connected,
     agents: Vec<AgentEndpoints>,
+    /// On the node of the first agent.
+    rosout: Option<Rosout>,
     ignored: ThrottledWarning,
     /// The subscriptions to the maps, commands and joins, in blocks in the order of `agents`.
     subscriptions: SubscriptionTracker,
@@ -57,7 +59,6 @@ struct AgentEndpoints {
     join: Publisher<SignedJoin>,
     command: Publisher<SignedCommand>,
     belief: Publisher<Marker>,
-    rosout: Rosout,
     parameters: SharedParameters,
     node: Node,
 }
@@ -74,9 +75,10 @@ impl RosTransport {
         let (context, mut workshop) = ros_node::join(env, false)?;
         let mut inbox = Inbox::default();
         let mut agents = Vec::new();
+        let mut rosout = None;
         let (server, connected) = (Server::default(), Connected::default());
         for &agent in ids {
-            let name = format!("agent_{agent}");
+            let name = node_name(agent);
             let mut node = ros_node::node(&context, &name)?;
             if agents.is_empty() {
                 let found = server.clone();
@@ -117,7 +119,9 @@ impl RosTransport {
             let join = workshop.publisher(&mut node, &topics::signed_join(agent))?;
             let command = workshop.publisher(&mut node, &topics::signed_command(agent))?;
             let belief = workshop.publisher(&mut node, &topics::belief(agent))?;
-            let rosout = Rosout::new(&mut workshop, &mut node, &name)?;
+            if rosout.is_none() {
+                rosout = Some(Rosout::new(&mut workshop, &mut node)?);
+            }
             let parameters = SharedParameters::default();
             parameters.borrow_mut().declare(parameters::of_agent(agent));
             if has_parameters {
@@ -128,7 +132,7 @@ impl RosTransport {
                     Err(reason) => Err(reason),
                 })?;
             }
-            agents.push(AgentEndpoints { agent, join, command, belief, rosout, parameters, node });
+            agents.push(AgentEndpoints { agent, join, command, belief, parameters, node });
         }
         let blocks = [topics::belief, topics::command, topics::join];
         let tracked: Vec<_> = blocks.iter().flat_map(|topic| ids.iter().map(|&agent| topic(agent))).collect();
@@ -140,6 +144,7 @@ impl RosTransport {
             has_tried_socket: false,
             connected,
             agents,
+            rosout,
             ignored,
             subscriptions,
             observers: BTreeMap::new(),
@@ -231,8 +236,8 @@ impl ServerTransport for RosTransport {
     }
 
     fn log(&mut self, agent: AgentId, level: Level, text: &str) {
-        if let Some(endpoints) = self.endpoints(agent) {
-            endpoints.rosout.log(&mut endpoints.node, level, text);
+        if let (Some(rosout), Some(first)) = (&mut self.rosout, self.agents.first_mut()) {
+            rosout.log(&mut first.node, &node_name(agent), level, text);
         }
     }
 
@@ -296,6 +301,10 @@ impl Server {
         }
         message(sample)
     }
+}
+
+fn node_name(agent: AgentId) -> String {
+    format!("agent_{agent}")
 }
 
 /// A message that has come over the socket of the server.

@@ -1,4 +1,5 @@
-//! The log of a node, on the topic `/rosout`.
+//! The log of the nodes of a process, on the topic `/rosout`: one publisher for all, because every
+//! endpoint of a large team has to be discovered.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -8,27 +9,24 @@ use msgs::printable;
 use msgs::rcl_interfaces::{Level, Log};
 use msgs::topics;
 
-/// The log publisher of one node.
-pub struct Rosout {
-    publisher: Publisher<Log>,
-    name: String,
-}
+/// The log publisher of a process.
+pub struct Rosout(Publisher<Log>);
 
 impl Rosout {
-    /// Creates the log of the node of this name.
+    /// Creates the publisher, as one of this node.
     ///
     /// # Errors
-    /// If the middleware fails to create the publisher.
-    pub fn new(endpoints: &mut EndpointFactory, node: &mut Node, name: &str) -> Result<Self, RosError> {
-        Ok(Self { publisher: endpoints.publisher(node, &topics::rosout())?, name: name.to_owned() })
+    /// If the middleware fails to create it.
+    pub fn new(endpoints: &mut EndpointFactory, node: &mut Node) -> Result<Self, RosError> {
+        Ok(Self(endpoints.publisher(node, &topics::rosout())?))
     }
 
-    /// Publishes a log message.
-    pub fn log(&mut self, node: &mut Node, level: Level, text: &str) {
+    /// Publishes a log message of the node of this name. `node` is the one that has the publisher.
+    pub fn log(&mut self, node: &mut Node, name: &str, level: Level, text: &str) {
         // Tools print it on terminals.
-        let (name, msg) = (self.name.clone(), printable::text(text).into_owned());
+        let (name, msg) = (name.to_owned(), printable::text(text).into_owned());
         let log = Log { stamp: wall_time(), level: level as u8, name, msg, ..Log::default() };
-        self.publisher.publish(node, &log);
+        self.0.publish(node, &log);
     }
 }
 

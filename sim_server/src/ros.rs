@@ -145,7 +145,7 @@ impl RosTransport {
             })?;
             observations.insert(agent, endpoints.publisher(&mut node, &topics::signed_observation(agent))?);
         }
-        let rosout = Rosout::new(&mut endpoints, &mut node, NODE)?;
+        let rosout = Rosout::new(&mut endpoints, &mut node)?;
         // Created last, so that agents do not wait for visualisation topics.
         let visualisation = VisualisationPublishers::new(&mut endpoints, &mut node, agents, &driven)?;
         let services = Services::of_run(&mut node, &mut endpoints, &mut inbox, parameters::of(run))?;
@@ -271,7 +271,7 @@ impl ObserverOutput for RosTransport {
     }
 
     fn log(&mut self, level: Level, text: &str) {
-        self.rosout.log(&mut self.node, level, text);
+        self.rosout.log(&mut self.node, NODE, level, text);
     }
 }
 
