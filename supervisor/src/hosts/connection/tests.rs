@@ -9,12 +9,15 @@ fn host(launcher: Launcher, binaries: &Path) -> Host {
     Host { name: "a".to_owned(), launcher, share: Share::Of(1.0), binaries: Some(binaries.to_owned()), environment }
 }
 
-/// A program `maes` in a folder of its own.
+/// A program `maes` in a folder of its own. A copy, because this process must not open the program
+/// for writing: a child that another test starts just then would have it open, too, and the system
+/// executes no such file.
 fn maes(script: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let program = folder.path().join("maes");
-    fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
-    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+    let (text, program) = (folder.path().join("text"), folder.path().join("maes"));
+    fs::write(&text, format!("#!/bin/sh\n{script}\n")).unwrap();
+    fs::set_permissions(&text, fs::Permissions::from_mode(0o755)).unwrap();
+    assert!(Command::new("cp").arg(text).arg(program).status().unwrap().success());
     folder
 }
 
