@@ -100,7 +100,7 @@ fn every_process_is_connected() {
 
     let site = Site::new();
     let mut run = slow(&site, &[]);
-    assert_eq!(socket_of(&mut run), None, "nobody has asked for sockets");
+    assert_eq!(socket_of(&mut run), None, "no sockets were asked for");
     assert_undisturbed_so_far(&site, run);
 }
 

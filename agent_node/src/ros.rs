@@ -12,7 +12,6 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::Duration;
 
-use msgs::cdr::{self, CdrError};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Scenario, SignedCommand, SignedJoin, SignedObservation};
 use msgs::parameters::{Named, Parameter};
@@ -41,8 +40,6 @@ pub struct RosTransport {
     server: Server,
     /// Whether it was tried to connect to the server by a socket.
     has_tried_socket: bool,
-    /// The server, while it is connected by a socket.
-    connected: Connected,
     agents: Vec<AgentEndpoints>,
     /// On the node of the first agent.
     rosout: Option<Rosout>,
@@ -76,7 +73,7 @@ impl RosTransport {
         let mut inbox = Inbox::default();
         let mut agents = Vec::new();
         let mut rosout = None;
-        let (server, connected) = (Server::default(), Connected::default());
+        let server = Server::default();
         for &agent in ids {
             let name = node_name(agent);
             let mut node = ros_node::node(&context, &name)?;
@@ -96,25 +93,17 @@ impl RosTransport {
                     Ok(Some(Inbound::Scenario(scenario)))
                 })?;
                 let server = server.clone();
-                let connected = connected.clone();
                 workshop.subscribe(
                     &mut node,
                     &topics::join_reply(),
                     &mut inbox,
-                    move |sample: Sample<JoinReply>| {
-                        let is_for_others = connected.contains(&sample.source);
-                        if is_for_others { Ok(None) } else { server.message(sample).map(Inbound::JoinReply).map(Some) }
-                    },
+                    move |sample: Sample<JoinReply>| Ok(server.message(sample)?.map(Inbound::JoinReply)),
                 )?;
             }
-            let (server, connected) = (server.clone(), connected.clone());
+            let server = server.clone();
             let observations = topics::signed_observation(agent).unacknowledged();
             workshop.subscribe(&mut node, &observations, &mut inbox, move |sample| {
-                // It comes over the socket as well.
-                if connected.contains(&sample.source) {
-                    return Ok(None);
-                }
-                observation(agent, server.message(sample)?).map(Inbound::SignedObservation).map(Some)
+                server.message(sample)?.map(|signed| observation(agent, signed)).transpose()
             })?;
             let join = workshop.publisher(&mut node, &topics::signed_join(agent))?;
             let command = workshop.publisher(&mut node, &topics::signed_command(agent))?;
@@ -142,7 +131,6 @@ impl RosTransport {
             inbox,
             server,
             has_tried_socket: false,
-            connected,
             agents,
             rosout,
             ignored,
@@ -155,10 +143,10 @@ impl RosTransport {
     /// Connects to the server by a socket once it is known. A server that has none for this
     /// process, on another machine for example, has its topics.
     fn connect(&mut self) {
-        let Some(server) = self.server.0.get().filter(|_| !self.has_tried_socket) else { return };
+        let Some(server) = self.server.source.get().filter(|_| !self.has_tried_socket) else { return };
         self.has_tried_socket = true;
         let agents = self.agents.iter().map(|endpoints| endpoints.agent);
-        if let Ok(sockets) = Sockets::connect(server, own_source(&self.context), agents, &self.connected)
+        if let Ok(sockets) = Sockets::connect(server, own_source(&self.context), agents, &self.server.connected)
             && let Err(error) = self.inbox.set_sockets(sockets, over_socket)
         {
             self.ignored.add(&error);
@@ -175,7 +163,8 @@ impl RosTransport {
     }
 
     fn endpoints(&mut self, agent: AgentId) -> Option<&mut AgentEndpoints> {
-        self.agents.iter_mut().find(|endpoints| endpoints.agent == agent)
+        let number = self.number(agent)?;
+        self.agents.get_mut(number)
     }
 
     fn number(&self, agent: AgentId) -> Option<usize> {
@@ -191,7 +180,7 @@ impl RosTransport {
         }
         self.poll_subscriptions();
         let block = if kind == MessageKind::Join { JOINS } else { COMMANDS };
-        self.subscriptions.has_other_subscribers(block * self.agents.len() + number, &self.connected)
+        self.subscriptions.has_other_subscribers(block * self.agents.len() + number, &self.server.connected)
     }
 }
 
@@ -280,26 +269,33 @@ fn message<M>(sample: Sample<M>) -> Result<M, String> {
 
 /// The participant that sent the first scenario, which is taken to be the server.
 #[derive(Clone, Default)]
-struct Server(Rc<Cell<Option<[u8; 16]>>>);
+struct Server {
+    source: Rc<Cell<Option<[u8; 16]>>>,
+    /// The server, while it is connected by a socket.
+    connected: Connected,
+}
 
 impl Server {
     /// Sets the server, unless it is known.
     fn is(&self, source: [u8; 16]) {
-        self.0.set(self.0.get().or(Some(source)));
+        self.source.set(self.source.get().or(Some(source)));
     }
 
     /// Whether a participant is the server, as far as is known.
     fn may_be(&self, source: [u8; 16]) -> bool {
-        self.0.get().is_none_or(|server| server == source)
+        self.source.get().is_none_or(|server| server == source)
     }
 
-    /// The message of a sample, if the server sent it.
-    fn message<M>(&self, sample: Sample<M>) -> Result<M, String> {
+    /// The message of a sample, if the server sent it; `None` if it comes over the socket as well.
+    fn message<M>(&self, sample: Sample<M>) -> Result<Option<M>, String> {
         let source = sample.source;
+        if self.connected.contains(&source) {
+            return Ok(None);
+        }
         if !self.may_be(source) {
             return Err(format!("participant {source:02x?} is not the server of this run"));
         }
-        message(sample)
+        message(sample).map(Some)
     }
 }
 
@@ -309,21 +305,17 @@ fn node_name(agent: AgentId) -> String {
 
 /// A message that has come over the socket of the server.
 fn over_socket(sample: SocketSample<'_>) -> Result<Option<Inbound>, String> {
-    let undecodable = |error: CdrError| error.to_string();
     match sample.kind {
-        MessageKind::JoinReply => Ok(Some(Inbound::JoinReply(cdr::decode(sample.bytes).map_err(undecodable)?))),
-        MessageKind::Observation => {
-            let signed = cdr::decode(sample.bytes).map_err(undecodable)?;
-            observation(sample.agent, signed).map(Inbound::SignedObservation).map(Some)
-        }
+        MessageKind::JoinReply => message(sample.decode()).map(Inbound::JoinReply).map(Some),
+        MessageKind::Observation => observation(sample.agent, message(sample.decode())?).map(Some),
         MessageKind::Join | MessageKind::Command => Ok(None),
     }
 }
 
-fn observation(agent: AgentId, signed: SignedObservation) -> Result<SignedObservation, String> {
+fn observation(agent: AgentId, signed: SignedObservation) -> Result<Inbound, String> {
     let named = signed.observation.agent;
     if named == agent.0 {
-        Ok(signed)
+        Ok(Inbound::SignedObservation(signed))
     } else {
         Err(format!("an observation for agent {named} on the topic of agent {agent}"))
     }

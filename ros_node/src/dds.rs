@@ -6,7 +6,7 @@
 //! The client's background task ("spinner") is never started, because it would subscribe `/clock`
 //! under a second type.
 
-use std::net::{Ipv4Addr, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
 use msgs::topics::{self, Durability, Reliability};
@@ -67,8 +67,7 @@ pub(super) fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context,
     let peers = static_peers::destinations(env)?;
     type_hash::announce();
     let participant = |first_id| {
-        let builder = static_peers::announce_to(DomainParticipantBuilder::new(env.domain_id), &peers);
-        let builder = with_announcement_period(first_participant_id(builder, first_id), PRESENCE_PERIOD);
+        let builder = with_fixes(DomainParticipantBuilder::new(env.domain_id), first_id, peers.clone());
         match env.range {
             DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
             DiscoveryRange::Off | DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
@@ -116,33 +115,26 @@ pub(super) fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context,
     Ok((context, announcement_time))
 }
 
-/// Lets the search for a free participant id begin at this one, which the DDS library can with the
-/// fixes of `contrib/rustdds` only.
-fn first_participant_id(builder: DomainParticipantBuilder, id: u16) -> DomainParticipantBuilder {
-    /// What the published library does, which has no such method: a method of the type itself comes
-    /// before one of a trait.
-    trait WithoutFirstId: Sized {
-        #[allow(dead_code, reason = "the copy with the fixes has the method")]
+/// Sets what the DDS library takes with the fixes of `contrib/rustdds` only: at which participant
+/// id the search for a free one begins, the destinations of announcements beyond those of the
+/// range, and the wall time between two announcements.
+fn with_fixes(builder: DomainParticipantBuilder, first_id: u16, peers: Vec<SocketAddr>) -> DomainParticipantBuilder {
+    /// What the published library does, which has no such methods: a method of the type itself
+    /// comes before one of a trait.
+    #[allow(dead_code, reason = "the copy with the fixes has the methods")]
+    trait WithoutFixes: Sized {
         fn first_participant_id(self, _id: u16) -> Self {
             self
         }
-    }
-    impl WithoutFirstId for DomainParticipantBuilder {}
-    builder.first_participant_id(id)
-}
-
-/// Sets the wall time between two announcements, which the DDS library can with the fixes of
-/// `contrib/rustdds` only.
-fn with_announcement_period(builder: DomainParticipantBuilder, period: Duration) -> DomainParticipantBuilder {
-    /// As in [`first_participant_id`].
-    trait WithoutPeriod: Sized {
-        #[allow(dead_code, reason = "the copy with the fixes has the method")]
+        fn static_peers(self, _peers: Vec<SocketAddr>) -> Self {
+            self
+        }
         fn announcement_period(self, _period: Duration) -> Self {
             self
         }
     }
-    impl WithoutPeriod for DomainParticipantBuilder {}
-    builder.announcement_period(period)
+    impl WithoutFixes for DomainParticipantBuilder {}
+    builder.first_participant_id(first_id).static_peers(peers).announcement_period(PRESENCE_PERIOD)
 }
 
 /// UDP port of a participant's unicast discovery traffic (RTPS 2.5, section 9.6.2.3).

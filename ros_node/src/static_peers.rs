@@ -5,8 +5,6 @@
 
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 
-use rustdds::DomainParticipantBuilder;
-
 use super::RosError;
 use super::dds::{DISCOVERABLE_IDS, discovery_port, has_fixes};
 use crate::ros_env::RosEnv;
@@ -23,30 +21,13 @@ pub(super) fn destinations(env: &RosEnv) -> Result<Vec<SocketAddr>, RosError> {
         let ports = (0..DISCOVERABLE_IDS).map(|id| discovery_port(env.domain_id, id));
         destinations.extend(ports.map(|port| SocketAddr::new(machine, port)));
     }
-    Ok(destinations)
-}
-
-/// Lets a participant announce itself to these addresses.
-pub(super) fn announce_to(builder: DomainParticipantBuilder, peers: &[SocketAddr]) -> DomainParticipantBuilder {
-    if peers.is_empty() {
-        return builder;
-    }
-    if !has_fixes() {
+    if !destinations.is_empty() && !has_fixes() {
         eprintln!(
             "ROS_STATIC_PEERS has no effect: this program was built without the fixes of contrib/rustdds, which \
              launch_scripts/build.sh builds with"
         );
     }
-    /// What the published library does, which has no such method: a method of the type itself comes
-    /// before one of a trait.
-    trait WithoutPeers: Sized {
-        #[allow(dead_code, reason = "the copy with the fixes has the method")]
-        fn static_peers(self, _peers: Vec<SocketAddr>) -> Self {
-            self
-        }
-    }
-    impl WithoutPeers for DomainParticipantBuilder {}
-    builder.static_peers(peers.to_vec())
+    Ok(destinations)
 }
 
 #[cfg(test)]

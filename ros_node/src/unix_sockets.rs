@@ -21,12 +21,15 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixListener;
 use std::rc::Rc;
 
+use msgs::cdr;
 use msgs::ids::AgentId;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::ThrottledWarning;
-use connection::{Address, Connection, READ_BYTES};
+use crate::inbox::Sample;
+use connection::{Address, Connection, Frame, READ_BYTES};
 
 /// The address of a greeting.
 const GREETING: Address = Address { kind: 0, agent: u32::MAX };
@@ -84,6 +87,14 @@ pub struct SocketSample<'a> {
     pub source: [u8; 16],
     /// The message, with the CDR header.
     pub bytes: &'a [u8],
+}
+
+impl SocketSample<'_> {
+    /// The message as a sample of its topic.
+    #[must_use]
+    pub fn decode<M: DeserializeOwned>(&self) -> Sample<M> {
+        Sample { message: cdr::decode(self.bytes).map_err(|error| error.to_string()), source: self.source }
+    }
 }
 
 /// The sockets of a process: those of a server to processes of agents, or that of such a process to
@@ -160,15 +171,14 @@ impl Sockets {
     /// next wait. What a process does not read is dropped.
     pub fn send<M: Serialize>(&mut self, kind: MessageKind, agent: AgentId, message: &M) -> bool {
         let address = Address { kind: kind as u32, agent: agent.0 };
-        let numbers = self.peers_of.get(&agent).map_or(&[][..], Vec::as_slice);
+        let Self { peers, peers_of, sending, .. } = self;
+        let numbers = peers_of.get(&agent).map_or(&[][..], Vec::as_slice);
         for number in numbers {
-            if self.sending != Some(*number)
-                && let Some(previous) = self.sending.replace(*number)
-                && let Some(peer) = self.peers.get_mut(&previous)
-            {
-                peer.connection.flush();
+            if *sending != Some(*number) {
+                flush(peers, sending);
+                *sending = Some(*number);
             }
-            if let Some(peer) = self.peers.get_mut(number) {
+            if let Some(peer) = peers.get_mut(number) {
                 peer.connection.queue(address, message);
             }
         }
@@ -182,41 +192,23 @@ impl Sockets {
             let Some(peer) = self.peers.get_mut(&number) else { continue };
             let Some(frame) = peer.connection.next() else {
                 if peer.connection.is_broken() {
-                    self.refuse(number, &"what it has sent is no frame");
+                    self.refuse(number, "what it has sent is no frame");
                 } else if !peer.connection.is_open() {
                     self.remove(number);
                 }
                 continue;
             };
-            let agent = AgentId(frame.address.agent);
-            let kind = MessageKind::of(frame.address.kind);
-            let taken = match (peer.source, kind) {
-                (Some(source), Some(kind)) if peer.agents.contains(&agent) => {
-                    let sample = SocketSample { kind, agent, source, bytes: peer.connection.content(frame) };
-                    Some(convert(sample))
+            let taken = match peer.take(frame, &convert) {
+                Ok(Taken::Message(message)) => Some(message),
+                Ok(Taken::Greeting(Greeting { source, agents, .. })) => {
+                    self.admit(number, source, agents.into_iter().map(AgentId).collect());
+                    None
                 }
-                (Some(source), _) => {
-                    let reason = format!("participant {source:02x?} has no agent {agent} or message {kind:?}");
+                Err(reason) => {
                     self.refuse(number, &reason);
                     continue;
                 }
-                (None, _) => {
-                    let greeting = msgs::cdr::decode::<Greeting>(peer.connection.content(frame));
-                    match greeting {
-                        Ok(Greeting { version: VERSION, source, agents }) if frame.address == GREETING => {
-                            self.admit(number, source, agents.into_iter().map(AgentId).collect());
-                        }
-                        _ => {
-                            self.refuse(number, &"no greeting of this version");
-                            continue;
-                        }
-                    }
-                    None
-                }
             };
-            if let Some(peer) = self.peers.get_mut(&number) {
-                peer.connection.remove(frame);
-            }
             self.arrived.push_back(number);
             if taken.is_some() {
                 return taken;
@@ -228,7 +220,7 @@ impl Sockets {
     /// Writes all that is queued, and waits until something has arrived, `other` can be read, or
     /// the time is over; returns whether `other` can be read.
     pub(crate) fn wait(&mut self, other: BorrowedFd<'_>, timeout: PollTimeout) -> bool {
-        self.flush();
+        flush(&mut self.peers, &mut self.sending);
         let events = |peer: &Peer| match peer.connection.has_queued() {
             true => PollFlags::POLLIN | PollFlags::POLLOUT,
             false => PollFlags::POLLIN,
@@ -254,12 +246,6 @@ impl Sockets {
             self.accept();
         }
         is_other_ready
-    }
-
-    fn flush(&mut self) {
-        if let Some(peer) = self.sending.take().and_then(|number| self.peers.get_mut(&number)) {
-            peer.connection.flush();
-        }
     }
 
     fn accept(&mut self) {
@@ -288,8 +274,8 @@ impl Sockets {
         self.connected.0.borrow_mut().insert(source);
     }
 
-    fn refuse(&mut self, number: u64, reason: &dyn std::fmt::Display) {
-        self.refused.add(reason);
+    fn refuse(&mut self, number: u64, reason: &str) {
+        self.refused.add(&reason);
         self.remove(number);
     }
 
@@ -304,6 +290,41 @@ impl Sockets {
         {
             self.connected.0.borrow_mut().remove(&source);
         }
+    }
+}
+
+/// Writes what is queued for the peer to which something may be.
+fn flush(peers: &mut BTreeMap<u64, Peer>, sending: &mut Option<u64>) {
+    if let Some(peer) = sending.take().and_then(|number| peers.get_mut(&number)) {
+        peer.connection.flush();
+    }
+}
+
+/// What a frame was.
+enum Taken<T> {
+    Message(T),
+    Greeting(Greeting),
+}
+
+impl Peer {
+    /// Takes the frame that has arrived, or says which rule it breaks.
+    fn take<T>(&mut self, frame: Frame, convert: impl Fn(SocketSample<'_>) -> T) -> Result<Taken<T>, String> {
+        let (agent, kind) = (AgentId(frame.address.agent), MessageKind::of(frame.address.kind));
+        let bytes = self.connection.content(frame);
+        let taken = match (self.source, kind) {
+            (Some(source), Some(kind)) if self.agents.contains(&agent) => {
+                Taken::Message(convert(SocketSample { kind, agent, source, bytes }))
+            }
+            (Some(source), _) => {
+                return Err(format!("participant {source:02x?} has no agent {agent} or message {kind:?}"));
+            }
+            (None, _) => match cdr::decode::<Greeting>(bytes) {
+                Ok(greeting) if frame.address == GREETING && greeting.version == VERSION => Taken::Greeting(greeting),
+                _ => return Err("no greeting of this version".to_owned()),
+            },
+        };
+        self.connection.remove(frame);
+        Ok(taken)
     }
 }
 
@@ -348,7 +369,7 @@ mod tests {
         for _ in 0..6 {
             sockets.wait(pipe.as_fd(), PollTimeout::ZERO);
             let convert = |sample: SocketSample<'_>| {
-                let clock = msgs::cdr::decode(sample.bytes).unwrap();
+                let clock = sample.decode().message.unwrap();
                 (sample.kind, sample.agent, sample.source, clock)
             };
             all.extend(std::iter::from_fn(|| sockets.next(convert)));
@@ -366,8 +387,8 @@ mod tests {
         assert!(one.send(MessageKind::Join, AgentId(1), &clock(1)));
         assert!(other.send(MessageKind::Command, AgentId(2), &clock(2)));
         assert!(!other.send(MessageKind::Command, AgentId(0), &clock(3)), "it has no agent 0");
-        one.flush();
-        other.flush();
+        flush(&mut one.peers, &mut one.sending);
+        flush(&mut other.peers, &mut other.sending);
         let mut arrived = received(&mut server);
         arrived.sort_by_key(|(_, agent, ..)| *agent);
         let (join, command) = (MessageKind::Join, MessageKind::Command);
@@ -379,7 +400,7 @@ mod tests {
             assert!(server.send(observation, AgentId(agent), &clock(agent)));
         }
         assert!(!server.send(observation, AgentId(3), &clock(3)));
-        server.flush();
+        flush(&mut server.peers, &mut server.sending);
         let expected = |agent| (observation, AgentId(agent), source, clock(agent));
         assert_eq!(received(&mut one), [expected(0), expected(1)]);
         assert_eq!(received(&mut other), [expected(2)]);
@@ -400,7 +421,7 @@ mod tests {
         let mut both = [1, 2].map(|own| Sockets::connect(source, [own; 16], [AgentId(7)], &end).unwrap());
         assert_eq!(received(&mut server), []);
         server.send(MessageKind::Observation, AgentId(7), &clock(5));
-        server.flush();
+        flush(&mut server.peers, &mut server.sending);
         for sockets in &mut both {
             assert_eq!(received(sockets), [(MessageKind::Observation, AgentId(7), source, clock(5))]);
         }
@@ -439,8 +460,8 @@ mod tests {
 
     #[test]
     fn a_server_that_is_not_there_is_an_error() {
-        let nobody = Sockets::connect([0xcd; 16], [1; 16], [AgentId(0)], &Connected::default());
-        assert_eq!(nobody.err().map(|error| error.kind()), Some(io::ErrorKind::ConnectionRefused));
+        let absent = Sockets::connect([0xcd; 16], [1; 16], [AgentId(0)], &Connected::default());
+        assert_eq!(absent.err().map(|error| error.kind()), Some(io::ErrorKind::ConnectionRefused));
         let (source, _server, _) = server(4);
         let second = Sockets::listen(source, &Connected::default());
         assert_eq!(second.err().map(|error| error.kind()), Some(io::ErrorKind::AddrInUse));

@@ -136,7 +136,7 @@ impl RosTransport {
             let joins = topics::signed_join(agent);
             let connected = links.connected().clone();
             endpoints.subscribe(&mut node, &joins, &mut inbox, move |sample: Sample<JoinOfAnyVersion>| {
-                item_over_ros(agent, sample, &connected, |JoinOfAnyVersion(join)| Inbound::SignedJoin(join))
+                item_over_ros(agent, sample, &connected, join)
             })?;
             let commands = topics::signed_command(agent).unacknowledged();
             let connected = links.connected().clone();
@@ -319,6 +319,10 @@ fn item_over_ros<M>(agent: AgentId, sample: Sample<M>, connected: &Connected, in
         return Item::Handled;
     }
     Item::Agent(Box::new(incoming(agent, sample, inbound)))
+}
+
+fn join(JoinOfAnyVersion(join): JoinOfAnyVersion) -> Inbound {
+    Inbound::SignedJoin(join)
 }
 
 fn incoming<M>(topic_agent: AgentId, sample: Sample<M>, inbound: impl Fn(M) -> Inbound) -> Incoming {

@@ -6,17 +6,14 @@
 
 use std::collections::BTreeSet;
 
-use msgs::cdr;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{JoinReply, SignedObservation};
 use msgs::topics;
 use ros_node::{Connected, Context, Inbox, MessageKind, SocketSample, Sockets, SubscriptionTracker};
 use serde::Serialize;
-use simulation::lockstep::SourceId;
 
-use super::Item;
-use super::join::JoinOfAnyVersion;
-use crate::transport::{Inbound, Incoming};
+use super::{Item, incoming, join};
+use crate::transport::Inbound;
 
 /// The number of the topic of the replies to joins, before those of the observations.
 const REPLIES: usize = 0;
@@ -92,11 +89,10 @@ impl Links {
 }
 
 fn item(sample: SocketSample<'_>) -> Item {
-    let decoded = match sample.kind {
-        MessageKind::Join => cdr::decode(sample.bytes).map(|JoinOfAnyVersion(join)| Inbound::SignedJoin(join)),
-        MessageKind::Command => cdr::decode(sample.bytes).map(Inbound::SignedCommand),
+    let incoming = match sample.kind {
+        MessageKind::Join => incoming(sample.agent, sample.decode(), join),
+        MessageKind::Command => incoming(sample.agent, sample.decode(), Inbound::SignedCommand),
         MessageKind::JoinReply | MessageKind::Observation => return Item::Handled,
     };
-    let message = decoded.unwrap_or_else(|error| Inbound::Undecodable { reason: error.to_string() });
-    Item::Agent(Box::new(Incoming { topic_agent: sample.agent, source: SourceId(sample.source), message }))
+    Item::Agent(Box::new(incoming))
 }

@@ -174,7 +174,7 @@ pub(super) struct AgentSessions {
     answered_by_predecessor: BTreeSet<AgentId>,
     /// Agents to which an observation may have to be sent.
     to_prompt: BTreeSet<AgentId>,
-    /// By agent: the instance that was accepted last, and when it was told so.
+    /// By agent: the instance that was accepted last, and when the reply was sent.
     replied: BTreeMap<AgentId, (u64, Instant)>,
     /// The instances of processes that have started themselves again: they stalled.
     restarted: BTreeSet<u64>,

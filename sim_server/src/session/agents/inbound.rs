@@ -179,20 +179,26 @@ impl AgentSessions {
         if granted.is_err() && self.membership.lease(AgentId(agent)).is_some_and(is_of_member) {
             return;
         }
-        let now = context.transport.now();
-        let is_answered =
-            |&(told, at): &(u64, Instant)| told == instance && now.saturating_duration_since(at) < REPLY_PERIOD;
-        if granted.is_ok() && self.replied.get(&AgentId(agent)).is_some_and(is_answered) {
+        if granted.is_ok() && !self.begins_reply_period(AgentId(agent), instance, context.transport.now()) {
             return;
-        }
-        if granted.is_ok() {
-            self.replied.insert(AgentId(agent), (instance, now));
         }
         let reason = granted.as_ref().err().map_or_else(String::new, Refusal::to_string);
         let code = granted.as_ref().err().map_or(JoinReply::NONE, Refusal::code);
         let accepted = granted.is_ok();
         let reply = JoinReply { run, agent, instance, accepted, code, reason, ..JoinReply::default() };
         context.transport.reply_join(&self.authentication.complete(reply, source, join));
+    }
+
+    /// Whether an instance was not accepted within the last [`REPLY_PERIOD`]; then a new one
+    /// begins.
+    fn begins_reply_period(&mut self, agent: AgentId, instance: u64, now: Instant) -> bool {
+        let is_recent =
+            |&(accepted, at): &(u64, Instant)| accepted == instance && now.saturating_duration_since(at) < REPLY_PERIOD;
+        if self.replied.get(&agent).is_some_and(is_recent) {
+            return false;
+        }
+        self.replied.insert(agent, (instance, now));
+        true
     }
 
     /// Tells a process that the id it joins with is held for now.
