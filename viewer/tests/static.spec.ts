@@ -32,10 +32,14 @@ async function play(frame: Page | Frame): Promise<void> {
   await frame.waitForFunction(() => window.maes!.state.timeS > 1);
 }
 
-/** The frames of two recordings side by side. */
+/** The frames of two recordings side by side, each with its own page, not its first empty document. */
 async function sidesOf(page: Page): Promise<Frame[]> {
-  const sides = [page.getByTestId("side-1"), page.getByTestId("side-2")];
-  return Promise.all(sides.map(async (side) => (await (await side.elementHandle())!.contentFrame())!));
+  const sides = [page.getByTestId("side-1"), page.getByTestId("side-2")].map(async (side) => {
+    const frame = (await (await side.elementHandle())!.contentFrame())!;
+    await frame.waitForURL((url) => url.protocol === "http:");
+    return frame;
+  });
+  return Promise.all(sides);
 }
 
 test("plays one recording and two", async ({ page, servers }) => {
@@ -75,7 +79,7 @@ test("plays an exported recording", async ({ page, servers }) => {
 });
 
 test("plays two exported recordings", async ({ page, servers }) => {
-  const folder = join(temporaryFolder(), "exported-two");
+  const folder = join(mkdtempSync(join(temporaryFolder(), "exported-")), "two");
   const told = await servers.export(folder, recording("cave"), recording("radio"));
   expect(told.at(-1)).toContain("?recording=recording/cave.mcap&beside=beside/radio.mcap");
   const troubles = troublesOf(page);
