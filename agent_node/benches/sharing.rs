@@ -151,12 +151,12 @@ fn exchange(criterion: &mut Criterion) {
     let directions = directions();
     let free: Vec<Cell> = terrain.iter().filter(|&(_, &is)| is == Terrain::Free).map(|(cell, _)| cell).collect();
     let mut places: Vec<Cell> = (0..AGENTS).map(|_| free[rng.random_range(0..free.len())]).collect();
-    let agent = || Agent {
+    let agent = |id| Agent {
         map: ExplorationMap::new(terrain.extent()),
-        sharing: Sharing::new(DEFAULT_PERIOD_TICKS, AGENTS),
+        sharing: Sharing::new(AgentId(id), DEFAULT_PERIOD_TICKS, AGENTS),
         received: Vec::new(),
     };
-    let mut agents: Vec<Agent> = (0..AGENTS).map(|_| agent()).collect();
+    let mut agents: Vec<Agent> = (0..AGENTS).map(agent).collect();
     let mut group = criterion.benchmark_group("exchange of one agent with 19 others");
     for period in 0..8 {
         let known: Vec<usize> = agents.iter().map(|agent| agent.map.journal_len()).collect();

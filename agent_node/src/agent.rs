@@ -80,7 +80,7 @@ impl Agent {
         Self {
             id,
             map: ExplorationMap::new(run_info.extent),
-            sharing: Sharing::new(run_info.share_period_ticks, run_info.agents),
+            sharing: Sharing::new(id, run_info.share_period_ticks, run_info.agents),
             navigation: NavigationTask::new(run_info.bodies.of(id).radius_m, run_info.extent.cell_m()),
             run_info,
             controller,

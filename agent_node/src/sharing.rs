@@ -5,6 +5,11 @@
 //! others together with this agent: a message names all its receivers, and none of them is sent its
 //! content again.
 //!
+//! A message is addressed to each of its receivers, or broadcast if they are all contacts or more
+//! than `ADDRESSED_MAX`: otherwise the copies for a crowd would not fit into a command. Those that
+//! are not named as receivers ignore it. Among more contacts than that, what some of them lack is
+//! sent to all: who lacks what differs for each section of the journal, and with it the message.
+//!
 //! Exchanges take place in the ticks that are multiples of the period, as in the reference, so that
 //! all agents in contact exchange at the same time. At a first contact the exchange is immediate,
 //! and so it is with a peer that was out of contact in its turn. What does not fit into the
@@ -60,9 +65,13 @@ const INBOX_BYTES: usize = 64 * PARCEL_BYTES_MAX;
 /// Nothing is started with fewer bytes left than this: a tick later the runs are longer.
 const BUDGET_MIN: usize = 1024;
 
+/// A message for more receivers than this is broadcast, and not repeated for each of them.
+const ADDRESSED_MAX: usize = 32;
+
 /// The state of an agent's exchanges with its peers.
 #[derive(Debug, Clone)]
 pub struct Sharing {
+    own: AgentId,
     period: u64,
     agents: u32,
     /// By agent; those beyond the end have exchanged nothing.
@@ -102,6 +111,8 @@ struct Provenance {
 pub struct Report {
     /// Map messages merged.
     pub messages: usize,
+    /// Map messages for other agents, ignored.
+    pub for_others: usize,
     /// Journal entries that they made.
     pub news: usize,
     /// Map messages rejected: sender and reason.
@@ -139,8 +150,9 @@ type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
 impl Sharing {
     /// No exchanges yet. With a period of 0 the agent only receives.
     #[must_use]
-    pub fn new(period_ticks: u32, agents: u32) -> Self {
+    pub fn new(own: AgentId, period_ticks: u32, agents: u32) -> Self {
         Self {
+            own,
             period: period_ticks.into(),
             agents,
             peers: Vec::new(),
@@ -160,7 +172,7 @@ impl Sharing {
         &self.totals
     }
 
-    /// Merges the map messages among those received; ignores all others.
+    /// Merges the map messages for this agent among those received; ignores all others.
     ///
     /// A malformed message is rejected as a whole and reported, and so is any message of a barred
     /// sender.
@@ -168,7 +180,11 @@ impl Sharing {
         let mut report = Report::default();
         for ReceivedMessage { from, data, .. } in messages.iter().filter(|message| message.kind == MAP_MESSAGE) {
             let content = match self.admit(map, *from, data) {
-                Ok(content) => content,
+                Ok(Some(content)) => content,
+                Ok(None) => {
+                    report.for_others += 1;
+                    continue;
+                }
                 Err(reason) => {
                     self.totals.messages_refused += 1;
                     self.totals.bytes_refused += data.len() as u64;
@@ -190,27 +206,30 @@ impl Sharing {
         report
     }
 
-    /// The content of a message, unless it is to be rejected. Messages of barred senders are not
-    /// decoded.
+    /// The content of a message, `None` if it is for others, unless it is to be rejected. Messages
+    /// of barred senders are not decoded.
     fn admit(
         &mut self,
         map: &ExplorationMap,
         from: AgentId,
         data: &SharedBytes,
-    ) -> Result<Arc<Content>, MapMessageError> {
+    ) -> Result<Option<Arc<Content>>, MapMessageError> {
         let allowance = (CHANGES_MAX * map.extent().volume()) as u64;
         let sender = peer(&mut self.peers, from);
         if sender.is_barred {
             return Err(MapMessageError::Barred { allowance });
         }
         let content = decoded::content(data, map.extent(), self.agents)?;
+        if !content.receivers.contains(self.own) {
+            return Ok(None);
+        }
         if sender.claims + content.cells > allowance {
             sender.is_barred = true;
             return Err(MapMessageError::Barred { allowance });
         }
         sender.claims += content.cells;
         self.totals.cells_taken += content.cells;
-        Ok(content)
+        Ok(Some(content))
     }
 
     /// Notes who knows a section of the journal, which is not empty.
@@ -261,7 +280,7 @@ impl Sharing {
                     self.totals.bytes_sent += data.len() as u64;
                     messages.push(AgentMessage { to, kind: MAP_MESSAGE, data });
                 };
-                if receivers.len() == contacts.len() {
+                if is_broadcast(receivers.len(), contacts) {
                     send(None, data);
                 } else {
                     receivers.iter().for_each(|&receiver| send(Some(receiver), data.clone()));
@@ -299,7 +318,7 @@ impl Sharing {
 
     /// When map sharing is due next, after [`Sharing::outgoing`] has been called in this tick: in
     /// the next tick if an exchange is incomplete, else when an exchange with a present contact is
-    /// due, or when contacts change.
+    /// due, or when an agent comes into contact with which none has begun in this period.
     #[must_use]
     pub fn next_trigger(&self, contacts: &[Contact], now: Tick) -> Trigger {
         if self.period == 0 || self.agents < 2 {
@@ -311,7 +330,7 @@ impl Sharing {
             }
             _ => now.next(),
         };
-        Trigger { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::CONTACTS }
+        Trigger { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::FIRST_CONTACT }
     }
 
     /// As many journal entries, from the first one that a contact has not been sent, as fit into
@@ -354,7 +373,11 @@ impl Sharing {
                     (before, holders) => before.is_none() && holders.is_none(),
                 };
                 if before.as_ref().is_none_or(|before| !is_alike(before.holders)) {
-                    let receivers = holders.map_or_else(|| exchanging.clone(), |holders| exchanging.without(holders));
+                    let lacking = holders.map(|holders| exchanging.without(holders));
+                    let receivers = match lacking {
+                        Some(lacking) if !is_crowd(contacts) || lacking.len() == 0 => lacking,
+                        _ => exchanging.clone(),
+                    };
                     let place = news.iter().position(|(same, _)| *same == receivers);
                     before = Some(SectionBefore { holders, receivers, place });
                 }
@@ -426,5 +449,15 @@ fn in_order(news: Vec<(AgentSet, Vec<Range<usize>>)>) -> News {
 
 /// Number of messages that it takes to send the same to so many of the contacts.
 fn copies(receivers: usize, contacts: &[Contact]) -> usize {
-    if receivers == contacts.len() { 1 } else { receivers }
+    if is_broadcast(receivers, contacts) { 1 } else { receivers }
+}
+
+/// Whether there are so many contacts that their knowledge is not told apart.
+fn is_crowd(contacts: &[Contact]) -> bool {
+    contacts.len() > ADDRESSED_MAX
+}
+
+/// Whether a message for so many of the contacts is sent to all of them.
+fn is_broadcast(receivers: usize, contacts: &[Contact]) -> bool {
+    receivers == contacts.len() || receivers > ADDRESSED_MAX
 }

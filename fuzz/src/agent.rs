@@ -15,6 +15,9 @@ use crate::hostile_messages::number;
 /// Number of agents of the run.
 const AGENTS: u32 = 3;
 
+/// The agent.
+const OWN: AgentId = AgentId(1);
+
 /// Cells of the map along x, y and z.
 const SIZE: [u32; 3] = [9, 8, 7];
 
@@ -42,10 +45,9 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         share_period_ticks,
         ..Scenario::default()
     };
-    let own = AgentId(1);
-    let run_info = wire::run_info(&scenario, own).expect("a legal scenario");
-    let controller = controllers::build(name, &[], own, 5).expect("there is such a controller");
-    let mut agent = Agent::new(own, run_info, controller);
+    let run_info = wire::run_info(&scenario, OWN).expect("a legal scenario");
+    let controller = controllers::build(name, &[], OWN, 5).expect("there is such a controller");
+    let mut agent = Agent::new(OWN, run_info, controller);
     let mut tick = 0;
     for _ in 0..PARTS_MAX {
         if data.is_empty() {
@@ -56,7 +58,7 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
             continue;
         };
         simulation::wire::command(&command, AGENTS).unwrap_or_else(|reason| panic!("{name} answers: {reason}"));
-        assert_eq!(command.agent, own.0);
+        assert_eq!(command.agent, OWN.0);
         assert!(cdr::encode(&command).len() <= OBSERVATION_BYTES_MAX, "an answer fits into a sample");
     }
     Ok(())
@@ -127,11 +129,15 @@ fn position(data: &mut Unstructured<'_>) -> Result<Point> {
     Ok(Point { x: along(0)?, y: along(1)?, z: along(2)? })
 }
 
-/// An agent message, mostly of the kind of a map and with a correct version.
+/// An agent message, mostly of the kind of a map, with a correct version and for [`OWN`] alone.
 fn parcel(data: &mut Unstructured<'_>) -> Result<Parcel> {
     let kind = if data.ratio(1, 4)? { data.arbitrary()? } else { agent_node::sharing::MAP_MESSAGE };
     let length = data.int_in_range(0..=40)?;
-    let mut content = if data.ratio(7, 8)? { vec![agent_node::sharing::VERSION] } else { Vec::new() };
+    let mut content = match data.int_in_range(0..=7)? {
+        0 => Vec::new(),
+        1 | 2 => vec![agent_node::sharing::VERSION],
+        _ => vec![agent_node::sharing::VERSION, 1, OWN.0 as u8],
+    };
     content.extend_from_slice(data.bytes(length.min(data.len()))?);
     Ok(Parcel { agent: peer(data)?, kind, data: content.into() })
 }

@@ -577,4 +577,7 @@ impl Wake {
     pub const CONTACTS: u8 = 8;
     /// A parcel has arrived.
     pub const PARCEL: u8 = 16;
+    /// An agent is in contact that no observation of this share period has listed. Periods begin at
+    /// the multiples of [`Scenario::share_period_ticks`].
+    pub const FIRST_CONTACT: u8 = 32;
 }

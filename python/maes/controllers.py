@@ -18,6 +18,7 @@ class Events(IntFlag):
     NEW_CELL = 4
     CONTACTS = 8
     PARCEL = 16
+    FIRST_CONTACT = 32
 
 
 class CellState(IntEnum):

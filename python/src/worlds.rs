@@ -142,7 +142,7 @@ impl Environment {
             .agents()
             .map(|agent| Explorer {
                 map: ExplorationMap::new(run_info.extent),
-                sharing: Sharing::new(run_info.share_period_ticks, run_info.agents),
+                sharing: Sharing::new(agent, run_info.share_period_ticks, run_info.agents),
                 navigation: NavigationTask::new(run_info.bodies.of(agent).radius_m, run_info.extent.cell_m()),
                 reassembler: FragmentReassembler::default(),
                 observation: None,

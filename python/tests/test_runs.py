@@ -7,7 +7,7 @@ import pytest
 
 import maes
 
-DIGEST = "bfa28c7853992f7bcc610780db4fd6ae1308b76ac777d2c9c26daa97ad04833a"
+DIGEST = "45e1ee8ff5441c26a0b71b1f8eeabbeb4a4050a24b021eb8d403929e2c0133da"
 
 
 def test_default_run_has_the_digest_of_the_command():

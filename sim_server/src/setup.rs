@@ -405,6 +405,7 @@ fn params(scenario: &Scenario) -> WorldParams {
             LidarSchedule::Maes3d => ScanSchedule::TakeTurns,
         },
         comms: scenario.communication.comms(scenario.seed),
+        share_period_ticks: scenario.agents.share_period_ticks,
         noise: scenario.sensor.errors(scenario.seed),
         late: scenario.late_agents(),
     }

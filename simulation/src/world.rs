@@ -42,12 +42,14 @@ use body::{Body, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
-pub use interface::{Action, COLLISION, CONTACTS, Commit, Events, NEW_CELL, Observation, PARCEL, TASK_DONE, Totals};
+pub use interface::{
+    Action, COLLISION, CONTACTS, Commit, Events, FIRST_CONTACT, NEW_CELL, Observation, PARCEL, TASK_DONE, Totals,
+};
 use lidar::{NoisyScan, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
-use radio_medium::RadioMedium;
+use radio_medium::{RadioMedium, ReportedContacts};
 pub use sensing::ExploredShares;
 use sensing::{Lidar, Sensor};
 
@@ -64,6 +66,8 @@ pub struct WorldParams {
     pub schedule: ScanSchedule,
     /// The radios and their contact model.
     pub comms: Comms,
+    /// Length of the share periods, which [`FIRST_CONTACT`] refers to; 0: one period without end.
+    pub share_period_ticks: u32,
     /// The sensor noise.
     pub noise: SensorNoise,
     /// The agents that are not in the world at the start, and join later.
@@ -125,8 +129,7 @@ struct AgentState {
     want_view: bool,
     pending_observation: PendingObservation,
     drift: Drift,
-    /// One bit for each agent.
-    reported_contacts: Vec<u64>,
+    reported_contacts: ReportedContacts,
     reported_relays: Vec<(RelayId, Point3<f64>)>,
 }
 
@@ -168,7 +171,7 @@ impl World {
                 want_view: false,
                 pending_observation: PendingObservation::default(),
                 drift: Drift::new(&params.noise, agent),
-                reported_contacts: vec![0; starts.len().div_ceil(64)],
+                reported_contacts: ReportedContacts::new(starts.len()),
                 reported_relays: Vec::new(),
             })
             .collect();
@@ -344,8 +347,11 @@ impl World {
     }
 
     /// The events of an agent since its last committed observation, restricted to `asked`. Contacts
-    /// are computed only if `asked` names [`CONTACTS`].
+    /// are computed only if `asked` names [`CONTACTS`] or [`FIRST_CONTACT`].
     pub fn events(&mut self, agent: AgentId, asked: Events) -> Events {
+        if asked & FIRST_CONTACT != 0 && self.has_first_contact(agent) {
+            self.agents[agent.index()].pending_observation.events |= FIRST_CONTACT;
+        }
         let mut events = self.agents[agent.index()].pending_observation.events;
         if asked & CONTACTS != 0 {
             events |= self.change_of_contacts(agent);

@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 use crate::command::AgentMessage;
 use crate::observation::ReceivedMessage;
+use crate::sharing::VERSION;
 
 /// Counts its decisions.
 struct Counting(u32);
@@ -118,12 +119,15 @@ struct Mailbox {
     events: u8,
     requested: (usize, usize, u8),
     contacts: Vec<u32>,
+    /// The contacts that were listed since the last multiple of [`SHARE_PERIOD`].
+    listed: Vec<u32>,
     wake: Option<Trigger>,
     committed: Vec<maes_msgs::Command>,
 }
 
 const AGENTS: u32 = 4;
 const SIDE: u32 = 12;
+const SHARE_PERIOD: u32 = 23;
 
 /// Simulates a world that depends on its seed alone; the committed commands and the observations of
 /// the controllers.
@@ -138,7 +142,7 @@ fn play(
         agents: AGENTS,
         bodies: vec![maes_msgs::Body::default()],
         body_of: vec![0; AGENTS as usize],
-        share_period_ticks: 23,
+        share_period_ticks: SHARE_PERIOD,
         duration_ticks: 10_000,
         ..Default::default()
     };
@@ -177,7 +181,14 @@ fn play(
             }
             let contacts: Vec<u32> =
                 (0..AGENTS).filter(|&other| pairs.contains(&(id, other)) || pairs.contains(&(other, id))).collect();
-            let change = if contacts == mailbox.contacts { 0 } else { Events::CONTACTS };
+            let mut change = if contacts == mailbox.contacts { 0 } else { Events::CONTACTS };
+            if tick % u64::from(SHARE_PERIOD) == 0 {
+                mailbox.listed.clear();
+            }
+            let asks = mailbox.wake.is_some_and(|wake| wake.events & Events::FIRST_CONTACT != 0);
+            if asks && contacts.iter().any(|contact| !mailbox.listed.contains(contact)) {
+                change |= Events::FIRST_CONTACT;
+            }
             let is_due = mailbox.wake.is_none_or(|wake| wake.is_due(Tick(tick), mailbox.events | change));
             if !is_due && looks_ahead {
                 continue;
@@ -215,7 +226,9 @@ fn play(
             }
             let wake = Trigger { at: Tick(command.wake.at_tick.max(tick + 1)), events: command.wake.events };
             let committed = [std::mem::take(&mut mailbox.committed), vec![command.clone()]].concat();
-            *mailbox = Mailbox { contacts: contacts.clone(), wake: Some(wake), committed, ..Mailbox::default() };
+            let listed = [std::mem::take(&mut mailbox.listed), contacts.clone()].concat();
+            let contacts_now = contacts.clone();
+            *mailbox = Mailbox { contacts: contacts_now, listed, wake: Some(wake), committed, ..Mailbox::default() };
             for parcel in command.parcels {
                 let named = contacts.iter().filter(|&&to| parcel.agent == Message::BROADCAST || parcel.agent == to);
                 posted.extend(named.map(|&to| (to, Message { agent: id, ..parcel.clone() })));
@@ -273,8 +286,8 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
         command
     };
     let first = ask(5, 0, Vec::new());
-    assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (10, Events::CONTACTS, 1));
-    let map_message = Message { agent: 1, kind: MAP_MESSAGE, data: vec![2, 1, 2, 1, 0b1111_1000, 1].into() };
+    assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (10, Events::FIRST_CONTACT, 1));
+    let map_message = Message { agent: 1, kind: MAP_MESSAGE, data: vec![VERSION, 1, 2, 1, 0b1111_1000, 1].into() };
     let other_message = Message { agent: 1, kind: 7, data: vec![3].into() };
     let shared = ask(10, 9, vec![map_message, other_message.clone()]);
     assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (20, true, 1));

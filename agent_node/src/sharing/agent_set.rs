@@ -39,6 +39,11 @@ impl AgentSet {
         set
     }
 
+    /// Whether an agent is one of them.
+    pub(super) fn contains(&self, agent: AgentId) -> bool {
+        self.words.get(agent.index() / 64).is_some_and(|word| word >> (agent.index() % 64) & 1 != 0)
+    }
+
     /// Number of agents.
     pub(super) fn len(&self) -> usize {
         self.words.iter().map(|word| word.count_ones() as usize).sum()

@@ -4,9 +4,12 @@
 //! |---|---|
 //! | 1 | version of the encoding, [`VERSION`] |
 //! | number | number of receivers of the message in the same tick |
-//! | number each | ids, ascending: the first one, then the ids between it and the next, and so on |
+//! | numbers | the receivers, as runs of consecutive ids |
 //! | number | number of blocks of the map |
 //! | bits | the blocks, ascending; the last byte is padded with zeros |
+//!
+//! A run of receivers is the number of ids that are skipped before it, less one after the first
+//! run; then, if more than one receiver is left, its length less one. Runs ascend.
 //!
 //! A *number* is an unsigned LEB128: 7 bits in each byte, the lowest first, the top bit set in all
 //! bytes but the last; at most 2^32 - 1, at most 5 bytes. Blocks, the numbers of cells in them and
@@ -37,7 +40,7 @@ use super::bits::{Reader as Bits, Writer, gap_bits};
 use crate::exploration_map::{Block, Delta, Layout, bits};
 
 /// Version of the encoding.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
 /// Most bytes that one more cell can add to a message: a block of its own, covered and far from the
 /// others, takes 61 bits, of which the gap takes 49.
@@ -45,7 +48,7 @@ pub(super) const CELL_BYTES_MAX: usize = 8;
 
 /// Most bytes of a message for this many receivers, without its cells.
 pub(super) const fn bare_bytes_max(receivers: usize) -> usize {
-    2 + NUMBER_BYTES_MAX * (receivers + 2)
+    2 + NUMBER_BYTES_MAX * (2 * receivers + 2)
 }
 
 const NUMBER_BYTES_MAX: usize = 5;
@@ -80,6 +83,14 @@ pub enum MapMessageError {
         /// Number of agents of the run.
         agents: u32,
     },
+    /// A run of more receivers than are left.
+    #[error("a run of {run} receivers where {left} are left")]
+    Run {
+        /// The length of the run.
+        run: u64,
+        /// Receivers that are not named yet.
+        left: u32,
+    },
     /// A cell outside the map.
     #[error("block {block} has cells outside the map")]
     Outside {
@@ -106,12 +117,7 @@ pub enum MapMessageError {
 /// Encodes a delta for receivers, ascending by id.
 pub(super) fn encode(receivers: &[AgentId], delta: &Delta) -> Vec<u8> {
     let mut bytes = vec![VERSION];
-    put(&mut bytes, receivers.len() as u32);
-    let mut next = 0;
-    for receiver in receivers {
-        put(&mut bytes, receiver.0 - next);
-        next = receiver.0 + 1;
-    }
+    put_receivers(&mut bytes, receivers);
     put(&mut bytes, delta.blocks.len() as u32);
     let mut writer = Writer::new(&mut bytes);
     let mut next = 0;
@@ -122,6 +128,21 @@ pub(super) fn encode(receivers: &[AgentId], delta: &Delta) -> Vec<u8> {
     }
     writer.end();
     bytes
+}
+
+fn put_receivers(bytes: &mut Vec<u8>, receivers: &[AgentId]) {
+    put(bytes, receivers.len() as u32);
+    let mut left = receivers.len();
+    let mut next = 0;
+    for run in receivers.chunk_by(|one, other| one.0 + 1 == other.0) {
+        put(bytes, run[0].0 - next);
+        if left > 1 {
+            put(bytes, run.len() as u32 - 1);
+        }
+        left -= run.len();
+        // The next id is not in another run.
+        next = run[0].0 + run.len() as u32 + 1;
+    }
 }
 
 /// The octants of a block, each as a word and its number of bits.
@@ -197,21 +218,32 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<(Vec<A
     if version != VERSION {
         return Err(MapMessageError::Version(version));
     }
-    let count = reader.number()?;
-    // The count is untrusted; an id takes a byte at least.
-    let mut receivers = Vec::with_capacity((count as usize).min(bytes.len()));
-    let mut next = 0u64;
-    for _ in 0..count {
-        let agent = next + u64::from(reader.number()?);
-        if agent >= agents.into() {
-            return Err(MapMessageError::Agent { agent, agents });
-        }
-        receivers.push(AgentId(agent as u32));
-        next = agent + 1;
-    }
+    let receivers = receivers(&mut reader, agents)?;
     let count = reader.number()?;
     let delta = Delta { blocks: blocks(&bytes[reader.at..], count, Layout::new(extent), bytes.len())? };
     Ok((receivers, delta))
+}
+
+fn receivers(reader: &mut Reader<'_>, agents: u32) -> Result<Vec<AgentId>, MapMessageError> {
+    let mut left = reader.number()?;
+    let mut receivers = Vec::new();
+    let mut next = 0;
+    while left > 0 {
+        let start = next + u64::from(reader.number()?);
+        let run = if left > 1 { u64::from(reader.number()?) + 1 } else { 1 };
+        // The numbers are untrusted.
+        if start + run > agents.into() {
+            let agent = start.max(agents.into());
+            return Err(MapMessageError::Agent { agent, agents });
+        }
+        if run > left.into() {
+            return Err(MapMessageError::Run { run, left });
+        }
+        receivers.extend((start..start + run).map(|agent| AgentId(agent as u32)));
+        left -= run as u32;
+        next = start + run + 1;
+    }
+    Ok(receivers)
 }
 
 fn blocks(bytes: &[u8], count: u32, layout: Layout, message_bytes: usize) -> Result<Vec<Block>, MapMessageError> {
@@ -373,41 +405,43 @@ mod tests {
             block(5, 0b11, 0, 0b10),
         ];
         let delta = Delta { blocks };
-        let bytes = encode(&[AgentId(1), AgentId(4)], &delta);
+        let receivers = [1, 4, 5, 6, 8].map(AgentId);
+        let bytes = encode(&receivers, &delta);
         let strings = [
             "100 0 100 110000 101000 0 1",
             "0 10 110 1110 10 11111000 11 00100 0 0 0 0 0",
             "101 110 100 000000 100000 0 0 0 1",
         ];
         let written = strings.concat().replace(' ', "");
-        let mut expected = vec![2, 2, 1, 2, 3];
+        let mut expected = vec![3, 5, 1, 0, 1, 2, 0, 3];
         for byte in written.as_bytes().chunks(8) {
             expected.push(byte.iter().rev().fold(0, |bits, digit| bits << 1 | (digit - b'0')));
         }
         assert_eq!(bytes, expected);
         let map = extent([8, 8, 8]);
-        assert_eq!(decode(&bytes, map, 5), Ok((vec![AgentId(1), AgentId(4)], delta)));
-        assert_eq!(decode(&bytes, extent([8, 8, 4]), 5), Err(MapMessageError::Outside { block: 5 }));
-        assert_eq!(decode(&bytes, extent([8, 5, 8]), 5), Err(MapMessageError::Outside { block: 2 }));
-        assert_eq!(decode(&bytes, map, 4), Err(MapMessageError::Agent { agent: 4, agents: 4 }));
+        assert_eq!(decode(&bytes, map, 9), Ok((receivers.to_vec(), delta)));
+        assert_eq!(decode(&bytes, extent([8, 8, 4]), 9), Err(MapMessageError::Outside { block: 5 }));
+        assert_eq!(decode(&bytes, extent([8, 5, 8]), 9), Err(MapMessageError::Outside { block: 2 }));
+        assert_eq!(decode(&bytes, map, 8), Err(MapMessageError::Agent { agent: 8, agents: 8 }));
     }
 
     #[test]
     fn malformed_bytes_are_refused_with_the_reason() {
         let refused = |bytes: &[u8]| decode(bytes, extent([8, 8, 8]), 2).unwrap_err().to_string();
         assert_eq!(refused(&[]), "truncated after 0 bytes");
-        assert_eq!(refused(&[1, 0]), "version 1, expected 2");
-        assert_eq!(refused(&[2, 0, 1]), "truncated after 3 bytes");
-        assert_eq!(refused(&[2, 0, 1, 0]), "truncated after 4 bytes");
-        assert_eq!(refused(&[2, 0, 0, 7]), "1 bytes after its end");
-        assert_eq!(refused(&[2, 1, 2, 0]), "receiver 2 is not part of the run, allowed are 0 to 1");
+        assert_eq!(refused(&[1, 0]), "version 1, expected 3");
+        assert_eq!(refused(&[3, 0, 1]), "truncated after 3 bytes");
+        assert_eq!(refused(&[3, 0, 1, 0]), "truncated after 4 bytes");
+        assert_eq!(refused(&[3, 0, 0, 7]), "1 bytes after its end");
+        assert_eq!(refused(&[3, 2, 0, 2, 0]), "receiver 2 is not part of the run, allowed are 0 to 1");
+        assert_eq!(refused(&[3, 1, 2, 0]), "receiver 2 is not part of the run, allowed are 0 to 1");
         let long = "the number at byte 1 is larger than 4294967295 or longer than 5 bytes";
-        assert_eq!(refused(&[2, 0xff, 0xff, 0xff, 0xff, 0x1f]), long);
-        assert_eq!(refused(&[2, 0x80, 0x80, 0x80, 0x80, 0x80]), long);
+        assert_eq!(refused(&[3, 0xff, 0xff, 0xff, 0xff, 0x1f]), long);
+        assert_eq!(refused(&[3, 0x80, 0x80, 0x80, 0x80, 0x80]), long);
         let bits = |digits: &str| {
             let digits: Vec<u8> = digits.bytes().filter(|&digit| digit != b' ').collect();
             let byte = |digits: &[u8]| digits.iter().rev().fold(0, |bits, digit| bits << 1 | (digit - b'0'));
-            [[2, 0, 1].as_slice(), &digits.chunks(8).map(byte).collect::<Vec<u8>>()].concat()
+            [[3, 0, 1].as_slice(), &digits.chunks(8).map(byte).collect::<Vec<u8>>()].concat()
         };
         assert!(decode(&bits("0 0 0 010000 1 000000"), extent([8; 3]), 2).is_ok());
         assert_eq!(refused(&bits("0 0 0 010000 1 000010")), "a bit is set after its end");

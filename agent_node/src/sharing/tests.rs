@@ -21,7 +21,7 @@ impl Team {
         let count = agents as usize;
         Self {
             maps: vec![ExplorationMap::new(extent); count],
-            sharings: vec![Sharing::new(period, agents); count],
+            sharings: (0..agents).map(|id| Sharing::new(AgentId(id), period, agents)).collect(),
             inboxes: vec![Vec::new(); count],
             delivered: Vec::new(),
         }
@@ -46,10 +46,14 @@ impl Team {
                 let receivers = to.map_or(in_contact, |to| vec![to]);
                 let extent = self.maps[index].extent();
                 let (named, delta) = map_message::decode(&data, extent, self.maps.len() as u32).unwrap();
-                for receiver in receivers {
-                    assert!(named.contains(&receiver));
-                    let findings = delta.findings(extent);
-                    self.delivered.extend(findings.map(|(cell, finding)| (agent, receiver.0, cell, finding as u8)));
+                for &receiver in &receivers {
+                    // A broadcast for many reaches all.
+                    let is_named = named.contains(&receiver);
+                    assert!(is_named || to.is_none() && named.len() > ADDRESSED_MAX);
+                    if is_named {
+                        let findings = delta.findings(extent);
+                        self.delivered.extend(findings.map(|(cell, finding)| (agent, receiver.0, cell, finding as u8)));
+                    }
                     posted.push((receiver, ReceivedMessage { from: AgentId(agent), kind, data: data.clone() }));
                 }
             }
@@ -94,10 +98,12 @@ fn plain_news(sharing: &Sharing, contacts: &[Contact], mut budget: usize, cell_b
     let waits = |agent: AgentId| sharing.peers.get(agent.index()).filter(|peer| peer.cursor < peer.until);
     let waiting: Vec<AgentId> =
         contacts.iter().map(|contact| contact.agent).filter(|&agent| waits(agent).is_some()).collect();
+    let is_exchanging =
+        |agent: AgentId, at: usize| waits(agent).is_some_and(|peer| (peer.cursor..peer.until).contains(&at));
     let lacks = |agent: AgentId, at: usize| {
         let holds = |provenance: &Provenance| provenance.holders.iter().any(|holder| holder == agent);
         let heard = sharing.provenances.iter().find(|provenance| provenance.positions.contains(&at));
-        waits(agent).is_some_and(|peer| (peer.cursor..peer.until).contains(&at)) && !heard.is_some_and(holds)
+        is_exchanging(agent, at) && !heard.is_some_and(holds)
     };
     let is_edge = |at: usize| {
         let is_end = |range: Range<usize>| range.start == at || range.end == at;
@@ -109,10 +115,13 @@ fn plain_news(sharing: &Sharing, contacts: &[Contact], mut budget: usize, cell_b
     let (mut at, mut news) = (start, News::new());
     while at < last {
         let end = (at + 1..=last).find(|&at| is_edge(at)).unwrap_or(last);
-        let receivers: Vec<AgentId> = waiting.iter().copied().filter(|&agent| lacks(agent, at)).collect();
+        let mut receivers: Vec<AgentId> = waiting.iter().copied().filter(|&agent| lacks(agent, at)).collect();
         if receivers.is_empty() {
             at = end;
             continue;
+        }
+        if is_crowd(contacts) {
+            receivers = waiting.iter().copied().filter(|&agent| is_exchanging(agent, at)).collect();
         }
         let copies = copies(receivers.len(), contacts);
         let is_begun = news.contains_key(&receivers);
@@ -153,11 +162,11 @@ fn extent(size: u32) -> Extent {
 fn two_agents_exchange_at_once_and_then_every_period() {
     let mut team = Team::new(2, extent(10), 5);
     let pair = [(0, 1)];
-    assert_eq!(team.trigger(0, &[], 0), Trigger { at: Tick(u64::MAX), events: Events::CONTACTS });
+    assert_eq!(team.trigger(0, &[], 0), Trigger { at: Tick(u64::MAX), events: Events::FIRST_CONTACT });
     team.maps[0].note_free(&[1, 2, 3]);
     team.maps[1].note_wall(&[7, 9]);
     assert_eq!(team.tick(7, &pair, BUDGET), [8, 7]);
-    assert_eq!(team.trigger(0, &pair, 7), Trigger { at: Tick(10), events: Events::CONTACTS });
+    assert_eq!(team.trigger(0, &pair, 7), Trigger { at: Tick(10), events: Events::FIRST_CONTACT });
     assert_eq!(team.tick(8, &pair, BUDGET), [0, 0]);
     assert_eq!(team.states(0), team.states(1));
     team.maps[0].note_covered(Cell::new(2, 0, 0));
@@ -322,7 +331,7 @@ fn exchange_takes_few_bytes_per_cell() {
 #[test]
 fn period_0_only_receives() {
     let mut team = Team::new(2, extent(10), 5);
-    team.sharings[1] = Sharing::new(0, 2);
+    team.sharings[1] = Sharing::new(AgentId(1), 0, 2);
     team.maps.iter_mut().zip([3, 500]).for_each(|(map, cell)| map.note_free(&[cell]));
     assert_eq!(team.trigger(1, &[(0, 1)], 0), Trigger { at: Tick(u64::MAX), events: 0 });
     assert!(team.tick(0, &[(0, 1)], BUDGET)[0] > 0);
@@ -333,17 +342,17 @@ fn period_0_only_receives() {
 #[test]
 fn malformed_messages_are_rejected_and_other_kinds_ignored() {
     let mut map = ExplorationMap::new(extent(4));
-    let mut sharing = Sharing::new(5, 3);
+    let mut sharing = Sharing::new(AgentId(0), 5, 3);
     let message = |kind, data: &[u8]| ReceivedMessage { from: AgentId(2), kind, data: data.into() };
     let received = [
         message(MAP_MESSAGE, &[9]),
         message(0, &[1, 2, 3]),
-        message(MAP_MESSAGE, &[VERSION, 0, 1, 0b100_1000, 0]),
-        message(MAP_MESSAGE, &[VERSION, 0, 1, 1, 0]),
+        message(MAP_MESSAGE, &[VERSION, 1, 0, 1, 0b100_1000, 0]),
+        message(MAP_MESSAGE, &[VERSION, 1, 0, 1, 1, 0]),
     ];
     let report = sharing.incoming(&mut map, &received);
     let refused = [(AgentId(2), MapMessageError::Version(9)), (AgentId(2), MapMessageError::Outside { block: 1 })];
-    assert_eq!(report, Report { messages: 1, news: 1, refused: refused.to_vec() });
+    assert_eq!(report, Report { messages: 1, for_others: 0, news: 1, refused: refused.to_vec() });
     let totals = *sharing.totals();
     assert_eq!((totals.messages_refused, totals.messages_taken), (2, 1));
     // Every byte of map messages is counted as merged or rejected; messages of other kinds are not
@@ -360,8 +369,35 @@ fn whole_map(extent: Extent, finding: Finding) -> ReceivedMessage {
     ReceivedMessage {
         from: AgentId(2),
         kind: MAP_MESSAGE,
-        data: map_message::encode(&[], &Delta::of(extent, all)).into(),
+        data: map_message::encode(&[AgentId(0), AgentId(3)], &Delta::of(extent, all)).into(),
     }
+}
+
+#[test]
+fn message_for_others_is_ignored() {
+    let extent = extent(4);
+    let mut map = ExplorationMap::new(extent);
+    let mut sharing = Sharing::new(AgentId(1), 5, 4);
+    let report = sharing.incoming(&mut map, &[whole_map(extent, Finding::Free)]);
+    assert_eq!(report, Report { for_others: 1, ..Report::default() });
+    assert_eq!((map.free(), *sharing.totals()), (0, Totals::default()));
+}
+
+/// Copies for all who lack the news would not fit into a command: nothing was ever sent.
+#[test]
+fn news_for_most_of_a_crowd_is_broadcast() {
+    let agents = 200;
+    let mut team = Team::new(agents, extent(6), 50);
+    let pairs = all_pairs(agents);
+    (0..2).for_each(|now| drop(team.tick(now, &pairs, BUDGET)));
+    // Agent 1 knows from agent 0 what all others lack.
+    team.maps[0].note_free(&[7]);
+    (50..52).for_each(|now| drop(team.tick(now, &[(0, 1)], BUDGET)));
+    let to_others: Vec<(u32, u32)> = (0..agents).filter(|&other| other != 1).map(|other| (1, other)).collect();
+    (100..102).for_each(|now| drop(team.tick(now, &to_others, BUDGET)));
+    assert!(team.maps.iter().all(|map| map.free() == 1));
+    assert_eq!(team.sharings[1].totals().messages_sent, 1);
+    assert_eq!(team.trigger(1, &to_others, 101).at, Tick(150));
 }
 
 #[test]
@@ -369,7 +405,7 @@ fn flooding_sender_is_barred() {
     let extent = extent(12);
     let volume = extent.volume() as u64;
     let mut map = ExplorationMap::new(extent);
-    let mut sharing = Sharing::new(5, 4);
+    let mut sharing = Sharing::new(AgentId(0), 5, 4);
     let lies = [whole_map(extent, Finding::Wall), whole_map(extent, Finding::Free)];
     let mut taken = Vec::new();
     for _ in 0..50 {
@@ -417,16 +453,16 @@ proptest! {
         mut datas in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..60), 0..8),
     ) {
         let mut map = ExplorationMap::new(extent(5));
-        let mut sharing = Sharing::new(5, 3);
+        let mut sharing = Sharing::new(AgentId(0), 5, 3);
         let mut count = 0;
         for (at, data) in datas.iter_mut().enumerate() {
             if at % 2 == 0 && data.len() > 1 {
                 data[0] = VERSION;
-                data[1] %= 2;
+                data[1] %= 3;
             }
             let message = ReceivedMessage { from: AgentId(1), kind: MAP_MESSAGE, data: data.clone().into() };
             let report = sharing.incoming(&mut map, &[message]);
-            count += report.messages + report.refused.len();
+            count += report.messages + report.for_others + report.refused.len();
         }
         prop_assert_eq!(count, datas.len());
         prop_assert!(map.changes_since(0).all(|change| change.cell < 125));

@@ -34,6 +34,7 @@ fn world() -> World {
         scanner: Scanner::new(Pattern::Lattice { rays: 1000 }, 1.0, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
+        share_period_ticks: 0,
         noise: SensorNoise::default(),
         late: BTreeSet::new(),
     };

@@ -26,6 +26,9 @@ pub const NEW_CELL: Events = msgs::maes_msgs::Wake::NEW_CELL;
 pub const CONTACTS: Events = msgs::maes_msgs::Wake::CONTACTS;
 /// A message has arrived.
 pub const PARCEL: Events = msgs::maes_msgs::Wake::PARCEL;
+/// An agent is in contact that no committed observation of this share period has listed. It is only
+/// looked for, and reported, if it is asked for.
+pub const FIRST_CONTACT: Events = msgs::maes_msgs::Wake::FIRST_CONTACT;
 
 /// What an agent does in one tick: its command without the trigger.
 #[derive(Debug, Clone, PartialEq)]

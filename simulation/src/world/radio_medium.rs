@@ -34,6 +34,15 @@ pub(super) struct RadioMedium {
     pub(super) relays: Relays,
 }
 
+/// The contacts that committed observations of an agent have listed, one bit for each agent.
+#[derive(Debug)]
+pub(super) struct ReportedContacts {
+    last: Vec<u64>,
+    /// Those of all committed observations of a share period.
+    in_period: Vec<u64>,
+    period: u64,
+}
+
 /// The transmit queue of an agent.
 #[derive(Debug, Clone, Default)]
 struct Queue {
@@ -48,6 +57,28 @@ impl RadioMedium {
     /// A medium without traffic between `agents`.
     pub(super) fn new(agents: usize) -> Self {
         Self { queues: vec![Queue::default(); agents], relays: Relays::new(agents) }
+    }
+}
+
+impl ReportedContacts {
+    /// None of `agents` has been in contact.
+    pub(super) fn new(agents: usize) -> Self {
+        let none = vec![0; agents.div_ceil(64)];
+        Self { last: none.clone(), in_period: none, period: 0 }
+    }
+
+    /// Those that have been listed in this share period.
+    fn in_period(&mut self, period: u64) -> &mut [u64] {
+        if self.period != period {
+            self.period = period;
+            self.in_period.fill(0);
+        }
+        &mut self.in_period
+    }
+
+    fn list(&mut self, row: &[u64], period: u64) {
+        self.last.copy_from_slice(row);
+        self.in_period(period).iter_mut().zip(row).for_each(|(listed, contacts)| *listed |= contacts);
     }
 }
 
@@ -253,16 +284,32 @@ impl World {
         let table = self.contacts.as_mut().expect("it has just been computed");
         let state = &self.agents[agent.index()];
         let is_as_reported = relays == state.reported_relays
-            && table.row(agent, &self.params.comms.contact, &self.terrain) == state.reported_contacts;
+            && table.row(agent, &self.params.comms.contact, &self.terrain) == state.reported_contacts.last;
         if is_as_reported { 0 } else { CONTACTS }
+    }
+
+    /// Whether an agent is in contact that no committed observation of this share period has
+    /// listed.
+    pub(super) fn has_first_contact(&mut self, agent: AgentId) -> bool {
+        self.compute_contacts();
+        let period = self.share_period();
+        let table = self.contacts.as_mut().expect("it has just been computed");
+        let listed = self.agents[agent.index()].reported_contacts.in_period(period);
+        table.has_contact_not_among(agent, listed, &self.params.comms.contact, &self.terrain)
+    }
+
+    /// Number of the present share period.
+    fn share_period(&self) -> u64 {
+        self.tick.0.checked_div(self.params.share_period_ticks.into()).unwrap_or(0)
     }
 
     /// Notes that the agents in contact have been reported.
     pub(super) fn note_reported_contacts(&mut self, agent: AgentId) {
         self.compute_contacts();
+        let period = self.share_period();
         let table = self.contacts.as_mut().expect("it has just been computed");
         let row = table.row(agent, &self.params.comms.contact, &self.terrain);
-        self.agents[agent.index()].reported_contacts.copy_from_slice(row);
+        self.agents[agent.index()].reported_contacts.list(row, period);
     }
 
     fn compute_contacts(&mut self) {

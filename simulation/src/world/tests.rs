@@ -28,6 +28,7 @@ fn params() -> WorldParams {
         scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: within(f64::INFINITY),
+        share_period_ticks: 0,
         noise: SensorNoise::default(),
         late: Default::default(),
     }

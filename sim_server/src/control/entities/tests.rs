@@ -23,6 +23,7 @@ fn world() -> World {
         scanner: Scanner::new(Pattern::Lattice { rays: 16 }, f64::INFINITY, std::f64::consts::TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
+        share_period_ticks: 0,
         noise: SensorNoise::default(),
         late: Default::default(),
     };

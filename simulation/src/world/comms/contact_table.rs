@@ -139,11 +139,10 @@ impl ContactTable {
         model: &ContactModel,
         terrain: &Grid<Terrain>,
     ) -> impl Iterator<Item = AgentId> + '_ {
-        self.row(agent, model, terrain).iter().enumerate().flat_map(|(word, &bits)| {
-            let lowest = |&left: &u64| Some(left & left.wrapping_sub(1)).filter(|&rest| rest != 0);
-            let rests = std::iter::successors(Some(bits).filter(|&bits| bits != 0), lowest);
-            rests.map(move |left| AgentId::from_index(64 * word + left.trailing_zeros() as usize))
-        })
+        self.row(agent, model, terrain)
+            .iter()
+            .enumerate()
+            .flat_map(|(word, &bits)| ones(bits).map(move |bit| AgentId::from_index(64 * word + bit)))
     }
 
     /// The agents in contact with `agent`, one bit each.
@@ -159,6 +158,26 @@ impl ContactTable {
         }
         let words = self.words();
         &self.rows[one * words..][..words]
+    }
+
+    /// Whether `agent` is in contact with one that is not `among` these, one bit each. Pairs with
+    /// those are not decided.
+    pub fn has_contact_not_among(
+        &mut self,
+        agent: AgentId,
+        among: &[u64],
+        model: &ContactModel,
+        terrain: &Grid<Terrain>,
+    ) -> bool {
+        let agents = self.radios.len();
+        among.iter().enumerate().any(|(word, &listed)| {
+            let in_word = agents - 64 * word;
+            let asked = !listed & if in_word < 64 { (1 << in_word) - 1 } else { u64::MAX };
+            ones(asked).any(|bit| {
+                let other = AgentId::from_index(64 * word + bit);
+                other != agent && self.in_contact(agent, other, model, terrain)
+            })
+        })
     }
 
     /// Whether two different agents are in contact, directly or over a relay network in contact
@@ -206,6 +225,13 @@ impl ContactTable {
             _ => false,
         }
     }
+}
+
+/// The places of the ones in a word, ascending.
+fn ones(word: u64) -> impl Iterator<Item = usize> {
+    let without_lowest = |&left: &u64| Some(left & left.wrapping_sub(1)).filter(|&rest| rest != 0);
+    let rests = std::iter::successors(Some(word).filter(|&word| word != 0), without_lowest);
+    rests.map(|left| left.trailing_zeros() as usize)
 }
 
 impl Pair {

@@ -178,6 +178,9 @@ proptest! {
             let is_in_contact =
                 table.in_contact(AgentId::from_index(agent), AgentId::from_index(next), &model, &terrain);
             prop_assert_eq!(is_in_contact, joins(agent, next));
+            let among = (number % 16) as u64;
+            let has_other = table.has_contact_not_among(AgentId::from_index(next), &[among], &model, &terrain);
+            prop_assert_eq!(has_other, (0..4).any(|other| among >> other & 1 == 0 && joins(next, other)));
             // Rows are not asked for in the same order in each tick, and not all of them.
             for one in (0..4).map(|place| (place + number) % 4).take(1 + number % 4) {
                 let expected: Vec<AgentId> = (0..4).filter(|&other| joins(one, other)).map(AgentId::from_index).collect();

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
+use crate::world::FIRST_CONTACT;
 use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
@@ -46,6 +47,7 @@ fn params(comms: Comms) -> WorldParams {
         scanner: Scanner::new(Pattern::Lattice { rays: 10 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 10 },
         comms,
+        share_period_ticks: 0,
         noise: SensorNoise::default(),
         late: Default::default(),
     }
@@ -136,6 +138,35 @@ fn contact_is_checked_when_a_message_is_complete() {
     world.place(B, away).unwrap();
     world.step(BTreeMap::new());
     assert_eq!((received(&mut world, B).len(), world.totals().parcels_sent), (0, 0), "no agent is in contact any more");
+}
+
+#[test]
+fn first_contact_is_reported_once_in_each_share_period() {
+    let range = ContactModel::LineOfSightAndRange { range_m: 4.5 };
+    let mut world = hall(Comms { contact: range, ..perfect() });
+    world.params.share_period_ticks = 10;
+    let stand = |world: &mut World, x| {
+        world.place(B, Pose { position: Point3::new(x, 2.5, 2.5), yaw_rad: 0.0 }).unwrap();
+    };
+    const NEAR: f64 = 5.5;
+    const FAR: f64 = 6.5;
+    let mut reported = Vec::new();
+    for tick in 0..50 {
+        match tick {
+            0 | 7 | 33 => stand(&mut world, NEAR),
+            5 | 21 => stand(&mut world, FAR),
+            _ => {}
+        }
+        if world.events(A, FIRST_CONTACT) != 0 {
+            let observation = world.observe(A, Commit::Committed);
+            assert_eq!((observation.events & FIRST_CONTACT, observation.contacts.len()), (FIRST_CONTACT, 1));
+            reported.push(tick);
+        }
+        // Only to those who ask for it.
+        assert_eq!(world.observe(B, Commit::Committed).events & FIRST_CONTACT, 0);
+        world.step(BTreeMap::new());
+    }
+    assert_eq!(reported, [0, 10, 20, 33, 40]);
 }
 
 #[test]
