@@ -200,7 +200,7 @@ impl Sharing {
             report.messages += 1;
             report.news += positions.len();
             if !positions.is_empty() {
-                self.remember(positions, *from, content.receivers.with(*from));
+                self.remember(positions, *from, content.holders(*from));
             }
         }
         report
@@ -233,18 +233,17 @@ impl Sharing {
     }
 
     /// Notes who knows a section of the journal, which is not empty.
-    fn remember(&mut self, positions: Range<usize>, from: AgentId, holders: AgentSet) {
-        let last = self.provenances.last_mut();
-        let same = last.as_ref().filter(|last| *last.holders == holders).map(|last| Arc::clone(&last.holders));
-        match (last, same) {
-            (Some(last), Some(_)) if last.positions.end == positions.start && last.from == from => {
+    fn remember(&mut self, positions: Range<usize>, from: AgentId, mut holders: Arc<AgentSet>) {
+        if let Some(last) = self.provenances.last_mut()
+            && last.holders == holders
+        {
+            if last.positions.end == positions.start && last.from == from {
                 last.positions.end = positions.end;
+                return;
             }
-            (_, same) => {
-                let holders = same.unwrap_or_else(|| Arc::new(holders));
-                self.provenances.push(Provenance { positions, from, holders });
-            }
+            holders = Arc::clone(&last.holders);
         }
+        self.provenances.push(Provenance { positions, from, holders });
     }
 
     /// The messages of this tick to the agents in contact (ascending by id), with at most `budget`

@@ -5,6 +5,7 @@
 //! `cargo install`, `maes sim_server` and `maes agent_node` are the same programs. `maes
 //! serve-agents` is what `maes run --hosts` starts on a host.
 
+mod allocator;
 mod bench;
 mod controllers;
 #[cfg(feature = "ros")]
@@ -115,6 +116,7 @@ fn main() -> ExitCode {
     if let Some(code) = other_program() {
         return code;
     }
+    allocator::keep_large_blocks_in_pages();
     let parsed = Cli::command().try_get_matches().and_then(|matches| {
         let cli = Cli::from_arg_matches(&matches)?;
         Ok((cli, matches))

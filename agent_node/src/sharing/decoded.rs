@@ -1,7 +1,8 @@
 //! Map messages as their receivers have them: decoded once for all that share the bytes.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
+use msgs::ids::AgentId;
 use msgs::shared_bytes::SharedBytes;
 use voxels::Extent;
 
@@ -10,13 +11,32 @@ use super::map_message::{self, MapMessageError};
 use crate::exploration_map::Delta;
 
 /// The content of a map message.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub(super) struct Content {
     pub(super) receivers: AgentSet,
     pub(super) delta: Delta,
     /// Number of reported cells.
     pub(super) cells: u64,
+    /// The first sender, and those who know the content because of it.
+    holders: OnceLock<(AgentId, Arc<AgentSet>)>,
 }
+
+impl Content {
+    /// Those who know the content because of a message from this sender.
+    pub(super) fn holders(&self, from: AgentId) -> Arc<AgentSet> {
+        let with = || Arc::new(self.receivers.with(from));
+        let (first, holders) = self.holders.get_or_init(|| (from, with()));
+        if *first == from { Arc::clone(holders) } else { with() }
+    }
+}
+
+impl PartialEq for Content {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.receivers, &self.delta, self.cells) == (&other.receivers, &other.delta, other.cells)
+    }
+}
+
+impl Eq for Content {}
 
 /// A decoded message, with what decides on its content besides its bytes.
 struct Decoded {
@@ -39,12 +59,12 @@ pub(super) fn content(data: &SharedBytes, extent: Extent, agents: u32) -> Result
 
 fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Arc<Content>, MapMessageError> {
     let (receivers, delta) = map_message::decode(bytes, extent, agents)?;
-    Ok(Arc::new(Content { receivers: AgentSet::of(receivers), cells: delta.len() as u64, delta }))
+    let (receivers, cells) = (AgentSet::of(receivers), delta.len() as u64);
+    Ok(Arc::new(Content { receivers, cells, delta, holders: OnceLock::new() }))
 }
 
 #[cfg(test)]
 mod tests {
-    use msgs::ids::AgentId;
     use proptest::prelude::*;
 
     use super::*;
@@ -52,6 +72,15 @@ mod tests {
 
     fn extent(side: u32) -> Extent {
         Extent::new([side; 3], 1.0).unwrap()
+    }
+
+    #[test]
+    fn holders_are_the_receivers_and_the_sender() {
+        let data = SharedBytes::from(vec![VERSION, 1, 2, 0]);
+        let content = content(&data, extent(4), 4).unwrap();
+        for from in [1, 0, 1].map(AgentId) {
+            assert_eq!(*content.holders(from), AgentSet::of([from, AgentId(2)]));
+        }
     }
 
     #[test]
