@@ -211,8 +211,10 @@ impl Interceptor for Tampered {
                 self.waiting.push(next);
             }
         }
-        // Last in, first out.
-        self.waiting.pop()
+        // The agent that was last comes first; each keeps its own order, as on its topic.
+        let agent = self.waiting.last()?.topic_agent;
+        let first = self.waiting.iter().position(|incoming| incoming.topic_agent == agent)?;
+        Some(self.waiting.remove(first))
     }
 }
 
