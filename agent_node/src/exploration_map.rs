@@ -31,12 +31,12 @@ mod tests;
 use std::ops::Range;
 
 use msgs::ids::AgentId;
-use voxels::{Cell, CellSet, Extent, Grid};
+use voxels::{Cell, CellSet, Extent, Grid, bits};
 
 pub(crate) use around::Around;
 use delta::cell_in;
 pub use delta::{Block, Delta};
-pub(crate) use delta::{Layout, bits, with_delta};
+pub(crate) use delta::{Layout, with_delta};
 use place::Place;
 
 /// The state of a cell.

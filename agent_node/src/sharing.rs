@@ -372,11 +372,11 @@ impl Sharing {
                     (before, holders) => before.is_none() && holders.is_none(),
                 };
                 if before.as_ref().is_none_or(|before| !is_alike(before.holders)) {
-                    let lacking = holders.map(|holders| exchanging.without(holders));
-                    let receivers = match lacking {
-                        Some(lacking) if !is_crowd(contacts) || lacking.len() == 0 => lacking,
-                        _ => exchanging.clone(),
-                    };
+                    let mut receivers =
+                        holders.map_or_else(|| exchanging.clone(), |holders| exchanging.without(holders));
+                    if is_crowd(contacts) && receivers.len() > 0 {
+                        receivers.clone_from(&exchanging);
+                    }
                     let place = news.iter().position(|(same, _)| *same == receivers);
                     before = Some(SectionBefore { holders, receivers, place });
                 }

@@ -7,6 +7,8 @@
 //! Invariants: a bit of `occupied` is set if and only if the word of `words` it stands for is not
 //! 0; `len` is the number of bits set in `words`.
 
+use crate::bits::{bits, bits_of};
+
 /// A set of cells, one bit each, with one more bit for each 64 of them to find those that are in
 /// it.
 #[derive(Debug, Clone)]
@@ -86,7 +88,7 @@ impl CellSet {
 
     /// Removes all cells, at the cost of those that are in it.
     pub fn clear(&mut self) {
-        for word in bits(&self.occupied, 0..self.occupied.len()) {
+        for word in bits_of(&self.occupied) {
             self.words[word] = 0;
         }
         self.occupied.fill(0);
@@ -95,7 +97,7 @@ impl CellSet {
 
     /// The cells in it, ascending.
     pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
-        bits(&self.occupied, 0..self.occupied.len()).flat_map(|word| bits(&self.words, word..word + 1))
+        bits_of(&self.occupied).flat_map(|word| bits(self.words[word]).map(move |bit| 64 * word + bit as usize))
     }
 }
 
@@ -106,18 +108,6 @@ fn bit(index: usize) -> u64 {
 /// The lowest bits; `count` is at most 64.
 fn low_bits(count: u32) -> u64 {
     if count < 64 { (1 << count) - 1 } else { u64::MAX }
-}
-
-/// Indices of the bits set in some of the words, ascending.
-fn bits(words: &[u64], range: std::ops::Range<usize>) -> impl Iterator<Item = usize> + '_ {
-    range.flat_map(move |word| {
-        let mut left = words[word];
-        std::iter::from_fn(move || {
-            let index = (left != 0).then(|| word * 64 + left.trailing_zeros() as usize);
-            left &= left.wrapping_sub(1);
-            index
-        })
-    })
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@
 
 #![warn(missing_docs)]
 
+pub mod bits;
 pub mod blocks;
 pub mod cell;
 pub mod cell_set;
@@ -28,6 +29,7 @@ pub mod terrain;
 pub mod through;
 pub mod traverse;
 
+pub use bits::{bits, bits_of};
 pub use blocks::Blocks;
 pub use cell::{Cell, FACES};
 pub use cell_set::CellSet;

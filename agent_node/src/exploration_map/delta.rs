@@ -9,7 +9,7 @@
 
 use std::cell::RefCell;
 
-use voxels::Extent;
+use voxels::{Extent, bits};
 
 use super::{Change, Finding};
 
@@ -146,15 +146,6 @@ impl DeltaBuilder {
         blocks.sort_unstable_by_key(|block| block.index);
         &self.delta
     }
-}
-
-/// Positions of the set bits, ascending.
-pub(crate) fn bits(mut left: u64) -> impl Iterator<Item = u32> {
-    std::iter::from_fn(move || {
-        let bit = (left != 0).then(|| left.trailing_zeros());
-        left &= left.wrapping_sub(1);
-        bit
-    })
 }
 
 /// The layout of the blocks of a map.

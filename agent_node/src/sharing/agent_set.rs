@@ -1,6 +1,7 @@
 //! Sets of agents.
 
 use msgs::ids::AgentId;
+use voxels::bits_of;
 
 /// A set of agents, one bit each.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -51,10 +52,6 @@ impl AgentSet {
 
     /// The agents, ascending.
     pub(super) fn iter(&self) -> impl Iterator<Item = AgentId> + '_ {
-        let bits = |word: u64| (0..64).filter(move |bit| word >> bit & 1 != 0);
-        self.words
-            .iter()
-            .enumerate()
-            .flat_map(move |(place, &word)| bits(word).map(move |bit| AgentId::from_index(64 * place + bit)))
+        bits_of(&self.words).map(AgentId::from_index)
     }
 }

@@ -34,10 +34,10 @@
 
 use msgs::ids::AgentId;
 use thiserror::Error;
-use voxels::Extent;
+use voxels::{Extent, bits};
 
 use super::bits::{Reader as Bits, Writer, gap_bits};
-use crate::exploration_map::{Block, Delta, Layout, bits};
+use crate::exploration_map::{Block, Delta, Layout};
 
 /// Version of the encoding.
 pub const VERSION: u8 = 3;

@@ -14,7 +14,7 @@
 
 use msgs::ids::AgentId;
 use nalgebra::Point3;
-use voxels::{Grid, Sight, Terrain, WallBox, sight};
+use voxels::{Grid, Sight, Terrain, WallBox, bits, bits_of, sight};
 
 use super::ContactModel;
 
@@ -139,10 +139,7 @@ impl ContactTable {
         model: &ContactModel,
         terrain: &Grid<Terrain>,
     ) -> impl Iterator<Item = AgentId> + '_ {
-        self.row(agent, model, terrain)
-            .iter()
-            .enumerate()
-            .flat_map(|(word, &bits)| ones(bits).map(move |bit| AgentId::from_index(64 * word + bit)))
+        bits_of(self.row(agent, model, terrain)).map(AgentId::from_index)
     }
 
     /// The agents in contact with `agent`, one bit each.
@@ -171,10 +168,10 @@ impl ContactTable {
     ) -> bool {
         let agents = self.radios.len();
         among.iter().enumerate().any(|(word, &listed)| {
-            let in_word = agents - 64 * word;
-            let asked = !listed & if in_word < 64 { (1 << in_word) - 1 } else { u64::MAX };
-            ones(asked).any(|bit| {
-                let other = AgentId::from_index(64 * word + bit);
+            // The last word has bits of no agent.
+            let mut others = bits(!listed).map(|bit| 64 * word + bit as usize).take_while(|&other| other < agents);
+            others.any(|other| {
+                let other = AgentId::from_index(other);
                 other != agent && self.in_contact(agent, other, model, terrain)
             })
         })
@@ -225,13 +222,6 @@ impl ContactTable {
             _ => false,
         }
     }
-}
-
-/// The places of the ones in a word, ascending.
-fn ones(word: u64) -> impl Iterator<Item = usize> {
-    let without_lowest = |&left: &u64| Some(left & left.wrapping_sub(1)).filter(|&rest| rest != 0);
-    let rests = std::iter::successors(Some(word).filter(|&word| word != 0), without_lowest);
-    rests.map(|left| left.trailing_zeros() as usize)
 }
 
 impl Pair {
