@@ -163,7 +163,10 @@ fn exchange(criterion: &mut Criterion) {
         let news = explore(&mut agents, &terrain, &mut places, &directions);
         let own = agents.iter().zip(known).map(|(agent, known)| bytes_as_runs(agent.map.changes_since(known)));
         let as_runs: usize = own.sum();
-        let now = Tick(period * u64::from(DEFAULT_PERIOD_TICKS));
+        // Summaries, and then the updates that reply to them.
+        let summaries = Tick(period * u64::from(DEFAULT_PERIOD_TICKS));
+        let now = summaries.next();
+        round(&mut agents, summaries);
         if [1, 2, 4, 7].contains(&period) {
             let mut one = agents[0].clone();
             let known = one.map.journal_len();

@@ -1,31 +1,50 @@
 //! Map sharing: the protocol by which agents in contact exchange their maps.
 //!
-//! Each agent sends each peer every change of its map once, its own findings and those received
-//! from others alike, except what the peer itself has sent, and what the peer has received from
-//! others together with this agent: a message names all its receivers, and none of them is sent its
-//! content again.
+//! Agents in contact first send each other what they know, and then what the other lacks
+//! (anti-entropy: Demers et al., PODC 1987; summary vectors: Vahdat and Becker, "Epidemic routing",
+//! 2000). What an agent knows is a position in the journal of each agent: it knows all cells that
+//! this journal reports up to there. An exchange has three steps:
 //!
-//! A message is addressed to each of its receivers, or broadcast if they are all contacts or more
-//! than `ADDRESSED_MAX`: otherwise the copies for a crowd would not fit into a command. Those that
-//! are not named as receivers ignore it. Among more contacts than that, what some of them lack is
-//! sent to all: who lacks what differs for each section of the journal, and with it the message.
+//! 1. Both send a *summary*: these positions, their own journal included.
+//! 2. Each replies to the summary of the other with *updates*: its journal up to its own summary,
+//!    without what the other knows. A section that came from a third agent is left out if the
+//!    other knows the journal of that one as far as needed, whoever it has that from. An update
+//!    names all who lack its cells.
+//! 3. A *completion* says how many updates the other was sent. If none of them was lost, it now
+//!    knows the journal up to the summary, and whatever the summary says: the journal has that,
+//!    too. It does not if the own sensor contradicts a report ([`ExplorationMap::contradictions`]
+//!    and [`ExplorationMap::corrections`]); the summary says so, and is not taken over then.
 //!
-//! Exchanges take place in the ticks that are multiples of the period, as in the reference, so that
-//! all agents in contact exchange at the same time. At a first contact the exchange is immediate,
-//! and so it is with a peer that was out of contact in its turn. What does not fit into the
-//! messages of a tick is continued in the next one.
+//! **Deputies.** What several agents know that are in contact with each other and with a third one,
+//! one of them sends: a summary lists its receivers as well, so each sees whom it can leave a
+//! section to. The completion names those deputies, and holds once they have completed their own.
+//! The order in which agents are deputies of each other is another one in each period, so that no
+//! agent can keep others from news for long.
 //!
-//! Delivery: a message to a contact of the observation it replies to arrives, since contact is
-//! decided for the same positions. Only a full inbox loses it: one exchange leaves room there for
-//! those of all others (`INBOX_BYTES`), and is continued a period later if necessary.
+//! An update or completion is addressed to each of its receivers, or broadcast if they are all
+//! contacts or more than `ADDRESSED_MAX`: otherwise the copies for a crowd would not fit into a
+//! command. Those that are not named as receivers ignore it. Among more contacts than that, what
+//! some of them lack is sent to all: who lacks what differs for each section of the journal, and
+//! with it the message.
+//!
+//! Summaries are sent in the ticks that are multiples of the period, as exchanges take place in the
+//! reference, so that all agents in contact exchange at the same time; at a first contact at once,
+//! and so to a peer that was out of contact in its turn. What does not fit into the messages of a
+//! tick is continued in the next one.
+//!
+//! Delivery: what is lost, by the radio or in a full inbox, is sent again a period later, because
+//! the next summary does not list it. One exchange leaves room in the inbox for those of all others
+//! (`INBOX_BYTES`), and is continued a period later if necessary.
 //!
 //! **Trust.** An agent that sends each entry of its journal once cannot report more cells to a peer
 //! than a journal has entries: [`CHANGES_MAX`] for each cell of the map. A sender that reports more
 //! is faulty or malicious, and is barred: nothing of it is merged any more. So the cost that one
-//! sender can cause in a run is bounded, and so is each observation.
+//! sender can cause in a run is bounded, and so is each observation. A false summary changes no
+//! map: it can only keep others from sending what they take to be known.
 //!
 //! Invariants: the cost of an exchange is proportional to the changes; messages depend only on the
-//! journal and on ids; a rejected message changes nothing but counters.
+//! journal, on ids, and on the messages received; a rejected message changes nothing but counters;
+//! without losses nothing is sent twice to the same agent.
 //!
 //! This module does not schedule the agent; it states when it is due ([`Sharing::next_trigger`]).
 //! Call it in committed ticks only.
@@ -34,6 +53,7 @@ mod agent_set;
 mod bits;
 mod decoded;
 mod map_message;
+mod news;
 #[cfg(test)]
 mod tests;
 
@@ -47,11 +67,13 @@ use msgs::maes_msgs::Wake as Events;
 use msgs::shared_bytes::SharedBytes;
 
 use crate::command::{AgentMessage, Trigger};
-use crate::exploration_map::{CHANGES_MAX, ExplorationMap, with_delta};
+use crate::exploration_map::{CHANGES_MAX, ExplorationMap};
 use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
-use decoded::Content;
+use decoded::{Content, Summary, Update};
+use map_message::{Completed, SenderState};
 pub use map_message::{MapMessageError, VERSION};
+use news::{Batch, State};
 
 /// The mark of map messages; all other marks are the controllers'.
 pub const MAP_MESSAGE: u8 = 1;
@@ -74,8 +96,16 @@ pub struct Sharing {
     own: AgentId,
     period: u64,
     agents: u32,
+    /// What this agent knows of the journals of others.
+    known: Summary,
     /// By agent; those beyond the end have exchanged nothing.
     peers: Vec<Peer>,
+    /// The peers whose summaries have not been replied to.
+    summaries: Vec<AgentId>,
+    /// The peers whose summaries belong to the present exchange.
+    present: AgentSet,
+    /// The peers whose completions wait for those of others.
+    incomplete: Vec<AgentId>,
     provenances: Vec<Provenance>,
     totals: Totals,
 }
@@ -83,33 +113,56 @@ pub struct Sharing {
 /// The state of the exchanges with one peer.
 #[derive(Debug, Clone, Default)]
 struct Peer {
+    /// What it knows, by its last summary.
+    known: Arc<Summary>,
+    /// Tick in which it was last sent a summary.
+    last: Option<Tick>,
+    /// Length of the journal then.
+    summarised: usize,
+    /// Whether it is still being sent what it lacks.
+    is_open: bool,
     /// Entries of the journal before this position are sent, or need not be.
     cursor: usize,
     /// End of the present exchange in the journal.
     until: usize,
     /// Bytes of the present exchange.
     bytes: usize,
-    /// Tick in which the last exchange began.
-    last: Option<Tick>,
+    /// Tick in which it was last sent an update.
+    updated: Option<Tick>,
+    /// Updates sent since the last summary to it.
+    updates_sent: u32,
+    /// Those that send it what this agent leaves to them, in the present exchange.
+    rest_from: AgentSet,
+    /// Updates received since its last summary.
+    updates_received: u32,
+    /// Its last completion, which waits for those of others: the position, and theirs.
+    waits: Option<(u32, Vec<(AgentId, u32)>)>,
     /// Number of cells the peer has reported, repetitions included.
     claims: u64,
     /// Whether the peer has reported more cells than it can know.
     is_barred: bool,
 }
 
-/// The agents that know a section of the journal because of a message.
-#[derive(Debug, Clone)]
+impl Peer {
+    /// Whether it knows a section of the journal that came from others.
+    fn knows(&self, provenance: &Provenance) -> bool {
+        self.known.of(provenance.from) >= provenance.until
+    }
+}
+
+/// Where a section of the journal came from.
+#[derive(Debug, Clone, PartialEq, Eq)]
 struct Provenance {
     positions: Range<usize>,
     from: AgentId,
-    /// The sender, and all receivers of the message. Messages of one exchange mostly have the same.
-    holders: Arc<AgentSet>,
+    /// Whoever knows the journal of that agent up to this position knows the section.
+    until: u32,
 }
 
 /// The outcome of the messages of one observation.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Report {
-    /// Map messages merged.
+    /// Map messages for this agent that were well-formed.
     pub messages: usize,
     /// Map messages for other agents, ignored.
     pub for_others: usize,
@@ -126,36 +179,32 @@ pub struct Totals {
     pub messages_sent: u64,
     /// Bytes of data sent.
     pub bytes_sent: u64,
-    /// Messages merged.
+    /// Messages for this agent that were well-formed.
     pub messages_taken: u64,
-    /// Bytes of data merged.
+    /// Their bytes of data.
     pub bytes_taken: u64,
     /// Messages rejected, as malformed or from barred senders.
     pub messages_refused: u64,
     /// Bytes of data rejected.
     pub bytes_refused: u64,
-    /// Cells reported by merged messages, known or not: a measure of their cost.
+    /// Cells reported by updates, known or not: a measure of their cost.
     pub cells_taken: u64,
 }
 
-/// First estimate of the bits per cell on the wire: about what LiDAR scans in open space need.
-const CELL_BITS_USUAL: usize = 2;
-
-/// The data of messages with their receivers.
-type Batch = Vec<(Vec<AgentId>, SharedBytes)>;
-
-/// Sections of the journal by the agents to send them to.
-type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
-
 impl Sharing {
-    /// No exchanges yet. With a period of 0 the agent only receives.
+    /// No exchanges yet. With a period of 0 the agent only receives: it sends summaries in reply to
+    /// those of others.
     #[must_use]
     pub fn new(own: AgentId, period_ticks: u32, agents: u32) -> Self {
         Self {
             own,
             period: period_ticks.into(),
             agents,
+            known: Summary::default(),
             peers: Vec::new(),
+            summaries: Vec::new(),
+            present: AgentSet::default(),
+            incomplete: Vec::new(),
             provenances: Vec::new(),
             totals: Totals::default(),
         }
@@ -172,78 +221,126 @@ impl Sharing {
         &self.totals
     }
 
-    /// Merges the map messages for this agent among those received; ignores all others.
+    /// Processes the map messages for this agent among those received; ignores all others.
     ///
     /// A malformed message is rejected as a whole and reported, and so is any message of a barred
     /// sender.
     pub fn incoming(&mut self, map: &mut ExplorationMap, messages: &[ReceivedMessage]) -> Report {
         let mut report = Report::default();
         for ReceivedMessage { from, data, .. } in messages.iter().filter(|message| message.kind == MAP_MESSAGE) {
-            let content = match self.admit(map, *from, data) {
-                Ok(Some(content)) => content,
-                Ok(None) => {
-                    report.for_others += 1;
-                    continue;
+            match self.admit(map, *from, data) {
+                Ok(Some(news)) => {
+                    self.totals.messages_taken += 1;
+                    self.totals.bytes_taken += data.len() as u64;
+                    report.messages += 1;
+                    report.news += news;
                 }
+                Ok(None) => report.for_others += 1,
                 Err(reason) => {
                     self.totals.messages_refused += 1;
                     self.totals.bytes_refused += data.len() as u64;
                     report.refused.push((*from, reason));
-                    continue;
                 }
-            };
-            let start = map.journal_len();
-            map.merge(&content.delta, *from);
-            let positions = start..map.journal_len();
-            self.totals.messages_taken += 1;
-            self.totals.bytes_taken += data.len() as u64;
-            report.messages += 1;
-            report.news += positions.len();
-            if !positions.is_empty() {
-                self.remember(positions, *from, content.holders(*from));
             }
         }
+        self.complete_received();
         report
     }
 
-    /// The content of a message, `None` if it is for others, unless it is to be rejected. Messages
-    /// of barred senders are not decoded.
+    /// Takes over the completions that wait for no others any more.
+    fn complete_received(&mut self) {
+        loop {
+            let waiting = std::mem::take(&mut self.incomplete);
+            let before = waiting.len();
+            for from in waiting {
+                let Some((until, rest_from)) = peer(&mut self.peers, from).waits.take() else { continue };
+                if rest_from.iter().all(|&(agent, position)| self.known.of(agent) >= position) {
+                    self.known.set(from, self.known.of(from).max(until));
+                    self.join_if_complete(from);
+                } else {
+                    peer(&mut self.peers, from).waits = Some((until, rest_from));
+                    self.incomplete.push(from);
+                }
+            }
+            if self.incomplete.len() == before || self.incomplete.is_empty() {
+                return;
+            }
+        }
+    }
+
+    /// Processes a message; the number of journal entries that it made, or `None` if it is for
+    /// others. Messages of barred senders are not decoded.
     fn admit(
         &mut self,
-        map: &ExplorationMap,
+        map: &mut ExplorationMap,
         from: AgentId,
         data: &SharedBytes,
-    ) -> Result<Option<Arc<Content>>, MapMessageError> {
+    ) -> Result<Option<usize>, MapMessageError> {
         let allowance = (CHANGES_MAX * map.extent().volume()) as u64;
         let sender = peer(&mut self.peers, from);
         if sender.is_barred {
             return Err(MapMessageError::Barred { allowance });
         }
-        let content = decoded::content(data, map.extent(), self.agents)?;
-        if !content.receivers.contains(self.own) {
-            return Ok(None);
+        match decoded::content(data, map.extent(), self.agents)?.as_ref() {
+            Content::Summary(summary) => {
+                sender.known = Arc::clone(summary);
+                (sender.updates_received, sender.waits) = (0, None);
+                self.summaries.push(from);
+                self.join_if_complete(from);
+                Ok(Some(0))
+            }
+            Content::Update(update) if update.receivers.contains(self.own) => {
+                let Update { until, delta, cells, .. } = update;
+                if sender.claims + cells > allowance {
+                    sender.is_barred = true;
+                    return Err(MapMessageError::Barred { allowance });
+                }
+                sender.claims += cells;
+                sender.updates_received += 1;
+                self.totals.cells_taken += cells;
+                let start = map.journal_len();
+                map.merge(delta, from);
+                let positions = start..map.journal_len();
+                let news = positions.len();
+                self.remember(Provenance { positions, from, until: *until });
+                Ok(Some(news))
+            }
+            Content::Completion { receivers, until } => {
+                let place = receivers.binary_search_by_key(&self.own, |completed| completed.receiver);
+                let Ok(place) = place else { return Ok(None) };
+                let Completed { updates, rest_from, .. } = &receivers[place];
+                if *updates == sender.updates_received {
+                    sender.waits = Some((*until, rest_from.clone()));
+                    self.incomplete.push(from);
+                }
+                Ok(Some(0))
+            }
+            Content::Update(_) => Ok(None),
         }
-        if sender.claims + content.cells > allowance {
-            sender.is_barred = true;
-            return Err(MapMessageError::Barred { allowance });
-        }
-        sender.claims += content.cells;
-        self.totals.cells_taken += content.cells;
-        Ok(Some(content))
     }
 
-    /// Notes who knows a section of the journal, which is not empty.
-    fn remember(&mut self, positions: Range<usize>, from: AgentId, mut holders: Arc<AgentSet>) {
-        if let Some(last) = self.provenances.last_mut()
-            && last.holders == holders
-        {
-            if last.positions.end == positions.start && last.from == from {
-                last.positions.end = positions.end;
-                return;
-            }
-            holders = Arc::clone(&last.holders);
+    /// Takes over the summary of a peer whose journal is known up to it.
+    fn join_if_complete(&mut self, from: AgentId) {
+        let summary = &peer(&mut self.peers, from).known;
+        if !summary.state.has_contradictions && self.known.of(from) >= summary.of(from) {
+            self.known.join(summary);
         }
-        self.provenances.push(Provenance { positions, from, holders });
+    }
+
+    /// Notes where a section of the journal came from.
+    fn remember(&mut self, section: Provenance) {
+        if section.positions.is_empty() {
+            return;
+        }
+        match self.provenances.last_mut() {
+            Some(last)
+                if last.positions.end == section.positions.start
+                    && (last.from, last.until) == (section.from, section.until) =>
+            {
+                last.positions.end = section.positions.end;
+            }
+            _ => self.provenances.push(section),
+        }
     }
 
     /// The messages of this tick to the agents in contact (ascending by id), with at most `budget`
@@ -253,184 +350,188 @@ impl Sharing {
         map: &ExplorationMap,
         contacts: &[Contact],
         now: Tick,
-        mut budget: usize,
+        budget: usize,
     ) -> Vec<AgentMessage> {
-        let mut messages = Vec::new();
-        if self.period == 0 {
-            return messages;
+        let mut outbox = Outbox { budget, contacts, totals: self.totals, messages: Vec::new() };
+        let summaries = std::mem::take(&mut self.summaries);
+        self.send_summaries(&mut outbox, map, &summaries, now);
+        if self.period > 0 {
+            self.begin(&outbox, summaries, now);
+            self.send_updates(&mut outbox, map, now);
+            complete(&mut self.peers, &mut outbox);
         }
-        for contact in contacts {
-            let peer = peer(&mut self.peers, contact.agent);
-            let is_due = peer.last.is_none_or(|last| now.0 / self.period > last.0 / self.period);
-            if is_due {
-                *peer = Peer { until: map.journal_len(), bytes: 0, last: Some(now), ..*peer };
-            }
-        }
-        while budget >= BUDGET_MIN
-            && let Some((batch, end)) = self.batch(map, contacts, budget)
-        {
-            for (receivers, data) in batch {
-                for receiver in &receivers {
-                    peer(&mut self.peers, *receiver).bytes += data.len();
-                }
-                let mut send = |to, data: SharedBytes| {
-                    budget -= data.len() + PARCEL_BYTES_BARE;
-                    self.totals.messages_sent += 1;
-                    self.totals.bytes_sent += data.len() as u64;
-                    messages.push(AgentMessage { to, kind: MAP_MESSAGE, data });
-                };
-                if is_broadcast(receivers.len(), contacts) {
-                    send(None, data);
-                } else {
-                    receivers.iter().for_each(|&receiver| send(Some(receiver), data.clone()));
-                }
-            }
-            self.record_sent(contacts, end);
-        }
-        messages
+        self.totals = outbox.totals;
+        outbox.messages
     }
 
-    /// The next messages for the contacts, and the position of the journal at which they end. They
-    /// fit into the budget, and mostly use a good part of it.
-    fn batch(&self, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<(Batch, usize)> {
-        // The encoded size of cells is only known afterwards.
-        let mut cell_bits = CELL_BITS_USUAL;
-        loop {
-            let (news, end) = self.news(contacts, budget, cell_bits)?;
-            let mut bytes = 0;
-            let mut batch = Batch::new();
-            for (receivers, positions) in news {
-                let reports = positions.into_iter().flat_map(|range| map.reports(range));
-                let encode = |delta: &_| map_message::encode(&receivers, delta);
-                let data = SharedBytes::from(with_delta(map.extent(), reports, encode));
-                bytes += copies(receivers.len(), contacts) * (data.len() + PARCEL_BYTES_BARE);
-                batch.push((receivers, data));
-            }
-            if bytes <= budget {
-                return Some((batch, end));
-            }
-            let needed = (cell_bits * bytes).div_ceil(budget);
-            // With `CELL_BYTES_MAX` it surely fits.
-            cell_bits = needed.min(8 * map_message::CELL_BYTES_MAX).max(cell_bits + 1);
+    /// Sends a summary to all contacts that one is due for.
+    fn send_summaries(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, received: &[AgentId], now: Tick) {
+        let is_due = |peer: &Peer, agent: AgentId| match self.period {
+            0 => received.contains(&agent),
+            period => peer.last.is_none_or(|last| now.0 / period > last.0 / period),
+        };
+        let due = outbox.contacts.iter().map(|contact| contact.agent);
+        let due: Vec<AgentId> = due.filter(|&agent| is_due(peer(&mut self.peers, agent), agent)).collect();
+        if due.is_empty() {
+            return;
         }
+        let mut known = self.known.clone();
+        known.set(self.own, position(map.journal_len()));
+        let state = SenderState {
+            has_contradictions: map.contradictions() + map.corrections() > 0,
+            only_receives: self.period == 0,
+        };
+        let room = (outbox.budget / copies(due.len(), outbox.contacts)).saturating_sub(PARCEL_BYTES_BARE);
+        let summary = map_message::encode_summary(state, &due, known.positions(), self.own, room);
+        if !outbox.send(&due, summary.into()) {
+            return;
+        }
+        self.present = AgentSet::default();
+        for agent in due {
+            let peer = peer(&mut self.peers, agent);
+            (peer.last, peer.summarised) = (Some(now), map.journal_len());
+            (peer.until, peer.is_open, peer.updates_sent) = (peer.cursor, false, 0);
+        }
+    }
+
+    /// Begins the exchanges with the contacts whose summaries have arrived.
+    fn begin(&mut self, outbox: &Outbox<'_>, received: Vec<AgentId>, now: Tick) {
+        let is_contact = |agent: &AgentId| outbox.contacts.binary_search_by_key(agent, |contact| contact.agent).is_ok();
+        for agent in received.into_iter().filter(is_contact) {
+            let peer = peer(&mut self.peers, agent);
+            peer.until = peer.summarised;
+            // Its summary does not know yet what was sent a tick ago.
+            let is_on_its_way = peer.updated.is_some_and(|updated| now <= updated.next());
+            let sent = if is_on_its_way { peer.cursor } else { 0 };
+            peer.cursor = (peer.known.of(self.own) as usize).max(sent).min(peer.until);
+            (peer.bytes, peer.is_open) = (0, peer.cursor < peer.until);
+            peer.rest_from = AgentSet::default();
+            self.present.insert(agent);
+        }
+    }
+
+    fn send_updates(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, now: Tick) {
+        let contacts = outbox.contacts;
+        let deputies = self.deputies(contacts, now);
+        while outbox.budget >= BUDGET_MIN {
+            let state = State { peers: &self.peers, provenances: &self.provenances, deputies: &deputies };
+            let Some(Batch { updates, left, end }) = news::batch(&state, map, contacts, outbox.budget) else { return };
+            for (receiver, deputy) in left {
+                peer(&mut self.peers, receiver).rest_from.insert(deputy);
+            }
+            for (receivers, data) in updates {
+                for receiver in &receivers {
+                    let peer = peer(&mut self.peers, *receiver);
+                    peer.bytes += data.len();
+                    peer.updates_sent += 1;
+                    peer.updated = Some(now);
+                }
+                outbox.send(&receivers, data);
+            }
+            record_sent(&mut self.peers, self.agents, contacts, end);
+        }
+    }
+
+    /// The contacts that this agent leaves it to, to send what they know as well: those that come
+    /// before it in this period, by ascending places.
+    fn deputies(&self, contacts: &[Contact], now: Tick) -> Vec<AgentId> {
+        let turn = now.0 / self.period.max(1);
+        let place = |agent: AgentId| (u64::from(agent.0) + turn) % u64::from(self.agents.max(1));
+        let is_deputy = |agent: &AgentId| {
+            let sends = |peer: &Peer| peer.known.state == SenderState::default() && !peer.is_barred;
+            self.present.contains(*agent)
+                && place(*agent) < place(self.own)
+                && self.peers.get(agent.index()).is_some_and(sends)
+        };
+        let mut deputies: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).filter(is_deputy).collect();
+        deputies.sort_unstable_by_key(|&agent| place(agent));
+        deputies
     }
 
     /// When map sharing is due next, after [`Sharing::outgoing`] has been called in this tick: in
-    /// the next tick if an exchange is incomplete, else when an exchange with a present contact is
-    /// due, or when an agent comes into contact with which none has begun in this period.
+    /// the next tick if an exchange is incomplete or a summary has been sent, else when an exchange
+    /// with a present contact is due, or when an agent comes into contact with which none has begun
+    /// in this period. An agent that only receives is due with each message.
     #[must_use]
     pub fn next_trigger(&self, contacts: &[Contact], now: Tick) -> Trigger {
-        if self.period == 0 || self.agents < 2 {
+        if self.agents < 2 {
             return Trigger { at: Tick(u64::MAX), events: 0 };
         }
+        if self.period == 0 {
+            return Trigger { at: Tick(u64::MAX), events: Events::PARCEL };
+        }
+        let period_of = |tick: Tick| tick.0 / self.period;
         let due = |contact: &Contact| match self.peers.get(contact.agent.index()) {
-            Some(Peer { cursor, until, last: Some(last), .. }) if cursor == until => {
-                Tick((last.0 / self.period).saturating_add(1).saturating_mul(self.period))
+            Some(Peer { is_open: false, last: Some(last), .. })
+                if *last < now && period_of(*last) == period_of(now) =>
+            {
+                Tick(period_of(now).saturating_add(1).saturating_mul(self.period))
             }
             _ => now.next(),
         };
         Trigger { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::FIRST_CONTACT }
     }
+}
 
-    /// As many journal entries, from the first one that a contact has not been sent, as fit into
-    /// the budget at this estimate of bits per cell; and where they end.
-    fn news(&self, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<(News, usize)> {
-        let waiting: Vec<(AgentId, &Peer)> = contacts
-            .iter()
-            .filter_map(|contact| Some((contact.agent, self.peers.get(contact.agent.index())?)))
-            .filter(|(_, peer)| peer.cursor < peer.until)
-            .collect();
-        let start = waiting.iter().map(|(_, peer)| peer.cursor).min()?;
-        let mut at = start;
-        let mut news: Vec<(AgentSet, Vec<Range<usize>>)> = Vec::new();
-        let mut provenances =
-            self.provenances[self.provenances.partition_point(|provenance| provenance.positions.end <= at)..].iter();
-        let mut provenance = provenances.next();
-        // Between two edges, the same peers are within their exchanges.
-        let mut edges: Vec<usize> = waiting.iter().flat_map(|(_, peer)| [peer.cursor, peer.until]).collect();
-        edges.sort_unstable();
-        edges.dedup();
-        for between in edges.windows(2) {
-            let exchanging = waiting.iter().filter(|(_, peer)| peer.cursor <= between[0] && between[0] < peer.until);
-            let exchanging = AgentSet::of(exchanging.map(|&(agent, _)| agent));
-            let mut before: Option<SectionBefore> = None;
-            // Section by section of the journal; a section is new to the same peers throughout.
-            while at < between[1] {
-                if provenance.is_some_and(|provenance| provenance.positions.end <= at) {
-                    provenance = provenances.next();
-                }
-                let heard = provenance.filter(|provenance| provenance.positions.start <= at);
-                let hearing_edge = match (heard, provenance) {
-                    (Some(heard), _) => heard.positions.end,
-                    (None, Some(next)) => next.positions.start,
-                    (None, None) => usize::MAX,
-                };
-                let end = hearing_edge.min(between[1]);
-                let holders = heard.map(|provenance| &provenance.holders);
-                let is_alike = |before: Option<&Arc<AgentSet>>| match (before, holders) {
-                    (Some(before), Some(holders)) => Arc::ptr_eq(before, holders),
-                    (before, holders) => before.is_none() && holders.is_none(),
-                };
-                if before.as_ref().is_none_or(|before| !is_alike(before.holders)) {
-                    let mut receivers =
-                        holders.map_or_else(|| exchanging.clone(), |holders| exchanging.without(holders));
-                    if is_crowd(contacts) && receivers.len() > 0 {
-                        receivers.clone_from(&exchanging);
-                    }
-                    let place = news.iter().position(|(same, _)| *same == receivers);
-                    before = Some(SectionBefore { holders, receivers, place });
-                }
-                let Some(SectionBefore { receivers, place, .. }) = &mut before else {
-                    unreachable!("it has just been set")
-                };
-                let count = receivers.len();
-                if count == 0 {
-                    at = end;
-                    continue;
-                }
-                let copies = copies(count, contacts);
-                let bare = match place {
-                    Some(_) => 0,
-                    None => copies * (map_message::bare_bytes_max(count) + PARCEL_BYTES_BARE),
-                };
-                let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
-                let taken = (end - at).min(fitting);
-                if taken == 0 {
-                    return (at > start).then(|| (in_order(news), at));
-                }
-                budget -= bare + (taken * copies * cell_bits).div_ceil(8);
-                let place = *place.get_or_insert_with(|| {
-                    news.push((receivers.clone(), Vec::new()));
-                    news.len() - 1
-                });
-                news[place].1.push(at..at + taken);
-                at += taken;
-            }
-        }
-        (at > start).then(|| (in_order(news), at))
-    }
-
-    /// Records that the contacts have been sent everything before this position.
-    fn record_sent(&mut self, contacts: &[Contact], end: usize) {
-        let bytes_max = INBOX_BYTES / (2 * self.agents.max(1) as usize);
-        for contact in contacts {
-            let peer = peer(&mut self.peers, contact.agent);
-            peer.cursor = peer.cursor.max(end.min(peer.until));
-            if peer.bytes >= bytes_max {
-                peer.until = peer.cursor;
-            }
+/// Records that the contacts have been sent everything before this position.
+fn record_sent(peers: &mut Vec<Peer>, agents: u32, contacts: &[Contact], end: usize) {
+    let bytes_max = INBOX_BYTES / (2 * agents.max(1) as usize);
+    for contact in contacts {
+        let peer = peer(peers, contact.agent);
+        peer.cursor = peer.cursor.max(end.min(peer.until));
+        if peer.bytes >= bytes_max {
+            peer.until = peer.cursor;
         }
     }
 }
 
-/// The section of the journal before the present one.
-struct SectionBefore<'a> {
-    /// Who held it already, if it was heard from others.
-    holders: Option<&'a Arc<AgentSet>>,
-    /// Who lacked it.
-    receivers: AgentSet,
-    /// Its place in the news.
-    place: Option<usize>,
+/// Completes the exchanges with the contacts that have been sent all.
+fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
+    let own_position = |agent: AgentId| peers.get(agent.index()).map_or(0, |peer| peer.known.of(agent));
+    let mut completed: BTreeMap<usize, Vec<Completed>> = BTreeMap::new();
+    for Contact { agent, .. } in outbox.contacts {
+        let Some(peer) = peers.get(agent.index()).filter(|peer| peer.is_open && peer.cursor >= peer.until) else {
+            continue;
+        };
+        let rest_from = peer.rest_from.iter().map(|deputy| (deputy, own_position(deputy))).collect();
+        let one = Completed { receiver: *agent, updates: peer.updates_sent, rest_from };
+        completed.entry(peer.until).or_default().push(one);
+    }
+    for (until, receivers) in completed {
+        let agents: Vec<AgentId> = receivers.iter().map(|completed| completed.receiver).collect();
+        if outbox.send(&agents, map_message::encode_completion(&receivers, position(until)).into()) {
+            agents.iter().for_each(|&agent| peer(peers, agent).is_open = false);
+        }
+    }
+}
+
+/// The messages of a command, and what is left for them.
+struct Outbox<'a> {
+    budget: usize,
+    contacts: &'a [Contact],
+    totals: Totals,
+    messages: Vec<AgentMessage>,
+}
+
+impl Outbox<'_> {
+    /// Sends a message to some of the contacts, if it fits.
+    fn send(&mut self, receivers: &[AgentId], data: SharedBytes) -> bool {
+        let copies = copies(receivers.len(), self.contacts);
+        let bytes = copies * (data.len() + PARCEL_BYTES_BARE);
+        if bytes > self.budget {
+            return false;
+        }
+        self.budget -= bytes;
+        self.totals.messages_sent += copies as u64;
+        self.totals.bytes_sent += (copies * data.len()) as u64;
+        let message = |to| AgentMessage { to, kind: MAP_MESSAGE, data: data.clone() };
+        if is_broadcast(receivers.len(), self.contacts) {
+            self.messages.push(message(None));
+        } else {
+            self.messages.extend(receivers.iter().map(|&receiver| message(Some(receiver))));
+        }
+        true
+    }
 }
 
 /// The state of the exchanges with an agent.
@@ -441,9 +542,9 @@ fn peer(peers: &mut Vec<Peer>, agent: AgentId) -> &mut Peer {
     &mut peers[agent.index()]
 }
 
-/// News in the order in which they are sent.
-fn in_order(news: Vec<(AgentSet, Vec<Range<usize>>)>) -> News {
-    news.into_iter().map(|(receivers, positions)| (receivers.iter().collect(), positions)).collect()
+/// A position in a journal on the wire; one beyond 2^32 - 1 counts as that.
+fn position(entries: usize) -> u32 {
+    u32::try_from(entries).unwrap_or(u32::MAX)
 }
 
 /// Number of messages that it takes to send the same to so many of the contacts.

@@ -129,14 +129,17 @@ fn position(data: &mut Unstructured<'_>) -> Result<Point> {
     Ok(Point { x: along(0)?, y: along(1)?, z: along(2)? })
 }
 
-/// An agent message, mostly of the kind of a map, with a correct version and for [`OWN`] alone.
+/// An agent message, mostly of the kind of a map, with a correct version and, if it is an update or
+/// a completion, for [`OWN`] alone.
 fn parcel(data: &mut Unstructured<'_>) -> Result<Parcel> {
     let kind = if data.ratio(1, 4)? { data.arbitrary()? } else { agent_node::sharing::MAP_MESSAGE };
     let length = data.int_in_range(0..=40)?;
     let mut content = match data.int_in_range(0..=7)? {
         0 => Vec::new(),
         1 | 2 => vec![agent_node::sharing::VERSION],
-        _ => vec![agent_node::sharing::VERSION, 1, OWN.0 as u8],
+        3 => vec![agent_node::sharing::VERSION, 0],
+        4 => vec![agent_node::sharing::VERSION, 2, 1, OWN.0 as u8],
+        _ => vec![agent_node::sharing::VERSION, 1, 1, OWN.0 as u8],
     };
     content.extend_from_slice(data.bytes(length.min(data.len()))?);
     Ok(Parcel { agent: peer(data)?, kind, data: content.into() })

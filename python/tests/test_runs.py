@@ -7,7 +7,7 @@ import pytest
 
 import maes
 
-DIGEST = "45e1ee8ff5441c26a0b71b1f8eeabbeb4a4050a24b021eb8d403929e2c0133da"
+DIGEST = "dc16f1e12294bf7e0e73c76b367655d5e476ad1c45af5846dbbcd31821bc3b0e"
 
 
 def test_default_run_has_the_digest_of_the_command():

@@ -286,13 +286,14 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
         command
     };
     let first = ask(5, 0, Vec::new());
-    assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (10, Events::FIRST_CONTACT, 1));
-    let map_message = Message { agent: 1, kind: MAP_MESSAGE, data: vec![VERSION, 1, 2, 1, 0b1111_1000, 1].into() };
+    assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (6, Events::FIRST_CONTACT, 1));
+    let map_message =
+        Message { agent: 1, kind: MAP_MESSAGE, data: vec![VERSION, 1, 1, 2, 9, 1, 0b1111_1000, 1].into() };
     let other_message = Message { agent: 1, kind: 7, data: vec![3].into() };
     let shared = ask(10, 9, vec![map_message, other_message.clone()]);
-    assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (20, true, 1));
+    assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (11, true, 1));
     assert_eq!(shown.lock().unwrap().len(), 1, "the controller sleeps");
-    assert_eq!(ask(20, 4, Vec::new()).wake.at_tick, 30);
+    assert_eq!(ask(20, 4, Vec::new()).wake.at_tick, 21);
     ask(30, 2, vec![other_message]);
     let shown = take(&mut *shown.lock().unwrap());
     assert_eq!(shown.iter().map(|observation| observation.tick.0).collect::<Vec<_>>(), [5, 30]);

@@ -17,27 +17,13 @@ impl AgentSet {
         set
     }
 
-    fn insert(&mut self, agent: AgentId) {
+    /// Adds an agent.
+    pub(super) fn insert(&mut self, agent: AgentId) {
         let word = agent.index() / 64;
         if word >= self.words.len() {
             self.words.resize(word + 1, 0);
         }
         self.words[word] |= 1 << (agent.index() % 64);
-    }
-
-    /// The agents that are not in another set.
-    pub(super) fn without(&self, other: &Self) -> Self {
-        let others = other.words.iter().copied().chain(std::iter::repeat(0));
-        let mut words: Vec<u64> = self.words.iter().zip(others).map(|(word, other)| word & !other).collect();
-        words.truncate(words.iter().rposition(|&word| word != 0).map_or(0, |last| last + 1));
-        Self { words }
-    }
-
-    /// These agents and one more.
-    pub(super) fn with(&self, agent: AgentId) -> Self {
-        let mut set = self.clone();
-        set.insert(agent);
-        set
     }
 
     /// Whether an agent is one of them.

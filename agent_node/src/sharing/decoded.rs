@@ -1,42 +1,70 @@
 //! Map messages as their receivers have them: decoded once for all that share the bytes.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use msgs::ids::AgentId;
 use msgs::shared_bytes::SharedBytes;
 use voxels::Extent;
 
 use super::agent_set::AgentSet;
-use super::map_message::{self, MapMessageError};
+use super::map_message::{self, Completed, MapMessageError, Message, SenderState};
 use crate::exploration_map::Delta;
 
-/// The content of a map message.
-#[derive(Debug, Clone)]
-pub(super) struct Content {
+/// The content of a map message; see [`Message`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Content {
+    Summary(Arc<Summary>),
+    Update(Update),
+    Completion { receivers: Vec<Completed>, until: u32 },
+}
+
+/// What an agent knows.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct Summary {
+    pub(super) state: SenderState,
+    /// To whom it was sent.
     pub(super) receivers: AgentSet,
+    /// Positions in the journals of agents, by agent; 0 where nothing is known, and beyond the end.
+    known: Vec<u32>,
+}
+
+/// Cells for some receivers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Update {
+    pub(super) receivers: AgentSet,
+    pub(super) until: u32,
     pub(super) delta: Delta,
     /// Number of reported cells.
     pub(super) cells: u64,
-    /// The first sender, and those who know the content because of it.
-    holders: OnceLock<(AgentId, Arc<AgentSet>)>,
 }
 
-impl Content {
-    /// Those who know the content because of a message from this sender.
-    pub(super) fn holders(&self, from: AgentId) -> Arc<AgentSet> {
-        let with = || Arc::new(self.receivers.with(from));
-        let (first, holders) = self.holders.get_or_init(|| (from, with()));
-        if *first == from { Arc::clone(holders) } else { with() }
+impl Summary {
+    /// By agent.
+    pub(super) fn positions(&self) -> &[u32] {
+        &self.known
+    }
+
+    /// The position in the journal of an agent.
+    pub(super) fn of(&self, agent: AgentId) -> u32 {
+        self.known.get(agent.index()).copied().unwrap_or(0)
+    }
+
+    /// Sets the position in the journal of an agent.
+    pub(super) fn set(&mut self, agent: AgentId, position: u32) {
+        if agent.index() >= self.known.len() {
+            self.known.resize(agent.index() + 1, 0);
+        }
+        self.known[agent.index()] = position;
+    }
+
+    /// Adds what another agent knows.
+    pub(super) fn join(&mut self, other: &Self) {
+        if other.known.len() > self.known.len() {
+            self.known.resize(other.known.len(), 0);
+        }
+        self.known.iter_mut().zip(&other.known).for_each(|(own, other)| *own = (*own).max(*other));
     }
 }
-
-impl PartialEq for Content {
-    fn eq(&self, other: &Self) -> bool {
-        (&self.receivers, &self.delta, self.cells) == (&other.receivers, &other.delta, other.cells)
-    }
-}
-
-impl Eq for Content {}
 
 /// A decoded message, with what decides on its content besides its bytes.
 struct Decoded {
@@ -58,9 +86,19 @@ pub(super) fn content(data: &SharedBytes, extent: Extent, agents: u32) -> Result
 }
 
 fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Arc<Content>, MapMessageError> {
-    let (receivers, delta) = map_message::decode(bytes, extent, agents)?;
-    let (receivers, cells) = (AgentSet::of(receivers), delta.len() as u64);
-    Ok(Arc::new(Content { receivers, cells, delta, holders: OnceLock::new() }))
+    let content = match map_message::decode(bytes, extent, agents)? {
+        Message::Summary { state, receivers, known } => {
+            let mut summary = Summary { state, receivers: AgentSet::of(receivers), ..Summary::default() };
+            known.into_iter().for_each(|(agent, position)| summary.set(agent, position));
+            Content::Summary(Arc::new(summary))
+        }
+        Message::Update { receivers, until, delta } => {
+            let (receivers, cells) = (AgentSet::of(receivers), delta.len() as u64);
+            Content::Update(Update { receivers, until, delta, cells })
+        }
+        Message::Completion { receivers, until } => Content::Completion { receivers, until },
+    };
+    Ok(Arc::new(content))
 }
 
 #[cfg(test)]
@@ -75,19 +113,21 @@ mod tests {
     }
 
     #[test]
-    fn holders_are_the_receivers_and_the_sender() {
-        let data = SharedBytes::from(vec![VERSION, 1, 2, 0]);
-        let content = content(&data, extent(4), 4).unwrap();
-        for from in [1, 0, 1].map(AgentId) {
-            assert_eq!(*content.holders(from), AgentSet::of([from, AgentId(2)]));
-        }
+    fn joined_summaries_know_what_either_knows() {
+        let summary = |known: &[u32]| Summary { known: known.to_vec(), ..Summary::default() };
+        let mut joined = summary(&[5, 0, 2]);
+        joined.join(&summary(&[3, 4, 2, 1]));
+        assert_eq!(joined, summary(&[5, 4, 2, 1]));
+        assert_eq!([1, 7].map(|agent| joined.of(AgentId(agent))), [4, 0]);
     }
 
     #[test]
     fn each_run_has_its_own_content() {
-        let data = SharedBytes::from(vec![VERSION, 1, 2, 1, 1, 0]);
-        let receivers =
-            |side, agents| content(&data, extent(side), agents).map(|content| content.receivers.iter().collect());
+        let data = SharedBytes::from(vec![VERSION, 1, 1, 2, 9, 1, 1, 0]);
+        let receivers = |side, agents| match content(&data, extent(side), agents)?.as_ref() {
+            Content::Update(Update { receivers, .. }) => Ok(receivers.iter().collect()),
+            content => panic!("{content:?}"),
+        };
         assert_eq!(receivers(4, 3), Err(MapMessageError::Outside { block: 1 }));
         assert_eq!(receivers(4, 2), Err(MapMessageError::Agent { agent: 2, agents: 2 }));
         assert_eq!(receivers(8, 3), Ok(vec![AgentId(2)]));
@@ -95,8 +135,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn shared_content_is_that_of_a_copy(mut bytes in prop::collection::vec(any::<u8>(), 4..40)) {
-            bytes[..3].copy_from_slice(&[VERSION, 0, 1]);
+        fn shared_content_is_that_of_a_copy(form in 0..4_u8, mut bytes in prop::collection::vec(any::<u8>(), 5..40)) {
+            bytes[..4].copy_from_slice(&[VERSION, form, 0, 1]);
             let data = SharedBytes::from(bytes.clone());
             let [first, second] = [&data, &data.clone()].map(|data| content(data, extent(9), 4));
             if let (Ok(first), Ok(second)) = (&first, &second) {

@@ -1,15 +1,22 @@
 /**
  * Decoder of map messages: what agents share of their maps.
  *
- * The format is version 2 of `agent_node/src/sharing/map_message.rs`: the receivers, then updates
- * of blocks of 4 x 4 x 4 cells as a bit stream, least significant bit of each byte first. Cell
- * numbers in a block interleave the bits of the coordinates: x0, y0, z0, x1, y1, z1 from the
- * lowest. A malformed message is ignored as a whole, as agents do.
+ * The format is version 4 of `agent_node/src/sharing/map_message.rs`. Of its three forms only
+ * updates have cells: the receivers, a position in the journal of the sender, then blocks of
+ * 4 x 4 x 4 cells as a bit stream, least significant bit of each byte first. Cell numbers in a
+ * block interleave the bits of the coordinates: x0, y0, z0, x1, y1, z1 from the lowest. A malformed
+ * message is ignored as a whole, as agents do. Recordings of earlier builds have versions 2 and 3,
+ * updates alone, without the form and the position.
  */
 
 import type { Vec3 } from "./run.ts";
 
-const VERSION = 2;
+const VERSION = 4;
+/** The version whose receivers were listed one by one, and the one with runs of them. */
+const VERSION_OF_LISTS = 2;
+const VERSION_OF_RUNS = 3;
+const UPDATE = 1;
+const FORMS = 3;
 const SIDE = 4;
 const BLOCK_CELLS = SIDE ** 3;
 const NUMBER_BYTES_MAX = 5;
@@ -40,25 +47,29 @@ export class MapMessageReader {
 
   /**
    * Cells that a message contains, free or wall; valid until the next call. Null if it is no map
-   * message of this run.
+   * message of this run; the other forms are not looked at.
    */
   cells(bytes: Uint8Array): Uint32Array | null {
     this.#count = 0;
+    const version = bytes[0];
     const numbers = { bytes, at: 1 };
-    if (bytes[0] !== VERSION) {
-      return null;
-    }
-    const receivers = number(numbers);
-    if (receivers === null || receivers > this.#agents) {
-      return null;
-    }
-    let next = 0;
-    for (let left = receivers; left > 0; left--) {
-      const gap = number(numbers);
-      if (gap === null || next + gap >= this.#agents) {
+    if (version === VERSION) {
+      const form = bytes[numbers.at++];
+      if (form === undefined || form >= FORMS) {
         return null;
       }
-      next += gap + 1;
+      if (form !== UPDATE) {
+        return this.#cells.subarray(0, 0);
+      }
+      if (!this.#areReceivers(numbers) || number(numbers) === null) {
+        return null;
+      }
+    } else if (version === VERSION_OF_RUNS || version === VERSION_OF_LISTS) {
+      if (!this.#areReceivers(numbers, version === VERSION_OF_RUNS)) {
+        return null;
+      }
+    } else {
+      return null;
     }
     const blocks = number(numbers);
     if (blocks === null) {
@@ -78,6 +89,23 @@ export class MapMessageReader {
       }
     }
     return bits.isAtEnd ? this.#cells.subarray(0, this.#count) : null;
+  }
+
+  /** Whether receivers follow, all of them agents of this run: runs of consecutive ids, or each one. */
+  #areReceivers(numbers: Numbers, areRuns = true): boolean {
+    let left = number(numbers);
+    let next = 0;
+    while (left !== null && left > 0) {
+      const gap = number(numbers);
+      const more = areRuns && left > 1 ? number(numbers) : 0;
+      if (gap === null || more === null || more >= left || next + gap + more >= this.#agents) {
+        return false;
+      }
+      left -= more + 1;
+      // The next id is not in another run.
+      next += gap + more + (areRuns ? 2 : 1);
+    }
+    return left === 0;
   }
 
   #block(bits: BitReader, block: number): boolean {
@@ -173,8 +201,14 @@ export class MapMessageReader {
   }
 }
 
+/** Bytes, and where to read on. */
+interface Numbers {
+  readonly bytes: Uint8Array;
+  at: number;
+}
+
 /** The next unsigned LEB128 integer; null if there is none of at most 32 bits. */
-function number(from: { readonly bytes: Uint8Array; at: number }): number | null {
+function number(from: Numbers): number | null {
   let value = 0;
   for (let index = 0; index < NUMBER_BYTES_MAX; index++) {
     const byte = from.bytes[from.at++];

@@ -1,0 +1,198 @@
+//! What contacts lack of the journal, as updates.
+//!
+//! Invariants: the result depends on the journal, where its sections came from, and the state of
+//! the exchanges alone; the updates of a batch fit into their budget.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use msgs::ids::AgentId;
+use msgs::limits::PARCEL_BYTES_BARE;
+use msgs::shared_bytes::SharedBytes;
+
+use super::agent_set::AgentSet;
+use super::{Peer, Provenance, copies, is_crowd, map_message, position};
+use crate::exploration_map::{ExplorationMap, with_delta};
+use crate::observation::Contact;
+
+/// First estimate of the bits per cell on the wire: about what LiDAR scans in open space need.
+const CELL_BITS_USUAL: usize = 2;
+
+/// Sections of the journal by the agents to send them to.
+pub(super) type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
+
+/// What decides on updates, beside the journal.
+pub(super) struct State<'a> {
+    /// The exchanges by agent.
+    pub(super) peers: &'a [Peer],
+    /// Where the sections of the journal came from.
+    pub(super) provenances: &'a [Provenance],
+    /// The contacts that send what they know to their own contacts, those to choose first first.
+    pub(super) deputies: &'a [AgentId],
+}
+
+/// Updates to send.
+pub(super) struct Batch {
+    /// The data of messages with their receivers.
+    pub(super) updates: Vec<(Vec<AgentId>, SharedBytes)>,
+    /// Receivers that deputies send something to.
+    pub(super) left: Vec<(AgentId, AgentId)>,
+    /// The position of the journal at which they end.
+    pub(super) end: usize,
+}
+
+/// What contacts lack of the journal.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct Found {
+    pub(super) news: News,
+    /// Receivers that deputies send something to.
+    pub(super) left: Vec<(AgentId, AgentId)>,
+    /// The position of the journal at which they end.
+    pub(super) end: usize,
+}
+
+/// The next updates for the contacts. They fit into the budget, and mostly use a good part of it.
+pub(super) fn batch(state: &State<'_>, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<Batch> {
+    // The encoded size of cells is only known afterwards.
+    let mut cell_bits = CELL_BITS_USUAL;
+    loop {
+        let Found { news, left, end } = news(state, contacts, budget, cell_bits)?;
+        let mut bytes = 0;
+        let mut updates = Vec::new();
+        for (receivers, positions) in news {
+            let until = positions.iter().map(|range| range.end).max().unwrap_or(0);
+            let reports = positions.into_iter().flat_map(|range| map.reports(range));
+            let encode = |delta: &_| map_message::encode_update(&receivers, position(until), delta);
+            let data = SharedBytes::from(with_delta(map.extent(), reports, encode));
+            bytes += copies(receivers.len(), contacts) * (data.len() + PARCEL_BYTES_BARE);
+            updates.push((receivers, data));
+        }
+        if bytes <= budget {
+            return Some(Batch { updates, left, end });
+        }
+        let needed = (cell_bits * bytes).div_ceil(budget);
+        // With `CELL_BYTES_MAX` it surely fits.
+        cell_bits = needed.min(8 * map_message::CELL_BYTES_MAX).max(cell_bits + 1);
+    }
+}
+
+/// The deputies that know a section, for each of some receivers the first that is in contact with
+/// it.
+fn deputies_for(
+    state: &State<'_>,
+    section: &Provenance,
+    receivers: impl Iterator<Item = AgentId>,
+) -> Vec<(AgentId, AgentId)> {
+    let knowing: Vec<AgentId> =
+        state.deputies.iter().copied().filter(|deputy| state.peers[deputy.index()].knows(section)).collect();
+    let reaches = |deputy: &AgentId, receiver| state.peers[deputy.index()].known.receivers.contains(receiver);
+    receivers
+        .filter_map(|receiver| Some((receiver, *knowing.iter().find(|deputy| reaches(deputy, receiver))?)))
+        .collect()
+}
+
+/// The section of the journal before the present one.
+struct SectionBefore<'a> {
+    /// Where it came from, if it came from others.
+    provenance: Option<&'a Provenance>,
+    /// Who lacked it.
+    receivers: AgentSet,
+    /// Its place in the news.
+    place: Option<usize>,
+}
+
+/// As many journal entries, from the first one that a contact has not been sent, as fit into
+/// the budget at this estimate of bits per cell; and where they end.
+pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<Found> {
+    let State { peers, provenances, .. } = state;
+    let mut left: Vec<(AgentId, AgentId)> = Vec::new();
+    let waiting: Vec<(AgentId, &Peer)> = contacts
+        .iter()
+        .filter_map(|contact| Some((contact.agent, peers.get(contact.agent.index())?)))
+        .filter(|(_, peer)| peer.cursor < peer.until)
+        .collect();
+    let start = waiting.iter().map(|(_, peer)| peer.cursor).min()?;
+    let mut at = start;
+    let mut news: Vec<(AgentSet, Vec<Range<usize>>)> = Vec::new();
+    let mut provenances =
+        provenances[provenances.partition_point(|provenance| provenance.positions.end <= at)..].iter();
+    let mut provenance = provenances.next();
+    // Between two edges, the same peers are within their exchanges.
+    let mut edges: Vec<usize> = waiting.iter().flat_map(|(_, peer)| [peer.cursor, peer.until]).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    for between in edges.windows(2) {
+        let exchanging: Vec<&(AgentId, &Peer)> =
+            waiting.iter().filter(|(_, peer)| peer.cursor <= between[0] && between[0] < peer.until).collect();
+        let mut before: Option<SectionBefore> = None;
+        // Section by section of the journal; a section is new to the same peers throughout.
+        while at < between[1] {
+            if provenance.is_some_and(|provenance| provenance.positions.end <= at) {
+                provenance = provenances.next();
+            }
+            let heard = provenance.filter(|provenance| provenance.positions.start <= at);
+            let hearing_edge = match (heard, provenance) {
+                (Some(heard), _) => heard.positions.end,
+                (None, Some(next)) => next.positions.start,
+                (None, None) => usize::MAX,
+            };
+            let end = hearing_edge.min(between[1]);
+            let is_alike = |before: &SectionBefore<'_>| {
+                before.provenance.map(|it| (it.from, it.until)) == heard.map(|it| (it.from, it.until))
+            };
+            if !before.as_ref().is_some_and(is_alike) {
+                let lacks = |(_, peer): &(AgentId, &Peer)| !heard.is_some_and(|section| peer.knows(section));
+                let lacking = || exchanging.iter().filter(|it| lacks(it)).map(|&&(agent, _)| agent);
+                let deputies = heard.map_or_else(Vec::new, |section| deputies_for(state, section, lacking()));
+                let is_left = |agent| deputies.binary_search_by_key(&agent, |&(receiver, _)| receiver).is_ok();
+                let mut receivers = AgentSet::of(lacking().filter(|&agent| !is_left(agent)));
+                if is_crowd(contacts) && receivers.len() > 0 {
+                    receivers = AgentSet::of(exchanging.iter().map(|&&(agent, _)| agent));
+                } else {
+                    left.extend(deputies);
+                }
+                let place = news.iter().position(|(same, _)| *same == receivers);
+                before = Some(SectionBefore { provenance: heard, receivers, place });
+            }
+            let Some(SectionBefore { receivers, place, .. }) = &mut before else {
+                unreachable!("it has just been set")
+            };
+            let count = receivers.len();
+            if count == 0 {
+                at = end;
+                continue;
+            }
+            let copies = copies(count, contacts);
+            let bare = match place {
+                Some(_) => 0,
+                None => copies * (map_message::bare_bytes_max(count) + PARCEL_BYTES_BARE),
+            };
+            let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
+            let taken = (end - at).min(fitting);
+            if taken == 0 {
+                return found(start, at, news, left);
+            }
+            budget -= bare + (taken * copies * cell_bits).div_ceil(8);
+            let place = *place.get_or_insert_with(|| {
+                news.push((receivers.clone(), Vec::new()));
+                news.len() - 1
+            });
+            news[place].1.push(at..at + taken);
+            at += taken;
+        }
+    }
+    found(start, at, news, left)
+}
+
+/// What was found between two positions, news in the order in which they are sent.
+fn found(
+    start: usize,
+    end: usize,
+    news: Vec<(AgentSet, Vec<Range<usize>>)>,
+    mut left: Vec<(AgentId, AgentId)>,
+) -> Option<Found> {
+    let news = news.into_iter().map(|(receivers, positions)| (receivers.iter().collect(), positions)).collect();
+    left.sort_unstable();
+    left.dedup();
+    (end > start).then_some(Found { news, left, end })
+}

@@ -1,0 +1,193 @@
+//! A team of agents that share their maps, and a world that delivers their messages.
+
+use std::collections::BTreeSet;
+
+use msgs::limits::PARCEL_BYTES_BARE;
+use nalgebra::Point3;
+use voxels::Extent;
+
+use super::super::*;
+use crate::exploration_map::{CellState, Delta};
+use crate::sharing::map_message::Message;
+use crate::sharing::news::{Found, News};
+
+pub(super) const BUDGET: usize = PARCEL_BYTES_MAX;
+
+/// A summary, updates, a completion, and one in which they arrive.
+const EXCHANGE_TICKS: u64 = 4;
+
+/// Agents with their maps, and a world that delivers their messages.
+pub(super) struct Team {
+    pub(super) maps: Vec<ExplorationMap>,
+    pub(super) sharings: Vec<Sharing>,
+    pub(super) inboxes: Vec<Vec<ReceivedMessage>>,
+    /// Cells sent so far: from, to, cell, finding.
+    pub(super) delivered: Vec<(u32, u32, u32, u8)>,
+}
+
+impl Team {
+    pub(super) fn new(agents: u32, extent: Extent, period: u32) -> Self {
+        let count = agents as usize;
+        Self {
+            maps: vec![ExplorationMap::new(extent); count],
+            sharings: (0..agents).map(|id| Sharing::new(AgentId(id), period, agents)).collect(),
+            inboxes: vec![Vec::new(); count],
+            delivered: Vec::new(),
+        }
+    }
+
+    /// Ticks with the pairs of agents in contact, from one on, in which what is begun is completed;
+    /// the tick after them.
+    pub(super) fn exchange(&mut self, from: u64, pairs: &[(u32, u32)]) -> u64 {
+        (from..from + EXCHANGE_TICKS).for_each(|now| drop(self.tick(now, pairs, BUDGET)));
+        from + EXCHANGE_TICKS
+    }
+
+    /// One tick with the pairs of agents in contact; the bytes of the updates that each of them
+    /// sent.
+    pub(super) fn tick(&mut self, now: u64, pairs: &[(u32, u32)], budget: usize) -> Vec<usize> {
+        let mut sent = vec![0; self.maps.len()];
+        let mut posted = Vec::new();
+        for agent in 0..self.maps.len() as u32 {
+            let index = agent as usize;
+            let received = std::mem::take(&mut self.inboxes[index]);
+            let report = self.sharings[index].incoming(&mut self.maps[index], &received);
+            assert_eq!(report.refused, []);
+            let contacts = contacts(agent, pairs);
+            check_news(&self.sharings[index], &self.maps[index], &contacts, (Tick(now), budget));
+            let messages = self.sharings[index].outgoing(&self.maps[index], &contacts, Tick(now), budget);
+            let bytes: usize = messages.iter().map(|message| message.data.len() + PARCEL_BYTES_BARE).sum();
+            assert!(bytes <= budget);
+            sent[index] =
+                messages.iter().filter(|message| message.data[1] == 1).map(|message| message.data.len()).sum();
+            for AgentMessage { to, kind, data } in messages {
+                let in_contact: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).collect();
+                let receivers = to.map_or(in_contact, |to| vec![to]);
+                let extent = self.maps[index].extent();
+                let message = map_message::decode(&data, extent, self.maps.len() as u32).unwrap();
+                let (named, delta) = match message {
+                    Message::Summary { .. } => (receivers.clone(), Delta::default()),
+                    Message::Update { receivers, delta, .. } => (receivers, delta),
+                    Message::Completion { receivers, .. } => {
+                        (receivers.into_iter().map(|completed| completed.receiver).collect(), Delta::default())
+                    }
+                };
+                for &receiver in &receivers {
+                    // A broadcast for many reaches all.
+                    let is_named = named.contains(&receiver);
+                    assert!(is_named || to.is_none() && named.len() > ADDRESSED_MAX);
+                    if is_named {
+                        let findings = delta.findings(extent);
+                        self.delivered.extend(findings.map(|(cell, finding)| (agent, receiver.0, cell, finding as u8)));
+                    }
+                    posted.push((receiver, ReceivedMessage { from: AgentId(agent), kind, data: data.clone() }));
+                }
+            }
+        }
+        for (receiver, message) in posted {
+            self.inboxes[receiver.index()].push(message);
+        }
+        sent
+    }
+
+    pub(super) fn sent_cells(&self, from: u32, to: u32) -> Vec<u32> {
+        let of_pair = self.delivered.iter().filter(|delivered| (delivered.0, delivered.1) == (from, to));
+        let mut cells: Vec<u32> = of_pair.map(|delivered| delivered.2).collect();
+        cells.sort_unstable();
+        cells
+    }
+
+    pub(super) fn states(&self, agent: usize) -> Vec<CellState> {
+        let map = &self.maps[agent];
+        map.extent().cells().map(|cell| map.state(cell)).collect()
+    }
+
+    pub(super) fn trigger(&self, agent: u32, pairs: &[(u32, u32)], now: u64) -> Trigger {
+        self.sharings[agent as usize].next_trigger(&contacts(agent, pairs), Tick(now))
+    }
+}
+
+/// Compares the news for peers that are sent all of the journal with what a search cell by cell
+/// finds.
+fn check_news(sharing: &Sharing, map: &ExplorationMap, contacts: &[Contact], (now, budget): (Tick, usize)) {
+    let mut sharing = sharing.clone();
+    for contact in contacts {
+        peer(&mut sharing.peers, contact.agent).until = map.journal_len();
+    }
+    for (budget, cell_bits) in [(BUDGET, 2), (budget, 2), (500, 40)] {
+        let deputies = sharing.deputies(contacts, now);
+        let state = State { peers: &sharing.peers, provenances: &sharing.provenances, deputies: &deputies };
+        assert_eq!(news::news(&state, contacts, budget, cell_bits), plain_news(&state, contacts, budget, cell_bits));
+    }
+}
+
+/// What [`news::news`] is to find.
+fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<Found> {
+    let State { peers, provenances, deputies } = state;
+    let waits = |agent: AgentId| peers.get(agent.index()).filter(|peer| peer.cursor < peer.until);
+    let waiting: Vec<AgentId> =
+        contacts.iter().map(|contact| contact.agent).filter(|&agent| waits(agent).is_some()).collect();
+    let is_exchanging =
+        |agent: AgentId, at: usize| waits(agent).is_some_and(|peer| (peer.cursor..peer.until).contains(&at));
+    let heard = |at: usize| provenances.iter().find(|provenance| provenance.positions.contains(&at));
+    let knows = |agent: AgentId, at: usize| heard(at).is_some_and(|section| peers[agent.index()].knows(section));
+    let deputy = |agent: AgentId, at: usize| {
+        let reaches = |deputy: &AgentId| peers[deputy.index()].known.receivers.iter().any(|contact| contact == agent);
+        deputies.iter().copied().filter(|&deputy| knows(deputy, at)).find(reaches)
+    };
+    let is_edge = |at: usize| {
+        let is_end = |range: Range<usize>| range.start == at || range.end == at;
+        provenances.iter().any(|provenance| is_end(provenance.positions.clone()))
+            || waiting.iter().filter_map(|&agent| waits(agent)).any(|peer| is_end(peer.cursor..peer.until))
+    };
+    let start = waiting.iter().filter_map(|&agent| waits(agent)).map(|peer| peer.cursor).min()?;
+    let last = waiting.iter().filter_map(|&agent| waits(agent)).map(|peer| peer.until).max()?;
+    let (mut at, mut news, mut left) = (start, News::new(), BTreeSet::new());
+    while at < last {
+        let end = (at + 1..=last).find(|&at| is_edge(at)).unwrap_or(last);
+        let lacking = waiting.iter().copied().filter(|&agent| is_exchanging(agent, at) && !knows(agent, at));
+        let (by_others, mut receivers): (Vec<AgentId>, Vec<AgentId>) =
+            lacking.partition(|&agent| deputy(agent, at).is_some());
+        if is_crowd(contacts) && !receivers.is_empty() {
+            receivers = waiting.iter().copied().filter(|&agent| is_exchanging(agent, at)).collect();
+        } else {
+            left.extend(by_others.into_iter().filter_map(|agent| Some((agent, deputy(agent, at)?))));
+        }
+        if receivers.is_empty() {
+            at = end;
+            continue;
+        }
+        let copies = copies(receivers.len(), contacts);
+        let is_begun = news.contains_key(&receivers);
+        let bare = if is_begun { 0 } else { map_message::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE };
+        let taken = (end - at).min(8 * budget.saturating_sub(copies * bare) / (copies * cell_bits));
+        if taken == 0 {
+            break;
+        }
+        budget -= copies * bare + (taken * copies * cell_bits).div_ceil(8);
+        news.entry(receivers).or_default().push(at..at + taken);
+        at += taken;
+    }
+    (at > start).then_some(Found { news, left: left.into_iter().collect(), end: at })
+}
+
+pub(super) fn contacts(agent: u32, pairs: &[(u32, u32)]) -> Vec<Contact> {
+    let mut others: Vec<u32> = pairs
+        .iter()
+        .filter_map(|&(one, other)| match agent {
+            _ if agent == one => Some(other),
+            _ if agent == other => Some(one),
+            _ => None,
+        })
+        .collect();
+    others.sort_unstable();
+    others.into_iter().map(|agent| Contact { agent: AgentId(agent), position: Point3::origin() }).collect()
+}
+
+pub(super) fn all_pairs(agents: u32) -> Vec<(u32, u32)> {
+    (0..agents).flat_map(|one| (one + 1..agents).map(move |other| (one, other))).collect()
+}
+
+pub(super) fn extent(size: u32) -> Extent {
+    Extent::new([size; 3], 1.0).unwrap()
+}
