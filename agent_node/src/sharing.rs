@@ -10,7 +10,8 @@
 //!    without what the other knows. A section that came from a third agent is left out if the
 //!    other knows the journal of that one as far as needed, whoever it has that from. An update
 //!    names all who lack its cells.
-//! 3. A *completion* says how many updates the other was sent. If none of them was lost, it now
+//! 3. A *completion* says how many updates the other was sent since the summary. If none of them
+//!    was lost, nor the summary, it now
 //!    knows the journal up to the summary, and whatever the summary says: the journal has that,
 //!    too. It does not if the own sensor contradicts a report ([`ExplorationMap::contradictions`]
 //!    and [`ExplorationMap::corrections`]); the summary says so, and is not taken over then.
@@ -18,7 +19,7 @@
 //! **Deputies.** What several agents know that are in contact with each other and with a third one,
 //! one of them sends: a summary lists its receivers as well, so each sees whom it can leave a
 //! section to. The completion names those deputies, and holds once they have completed their own.
-//! The order in which agents are deputies of each other is another one in each period, so that no
+//! The order in which agents are deputies of each other is drawn anew in each period, so that no
 //! agent can keep others from news for long.
 //!
 //! An update or completion is addressed to each of its receivers, or broadcast if they are all
@@ -36,15 +37,15 @@
 //! the next summary does not list it. One exchange leaves room in the inbox for those of all others
 //! (`INBOX_BYTES`), and is continued a period later if necessary.
 //!
-//! **Trust.** An agent that sends each entry of its journal once cannot report more cells to a peer
-//! than a journal has entries: [`CHANGES_MAX`] for each cell of the map. A sender that reports more
-//! is faulty or malicious, and is barred: nothing of it is merged any more. So the cost that one
-//! sender can cause in a run is bounded, and so is each observation. A false summary changes no
-//! map: it can only keep others from sending what they take to be known.
+//! **Trust.** An agent that replies to a summary cannot report more cells than a journal has
+//! entries: [`CHANGES_MAX`] for each cell of the map. A sender that reports more between two
+//! summaries is faulty or malicious, and is barred: nothing of it is merged any more. So the cost
+//! that one sender can cause in a period is bounded, and so is each observation. A false summary
+//! changes no map, but it can keep others from sending what they take to be known, and as they take
+//! it over and pass it on, that of a liar can silence a team.
 //!
 //! Invariants: the cost of an exchange is proportional to the changes; messages depend only on the
-//! journal, on ids, and on the messages received; a rejected message changes nothing but counters;
-//! without losses nothing is sent twice to the same agent.
+//! journal, on ids, and on the messages received; a rejected message changes nothing but counters.
 //!
 //! This module does not schedule the agent; it states when it is due ([`Sharing::next_trigger`]).
 //! Call it in committed ticks only.
@@ -57,7 +58,7 @@ mod news;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -105,7 +106,9 @@ pub struct Sharing {
     /// The peers whose summaries belong to the present exchange.
     present: AgentSet,
     /// The peers whose completions wait for those of others.
-    incomplete: Vec<AgentId>,
+    incomplete: BTreeSet<AgentId>,
+    /// Number of summaries sent.
+    summaries_sent: u32,
     provenances: Vec<Provenance>,
     totals: Totals,
 }
@@ -115,9 +118,11 @@ pub struct Sharing {
 struct Peer {
     /// What it knows, by its last summary.
     known: Arc<Summary>,
-    /// Tick in which it was last sent a summary.
+    /// Tick in which it was last sent a summary, and whether one of its own has come since then.
     last: Option<Tick>,
-    /// Length of the journal then.
+    has_replied: bool,
+    /// The number of that summary, and the length of the journal then.
+    summary: u32,
     summarised: usize,
     /// Whether it is still being sent what it lacks.
     is_open: bool,
@@ -137,7 +142,7 @@ struct Peer {
     updates_received: u32,
     /// Its last completion, which waits for those of others: the position, and theirs.
     waits: Option<(u32, Vec<(AgentId, u32)>)>,
-    /// Number of cells the peer has reported, repetitions included.
+    /// Number of cells the peer has reported since it was last sent a summary.
     claims: u64,
     /// Whether the peer has reported more cells than it can know.
     is_barred: bool,
@@ -204,7 +209,8 @@ impl Sharing {
             peers: Vec::new(),
             summaries: Vec::new(),
             present: AgentSet::default(),
-            incomplete: Vec::new(),
+            incomplete: BTreeSet::new(),
+            summaries_sent: 0,
             provenances: Vec::new(),
             totals: Totals::default(),
         }
@@ -243,7 +249,6 @@ impl Sharing {
                 }
             }
         }
-        self.complete_received();
         report
     }
 
@@ -259,7 +264,7 @@ impl Sharing {
                     self.join_if_complete(from);
                 } else {
                     peer(&mut self.peers, from).waits = Some((until, rest_from));
-                    self.incomplete.push(from);
+                    self.incomplete.insert(from);
                 }
             }
             if self.incomplete.len() == before || self.incomplete.is_empty() {
@@ -283,9 +288,16 @@ impl Sharing {
         }
         match decoded::content(data, map.extent(), self.agents)?.as_ref() {
             Content::Summary(summary) => {
+                let entries = map.journal_len();
+                let position = summary.of(self.own);
+                if position as usize > entries {
+                    return Err(MapMessageError::Ahead { position, entries });
+                }
                 sender.known = Arc::clone(summary);
-                (sender.updates_received, sender.waits) = (0, None);
+                (sender.updates_received, sender.has_replied) = (0, true);
                 self.summaries.push(from);
+                // What others have stated of its journal is not more than it states itself.
+                self.known.set(from, self.known.of(from).min(summary.of(from)));
                 self.join_if_complete(from);
                 Ok(Some(0))
             }
@@ -308,10 +320,11 @@ impl Sharing {
             Content::Completion { receivers, until } => {
                 let place = receivers.binary_search_by_key(&self.own, |completed| completed.receiver);
                 let Ok(place) = place else { return Ok(None) };
-                let Completed { updates, rest_from, .. } = &receivers[place];
-                if *updates == sender.updates_received {
+                let Completed { summary, updates, rest_from, .. } = &receivers[place];
+                if (*summary, *updates) == (sender.known.number, sender.updates_received) {
                     sender.waits = Some((*until, rest_from.clone()));
-                    self.incomplete.push(from);
+                    self.incomplete.insert(from);
+                    self.complete_received();
                 }
                 Ok(Some(0))
             }
@@ -322,7 +335,8 @@ impl Sharing {
     /// Takes over the summary of a peer whose journal is known up to it.
     fn join_if_complete(&mut self, from: AgentId) {
         let summary = &peer(&mut self.peers, from).known;
-        if !summary.state.has_contradictions && self.known.of(from) >= summary.of(from) {
+        let is_known = summary.of(from) > 0 && self.known.of(from) >= summary.of(from);
+        if is_known && !summary.state.has_contradictions {
             self.known.join(summary);
         }
     }
@@ -367,7 +381,8 @@ impl Sharing {
     /// Sends a summary to all contacts that one is due for.
     fn send_summaries(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, received: &[AgentId], now: Tick) {
         let is_due = |peer: &Peer, agent: AgentId| match self.period {
-            0 => received.contains(&agent),
+            // Two that only receive would answer each other without end.
+            0 => received.contains(&agent) && !peer.known.state.only_receives,
             period => peer.last.is_none_or(|last| now.0 / period > last.0 / period),
         };
         let due = outbox.contacts.iter().map(|contact| contact.agent);
@@ -375,22 +390,31 @@ impl Sharing {
         if due.is_empty() {
             return;
         }
+        // What has been sent of the exchanges before this one counts.
+        for &agent in &due {
+            let peer = peer(&mut self.peers, agent);
+            peer.until = peer.cursor;
+        }
+        complete(&mut self.peers, outbox);
         let mut known = self.known.clone();
         known.set(self.own, position(map.journal_len()));
         let state = SenderState {
             has_contradictions: map.contradictions() + map.corrections() > 0,
             only_receives: self.period == 0,
         };
+        let number = self.summaries_sent;
         let room = (outbox.budget / copies(due.len(), outbox.contacts)).saturating_sub(PARCEL_BYTES_BARE);
-        let summary = map_message::encode_summary(state, &due, known.positions(), self.own, room);
+        let summary = map_message::encode_summary((number, state), &due, known.positions(), self.own, room);
         if !outbox.send(&due, summary.into()) {
             return;
         }
+        self.summaries_sent = number.wrapping_add(1);
         self.present = AgentSet::default();
         for agent in due {
             let peer = peer(&mut self.peers, agent);
-            (peer.last, peer.summarised) = (Some(now), map.journal_len());
-            (peer.until, peer.is_open, peer.updates_sent) = (peer.cursor, false, 0);
+            (peer.last, peer.summary, peer.summarised) = (Some(now), number, map.journal_len());
+            (peer.has_replied, peer.is_open, peer.updates_sent) = (received.contains(&agent), false, 0);
+            (peer.bytes, peer.claims) = (0, 0);
         }
     }
 
@@ -399,13 +423,18 @@ impl Sharing {
         let is_contact = |agent: &AgentId| outbox.contacts.binary_search_by_key(agent, |contact| contact.agent).is_ok();
         for agent in received.into_iter().filter(is_contact) {
             let peer = peer(&mut self.peers, agent);
-            peer.until = peer.summarised;
             // Its summary does not know yet what was sent a tick ago.
             let is_on_its_way = peer.updated.is_some_and(|updated| now <= updated.next());
-            let sent = if is_on_its_way { peer.cursor } else { 0 };
-            peer.cursor = (peer.known.of(self.own) as usize).max(sent).min(peer.until);
-            (peer.bytes, peer.is_open) = (0, peer.cursor < peer.until);
-            peer.rest_from = AgentSet::default();
+            if is_on_its_way && peer.updates_sent == 0 {
+                // That does not count any more: its next summary will know.
+                continue;
+            }
+            if !is_on_its_way {
+                (peer.cursor, peer.rest_from) = (0, AgentSet::default());
+            }
+            peer.until = peer.summarised;
+            peer.cursor = (peer.known.of(self.own) as usize).max(peer.cursor).min(peer.until);
+            peer.is_open = peer.cursor < peer.until;
             self.present.insert(agent);
         }
     }
@@ -433,10 +462,10 @@ impl Sharing {
     }
 
     /// The contacts that this agent leaves it to, to send what they know as well: those that come
-    /// before it in this period, by ascending places.
+    /// before it in this period.
     fn deputies(&self, contacts: &[Contact], now: Tick) -> Vec<AgentId> {
         let turn = now.0 / self.period.max(1);
-        let place = |agent: AgentId| (u64::from(agent.0) + turn) % u64::from(self.agents.max(1));
+        let place = |agent: AgentId| (drawn(turn, agent), agent);
         let is_deputy = |agent: &AgentId| {
             let sends = |peer: &Peer| peer.known.state == SenderState::default() && !peer.is_barred;
             self.present.contains(*agent)
@@ -469,7 +498,15 @@ impl Sharing {
             }
             _ => now.next(),
         };
-        Trigger { at: contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)), events: Events::FIRST_CONTACT }
+        let is_waiting = |contact: &Contact| {
+            self.peers
+                .get(contact.agent.index())
+                .is_some_and(|peer| !peer.has_replied && peer.last.is_some_and(|last| last < now))
+        };
+        // Summaries may be late.
+        let late = if contacts.iter().any(is_waiting) { Events::PARCEL } else { 0 };
+        let at = contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX));
+        Trigger { at, events: Events::FIRST_CONTACT | late }
     }
 }
 
@@ -494,7 +531,7 @@ fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
             continue;
         };
         let rest_from = peer.rest_from.iter().map(|deputy| (deputy, own_position(deputy))).collect();
-        let one = Completed { receiver: *agent, updates: peer.updates_sent, rest_from };
+        let one = Completed { receiver: *agent, summary: peer.summary, updates: peer.updates_sent, rest_from };
         completed.entry(peer.until).or_default().push(one);
     }
     for (until, receivers) in completed {
@@ -540,6 +577,15 @@ fn peer(peers: &mut Vec<Peer>, agent: AgentId) -> &mut Peer {
         peers.resize(agent.index() + 1, Peer::default());
     }
     &mut peers[agent.index()]
+}
+
+/// The place of an agent in a period, as if drawn: the finaliser of SplitMix64 (Steele et al., OOPSLA
+/// 2014).
+fn drawn(turn: u64, agent: AgentId) -> u64 {
+    let mut word = turn.wrapping_shl(32) ^ u64::from(agent.0).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    word = (word ^ word >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    word = (word ^ word >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    word ^ word >> 31
 }
 
 /// A position in a journal on the wire; one beyond 2^32 - 1 counts as that.

@@ -72,7 +72,7 @@ test("a side that drifts is set right", LONG, async ({ page, servers }) => {
 test("a side that is still being read catches up", async ({ page, servers }) => {
   const server = servers.held({
     "cave.mcap": { file: recording("cave"), bytes: Infinity },
-    "radio.mcap": { file: recording("radio"), bytes: 100_000 },
+    "radio.mcap": { file: recording("radio"), bytes: 200_000 },
   });
   await page.goto(await server.open("recording=cave.mcap&beside=radio.mcap"));
   const cave = await sideOf(page, "side-1");

@@ -21,6 +21,8 @@ pub(super) enum Content {
 /// What an agent knows.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct Summary {
+    /// How many summaries the sender has sent before.
+    pub(super) number: u32,
     pub(super) state: SenderState,
     /// To whom it was sent.
     pub(super) receivers: AgentSet,
@@ -87,8 +89,8 @@ pub(super) fn content(data: &SharedBytes, extent: Extent, agents: u32) -> Result
 
 fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Arc<Content>, MapMessageError> {
     let content = match map_message::decode(bytes, extent, agents)? {
-        Message::Summary { state, receivers, known } => {
-            let mut summary = Summary { state, receivers: AgentSet::of(receivers), ..Summary::default() };
+        Message::Summary { number, state, receivers, known } => {
+            let mut summary = Summary { number, state, receivers: AgentSet::of(receivers), ..Summary::default() };
             known.into_iter().for_each(|(agent, position)| summary.set(agent, position));
             Content::Summary(Arc::new(summary))
         }

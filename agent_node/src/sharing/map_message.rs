@@ -13,8 +13,9 @@
 //!
 //! 1. A byte of flags: 1 if the own sensor of the sender contradicts reports of others, 2 if it
 //!    only receives.
-//! 2. The receivers.
-//! 3. The number of agents that it knows something of, and for each, ascending, the number of ids
+//! 2. The number of the summary: how many the sender has sent before.
+//! 3. The receivers.
+//! 4. The number of agents that it knows something of, and for each, ascending, the number of ids
 //!    skipped before it, and the position in its journal up to which it is known.
 //!
 //! **Form 1, an update: cells for some receivers.**
@@ -29,9 +30,9 @@
 //! 1. The receivers.
 //! 2. The deputies, written like receivers: agents that send receivers what the sender does not.
 //!    For each, the position in its journal that belongs to that.
-//! 3. For each receiver, the number of updates that it was sent since the last summary, and in as
-//!    many bytes as it takes one bit for each deputy, the lowest first: whether that one sends it
-//!    something.
+//! 3. For each receiver, the number of the last summary that it was sent, the number of updates
+//!    since then, and in as many bytes as it takes one bit for each deputy, the lowest first:
+//!    whether that one sends it something.
 //! 4. The position in the journal of the sender up to which the receivers know it then.
 //!
 //! Invariant: the result of [`decode`] names only agents of the run, and positions that a journal
@@ -65,6 +66,8 @@ const NUMBER_BYTES_MAX: usize = 5;
 pub(super) enum Message {
     /// What the sender knows: positions in the journals of agents, ascending by id.
     Summary {
+        /// How many summaries the sender has sent before.
+        number: u32,
         /// Of the sender.
         state: SenderState,
         /// To whom it is sent, ascending.
@@ -103,7 +106,9 @@ pub(super) struct SenderState {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Completed {
     pub(super) receiver: AgentId,
-    /// Number of updates that it was sent since the last summary.
+    /// The number of the last summary that it was sent.
+    pub(super) summary: u32,
+    /// Number of updates that it was sent since then.
     pub(super) updates: u32,
     /// The deputies that send it the rest, ascending, each with the position up to which its
     /// journal has to be known: the same for all receivers.
@@ -157,6 +162,14 @@ pub enum MapMessageError {
         /// Number of entries that a journal can have in this run.
         allowance: u64,
     },
+    /// A summary that knows more of the journal of its receiver than there is.
+    #[error("it knows {position} entries of a journal that has {entries}")]
+    Ahead {
+        /// The position that it states.
+        position: u32,
+        /// Number of entries of the journal of this agent.
+        entries: usize,
+    },
     /// A cell outside the map.
     #[error("block {block} has cells outside the map")]
     Outside {
@@ -183,7 +196,7 @@ pub enum MapMessageError {
 /// Encodes what an agent knows, by agent, 0 where nothing is known; if that takes more bytes than
 /// these, its own journal alone: what is left out counts as unknown.
 pub(super) fn encode_summary(
-    state: SenderState,
+    (number, state): (u32, SenderState),
     receivers: &[AgentId],
     known: &[u32],
     own: AgentId,
@@ -191,6 +204,7 @@ pub(super) fn encode_summary(
 ) -> Vec<u8> {
     let mut bytes = vec![VERSION, SUMMARY];
     bytes.push(u8::from(state.has_contradictions) | u8::from(state.only_receives) << 1);
+    put(&mut bytes, number);
     let mut all = bytes.clone();
     put_receivers(&mut all, receivers);
     put_known(&mut all, known, |_| true);
@@ -232,7 +246,8 @@ pub(super) fn encode_completion(receivers: &[Completed], until: u32) -> Vec<u8> 
     let ids: Vec<AgentId> = deputies.keys().copied().collect();
     put_receivers(&mut bytes, &ids);
     deputies.values().for_each(|&position| put(&mut bytes, position));
-    for Completed { updates, rest_from, .. } in receivers {
+    for Completed { summary, updates, rest_from, .. } in receivers {
+        put(&mut bytes, *summary);
         put(&mut bytes, *updates);
         let is_deputy = |id: &AgentId| rest_from.binary_search_by_key(id, |&(deputy, _)| deputy).is_ok();
         let mask = |ids: &[AgentId]| (0..).zip(ids).fold(0, |mask, (bit, id)| mask | u8::from(is_deputy(id)) << bit);
@@ -274,8 +289,9 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Messag
                 return Err(MapMessageError::Flags(flags));
             }
             let state = SenderState { has_contradictions: flags & 1 != 0, only_receives: flags & 2 != 0 };
+            let number = reader.number()?;
             let receivers = receivers(&mut reader, agents)?;
-            Message::Summary { state, receivers, known: known(&mut reader, extent, agents)? }
+            Message::Summary { number, state, receivers, known: known(&mut reader, extent, agents)? }
         }
         UPDATE => {
             let receivers = receivers(&mut reader, agents)?;
@@ -290,7 +306,7 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Messag
             let deputies: Vec<(AgentId, u32)> =
                 deputies.map(|deputy| Ok((deputy, reader.position(extent)?))).collect::<Result<_, _>>()?;
             let completed = named.into_iter().map(|receiver| {
-                let updates = reader.number()?;
+                let (summary, updates) = (reader.number()?, reader.number()?);
                 let mut rest_from = Vec::new();
                 for eight in deputies.chunks(8) {
                     let mask = reader.byte()?;
@@ -300,7 +316,7 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Messag
                     rest_from
                         .extend((0..).zip(eight).filter(|(bit, _)| mask >> bit & 1 != 0).map(|(_, deputy)| *deputy));
                 }
-                Ok(Completed { receiver, updates, rest_from })
+                Ok(Completed { receiver, summary, updates, rest_from })
             });
             let receivers = completed.collect::<Result<_, _>>()?;
             Message::Completion { receivers, until: reader.position(extent)? }

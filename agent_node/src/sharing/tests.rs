@@ -362,8 +362,8 @@ proptest! {
         }
         prop_assert_eq!(count, datas.len());
         prop_assert!(map.changes_since(0).all(|change| change.cell < 125));
-        let contact = Contact { agent: AgentId(2), position: Point3::origin() };
-        sharing.outgoing(&map, &[contact], Tick(1), BUDGET);
+        let contacts = [1, 2].map(|agent| Contact { agent: AgentId(agent), position: Point3::origin() });
+        sharing.outgoing(&map, &contacts, Tick(1), BUDGET);
     }
 
     #[test]
@@ -408,6 +408,47 @@ proptest! {
                 let state =
                     [CellState::Unexplored, CellState::Wall, CellState::Free, CellState::Covered][believed as usize];
                 prop_assert_eq!(team.states(agent)[cell], state, "agent {}, cell {}", agent, cell);
+            }
+        }
+    }
+
+    /// Messages get lost, contacts begin and end, exchanges take several ticks, and agents have
+    /// periods of their own and are asked only when they are due.
+    #[test]
+    fn maps_converge_after_any_losses(
+        periods in prop::array::uniform3(prop::sample::select(vec![0, 1, 2, 3, 7, 40])),
+        ticks in prop::collection::vec((0u32..3, 0u32..8000, 0usize..8), 1..60),
+        losses in prop::collection::vec(prop::bool::weighted(0.3), 0..300),
+        budget in 1100usize..3000,
+    ) {
+        let mut team = Team::new(3, extent(20), 5);
+        for (agent, period) in (0..).zip(periods) {
+            team.sharings[agent as usize] = Sharing::new(AgentId(agent), period, 3);
+        }
+        team.losses = losses.into_iter();
+        team.due = Some(vec![(Trigger::NEXT_TICK, vec![]); 3]);
+        let all = all_pairs(3);
+        let mut now = 0;
+        for (agent, cell, edges) in ticks {
+            now += 1;
+            let scattered: Vec<u32> = (0..200).map(|number| (cell + 37 * number) % 8000).collect();
+            team.maps[agent as usize].note_free(&scattered);
+            let pairs: Vec<(u32, u32)> = (0..3).filter(|edge| edges >> edge & 1 != 0).map(|edge| all[edge]).collect();
+            team.tick(now, &pairs, budget);
+        }
+        team.losses = Vec::new().into_iter();
+        for _ in 0..400 {
+            now += 1;
+            team.tick(now, &all, budget);
+        }
+        let known = (0..3).zip(periods).filter(|&(_, period)| period > 0).map(|(agent, _)| agent);
+        let senders: Vec<usize> = known.collect();
+        for &sender in &senders {
+            for agent in 0..3 {
+                let lacks = team.states(sender).into_iter().zip(team.states(agent)).any(|(one, other)| {
+                    one != CellState::Unexplored && other == CellState::Unexplored
+                });
+                prop_assert!(!lacks, "agent {} lacks something that agent {} knows", agent, sender);
             }
         }
     }

@@ -23,6 +23,11 @@ export class BeliefLog {
   /** End of each message in `#bytes`. */
   readonly #messageEnds = new Growable(new Float64Array(0));
   readonly #bytes = new Growable(new Uint8Array(0));
+  readonly #agent: number;
+
+  constructor(agent: number) {
+    this.#agent = agent;
+  }
 
   add(tick: number, runs: readonly Runs[], mapMessages: readonly Uint8Array[]): void {
     for (const { start, length } of runs) {
@@ -58,7 +63,8 @@ export class BeliefLog {
       }
       for (const end = fragments[fragment * COLUMNS + MESSAGES_END]!; message < end; message++) {
         const from = message === 0 ? 0 : this.#messageEnds.array[message - 1]!;
-        const cells = reader.cells(this.#bytes.array.subarray(from, this.#messageEnds.array[message]!));
+        const bytes = this.#bytes.array.subarray(from, this.#messageEnds.array[message]!);
+        const cells = reader.cells(bytes, this.#agent);
         cells?.forEach((cell) => learn(tick, cell));
       }
     }

@@ -31,8 +31,11 @@ const DOCUMENTED = Uint8Array.from(
     .map((byte) => parseInt(byte, 16)),
 );
 
-function cellsOf(bytes: Uint8Array, size: Vec3, agents: number): number[] | null {
-  const cells = new MapMessageReader(size, agents).cells(bytes);
+/** The receivers of `DOCUMENTED` are 1, 4, 5, 6 and 8. */
+const RECEIVER = 5;
+
+function cellsOf(bytes: Uint8Array, size: Vec3, agents: number, receiver = RECEIVER): number[] | null {
+  const cells = new MapMessageReader(size, agents).cells(bytes, receiver);
   return cells && Array.from(cells).sort((a, b) => a - b);
 }
 
@@ -51,6 +54,11 @@ test("the documented message", () => {
   const whole = Array.from({ length: 21 }, (_, number) => number);
   const expected = [...block([4, 0, 0], [3, 5]), ...block([0, 4, 0], whole), ...block([4, 0, 4], [0, 1])];
   expect(cells).toEqual(expected.sort((a, b) => a - b));
+});
+
+test("messages for others have no cells", () => {
+  const counts = Array.from({ length: 9 }, (_, agent) => cellsOf(DOCUMENTED, [8, 8, 8], 9, agent)!.length);
+  expect(counts).toEqual([0, 25, 0, 0, 25, 25, 25, 0, 25]);
 });
 
 test("messages of earlier builds", () => {
@@ -73,22 +81,22 @@ test("malformed messages are ignored", () => {
     ["no bytes", Uint8Array.of()],
     ["another version", Uint8Array.of(5, 1, 0, 0, 0)],
     ["another form", Uint8Array.of(4, 3, 0, 0, 0)],
-    ["a missing block", Uint8Array.of(4, 1, 0, 0, 1)],
+    ["a missing block", Uint8Array.of(4, 1, 1, 0, 0, 1)],
     ["a byte too many", Uint8Array.of(4, 1, 0, 0, 0, 7)],
     ["a varint of six bytes", Uint8Array.of(4, 1, 0x80, 0x80, 0x80, 0x80, 0x80, 0)],
     ["a run of too many receivers", Uint8Array.of(4, 1, 2, 0, 2, 0, 0)],
     ["a receiver of another run", Uint8Array.of(4, 1, 1, 2, 0, 0)],
-    ["an empty octant", mapMessage([4, 1, 0, 0, 1], "0 10 0 0 0 0 0 0 0 0")],
-    ["a whole octant in long form", mapMessage([4, 1, 0, 0, 1], "0 10 10 11111111 0 0 0 0 0 0 0 0")],
-    ["mixed walls without a wall", mapMessage([4, 1, 0, 0, 1], "0 10 11 11 00000000 0 0 0 0 0 0 0")],
-    ["a descending list", mapMessage([4, 1, 0, 0, 1], "0 0 100 101000 110000 0 1")],
-    ["covered cells without one", mapMessage([4, 1, 0, 0, 1], "0 110 0 000000 0 0")],
-    ["padding that is set", mapMessage([4, 1, 0, 0, 1], "0 0 0 000000 0 1")],
+    ["an empty octant", mapMessage([4, 1, 1, 0, 0, 1], "0 10 0 0 0 0 0 0 0 0")],
+    ["a whole octant in long form", mapMessage([4, 1, 1, 0, 0, 1], "0 10 10 11111111 0 0 0 0 0 0 0 0")],
+    ["mixed walls without a wall", mapMessage([4, 1, 1, 0, 0, 1], "0 10 11 11 00000000 0 0 0 0 0 0 0")],
+    ["a descending list", mapMessage([4, 1, 1, 0, 0, 1], "0 0 100 101000 110000 0 1")],
+    ["covered cells without one", mapMessage([4, 1, 1, 0, 0, 1], "0 110 0 000000 0 0")],
+    ["padding that is set", mapMessage([4, 1, 1, 0, 0, 1], "0 0 0 000000 0 1")],
   ];
   for (const [what, bytes] of refused) {
     expect(cellsOf(bytes, [8, 8, 8], 2), what).toBeNull();
   }
-  expect(cellsOf(mapMessage([4, 1, 0, 0, 1], "0 0 0 000000 0"), [8, 8, 8], 2)).toEqual([0]);
+  expect(cellsOf(mapMessage([4, 1, 1, 0, 0, 1], "0 0 0 000000 0"), [8, 8, 8], 2, 0)).toEqual([0]);
   expect(cellsOf(Uint8Array.of(4, 1, 0, 0, 0), [8, 8, 8], 2)).toEqual([]);
   expect(cellsOf(Uint8Array.of(4, 0, 0, 0, 0), [8, 8, 8], 2), "a summary").toEqual([]);
 });
@@ -101,7 +109,7 @@ test("truncated messages are ignored, and corrupted ones stay inside the map", (
   }
   for (let bit = 0; bit < 8 * DOCUMENTED.length; bit++) {
     const changed = DOCUMENTED.map((byte, at) => (at === bit >> 3 ? byte ^ (1 << (bit & 7)) : byte));
-    const cells = reader.cells(changed);
+    const cells = reader.cells(changed, RECEIVER);
     expect(cells?.every((cell) => cell < size[0] * size[1] * size[2]) ?? true).toBe(true);
   }
 });

@@ -33,6 +33,7 @@ export class MapMessageReader {
   /** Cells of the message that is being decoded. */
   #cells = new Uint32Array(1024);
   #count = 0;
+  #isForReceiver = false;
 
   constructor(size: Vec3, agents: number) {
     this.#size = size;
@@ -46,11 +47,13 @@ export class MapMessageReader {
   }
 
   /**
-   * Cells that a message contains, free or wall; valid until the next call. Null if it is no map
+   * Cells that a message contains, free or wall, for one of its receivers; valid until the next
+   * call. An agent ignores updates for others, as broadcasts to crowds are. Null if it is no map
    * message of this run; the other forms are not looked at.
    */
-  cells(bytes: Uint8Array): Uint32Array | null {
+  cells(bytes: Uint8Array, receiver: number): Uint32Array | null {
     this.#count = 0;
+    this.#isForReceiver = false;
     const version = bytes[0];
     const numbers = { bytes, at: 1 };
     if (version === VERSION) {
@@ -61,11 +64,11 @@ export class MapMessageReader {
       if (form !== UPDATE) {
         return this.#cells.subarray(0, 0);
       }
-      if (!this.#areReceivers(numbers) || number(numbers) === null) {
+      if (!this.#areReceivers(numbers, receiver) || number(numbers) === null) {
         return null;
       }
     } else if (version === VERSION_OF_RUNS || version === VERSION_OF_LISTS) {
-      if (!this.#areReceivers(numbers, version === VERSION_OF_RUNS)) {
+      if (!this.#areReceivers(numbers, receiver, version === VERSION_OF_RUNS)) {
         return null;
       }
     } else {
@@ -88,11 +91,11 @@ export class MapMessageReader {
         return null;
       }
     }
-    return bits.isAtEnd ? this.#cells.subarray(0, this.#count) : null;
+    return bits.isAtEnd ? this.#cells.subarray(0, this.#isForReceiver ? this.#count : 0) : null;
   }
 
   /** Whether receivers follow, all of them agents of this run: runs of consecutive ids, or each one. */
-  #areReceivers(numbers: Numbers, areRuns = true): boolean {
+  #areReceivers(numbers: Numbers, receiver: number, areRuns = true): boolean {
     let left = number(numbers);
     let next = 0;
     while (left !== null && left > 0) {
@@ -101,6 +104,7 @@ export class MapMessageReader {
       if (gap === null || more === null || more >= left || next + gap + more >= this.#agents) {
         return false;
       }
+      this.#isForReceiver ||= next + gap <= receiver && receiver <= next + gap + more;
       left -= more + 1;
       // The next id is not in another run.
       next += gap + more + (areRuns ? 2 : 1);

@@ -346,7 +346,7 @@ export class RecordingReader {
     const { agents } = header.setup;
     this.#header = header;
     this.#lidar = lidarOf(scenario, recorded);
-    this.#beliefLogs = Array.from({ length: agents }, () => new BeliefLog());
+    this.#beliefLogs = Array.from({ length: agents }, (_, agent) => new BeliefLog(agent));
     this.#mapMessages = new MapMessageReader(header.terrain.size, agents);
     this.#builder = new BatchBuilder(
       header.terrain,

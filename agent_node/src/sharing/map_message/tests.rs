@@ -49,23 +49,24 @@ fn byte_for_byte_as_documented() {
 fn summaries_and_completions_are_read_as_written() {
     let state = SenderState { has_contradictions: false, only_receives: true };
     let (receivers, known) = ([AgentId(1)], [0, 0, 7, 300]);
-    let encode = |bytes_max| encode_summary(state, &receivers, &known, AgentId(3), bytes_max);
-    assert_eq!(encode(11), [4, 0, 2, 1, 1, 2, 2, 7, 0, 0xac, 2]);
+    let encode = |bytes_max| encode_summary((6, state), &receivers, &known, AgentId(3), bytes_max);
+    assert_eq!(encode(12), [4, 0, 2, 6, 1, 1, 2, 2, 7, 0, 0xac, 2]);
     let decode = |bytes: &[u8]| decode(bytes, extent([8; 3]), 4);
     let known = vec![(AgentId(2), 7), (AgentId(3), 300)];
-    assert_eq!(decode(&encode(11)), Ok(Message::Summary { state, receivers: receivers.to_vec(), known }));
-    let own = Message::Summary { state, receivers: vec![], known: vec![(AgentId(3), 300)] };
-    assert_eq!(decode(&encode(10)), Ok(own));
+    assert_eq!(decode(&encode(12)), Ok(Message::Summary { number: 6, state, receivers: receivers.to_vec(), known }));
+    let own = Message::Summary { number: 6, state, receivers: vec![], known: vec![(AgentId(3), 300)] };
+    assert_eq!(decode(&encode(11)), Ok(own));
     let completed = |receiver, updates, rest_from: &[(AgentId, u32)]| Completed {
         receiver: AgentId(receiver),
+        summary: 3,
         updates,
         rest_from: rest_from.to_vec(),
     };
     let receivers = vec![completed(1, 2, &[(AgentId(0), 5)]), completed(3, 0, &[])];
     let bytes = encode_completion(&receivers, 9);
-    assert_eq!(bytes, [4, 2, 2, 1, 0, 0, 1, 0, 5, 2, 1, 0, 0, 9]);
+    assert_eq!(bytes, [4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 1, 3, 0, 0, 9]);
     assert_eq!(decode(&bytes), Ok(Message::Completion { receivers, until: 9 }));
-    assert_eq!(decode(&[4, 2, 2, 1, 0, 0, 1, 0, 5, 2, 2, 0, 0, 9]), Err(MapMessageError::Filling));
+    assert_eq!(decode(&[4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 2, 3, 0, 0, 9]), Err(MapMessageError::Filling));
 }
 
 #[test]
@@ -78,13 +79,13 @@ fn malformed_bytes_are_refused_with_the_reason() {
     assert_eq!(refused(&[4, 1, 0, 0, 1]), "truncated after 5 bytes");
     assert_eq!(refused(&[4, 1, 0, 0, 1, 0]), "truncated after 6 bytes");
     assert_eq!(refused(&[4, 1, 0, 0, 0, 7]), "1 bytes after its end");
-    assert_eq!(refused(&[4, 0, 0, 0, 0, 7]), "1 bytes after its end");
+    assert_eq!(refused(&[4, 0, 0, 0, 0, 0, 7]), "1 bytes after its end");
     assert_eq!(refused(&[4, 2, 1, 0, 0]), "truncated after 5 bytes");
     assert_eq!(refused(&[4, 1, 2, 0, 2, 0, 0]), "agent 2 is not part of the run, allowed are 0 to 1");
     assert_eq!(refused(&[4, 1, 1, 2, 0, 0]), "agent 2 is not part of the run, allowed are 0 to 1");
-    assert_eq!(refused(&[4, 0, 0, 0, 2, 1, 5, 0, 5]), "agent 2 is not part of the run, allowed are 0 to 1");
+    assert_eq!(refused(&[4, 0, 0, 0, 0, 2, 1, 5, 0, 5]), "agent 2 is not part of the run, allowed are 0 to 1");
     assert_eq!(refused(&[4, 2, 2, 0, 2, 0, 1, 1, 0]), "agent 2 is not part of the run, allowed are 0 to 1");
-    assert_eq!(refused(&[4, 0, 0, 0, 1, 0, 0x81, 16]), "position 2049, but no journal has more than 2048 entries");
+    assert_eq!(refused(&[4, 0, 0, 0, 0, 1, 0, 0x81, 16]), "position 2049, but no journal has more than 2048 entries");
     let long = "the number at byte 2 is larger than 4294967295 or longer than 5 bytes";
     assert_eq!(refused(&[4, 1, 0xff, 0xff, 0xff, 0xff, 0x1f]), long);
     assert_eq!(refused(&[4, 1, 0x80, 0x80, 0x80, 0x80, 0x80]), long);

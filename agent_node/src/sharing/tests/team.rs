@@ -23,6 +23,10 @@ pub(super) struct Team {
     pub(super) inboxes: Vec<Vec<ReceivedMessage>>,
     /// Cells sent so far: from, to, cell, finding.
     pub(super) delivered: Vec<(u32, u32, u32, u8)>,
+    /// Whether the next messages get lost; those after them do not.
+    pub(super) losses: std::vec::IntoIter<bool>,
+    /// When each agent is due and whom it has seen last; else all are asked in every tick.
+    pub(super) due: Option<Vec<(Trigger, Vec<AgentId>)>>,
 }
 
 impl Team {
@@ -33,6 +37,8 @@ impl Team {
             sharings: (0..agents).map(|id| Sharing::new(AgentId(id), period, agents)).collect(),
             inboxes: vec![Vec::new(); count],
             delivered: Vec::new(),
+            losses: Vec::new().into_iter(),
+            due: None,
         }
     }
 
@@ -50,19 +56,31 @@ impl Team {
         let mut posted = Vec::new();
         for agent in 0..self.maps.len() as u32 {
             let index = agent as usize;
+            let contacts = contacts(agent, pairs);
+            let in_contact: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).collect();
+            if let Some(due) = &self.due {
+                let (trigger, seen) = &due[index];
+                let has_met = in_contact.iter().any(|agent| !seen.contains(agent));
+                let events = [(has_met, Events::FIRST_CONTACT), (!self.inboxes[index].is_empty(), Events::PARCEL)];
+                let events = events.into_iter().filter(|&(has, _)| has).fold(0, |events, (_, event)| events | event);
+                if !trigger.is_due(Tick(now), events) {
+                    continue;
+                }
+            }
             let received = std::mem::take(&mut self.inboxes[index]);
             let report = self.sharings[index].incoming(&mut self.maps[index], &received);
             assert_eq!(report.refused, []);
-            let contacts = contacts(agent, pairs);
             check_news(&self.sharings[index], &self.maps[index], &contacts, (Tick(now), budget));
             let messages = self.sharings[index].outgoing(&self.maps[index], &contacts, Tick(now), budget);
             let bytes: usize = messages.iter().map(|message| message.data.len() + PARCEL_BYTES_BARE).sum();
             assert!(bytes <= budget);
             sent[index] =
                 messages.iter().filter(|message| message.data[1] == 1).map(|message| message.data.len()).sum();
+            if let Some(due) = &mut self.due {
+                due[index] = (self.sharings[index].next_trigger(&contacts, Tick(now)), in_contact.clone());
+            }
             for AgentMessage { to, kind, data } in messages {
-                let in_contact: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).collect();
-                let receivers = to.map_or(in_contact, |to| vec![to]);
+                let receivers = to.map_or_else(|| in_contact.clone(), |to| vec![to]);
                 let extent = self.maps[index].extent();
                 let message = map_message::decode(&data, extent, self.maps.len() as u32).unwrap();
                 let (named, delta) = match message {
@@ -80,7 +98,9 @@ impl Team {
                         let findings = delta.findings(extent);
                         self.delivered.extend(findings.map(|(cell, finding)| (agent, receiver.0, cell, finding as u8)));
                     }
-                    posted.push((receiver, ReceivedMessage { from: AgentId(agent), kind, data: data.clone() }));
+                    if !self.losses.next().unwrap_or(false) {
+                        posted.push((receiver, ReceivedMessage { from: AgentId(agent), kind, data: data.clone() }));
+                    }
                 }
             }
         }
