@@ -55,11 +55,12 @@ mod bits;
 mod decoded;
 mod map_message;
 mod news;
+mod outbox;
+mod peer;
 #[cfg(test)]
 mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::Range;
 use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
@@ -75,6 +76,8 @@ use decoded::{Content, Summary, Update};
 use map_message::{Completed, SenderState};
 pub use map_message::{MapMessageError, VERSION};
 use news::{Batch, State};
+use outbox::{Outbox, copies};
+use peer::{Peer, Provenance, peer};
 
 /// The mark of map messages; all other marks are the controllers'.
 pub const MAP_MESSAGE: u8 = 1;
@@ -87,9 +90,6 @@ const INBOX_BYTES: usize = 64 * PARCEL_BYTES_MAX;
 
 /// Nothing is started with fewer bytes left than this: a tick later the runs are longer.
 const BUDGET_MIN: usize = 1024;
-
-/// A message for more receivers than this is broadcast, and not repeated for each of them.
-const ADDRESSED_MAX: usize = 32;
 
 /// The state of an agent's exchanges with its peers.
 #[derive(Debug, Clone)]
@@ -111,57 +111,6 @@ pub struct Sharing {
     summaries_sent: u32,
     provenances: Vec<Provenance>,
     totals: Totals,
-}
-
-/// The state of the exchanges with one peer.
-#[derive(Debug, Clone, Default)]
-struct Peer {
-    /// What it knows, by its last summary.
-    known: Arc<Summary>,
-    /// Tick in which it was last sent a summary, and whether one of its own has come since then.
-    last: Option<Tick>,
-    has_replied: bool,
-    /// The number of that summary, and the length of the journal then.
-    summary: u32,
-    summarised: usize,
-    /// Whether it is still being sent what it lacks.
-    is_open: bool,
-    /// Entries of the journal before this position are sent, or need not be.
-    cursor: usize,
-    /// End of the present exchange in the journal.
-    until: usize,
-    /// Bytes of the present exchange.
-    bytes: usize,
-    /// Tick in which it was last sent an update.
-    updated: Option<Tick>,
-    /// Updates sent since the last summary to it.
-    updates_sent: u32,
-    /// Those that send it what this agent leaves to them, in the present exchange.
-    rest_from: AgentSet,
-    /// Updates received since its last summary.
-    updates_received: u32,
-    /// Its last completion, which waits for those of others: the position, and theirs.
-    waits: Option<(u32, Vec<(AgentId, u32)>)>,
-    /// Number of cells the peer has reported since it was last sent a summary.
-    claims: u64,
-    /// Whether the peer has reported more cells than it can know.
-    is_barred: bool,
-}
-
-impl Peer {
-    /// Whether it knows a section of the journal that came from others.
-    fn knows(&self, provenance: &Provenance) -> bool {
-        self.known.of(provenance.from) >= provenance.until
-    }
-}
-
-/// Where a section of the journal came from.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct Provenance {
-    positions: Range<usize>,
-    from: AgentId,
-    /// Whoever knows the journal of that agent up to this position knows the section.
-    until: u32,
 }
 
 /// The outcome of the messages of one observation.
@@ -542,45 +491,8 @@ fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
     }
 }
 
-/// The messages of a command, and what is left for them.
-struct Outbox<'a> {
-    budget: usize,
-    contacts: &'a [Contact],
-    totals: Totals,
-    messages: Vec<AgentMessage>,
-}
-
-impl Outbox<'_> {
-    /// Sends a message to some of the contacts, if it fits.
-    fn send(&mut self, receivers: &[AgentId], data: SharedBytes) -> bool {
-        let copies = copies(receivers.len(), self.contacts);
-        let bytes = copies * (data.len() + PARCEL_BYTES_BARE);
-        if bytes > self.budget {
-            return false;
-        }
-        self.budget -= bytes;
-        self.totals.messages_sent += copies as u64;
-        self.totals.bytes_sent += (copies * data.len()) as u64;
-        let message = |to| AgentMessage { to, kind: MAP_MESSAGE, data: data.clone() };
-        if is_broadcast(receivers.len(), self.contacts) {
-            self.messages.push(message(None));
-        } else {
-            self.messages.extend(receivers.iter().map(|&receiver| message(Some(receiver))));
-        }
-        true
-    }
-}
-
-/// The state of the exchanges with an agent.
-fn peer(peers: &mut Vec<Peer>, agent: AgentId) -> &mut Peer {
-    if agent.index() >= peers.len() {
-        peers.resize(agent.index() + 1, Peer::default());
-    }
-    &mut peers[agent.index()]
-}
-
-/// The place of an agent in a period, as if drawn: the finaliser of SplitMix64 (Steele et al., OOPSLA
-/// 2014).
+/// The place of an agent in a period, as if drawn: the finaliser of SplitMix64 (Steele et al.,
+/// OOPSLA 2014).
 fn drawn(turn: u64, agent: AgentId) -> u64 {
     let mut word = turn.wrapping_shl(32) ^ u64::from(agent.0).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     word = (word ^ word >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -591,19 +503,4 @@ fn drawn(turn: u64, agent: AgentId) -> u64 {
 /// A position in a journal on the wire; one beyond 2^32 - 1 counts as that.
 fn position(entries: usize) -> u32 {
     u32::try_from(entries).unwrap_or(u32::MAX)
-}
-
-/// Number of messages that it takes to send the same to so many of the contacts.
-fn copies(receivers: usize, contacts: &[Contact]) -> usize {
-    if is_broadcast(receivers, contacts) { 1 } else { receivers }
-}
-
-/// Whether there are so many contacts that their knowledge is not told apart.
-fn is_crowd(contacts: &[Contact]) -> bool {
-    contacts.len() > ADDRESSED_MAX
-}
-
-/// Whether a message for so many of the contacts is sent to all of them.
-fn is_broadcast(receivers: usize, contacts: &[Contact]) -> bool {
-    receivers == contacts.len() || receivers > ADDRESSED_MAX
 }

@@ -7,7 +7,7 @@ import pytest
 
 import maes
 
-DIGEST = "dc16f1e12294bf7e0e73c76b367655d5e476ad1c45af5846dbbcd31821bc3b0e"
+DIGEST = "bbddd99d65cf4f1d777d23d0e20749823dcb32e60a606440f80307bb8f94f4ed"
 
 
 def test_default_run_has_the_digest_of_the_command():

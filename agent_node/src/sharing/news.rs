@@ -11,7 +11,9 @@ use msgs::limits::PARCEL_BYTES_BARE;
 use msgs::shared_bytes::SharedBytes;
 
 use super::agent_set::AgentSet;
-use super::{Peer, Provenance, copies, is_crowd, map_message, position};
+use super::outbox::{copies, is_crowd};
+use super::peer::{Peer, Provenance};
+use super::{map_message, position};
 use crate::exploration_map::{ExplorationMap, with_delta};
 use crate::observation::Contact;
 

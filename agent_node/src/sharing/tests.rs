@@ -1,11 +1,12 @@
 mod team;
+mod trust;
 
 use nalgebra::Point3;
 use proptest::prelude::*;
-use voxels::{Cell, Extent};
+use voxels::Cell;
 
 use super::*;
-use crate::exploration_map::{CellState, Change, Delta, Finding};
+use crate::exploration_map::CellState;
 use team::{BUDGET, Team, all_pairs, extent};
 
 #[test]
@@ -234,50 +235,6 @@ fn period_0_only_receives() {
     assert_eq!(team.sent_cells(0, 1), [3], "once");
 }
 
-#[test]
-fn malformed_messages_are_rejected_and_other_kinds_ignored() {
-    let mut map = ExplorationMap::new(extent(4));
-    let mut sharing = Sharing::new(AgentId(0), 5, 3);
-    let message = |kind, data: &[u8]| ReceivedMessage { from: AgentId(2), kind, data: data.into() };
-    let received = [
-        message(MAP_MESSAGE, &[9]),
-        message(0, &[1, 2, 3]),
-        message(MAP_MESSAGE, &[VERSION, 1, 1, 0, 1, 1, 0b100_1000, 0]),
-        message(MAP_MESSAGE, &[VERSION, 1, 1, 0, 1, 1, 1, 0]),
-    ];
-    let report = sharing.incoming(&mut map, &received);
-    let refused = [(AgentId(2), MapMessageError::Version(9)), (AgentId(2), MapMessageError::Outside { block: 1 })];
-    assert_eq!(report, Report { messages: 1, for_others: 0, news: 1, refused: refused.to_vec() });
-    let totals = *sharing.totals();
-    assert_eq!((totals.messages_refused, totals.messages_taken), (2, 1));
-    // Every byte of map messages is counted as merged or rejected; messages of other kinds are not
-    // counted.
-    let bytes: usize =
-        received.iter().filter(|message| message.kind == MAP_MESSAGE).map(|message| message.data.len()).sum();
-    assert_eq!(totals.bytes_refused + totals.bytes_taken, bytes as u64);
-    assert_eq!((map.free(), map.state(Cell::new(3, 0, 0))), (1, CellState::Free));
-}
-
-/// The most that one false message can report: the whole map is free, or all of it wall.
-fn whole_map(extent: Extent, finding: Finding) -> ReceivedMessage {
-    let all = (0..extent.volume() as u32).map(|cell| Change { cell, finding, from: None });
-    ReceivedMessage {
-        from: AgentId(2),
-        kind: MAP_MESSAGE,
-        data: map_message::encode_update(&[AgentId(0), AgentId(3)], 1, &Delta::of(extent, all)).into(),
-    }
-}
-
-#[test]
-fn message_for_others_is_ignored() {
-    let extent = extent(4);
-    let mut map = ExplorationMap::new(extent);
-    let mut sharing = Sharing::new(AgentId(1), 5, 4);
-    let report = sharing.incoming(&mut map, &[whole_map(extent, Finding::Free)]);
-    assert_eq!(report, Report { for_others: 1, ..Report::default() });
-    assert_eq!((map.free(), *sharing.totals()), (0, Totals::default()));
-}
-
 /// Copies for all who lack the news would not fit into a command: nothing was ever sent.
 #[test]
 fn news_for_most_of_a_crowd_is_broadcast() {
@@ -294,35 +251,6 @@ fn news_for_most_of_a_crowd_is_broadcast() {
     assert!(team.maps.iter().all(|map| map.free() == 1));
     assert_eq!(team.sharings[1].totals().messages_sent - before, 3, "one of each form");
     assert_eq!(team.trigger(1, &to_others, 103).at, Tick(150));
-}
-
-#[test]
-fn flooding_sender_is_barred() {
-    let extent = extent(12);
-    let volume = extent.volume() as u64;
-    let mut map = ExplorationMap::new(extent);
-    let mut sharing = Sharing::new(AgentId(0), 5, 4);
-    let lies = [whole_map(extent, Finding::Wall), whole_map(extent, Finding::Free)];
-    let mut taken = Vec::new();
-    for _ in 0..50 {
-        let flood: Vec<ReceivedMessage> = lies.iter().cycle().take(64).cloned().collect();
-        taken.push(sharing.incoming(&mut map, &flood).messages);
-    }
-    assert_eq!((taken[0], taken.iter().sum()), (CHANGES_MAX, CHANGES_MAX));
-    let totals = *sharing.totals();
-    assert_eq!((totals.cells_taken, totals.messages_refused), (CHANGES_MAX as u64 * volume, 50 * 64 - 4));
-    assert!(map.journal_len() as u64 <= CHANGES_MAX as u64 * volume);
-    // Malformed messages get the same answer, since messages of barred senders are not decoded.
-    let refused = |sharing: &mut Sharing, map: &mut ExplorationMap, from: u32, data: &[u8]| {
-        let message = ReceivedMessage { from: AgentId(from), kind: MAP_MESSAGE, data: data.into() };
-        sharing.incoming(map, &[message]).refused
-    };
-    let barred = MapMessageError::Barred { allowance: 4 * volume };
-    assert_eq!(refused(&mut sharing, &mut map, 2, &[9]), [(AgentId(2), barred)]);
-    // Other senders are not affected, and the own sensor still overrides.
-    assert_eq!(refused(&mut sharing, &mut map, 1, &lies[0].data), []);
-    map.note_wall(&[5]);
-    assert_eq!(map.state(Cell::new(5, 0, 0)), CellState::Wall);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! A team of agents that share their maps, and a world that delivers their messages.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use msgs::limits::PARCEL_BYTES_BARE;
 use nalgebra::Point3;
@@ -10,6 +11,7 @@ use super::super::*;
 use crate::exploration_map::{CellState, Delta};
 use crate::sharing::map_message::Message;
 use crate::sharing::news::{Found, News};
+use crate::sharing::outbox::{ADDRESSED_MAX, is_crowd};
 
 pub(super) const BUDGET: usize = PARCEL_BYTES_MAX;
 

@@ -1,0 +1,68 @@
+//! The state of the exchanges with each peer, and where the sections of the journal came from.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use msgs::ids::{AgentId, Tick};
+
+use super::agent_set::AgentSet;
+use super::decoded::Summary;
+
+/// The state of the exchanges with one peer.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Peer {
+    /// What it knows, by its last summary.
+    pub(super) known: Arc<Summary>,
+    /// Tick in which it was last sent a summary, and whether one of its own has come since then.
+    pub(super) last: Option<Tick>,
+    pub(super) has_replied: bool,
+    /// The number of that summary, and the length of the journal then.
+    pub(super) summary: u32,
+    pub(super) summarised: usize,
+    /// Whether it is still being sent what it lacks.
+    pub(super) is_open: bool,
+    /// Entries of the journal before this position are sent, or need not be.
+    pub(super) cursor: usize,
+    /// End of the present exchange in the journal.
+    pub(super) until: usize,
+    /// Bytes of the present exchange.
+    pub(super) bytes: usize,
+    /// Tick in which it was last sent an update.
+    pub(super) updated: Option<Tick>,
+    /// Updates sent since the last summary to it.
+    pub(super) updates_sent: u32,
+    /// Those that send it what this agent leaves to them, in the present exchange.
+    pub(super) rest_from: AgentSet,
+    /// Updates received since its last summary.
+    pub(super) updates_received: u32,
+    /// Its last completion, which waits for those of others: the position, and theirs.
+    pub(super) waits: Option<(u32, Vec<(AgentId, u32)>)>,
+    /// Number of cells the peer has reported since it was last sent a summary.
+    pub(super) claims: u64,
+    /// Whether the peer has reported more cells than it can know.
+    pub(super) is_barred: bool,
+}
+
+impl Peer {
+    /// Whether it knows a section of the journal that came from others.
+    pub(super) fn knows(&self, provenance: &Provenance) -> bool {
+        self.known.of(provenance.from) >= provenance.until
+    }
+}
+
+/// Where a section of the journal came from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Provenance {
+    pub(super) positions: Range<usize>,
+    pub(super) from: AgentId,
+    /// Whoever knows the journal of that agent up to this position knows the section.
+    pub(super) until: u32,
+}
+
+/// The state of the exchanges with an agent.
+pub(super) fn peer(peers: &mut Vec<Peer>, agent: AgentId) -> &mut Peer {
+    if agent.index() >= peers.len() {
+        peers.resize(agent.index() + 1, Peer::default());
+    }
+    &mut peers[agent.index()]
+}
