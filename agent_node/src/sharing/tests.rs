@@ -359,13 +359,13 @@ proptest! {
         let mut now = 0;
         for (agent, cell, edges) in ticks {
             now += 1;
-            let scattered: Vec<u32> = (0..200).map(|number| (cell + 37 * number) % 8000).collect();
+            let scattered: Vec<u32> = (0..80).map(|number| (cell + 37 * number) % 8000).collect();
             team.maps[agent as usize].note_free(&scattered);
             let pairs: Vec<(u32, u32)> = (0..3).filter(|edge| edges >> edge & 1 != 0).map(|edge| all[edge]).collect();
             team.tick(now, &pairs, budget);
         }
         team.losses = Vec::new().into_iter();
-        for _ in 0..400 {
+        for _ in 0..800 {
             now += 1;
             team.tick(now, &all, budget);
         }
