@@ -88,6 +88,10 @@ pub const DEFAULT_PERIOD_TICKS: u32 = 251;
 /// Capacity of an inbox, bytes; the server drops what does not fit.
 const INBOX_BYTES: usize = 64 * PARCEL_BYTES_MAX;
 
+/// For so many ticks after its own summary an agent is due with each message if it lacks that of a
+/// contact, which a radio may delay: no longer, or a flood of messages would keep it busy.
+const LATE_TICKS: u64 = 50;
+
 /// Nothing is started with fewer bytes left than this: a tick later the runs are longer.
 const BUDGET_MIN: usize = 1024;
 
@@ -448,9 +452,9 @@ impl Sharing {
             _ => now.next(),
         };
         let is_waiting = |contact: &Contact| {
-            self.peers
-                .get(contact.agent.index())
-                .is_some_and(|peer| !peer.has_replied && peer.last.is_some_and(|last| last < now))
+            let since =
+                self.peers.get(contact.agent.index()).filter(|peer| !peer.has_replied).and_then(|peer| peer.last);
+            since.is_some_and(|since| since < now && now.0 - since.0 < LATE_TICKS)
         };
         // Summaries may be late.
         let late = if contacts.iter().any(is_waiting) { Events::PARCEL } else { 0 };
