@@ -18,11 +18,12 @@ use msgs::limits::{PARCEL_BYTES_BARE, RELAYS_TOLD_MAX};
 use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use rand_chacha::rand_core::Rng;
+use voxels::{Grid, Terrain};
 
 use super::collision::Sphere;
-use super::comms::{AgentMessage, Comms, ContactTable, Peer, Radio};
+use super::comms::{AgentMessage, Comms, ContactModel, ContactTable, Peer, Radio};
 use super::relays::{Relay, Relays};
-use super::{Action, CONTACTS, Events, World};
+use super::{Action, AgentState, CONTACTS, Events, World};
 
 /// Draws reserved for one message, more than it can have receivers.
 const RECEIVERS_MAX: u128 = 1 << 32;
@@ -41,6 +42,14 @@ pub(super) struct ReportedContacts {
     /// Those of all committed observations of a share period.
     in_period: Vec<u64>,
     period: u64,
+}
+
+/// The contacts of the present positions, with what decides them, and the agents.
+struct Present<'w> {
+    table: &'w mut ContactTable,
+    model: &'w ContactModel,
+    terrain: &'w Grid<Terrain>,
+    agents: &'w mut [AgentState],
 }
 
 /// The transmit queue of an agent.
@@ -265,37 +274,33 @@ impl World {
     }
 
     pub(super) fn in_contact(&mut self, one: AgentId, other: AgentId) -> bool {
-        self.compute_contacts();
-        let table = self.contacts.as_mut().expect("it has just been computed");
-        table.in_contact(one, other, &self.params.comms.contact, &self.terrain)
+        let Present { table, model, terrain, .. } = self.present_contacts();
+        table.in_contact(one, other, model, terrain)
     }
 
     pub(super) fn contacts_of(&mut self, agent: AgentId) -> Vec<AgentId> {
-        self.compute_contacts();
-        let table = self.contacts.as_mut().expect("it has just been computed");
-        table.of(agent, &self.params.comms.contact, &self.terrain).collect()
+        let Present { table, model, terrain, .. } = self.present_contacts();
+        table.of(agent, model, terrain).collect()
     }
 
     /// [`CONTACTS`] if the agents or relays in contact differ from those of the last committed
     /// observation, else no event.
     pub(super) fn change_of_contacts(&mut self, agent: AgentId) -> Events {
         let relays = self.relays_of(agent);
-        self.compute_contacts();
-        let table = self.contacts.as_mut().expect("it has just been computed");
-        let state = &self.agents[agent.index()];
-        let is_as_reported = relays == state.reported_relays
-            && table.row(agent, &self.params.comms.contact, &self.terrain) == state.reported_contacts.last;
+        let Present { table, model, terrain, agents } = self.present_contacts();
+        let state = &agents[agent.index()];
+        let is_as_reported =
+            relays == state.reported_relays && table.row(agent, model, terrain) == state.reported_contacts.last;
         if is_as_reported { 0 } else { CONTACTS }
     }
 
     /// Whether an agent is in contact that no committed observation of this share period has
     /// listed.
     pub(super) fn has_first_contact(&mut self, agent: AgentId) -> bool {
-        self.compute_contacts();
         let period = self.share_period();
-        let table = self.contacts.as_mut().expect("it has just been computed");
-        let listed = self.agents[agent.index()].reported_contacts.in_period(period);
-        table.has_contact_not_among(agent, listed, &self.params.comms.contact, &self.terrain)
+        let Present { table, model, terrain, agents } = self.present_contacts();
+        let listed = agents[agent.index()].reported_contacts.in_period(period);
+        table.has_contact_not_among(agent, listed, model, terrain)
     }
 
     /// Number of the present share period.
@@ -305,11 +310,17 @@ impl World {
 
     /// Notes that the agents in contact have been reported.
     pub(super) fn note_reported_contacts(&mut self, agent: AgentId) {
-        self.compute_contacts();
         let period = self.share_period();
-        let table = self.contacts.as_mut().expect("it has just been computed");
-        let row = table.row(agent, &self.params.comms.contact, &self.terrain);
-        self.agents[agent.index()].reported_contacts.list(row, period);
+        let Present { table, model, terrain, agents } = self.present_contacts();
+        agents[agent.index()].reported_contacts.list(table.row(agent, model, terrain), period);
+    }
+
+    /// The contacts of the present positions.
+    fn present_contacts(&mut self) -> Present<'_> {
+        self.compute_contacts();
+        let Self { contacts, params, terrain, agents, .. } = self;
+        let table = contacts.as_mut().expect("it has just been computed");
+        Present { table, model: &params.comms.contact, terrain, agents }
     }
 
     fn compute_contacts(&mut self) {
