@@ -60,7 +60,7 @@ mod peer;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
@@ -72,7 +72,7 @@ use crate::command::{AgentMessage, Trigger};
 use crate::exploration_map::{CHANGES_MAX, ExplorationMap};
 use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
-use decoded::{Content, Summary, Update};
+use decoded::{Content, Known, Update};
 use map_message::{Completed, SenderState};
 pub use map_message::{MapMessageError, VERSION};
 use news::{Batch, State};
@@ -102,15 +102,15 @@ pub struct Sharing {
     period: u64,
     agents: u32,
     /// What this agent knows of the journals of others.
-    known: Summary,
+    known: Known,
     /// By agent; those beyond the end have exchanged nothing.
     peers: Vec<Peer>,
     /// The peers whose summaries have not been replied to.
     summaries: Vec<AgentId>,
     /// The peers whose summaries belong to the present exchange.
     present: AgentSet,
-    /// The peers whose completions wait for those of others.
-    incomplete: BTreeSet<AgentId>,
+    /// The last completions of peers that wait for those of others: the position, and theirs.
+    waiting: BTreeMap<AgentId, (u32, Vec<(AgentId, u32)>)>,
     /// Number of summaries sent.
     summaries_sent: u32,
     provenances: Vec<Provenance>,
@@ -158,11 +158,11 @@ impl Sharing {
             own,
             period: period_ticks.into(),
             agents,
-            known: Summary::default(),
+            known: Known::default(),
             peers: Vec::new(),
             summaries: Vec::new(),
             present: AgentSet::default(),
-            incomplete: BTreeSet::new(),
+            waiting: BTreeMap::new(),
             summaries_sent: 0,
             provenances: Vec::new(),
             totals: Totals::default(),
@@ -208,19 +208,16 @@ impl Sharing {
     /// Takes over the completions that wait for no others any more.
     fn complete_received(&mut self) {
         loop {
-            let waiting = std::mem::take(&mut self.incomplete);
-            let before = waiting.len();
-            for from in waiting {
-                let Some((until, rest_from)) = peer(&mut self.peers, from).waits.take() else { continue };
+            let before = self.waiting.len();
+            for (from, (until, rest_from)) in std::mem::take(&mut self.waiting) {
                 if rest_from.iter().all(|&(agent, position)| self.known.of(agent) >= position) {
                     self.known.set(from, self.known.of(from).max(until));
                     self.join_if_complete(from);
                 } else {
-                    peer(&mut self.peers, from).waits = Some((until, rest_from));
-                    self.incomplete.insert(from);
+                    self.waiting.insert(from, (until, rest_from));
                 }
             }
-            if self.incomplete.len() == before || self.incomplete.is_empty() {
+            if self.waiting.len() == before {
                 return;
             }
         }
@@ -242,15 +239,15 @@ impl Sharing {
         match decoded::content(data, map.extent(), self.agents)?.as_ref() {
             Content::Summary(summary) => {
                 let entries = map.journal_len();
-                let position = summary.of(self.own);
+                let position = summary.known.of(self.own);
                 if position as usize > entries {
                     return Err(MapMessageError::Ahead { position, entries });
                 }
-                sender.known = Arc::clone(summary);
+                sender.heard = Arc::clone(summary);
                 (sender.updates_received, sender.has_replied) = (0, true);
                 self.summaries.push(from);
                 // What others have stated of its journal is not more than it states itself.
-                self.known.set(from, self.known.of(from).min(summary.of(from)));
+                self.known.set(from, self.known.of(from).min(summary.known.of(from)));
                 self.join_if_complete(from);
                 Ok(Some(0))
             }
@@ -274,9 +271,8 @@ impl Sharing {
                 let place = receivers.binary_search_by_key(&self.own, |completed| completed.receiver);
                 let Ok(place) = place else { return Ok(None) };
                 let Completed { summary, updates, rest_from, .. } = &receivers[place];
-                if (*summary, *updates) == (sender.known.number, sender.updates_received) {
-                    sender.waits = Some((*until, rest_from.clone()));
-                    self.incomplete.insert(from);
+                if (*summary, *updates) == (sender.heard.number, sender.updates_received) {
+                    self.waiting.insert(from, (*until, rest_from.clone()));
                     self.complete_received();
                 }
                 Ok(Some(0))
@@ -287,10 +283,10 @@ impl Sharing {
 
     /// Takes over the summary of a peer whose journal is known up to it.
     fn join_if_complete(&mut self, from: AgentId) {
-        let summary = &peer(&mut self.peers, from).known;
-        let is_known = summary.of(from) > 0 && self.known.of(from) >= summary.of(from);
-        if is_known && !summary.state.has_contradictions {
-            self.known.join(summary);
+        let summary = &peer(&mut self.peers, from).heard;
+        let position = summary.known.of(from);
+        if position > 0 && self.known.of(from) >= position && !summary.state.has_contradictions {
+            self.known.join(&summary.known);
         }
     }
 
@@ -335,7 +331,7 @@ impl Sharing {
     fn send_summaries(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, received: &[AgentId], now: Tick) {
         let is_due = |peer: &Peer, agent: AgentId| match self.period {
             // Two that only receive would answer each other without end.
-            0 => received.contains(&agent) && !peer.known.state.only_receives,
+            0 => received.contains(&agent) && !peer.heard.state.only_receives,
             period => peer.last.is_none_or(|last| now.0 / period > last.0 / period),
         };
         let due = outbox.contacts.iter().map(|contact| contact.agent);
@@ -386,7 +382,7 @@ impl Sharing {
                 (peer.cursor, peer.rest_from) = (0, AgentSet::default());
             }
             peer.until = peer.summarised;
-            peer.cursor = (peer.known.of(self.own) as usize).max(peer.cursor).min(peer.until);
+            peer.cursor = (peer.heard.known.of(self.own) as usize).max(peer.cursor).min(peer.until);
             peer.is_open = peer.cursor < peer.until;
             self.present.insert(agent);
         }
@@ -419,15 +415,14 @@ impl Sharing {
     fn deputies(&self, contacts: &[Contact], now: Tick) -> Vec<AgentId> {
         let turn = now.0 / self.period.max(1);
         let place = |agent: AgentId| (drawn(turn, agent), agent);
-        let is_deputy = |agent: &AgentId| {
-            let sends = |peer: &Peer| peer.known.state == SenderState::default() && !peer.is_barred;
-            self.present.contains(*agent)
-                && place(*agent) < place(self.own)
-                && self.peers.get(agent.index()).is_some_and(sends)
-        };
-        let mut deputies: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).filter(is_deputy).collect();
-        deputies.sort_unstable_by_key(|&agent| place(agent));
-        deputies
+        let own_place = place(self.own);
+        let sends = |peer: &Peer| peer.heard.state == SenderState::default() && !peer.is_barred;
+        let is_present =
+            |agent: &AgentId| self.present.contains(*agent) && self.peers.get(agent.index()).is_some_and(sends);
+        let present = contacts.iter().map(|contact| contact.agent).filter(is_present);
+        let mut places: Vec<(u64, AgentId)> = present.map(place).filter(|place| *place < own_place).collect();
+        places.sort_unstable();
+        places.into_iter().map(|(_, agent)| agent).collect()
     }
 
     /// When map sharing is due next, after [`Sharing::outgoing`] has been called in this tick: in
@@ -477,7 +472,7 @@ fn record_sent(peers: &mut Vec<Peer>, agents: u32, contacts: &[Contact], end: us
 
 /// Completes the exchanges with the contacts that have been sent all.
 fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
-    let own_position = |agent: AgentId| peers.get(agent.index()).map_or(0, |peer| peer.known.of(agent));
+    let own_position = |agent: AgentId| peers.get(agent.index()).map_or(0, |peer| peer.heard.known.of(agent));
     let mut completed: BTreeMap<usize, Vec<Completed>> = BTreeMap::new();
     for Contact { agent, .. } in outbox.contacts {
         let Some(peer) = peers.get(agent.index()).filter(|peer| peer.is_open && peer.cursor >= peer.until) else {

@@ -18,7 +18,7 @@ pub(super) enum Content {
     Completion { receivers: Vec<Completed>, until: u32 },
 }
 
-/// What an agent knows.
+/// What an agent says that it knows.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct Summary {
     /// How many summaries the sender has sent before.
@@ -26,9 +26,13 @@ pub(super) struct Summary {
     pub(super) state: SenderState,
     /// To whom it was sent.
     pub(super) receivers: AgentSet,
-    /// Positions in the journals of agents, by agent; 0 where nothing is known, and beyond the end.
-    known: Vec<u32>,
+    pub(super) known: Known,
 }
+
+/// What an agent knows: positions in the journals of agents, by agent; 0 where nothing is known, and
+/// beyond the end.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct Known(Vec<u32>);
 
 /// Cells for some receivers.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,31 +44,31 @@ pub(super) struct Update {
     pub(super) cells: u64,
 }
 
-impl Summary {
+impl Known {
     /// By agent.
     pub(super) fn positions(&self) -> &[u32] {
-        &self.known
+        &self.0
     }
 
     /// The position in the journal of an agent.
     pub(super) fn of(&self, agent: AgentId) -> u32 {
-        self.known.get(agent.index()).copied().unwrap_or(0)
+        self.0.get(agent.index()).copied().unwrap_or(0)
     }
 
     /// Sets the position in the journal of an agent.
     pub(super) fn set(&mut self, agent: AgentId, position: u32) {
-        if agent.index() >= self.known.len() {
-            self.known.resize(agent.index() + 1, 0);
+        if agent.index() >= self.0.len() {
+            self.0.resize(agent.index() + 1, 0);
         }
-        self.known[agent.index()] = position;
+        self.0[agent.index()] = position;
     }
 
     /// Adds what another agent knows.
     pub(super) fn join(&mut self, other: &Self) {
-        if other.known.len() > self.known.len() {
-            self.known.resize(other.known.len(), 0);
+        if other.0.len() > self.0.len() {
+            self.0.resize(other.0.len(), 0);
         }
-        self.known.iter_mut().zip(&other.known).for_each(|(own, other)| *own = (*own).max(*other));
+        self.0.iter_mut().zip(&other.0).for_each(|(own, other)| *own = (*own).max(*other));
     }
 }
 
@@ -90,9 +94,10 @@ pub(super) fn content(data: &SharedBytes, extent: Extent, agents: u32) -> Result
 fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Arc<Content>, MapMessageError> {
     let content = match map_message::decode(bytes, extent, agents)? {
         Message::Summary { number, state, receivers, known } => {
-            let mut summary = Summary { number, state, receivers: AgentSet::of(receivers), ..Summary::default() };
-            known.into_iter().for_each(|(agent, position)| summary.set(agent, position));
-            Content::Summary(Arc::new(summary))
+            let mut positions = Known::default();
+            known.into_iter().for_each(|(agent, position)| positions.set(agent, position));
+            let receivers = AgentSet::of(receivers);
+            Content::Summary(Arc::new(Summary { number, state, receivers, known: positions }))
         }
         Message::Update { receivers, until, delta } => {
             let (receivers, cells) = (AgentSet::of(receivers), delta.len() as u64);
@@ -115,11 +120,11 @@ mod tests {
     }
 
     #[test]
-    fn joined_summaries_know_what_either_knows() {
-        let summary = |known: &[u32]| Summary { known: known.to_vec(), ..Summary::default() };
-        let mut joined = summary(&[5, 0, 2]);
-        joined.join(&summary(&[3, 4, 2, 1]));
-        assert_eq!(joined, summary(&[5, 4, 2, 1]));
+    fn joined_positions_are_what_either_knows() {
+        let known = |positions: &[u32]| Known(positions.to_vec());
+        let mut joined = known(&[5, 0, 2]);
+        joined.join(&known(&[3, 4, 2, 1]));
+        assert_eq!(joined, known(&[5, 4, 2, 1]));
         assert_eq!([1, 7].map(|agent| joined.of(AgentId(agent))), [4, 0]);
     }
 

@@ -185,7 +185,7 @@ pub enum MapMessageError {
     /// More cells from its sender than an agent can know.
     #[error("its sender has reported more than {allowance} cells, all that an agent can know")]
     Barred {
-        /// Number of cells that one sender may report in a run.
+        /// Number of cells that one sender may report between two summaries to it.
         allowance: u64,
     },
     /// Trailing bytes, by their number.

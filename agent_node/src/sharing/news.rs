@@ -44,7 +44,7 @@ pub(super) struct Batch {
 }
 
 /// What contacts lack of the journal.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Found {
     pub(super) news: News,
     /// Receivers that deputies send something to.
@@ -62,7 +62,7 @@ pub(super) fn batch(state: &State<'_>, map: &ExplorationMap, contacts: &[Contact
         let mut bytes = 0;
         let mut updates = Vec::new();
         for (receivers, positions) in news {
-            let until = positions.iter().map(|range| range.end).max().unwrap_or(0);
+            let until = positions.last().map_or(0, |range| range.end);
             let reports = positions.into_iter().flat_map(|range| map.reports(range));
             let encode = |delta: &_| map_message::encode_update(&receivers, position(until), delta);
             let data = SharedBytes::from(with_delta(map.extent(), reports, encode));
@@ -87,7 +87,7 @@ fn deputies_for(
 ) -> Vec<(AgentId, AgentId)> {
     let knowing: Vec<AgentId> =
         state.deputies.iter().copied().filter(|deputy| state.peers[deputy.index()].knows(section)).collect();
-    let reaches = |deputy: &AgentId, receiver| state.peers[deputy.index()].known.receivers.contains(receiver);
+    let reaches = |deputy: &AgentId, receiver| state.peers[deputy.index()].heard.receivers.contains(receiver);
     receivers
         .filter_map(|receiver| Some((receiver, *knowing.iter().find(|deputy| reaches(deputy, receiver))?)))
         .collect()
@@ -124,8 +124,8 @@ pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, c
     edges.sort_unstable();
     edges.dedup();
     for between in edges.windows(2) {
-        let exchanging: Vec<&(AgentId, &Peer)> =
-            waiting.iter().filter(|(_, peer)| peer.cursor <= between[0] && between[0] < peer.until).collect();
+        let is_exchanging = |(_, peer): &(AgentId, &Peer)| (peer.cursor..peer.until).contains(&between[0]);
+        let exchanging: Vec<(AgentId, &Peer)> = waiting.iter().copied().filter(is_exchanging).collect();
         let mut before: Option<SectionBefore> = None;
         // Section by section of the journal; a section is new to the same peers throughout.
         while at < between[1] {
@@ -144,12 +144,12 @@ pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, c
             };
             if !before.as_ref().is_some_and(is_alike) {
                 let lacks = |(_, peer): &(AgentId, &Peer)| !heard.is_some_and(|section| peer.knows(section));
-                let lacking = || exchanging.iter().filter(|it| lacks(it)).map(|&&(agent, _)| agent);
+                let lacking = || exchanging.iter().filter(|it| lacks(it)).map(|&(agent, _)| agent);
                 let deputies = heard.map_or_else(Vec::new, |section| deputies_for(state, section, lacking()));
                 let is_left = |agent| deputies.binary_search_by_key(&agent, |&(receiver, _)| receiver).is_ok();
                 let mut receivers = AgentSet::of(lacking().filter(|&agent| !is_left(agent)));
                 if is_crowd(contacts) && receivers.len() > 0 {
-                    receivers = AgentSet::of(exchanging.iter().map(|&&(agent, _)| agent));
+                    receivers = AgentSet::of(exchanging.iter().map(|&(agent, _)| agent));
                 } else {
                     left.extend(deputies);
                 }

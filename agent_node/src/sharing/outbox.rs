@@ -51,6 +51,6 @@ pub(super) fn is_crowd(contacts: &[Contact]) -> bool {
 }
 
 /// Whether a message for so many of the contacts is sent to all of them.
-pub(super) fn is_broadcast(receivers: usize, contacts: &[Contact]) -> bool {
+fn is_broadcast(receivers: usize, contacts: &[Contact]) -> bool {
     receivers == contacts.len() || receivers > ADDRESSED_MAX
 }

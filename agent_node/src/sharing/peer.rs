@@ -11,8 +11,8 @@ use super::decoded::Summary;
 /// The state of the exchanges with one peer.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Peer {
-    /// What it knows, by its last summary.
-    pub(super) known: Arc<Summary>,
+    /// Its last summary.
+    pub(super) heard: Arc<Summary>,
     /// Tick in which it was last sent a summary, and whether one of its own has come since then.
     pub(super) last: Option<Tick>,
     pub(super) has_replied: bool,
@@ -25,7 +25,7 @@ pub(super) struct Peer {
     pub(super) cursor: usize,
     /// End of the present exchange in the journal.
     pub(super) until: usize,
-    /// Bytes of the present exchange.
+    /// Bytes of updates since the last summary to it.
     pub(super) bytes: usize,
     /// Tick in which it was last sent an update.
     pub(super) updated: Option<Tick>,
@@ -35,18 +35,16 @@ pub(super) struct Peer {
     pub(super) rest_from: AgentSet,
     /// Updates received since its last summary.
     pub(super) updates_received: u32,
-    /// Its last completion, which waits for those of others: the position, and theirs.
-    pub(super) waits: Option<(u32, Vec<(AgentId, u32)>)>,
     /// Number of cells the peer has reported since it was last sent a summary.
     pub(super) claims: u64,
-    /// Whether the peer has reported more cells than it can know.
+    /// Whether the peer has reported more cells than a journal has entries.
     pub(super) is_barred: bool,
 }
 
 impl Peer {
     /// Whether it knows a section of the journal that came from others.
     pub(super) fn knows(&self, provenance: &Provenance) -> bool {
-        self.known.of(provenance.from) >= provenance.until
+        self.heard.known.of(provenance.from) >= provenance.until
     }
 }
 

@@ -154,7 +154,7 @@ fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_b
     let heard = |at: usize| provenances.iter().find(|provenance| provenance.positions.contains(&at));
     let knows = |agent: AgentId, at: usize| heard(at).is_some_and(|section| peers[agent.index()].knows(section));
     let deputy = |agent: AgentId, at: usize| {
-        let reaches = |deputy: &AgentId| peers[deputy.index()].known.receivers.iter().any(|contact| contact == agent);
+        let reaches = |deputy: &AgentId| peers[deputy.index()].heard.receivers.iter().any(|contact| contact == agent);
         deputies.iter().copied().filter(|&deputy| knows(deputy, at)).find(reaches)
     };
     let is_edge = |at: usize| {
