@@ -29,8 +29,8 @@ pub(super) struct Summary {
     pub(super) known: Known,
 }
 
-/// What an agent knows: positions in the journals of agents, by agent; 0 where nothing is known, and
-/// beyond the end.
+/// What an agent knows: positions in the journals of agents, by agent; 0 where nothing is known,
+/// and beyond the end.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct Known(Vec<u32>);
 
