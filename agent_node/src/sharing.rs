@@ -73,7 +73,7 @@ use crate::exploration_map::{CHANGES_MAX, ExplorationMap};
 use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
 use decoded::{Content, Known, Update};
-use map_message::{Completed, SenderState};
+use map_message::{Completed, Completion, SenderState};
 pub use map_message::{MapMessageError, VERSION};
 use news::{Batch, State};
 use outbox::{Outbox, copies};
@@ -209,14 +209,15 @@ impl Sharing {
     fn complete_received(&mut self) {
         loop {
             let before = self.waiting.len();
-            for (from, (until, rest_from)) in std::mem::take(&mut self.waiting) {
-                if rest_from.iter().all(|&(agent, position)| self.known.of(agent) >= position) {
-                    self.known.set(from, self.known.of(from).max(until));
-                    self.join_if_complete(from);
-                } else {
-                    self.waiting.insert(from, (until, rest_from));
+            let (known, peers) = (&mut self.known, &mut self.peers);
+            self.waiting.retain(|&from, (until, rest_from)| {
+                let is_waiting = rest_from.iter().any(|&(agent, position)| known.of(agent) < position);
+                if !is_waiting {
+                    known.set(from, known.of(from).max(*until));
+                    join_if_complete(known, peer(peers, from), from);
                 }
-            }
+                is_waiting
+            });
             if self.waiting.len() == before {
                 return;
             }
@@ -248,7 +249,7 @@ impl Sharing {
                 self.summaries.push(from);
                 // What others have stated of its journal is not more than it states itself.
                 self.known.set(from, self.known.of(from).min(summary.known.of(from)));
-                self.join_if_complete(from);
+                join_if_complete(&mut self.known, sender, from);
                 Ok(Some(0))
             }
             Content::Update(update) if update.receivers.contains(self.own) => {
@@ -267,26 +268,15 @@ impl Sharing {
                 self.remember(Provenance { positions, from, until: *until });
                 Ok(Some(news))
             }
-            Content::Completion { receivers, until } => {
-                let place = receivers.binary_search_by_key(&self.own, |completed| completed.receiver);
-                let Ok(place) = place else { return Ok(None) };
-                let Completed { summary, updates, rest_from, .. } = &receivers[place];
-                if (*summary, *updates) == (sender.heard.number, sender.updates_received) {
-                    self.waiting.insert(from, (*until, rest_from.clone()));
+            Content::Completion(completion) => {
+                let Some((completed, rest_from)) = completion.of(self.own) else { return Ok(None) };
+                if (completed.summary, completed.updates) == (sender.heard.number, sender.updates_received) {
+                    self.waiting.insert(from, (completion.until, rest_from));
                     self.complete_received();
                 }
                 Ok(Some(0))
             }
             Content::Update(_) => Ok(None),
-        }
-    }
-
-    /// Takes over the summary of a peer whose journal is known up to it.
-    fn join_if_complete(&mut self, from: AgentId) {
-        let summary = &peer(&mut self.peers, from).heard;
-        let position = summary.known.of(from);
-        if position > 0 && self.known.of(from) >= position && !summary.state.has_contradictions {
-            self.known.join(&summary.known);
         }
     }
 
@@ -458,6 +448,15 @@ impl Sharing {
     }
 }
 
+/// Adds the summary of a peer to what is known if its journal is known up to it.
+fn join_if_complete(known: &mut Known, peer: &Peer, from: AgentId) {
+    let summary = &peer.heard;
+    let position = summary.known.of(from);
+    if position > 0 && known.of(from) >= position && !summary.state.has_contradictions {
+        known.join(&summary.known);
+    }
+}
+
 /// Records that the contacts have been sent everything before this position.
 fn record_sent(peers: &mut Vec<Peer>, agents: u32, contacts: &[Contact], end: usize) {
     let bytes_max = INBOX_BYTES / (2 * agents.max(1) as usize);
@@ -472,19 +471,21 @@ fn record_sent(peers: &mut Vec<Peer>, agents: u32, contacts: &[Contact], end: us
 
 /// Completes the exchanges with the contacts that have been sent all.
 fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
-    let own_position = |agent: AgentId| peers.get(agent.index()).map_or(0, |peer| peer.heard.known.of(agent));
-    let mut completed: BTreeMap<usize, Vec<Completed>> = BTreeMap::new();
+    let position_known = |agent: AgentId| peers.get(agent.index()).map_or(0, |peer| peer.heard.known.of(agent));
+    let mut completed: BTreeMap<usize, Vec<(Completed, &AgentSet)>> = BTreeMap::new();
     for Contact { agent, .. } in outbox.contacts {
         let Some(peer) = peers.get(agent.index()).filter(|peer| peer.is_open && peer.cursor >= peer.until) else {
             continue;
         };
-        let rest_from = peer.rest_from.iter().map(|deputy| (deputy, own_position(deputy))).collect();
-        let one = Completed { receiver: *agent, summary: peer.summary, updates: peer.updates_sent, rest_from };
-        completed.entry(peer.until).or_default().push(one);
+        let one = Completed { receiver: *agent, summary: peer.summary, updates: peer.updates_sent };
+        completed.entry(peer.until).or_default().push((one, &peer.rest_from));
     }
-    for (until, receivers) in completed {
-        let agents: Vec<AgentId> = receivers.iter().map(|completed| completed.receiver).collect();
-        if outbox.send(&agents, map_message::encode_completion(&receivers, position(until)).into()) {
+    let completion =
+        |(until, receivers): (usize, Vec<_>)| Completion::new(&receivers, position(until), position_known);
+    let completions: Vec<Completion> = completed.into_iter().map(completion).collect();
+    for completion in completions {
+        let agents: Vec<AgentId> = completion.receivers.iter().map(|completed| completed.receiver).collect();
+        if outbox.send(&agents, map_message::encode_completion(&completion).into()) {
             agents.iter().for_each(|&agent| peer(peers, agent).is_open = false);
         }
     }

@@ -40,8 +40,7 @@
 //! whole.
 
 mod blocks;
-
-use std::collections::BTreeMap;
+mod completion;
 
 use msgs::ids::AgentId;
 use thiserror::Error;
@@ -50,6 +49,7 @@ use voxels::Extent;
 use crate::exploration_map::{CHANGES_MAX, Delta, Layout};
 pub(super) use blocks::CELL_BYTES_MAX;
 use blocks::{blocks, put_blocks};
+pub(super) use completion::{Completed, Completion};
 
 /// Version of the encoding.
 pub const VERSION: u8 = 4;
@@ -85,12 +85,7 @@ pub(super) enum Message {
         delta: Delta,
     },
     /// Some receivers have been sent all that they lacked.
-    Completion {
-        /// Ascending.
-        receivers: Vec<Completed>,
-        /// If they have got them all, they know the journal of the sender up to this position.
-        until: u32,
-    },
+    Completion(Completion),
 }
 
 /// What a summary says of its sender beside what it knows.
@@ -100,19 +95,6 @@ pub(super) struct SenderState {
     pub(super) has_contradictions: bool,
     /// Whether it sends no updates.
     pub(super) only_receives: bool,
-}
-
-/// A receiver that has been sent all.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Completed {
-    pub(super) receiver: AgentId,
-    /// The number of the last summary that it was sent.
-    pub(super) summary: u32,
-    /// Number of updates that it was sent since then.
-    pub(super) updates: u32,
-    /// The deputies that send it the rest, ascending, each with the position up to which its
-    /// journal has to be known: the same for all receivers.
-    pub(super) rest_from: Vec<(AgentId, u32)>,
 }
 
 /// Most bytes of an update for this many receivers, without its cells.
@@ -237,23 +219,10 @@ pub(super) fn encode_update(receivers: &[AgentId], until: u32, delta: &Delta) ->
     bytes
 }
 
-/// Encodes that receivers, ascending by id, have been sent all.
-pub(super) fn encode_completion(receivers: &[Completed], until: u32) -> Vec<u8> {
+/// Encodes that some receivers have been sent all.
+pub(super) fn encode_completion(completion: &Completion) -> Vec<u8> {
     let mut bytes = vec![VERSION, COMPLETION];
-    let agents: Vec<AgentId> = receivers.iter().map(|completed| completed.receiver).collect();
-    put_receivers(&mut bytes, &agents);
-    let deputies: BTreeMap<AgentId, u32> = receivers.iter().flat_map(|completed| completed.rest_from.clone()).collect();
-    let ids: Vec<AgentId> = deputies.keys().copied().collect();
-    put_receivers(&mut bytes, &ids);
-    deputies.values().for_each(|&position| put(&mut bytes, position));
-    for Completed { summary, updates, rest_from, .. } in receivers {
-        put(&mut bytes, *summary);
-        put(&mut bytes, *updates);
-        let is_deputy = |id: &AgentId| rest_from.binary_search_by_key(id, |&(deputy, _)| deputy).is_ok();
-        let mask = |ids: &[AgentId]| (0..).zip(ids).fold(0, |mask, (bit, id)| mask | u8::from(is_deputy(id)) << bit);
-        bytes.extend(ids.chunks(8).map(mask));
-    }
-    put(&mut bytes, until);
+    completion.put(&mut bytes);
     bytes
 }
 
@@ -300,27 +269,7 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Messag
             let delta = Delta { blocks: blocks(&bytes[reader.at..], count, Layout::new(extent), bytes.len())? };
             return Ok(Message::Update { receivers, until, delta });
         }
-        COMPLETION => {
-            let named = receivers(&mut reader, agents)?;
-            let deputies = receivers(&mut reader, agents)?.into_iter();
-            let deputies: Vec<(AgentId, u32)> =
-                deputies.map(|deputy| Ok((deputy, reader.position(extent)?))).collect::<Result<_, _>>()?;
-            let completed = named.into_iter().map(|receiver| {
-                let (summary, updates) = (reader.number()?, reader.number()?);
-                let mut rest_from = Vec::new();
-                for eight in deputies.chunks(8) {
-                    let mask = reader.byte()?;
-                    if mask >> (eight.len() - 1) > 1 {
-                        return Err(MapMessageError::Filling);
-                    }
-                    rest_from
-                        .extend((0..).zip(eight).filter(|(bit, _)| mask >> bit & 1 != 0).map(|(_, deputy)| *deputy));
-                }
-                Ok(Completed { receiver, summary, updates, rest_from })
-            });
-            let receivers = completed.collect::<Result<_, _>>()?;
-            Message::Completion { receivers, until: reader.position(extent)? }
-        }
+        COMPLETION => Message::Completion(Completion::decode(&mut reader, extent, agents)?),
         form => return Err(MapMessageError::Form(form)),
     };
     match bytes.len() - reader.at {

@@ -2,6 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::exploration_map::{Block, Change, Finding};
+use crate::sharing::agent_set::AgentSet;
 
 fn extent(size: [u32; 3]) -> Extent {
     Extent::new(size, 1.0).unwrap()
@@ -56,16 +57,14 @@ fn summaries_and_completions_are_read_as_written() {
     assert_eq!(decode(&encode(12)), Ok(Message::Summary { number: 6, state, receivers: receivers.to_vec(), known }));
     let own = Message::Summary { number: 6, state, receivers: vec![], known: vec![(AgentId(3), 300)] };
     assert_eq!(decode(&encode(11)), Ok(own));
-    let completed = |receiver, updates, rest_from: &[(AgentId, u32)]| Completed {
-        receiver: AgentId(receiver),
-        summary: 3,
-        updates,
-        rest_from: rest_from.to_vec(),
-    };
-    let receivers = vec![completed(1, 2, &[(AgentId(0), 5)]), completed(3, 0, &[])];
-    let bytes = encode_completion(&receivers, 9);
+    let completed = |receiver, updates| Completed { receiver: AgentId(receiver), summary: 3, updates };
+    let [some, none] = [AgentSet::of([AgentId(0)]), AgentSet::default()];
+    let completion = Completion::new(&[(completed(1, 2), &some), (completed(3, 0), &none)], 9, |_| 5);
+    let bytes = encode_completion(&completion);
     assert_eq!(bytes, [4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 1, 3, 0, 0, 9]);
-    assert_eq!(decode(&bytes), Ok(Message::Completion { receivers, until: 9 }));
+    let of = [1, 2, 3].map(|agent| completion.of(AgentId(agent)));
+    assert_eq!(of, [Some((completed(1, 2), vec![(AgentId(0), 5)])), None, Some((completed(3, 0), vec![]))]);
+    assert_eq!(decode(&bytes), Ok(Message::Completion(completion)));
     assert_eq!(decode(&[4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 2, 3, 0, 0, 9]), Err(MapMessageError::Filling));
 }
 

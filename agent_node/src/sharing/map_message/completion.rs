@@ -1,0 +1,99 @@
+//! Completions: what their receivers have been sent, and who sends them the rest.
+
+use msgs::ids::AgentId;
+use voxels::{Extent, bits};
+
+use super::super::agent_set::AgentSet;
+use super::{MapMessageError, Reader, put, put_receivers, receivers};
+
+/// Some receivers have been sent all that they lacked.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(in super::super) struct Completion {
+    /// Ascending.
+    pub(in super::super) receivers: Vec<Completed>,
+    /// If they have got them all, they know the journal of the sender up to this position.
+    pub(in super::super) until: u32,
+    /// The deputies, ascending, each with the position up to which its journal has to be known.
+    deputies: Vec<(AgentId, u32)>,
+    /// For each receiver one bit for each deputy, padded to whole bytes: whether it sends it
+    /// something. One list for all, for a crowd has as many deputies as receivers.
+    sends: Vec<u8>,
+}
+
+/// A receiver that has been sent all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in super::super) struct Completed {
+    pub(in super::super) receiver: AgentId,
+    /// The number of the last summary that it was sent.
+    pub(in super::super) summary: u32,
+    /// Number of updates that it was sent since then.
+    pub(in super::super) updates: u32,
+}
+
+impl Completion {
+    /// A completion for receivers, ascending, each with its deputies, whose positions are given.
+    pub(in super::super) fn new(
+        receivers: &[(Completed, &AgentSet)],
+        until: u32,
+        position: impl Fn(AgentId) -> u32,
+    ) -> Self {
+        let mut all = AgentSet::default();
+        receivers.iter().flat_map(|(_, deputies)| deputies.iter()).for_each(|deputy| all.insert(deputy));
+        let deputies: Vec<(AgentId, u32)> = all.iter().map(|deputy| (deputy, position(deputy))).collect();
+        let byte = |of_one: &AgentSet, eight: &[(AgentId, u32)]| {
+            (0..).zip(eight).fold(0, |byte, (bit, &(deputy, _))| byte | u8::from(of_one.contains(deputy)) << bit)
+        };
+        let sends = receivers.iter().flat_map(|(_, of_one)| deputies.chunks(8).map(|eight| byte(of_one, eight)));
+        let sends = sends.collect();
+        Self { receivers: receivers.iter().map(|(completed, _)| *completed).collect(), until, deputies, sends }
+    }
+
+    /// The entry of a receiver, and the deputies that send it the rest, ascending, each with the
+    /// position up to which its journal has to be known.
+    pub(in super::super) fn of(&self, receiver: AgentId) -> Option<(Completed, Vec<(AgentId, u32)>)> {
+        let place = self.receivers.binary_search_by_key(&receiver, |completed| completed.receiver).ok()?;
+        let of_one = self.row(place).iter().zip(self.deputies.chunks(8));
+        let of_one = of_one.flat_map(|(&byte, eight)| bits(byte.into()).map(|bit| eight[bit as usize]));
+        Some((self.receivers[place], of_one.collect()))
+    }
+
+    fn row(&self, place: usize) -> &[u8] {
+        let row = self.deputies.len().div_ceil(8);
+        &self.sends[place * row..][..row]
+    }
+
+    /// Appends it to bytes.
+    pub(super) fn put(&self, bytes: &mut Vec<u8>) {
+        let ids = |agents: &mut dyn Iterator<Item = AgentId>| agents.collect::<Vec<_>>();
+        put_receivers(bytes, &ids(&mut self.receivers.iter().map(|completed| completed.receiver)));
+        put_receivers(bytes, &ids(&mut self.deputies.iter().map(|&(deputy, _)| deputy)));
+        self.deputies.iter().for_each(|&(_, position)| put(bytes, position));
+        for (place, &Completed { summary, updates, .. }) in self.receivers.iter().enumerate() {
+            put(bytes, summary);
+            put(bytes, updates);
+            bytes.extend(self.row(place));
+        }
+        put(bytes, self.until);
+    }
+
+    pub(super) fn decode(reader: &mut Reader<'_>, extent: Extent, agents: u32) -> Result<Self, MapMessageError> {
+        let named = receivers(reader, agents)?;
+        let mut completion = Self::default();
+        for deputy in receivers(reader, agents)? {
+            completion.deputies.push((deputy, reader.position(extent)?));
+        }
+        for receiver in named {
+            let (summary, updates) = (reader.number()?, reader.number()?);
+            for eight in completion.deputies.chunks(8) {
+                let byte = reader.byte()?;
+                if byte >> (eight.len() - 1) > 1 {
+                    return Err(MapMessageError::Filling);
+                }
+                completion.sends.push(byte);
+            }
+            completion.receivers.push(Completed { receiver, summary, updates });
+        }
+        completion.until = reader.position(extent)?;
+        Ok(completion)
+    }
+}
