@@ -17,6 +17,7 @@
 
 mod authentication;
 mod map_publisher;
+mod message_pool;
 mod options;
 
 use std::collections::BTreeMap;
@@ -37,6 +38,7 @@ use crate::wire;
 use authentication::Authentication;
 pub use authentication::Credentials;
 use map_publisher::PublishedMap;
+use message_pool::MessagePool;
 pub use options::{Options, RunError};
 
 /// Wall time between two of the first attempts to join.
@@ -157,6 +159,7 @@ struct Host<T> {
     chaos_delay: Duration,
     server_timeout: Duration,
     agents: BTreeMap<AgentId, HostedAgent>,
+    messages: MessagePool,
     joined_last: Option<Instant>,
     /// Attempts to join since the first one, or since the lowest agent is decided.
     attempts: u32,
@@ -231,6 +234,7 @@ impl<T: ServerTransport> Host<T> {
             chaos_delay,
             server_timeout,
             agents,
+            messages: MessagePool::default(),
             joined_last: None,
             attempts: 0,
             silence: Duration::ZERO,
@@ -361,7 +365,7 @@ impl<T: ServerTransport> Host<T> {
         Ok(())
     }
 
-    fn handle_observation(&mut self, part: Part, mac: Bytes) -> Result<(), RunError> {
+    fn handle_observation(&mut self, mut part: Part, mac: Bytes) -> Result<(), RunError> {
         let id = AgentId(part.agent);
         let Some(hosted) = self.agents.get_mut(&id).filter(|hosted| hosted.is_accepted) else {
             return Ok(());
@@ -371,6 +375,7 @@ impl<T: ServerTransport> Host<T> {
             self.ignore(id, &text);
             return Ok(());
         }
+        self.messages.share(&mut part);
         let reaction = hosted.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })?;
         if let Some(source) = hosted.agent.failure() {
             return Err(RunError::Failed { agent: id, source });
