@@ -6,7 +6,7 @@ use std::hint::black_box;
 
 use agent_node::abstract_graph::AbstractGraph;
 use agent_node::exploration_map::ExplorationMap;
-use agent_node::path::{Moves, Neighbours};
+use agent_node::path::{Graph, Moves, Neighbours};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
@@ -50,7 +50,7 @@ fn learning(criterion: &mut Criterion) {
                 map.note_free(free);
                 map.note_wall(wall);
                 if has_graph {
-                    graph.update(map, &moves);
+                    graph.update(Graph::new(map, &moves));
                 }
             }
             black_box(map.frontier_count())

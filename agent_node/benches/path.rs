@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use agent_node::exploration_map::{CellState, ExplorationMap};
-use agent_node::path::{Goal, Graph, Moves, Neighbours, Path, Scratch, Search, find, straighten};
+use agent_node::path::{Goal, Graph, Moves, Neighbours, Path, Search, find, straighten};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Point3;
 use rand::RngExt;
@@ -50,19 +50,18 @@ fn path(criterion: &mut Criterion) {
     let start = free().min_by_key(sum).expect("a cave has free cells");
     let goal = free().max_by_key(sum).expect("a cave has free cells");
     let nowhere = |_| false;
-    let mut scratch = Scratch::new();
     let mut found: Option<Path> = None;
     for (name, neighbours) in [("6", Neighbours::Six), ("26", Neighbours::TwentySix)] {
         let moves = Moves::new(RADIUS_M, extent.cell_m(), neighbours);
         let graph = Graph::new(&map, &moves);
         for (what, wanted) in [("across", Goal::Cell(goal)), ("everywhere", Goal::Where(&nowhere))] {
-            let mut search = Search::new(graph, &mut scratch, start, wanted);
+            let mut search = Search::new(graph, start, wanted);
             let path = search.run();
             let cells = path.as_ref().map_or(0, |path| path.cells.len());
             eprintln!("{name} neighbours, {what}: {} expansions, {cells} cells", search.expansions());
             found = path.or(found);
             criterion.bench_function(&format!("path {name} neighbours {what}"), |bencher| {
-                bencher.iter(|| find(graph, &mut scratch, black_box(start), wanted));
+                bencher.iter(|| find(graph, black_box(start), wanted));
             });
         }
         let path = found.as_ref().expect("the cave hangs together");

@@ -25,7 +25,7 @@ mod tests;
 use voxels::{Cell, Extent, FACES};
 
 use crate::exploration_map::{ExplorationMap, Finding};
-use crate::path::{Graph, Moves};
+use crate::path::Graph;
 
 pub use block::BLOCK_CELLS;
 use block::{CELLS, Cells, Side, connected, middle, offset, place_of, places};
@@ -120,9 +120,10 @@ impl AbstractGraph {
         }
     }
 
-    /// Applies the changes of the map since the last update. It must be the same map each time;
-    /// `moves` are those of the body.
-    pub fn update(&mut self, map: &ExplorationMap, moves: &Moves) {
+    /// Applies the changes of the map since the last update. The map and the moves of the body must
+    /// be the same each time.
+    pub fn update(&mut self, moves: Graph<'_>) {
+        let map = moves.map();
         let mut changed = Vec::new();
         let mut reviewed = Vec::new();
         let mut marks = std::mem::take(&mut self.marks);
@@ -142,11 +143,10 @@ impl AbstractGraph {
         self.read = map.journal_len();
         changed.sort_unstable();
         reviewed.sort_unstable();
-        let graph = Graph::new(map, moves);
         // Edges over a face depend on the blocks at both sides of it. Marks are sets of faces here.
         let mut relinked = Vec::new();
         for &block in &changed {
-            self.label(block, graph);
+            self.label(block, moves);
             add(&mut relinked, &mut marks, block, ALL_FACES);
             for (face, neighbour) in self.neighbours(block).into_iter().enumerate() {
                 if let Some(neighbour) = neighbour {

@@ -16,7 +16,7 @@ use voxels::Cell;
 use crate::command::{Motion, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{
-    Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Scratch, Search, direct, straighten_from,
+    Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Search, direct, straighten_from,
 };
 
 /// The sim time of a path search.
@@ -81,7 +81,6 @@ pub struct NavigationTask {
     radius_m: f64,
     to_faces: Moves,
     to_all: Moves,
-    scratch: Scratch,
     /// Limit of expanded cells of a search.
     cells_max: u64,
     pending: Option<Pending>,
@@ -96,7 +95,6 @@ impl NavigationTask {
             radius_m,
             to_faces: Moves::new(radius_m, cell_m, Neighbours::Six),
             to_all: Moves::new(radius_m, cell_m, Neighbours::TwentySix),
-            scratch: Scratch::new(),
             cells_max: u64::MAX,
             pending: None,
             failures: 0,
@@ -114,7 +112,9 @@ impl NavigationTask {
         self.failures
     }
 
-    fn moves(&self, neighbours: Neighbours) -> &Moves {
+    /// The moves of the body.
+    #[must_use]
+    pub fn moves(&self, neighbours: Neighbours) -> &Moves {
         match neighbours {
             Neighbours::Six => &self.to_faces,
             Neighbours::TwentySix => &self.to_all,
@@ -125,14 +125,6 @@ impl NavigationTask {
     /// whatever their sim time.
     pub fn limit_searches(&mut self, cells_max: u64) {
         self.cells_max = cells_max;
-    }
-
-    /// The moves of the body, and the scratch memory of its searches.
-    pub fn search_workspace(&mut self, neighbours: Neighbours) -> (&Moves, &mut Scratch) {
-        match neighbours {
-            Neighbours::Six => (&self.to_faces, &mut self.scratch),
-            Neighbours::TwentySix => (&self.to_all, &mut self.scratch),
-        }
     }
 
     /// The motion from a point (metres, frame `map`) to a cell: straight if that is clear, else
@@ -189,10 +181,8 @@ impl NavigationTask {
                 Answer::Background(Background::start(map, moves, start, vec![goal], self.cells_max, now.after(ticks)))
             }
             (None, SearchTime::Instant | SearchTime::Budgeted(_)) => {
-                let cells_max = self.cells_max;
-                let (moves, scratch) = self.search_workspace(neighbours);
-                let mut search =
-                    Search::new(Graph::new(map, moves), scratch, start, Goal::Cell(goal)).at_most(cells_max);
+                let graph = Graph::new(map, self.moves(neighbours));
+                let mut search = Search::new(graph, start, Goal::Cell(goal)).at_most(self.cells_max);
                 match time {
                     SearchTime::Budgeted(per_tick) => Answer::Budgeted(Budgeted::new(search, now, per_tick)),
                     _ => return Poll::Ready(search.run()),

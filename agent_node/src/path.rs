@@ -21,7 +21,7 @@ mod timing;
 
 pub use graph::{Graph, Moves, Neighbours};
 pub use legs::{direct, straighten, straighten_from};
-pub use search::{Goal, Progress, Scratch, Search, distances, find, nearest_distances};
+pub use search::{Goal, Progress, Search, distances, find, nearest_distances};
 pub use timing::{Background, Budgeted};
 
 use voxels::{Cell, Extent};

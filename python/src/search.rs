@@ -7,7 +7,7 @@ use agent_node::bodies::{BodyModel, leg_s};
 use agent_node::command::Motion;
 use agent_node::controllers::Ctx;
 use agent_node::navigation::NavigationStatus;
-use agent_node::path::{EDGE_COST, Goal, Graph, Neighbours, Path, Search, distances};
+use agent_node::path::{EDGE_COST, Goal, Neighbours, Path, Search, distances};
 use nalgebra::Point3;
 use numpy::ndarray::ArrayView3;
 use numpy::{
@@ -163,7 +163,6 @@ pub(crate) fn find(
     neighbours: Neighbours,
     cells_max: u64,
 ) -> Option<PyPath> {
-    let start = ctx.cell();
     let open = within.map(PyReadonlyArray3::as_array);
     let is_open = |cell| open.as_ref().is_none_or(|open| is_marked(open, cell));
     let marked = match goal {
@@ -179,8 +178,7 @@ pub(crate) fn find(
             _ => Goal::AnyOf(cells),
         },
     };
-    let (map, moves, scratch) = ctx.search_workspace(neighbours);
-    let mut search = Search::new(Graph::new(map, moves), scratch, start, goal).at_most(cells_max);
+    let mut search = Search::new(ctx.graph(neighbours), ctx.cell(), goal).at_most(cells_max);
     if open.is_some() {
         search = search.within(&is_open);
     }
@@ -204,9 +202,7 @@ fn measured(ctx: &Ctx<'_>, path: Path) -> PyPath {
 
 /// The lengths of the cheapest paths to cells, metres; infinity without one.
 pub(crate) fn lengths_m(ctx: &mut Ctx<'_>, cells: &[Cell], neighbours: Neighbours) -> Vec<f64> {
-    let start = ctx.cell();
-    let (map, moves, scratch) = ctx.search_workspace(neighbours);
-    let cell_m = map.extent().cell_m();
-    let costs = distances(Graph::new(map, moves), scratch, start, cells);
+    let cell_m = ctx.map().extent().cell_m();
+    let costs = distances(ctx.graph(neighbours), ctx.cell(), cells);
     costs.into_iter().map(|cost| cost.map_or(f64::INFINITY, |cost| cost as f64 / EDGE_COST as f64 * cell_m)).collect()
 }

@@ -6,8 +6,7 @@ use std::collections::BinaryHeap;
 use voxels::Cell;
 
 use super::{AbstractGraph, Edge, Region, RegionId, block_along};
-use crate::exploration_map::ExplorationMap;
-use crate::path::{Goal, Graph, Moves, Path, Scratch, Search};
+use crate::path::{Goal, Graph, Path, Search};
 
 /// Lengths are counted in this fraction of a cell, so that they have a total order.
 pub(super) const PER_CELL: f32 = 1024.0;
@@ -83,9 +82,7 @@ impl ShortestPaths {
     pub fn path(
         &self,
         graph: &AbstractGraph,
-        map: &ExplorationMap,
-        moves: &Moves,
-        scratch: &mut Scratch,
+        moves: Graph<'_>,
         (from, to): (Cell, Cell),
         keeps_out: &dyn Fn(Cell) -> bool,
     ) -> Option<Path> {
@@ -93,7 +90,7 @@ impl ShortestPaths {
         let back = std::iter::successors(Some(end), |&region| self.reached(graph, region)?.from);
         let corridor = Corridor::along(graph, back);
         let is_open = |cell: Cell| corridor.contains(cell) && (cell == to || !keeps_out(cell));
-        Search::new(Graph::new(map, moves), scratch, from, Goal::Cell(to)).within(&is_open).run()
+        Search::new(moves, from, Goal::Cell(to)).within(&is_open).run()
     }
 }
 

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use voxels::{Grid, Terrain};
 
 use super::*;
-use crate::path::{Goal, Neighbours, Scratch, Search};
+use crate::path::{Goal, Moves, Neighbours, Search};
 
 const RADIUS_M: f64 = 0.4;
 
@@ -52,16 +52,15 @@ fn path_to_the_next_room_leads_through_the_door() {
     let mut map = ExplorationMap::new(world.extent());
     reveal(&mut map, &world, |_| false);
     let mut graph = AbstractGraph::new(map.extent(), RADIUS_M);
-    graph.update(&map, &moves());
+    graph.update(Graph::new(&map, &moves()));
     let (from, to) = (Cell::new(1, 1, 0), Cell::new(11, 1, 0));
     let mut paths = ShortestPaths::default();
     let length = lengths(&mut paths, &graph, from)[&graph.region_of(to).unwrap()];
     assert!((11.0..18.0).contains(&length), "{length}");
-    let mut scratch = Scratch::new();
-    let path = paths.path(&graph, &map, &moves(), &mut scratch, (from, to), &|_| false).unwrap();
+    let path = paths.path(&graph, Graph::new(&map, &moves()), (from, to), &|_| false).unwrap();
     assert!(path.cells.contains(&Cell::new(6, 5, 0)), "{path:?}");
     let shut = |cell| cell == Cell::new(6, 5, 0);
-    assert_eq!(paths.path(&graph, &map, &moves(), &mut scratch, (from, to), &shut), None);
+    assert_eq!(paths.path(&graph, Graph::new(&map, &moves()), (from, to), &shut), None);
 }
 
 #[test]
@@ -70,7 +69,7 @@ fn unreachable_regions_are_not_visited() {
     let mut map = ExplorationMap::new(world.extent());
     reveal(&mut map, &world, |cell| cell.x == 6);
     let mut graph = AbstractGraph::new(map.extent(), RADIUS_M);
-    graph.update(&map, &moves());
+    graph.update(Graph::new(&map, &moves()));
     let reached = lengths(&mut ShortestPaths::default(), &graph, Cell::new(1, 1, 0));
     let frontiers: usize = reached.keys().map(|&region| graph.get(region).unwrap().frontiers.len()).sum();
     assert_eq!((frontiers, map.frontier_count()), (7, 14));
@@ -83,7 +82,7 @@ fn voronoi_regions_end_halfway_and_adjoin() {
     let mut map = ExplorationMap::new(world.extent());
     reveal(&mut map, &world, |_| false);
     let mut graph = AbstractGraph::new(map.extent(), RADIUS_M);
-    graph.update(&map, &moves());
+    graph.update(Graph::new(&map, &moves()));
     let region = |x, y| graph.region_of(Cell::new(x, y, 0)).unwrap();
     let mut voronoi = Voronoi::default();
     voronoi.decompose(&graph, [(0, region(1, 7)), (1, region(11, 7)), (2, region(1, 1))]);
@@ -126,11 +125,11 @@ proptest! {
         let mut map = ExplorationMap::new(extent);
         let mut by_bits = AbstractGraph::new(extent, radius);
         apply(&mut map, &cells, 0..cut);
-        by_bits.update(&map, &moves);
+        by_bits.update(Graph::new(&map, &moves));
         apply(&mut map, &cells, cut..cells.len());
-        by_bits.update(&map, &moves);
+        by_bits.update(Graph::new(&map, &moves));
         let mut at_once = AbstractGraph::new(extent, radius);
-        at_once.update(&map, &moves);
+        at_once.update(Graph::new(&map, &moves));
         for cell in extent.cells() {
             prop_assert_eq!(by_bits.region_of(cell), at_once.region_of(cell));
             prop_assert_eq!(by_bits.region_of(cell).is_some(), Graph::new(&map, &moves).is_usable(cell));
@@ -154,7 +153,7 @@ proptest! {
         let mut map = ExplorationMap::new(extent);
         apply(&mut map, &cells, 0..cells.len());
         let mut graph = AbstractGraph::new(extent, radius);
-        graph.update(&map, &Moves::new(radius, 1.0, Neighbours::TwentySix));
+        graph.update(Graph::new(&map, &Moves::new(radius, 1.0, Neighbours::TwentySix)));
         let mut by_buckets = PathLengths::default();
         by_buckets.renew(&graph);
         let regions: Vec<RegionId> = graph.near(Cell::default(), 20).map(|(id, _)| id).collect();
@@ -174,17 +173,16 @@ proptest! {
         apply(&mut map, &cells, 0..cells.len());
         let six = Moves::new(RADIUS_M, 1.0, Neighbours::Six);
         let mut graph = AbstractGraph::new(extent, RADIUS_M);
-        graph.update(&map, &six);
-        let mut scratch = Scratch::new();
+        graph.update(Graph::new(&map, &six));
         let Some(from) = extent.cells().find(|&cell| graph.region_of(cell).is_some()) else { return Ok(()) };
         let mut paths = ShortestPaths::default();
         let reached = lengths(&mut paths, &graph, from);
         for to in extent.cells().step_by(7) {
-            let path = Search::new(Graph::new(&map, &six), &mut scratch, from, Goal::Cell(to)).run();
+            let path = Search::new(Graph::new(&map, &six), from, Goal::Cell(to)).run();
             let is_reached = graph.region_of(to).is_some_and(|region| reached.contains_key(&region));
             prop_assert_eq!(is_reached, path.is_some());
             if path.is_some() {
-                prop_assert!(paths.path(&graph, &map, &six, &mut scratch, (from, to), &|_| false).is_some());
+                prop_assert!(paths.path(&graph, Graph::new(&map, &six), (from, to), &|_| false).is_some());
             }
         }
     }

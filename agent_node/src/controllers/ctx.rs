@@ -12,7 +12,7 @@ use crate::command::Motion;
 use crate::exploration_map::ExplorationMap;
 use crate::navigation::{NavigationStatus, NavigationTask, SearchTime};
 use crate::observation::{Observation, Pose, RunInfo};
-use crate::path::{Goal, Graph, Moves, Neighbours, Path, Scratch, direct, find};
+use crate::path::{Goal, Graph, Neighbours, Path, direct, find};
 
 /// Largest coordinate of a waypoint, metres.
 const COORDINATE_MAX: f64 = 1e6;
@@ -153,17 +153,16 @@ impl<'a> Ctx<'a> {
     }
 
     /// The wanted cell with the shortest path to it, with 26 neighbours.
-    pub fn nearest(&mut self, is_wanted: impl Fn(&ExplorationMap, Cell) -> bool) -> Option<Cell> {
-        let start = self.cell();
-        let (map, moves, scratch) = self.search_workspace(Neighbours::TwentySix);
-        let path = find(Graph::new(map, moves), scratch, start, Goal::Where(&|cell| is_wanted(map, cell)))?;
+    pub fn nearest(&self, is_wanted: impl Fn(&ExplorationMap, Cell) -> bool) -> Option<Cell> {
+        let is_goal = |cell| is_wanted(self.map, cell);
+        let path = find(self.graph(Neighbours::TwentySix), self.cell(), Goal::Where(&is_goal))?;
         path.cells.last().copied()
     }
 
-    /// The map, the moves of the body and the scratch memory for path searches of a controller's
-    /// own; see [`crate::path`].
-    pub fn search_workspace(&mut self, neighbours: Neighbours) -> (&ExplorationMap, &Moves, &mut Scratch) {
-        let (moves, scratch) = self.navigation.search_workspace(neighbours);
-        (self.map, moves, scratch)
+    /// The moves of the body on its map, for path searches of a controller's own; see
+    /// [`crate::path`].
+    #[must_use]
+    pub fn graph(&self, neighbours: Neighbours) -> Graph<'_> {
+        Graph::new(self.map, self.navigation.moves(neighbours))
     }
 }

@@ -164,10 +164,9 @@ impl Dsvp {
 
     /// Brings the abstract graph up to date with the map. Most decisions do not need it: it does
     /// not depend on how often it was updated.
-    fn update_graph(&mut self, ctx: &mut Ctx<'_>) {
+    fn update_graph(&mut self, ctx: &Ctx<'_>) {
         if let Some(model) = &mut self.model {
-            let (map, moves, _) = ctx.search_workspace(Neighbours::TwentySix);
-            model.graph.update(map, moves);
+            model.graph.update(ctx.graph(Neighbours::TwentySix));
         }
     }
 

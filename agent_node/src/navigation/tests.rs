@@ -60,8 +60,8 @@ fn search_time_changes_only_the_tick_of_the_result() {
     assert_eq!(waypoints.last(), Some(&map.extent().centre(flat(3, 0))));
 
     let expansions = {
-        let (moves, scratch) = navigation.search_workspace(Neighbours::Six);
-        let mut search = Search::new(Graph::new(&map, moves), scratch, flat(1, 0), Goal::Cell(flat(3, 0)));
+        let moves = navigation.moves(Neighbours::Six);
+        let mut search = Search::new(Graph::new(&map, moves), flat(1, 0), Goal::Cell(flat(3, 0)));
         assert!(search.run().is_some());
         search.expansions()
     };

@@ -4,8 +4,10 @@
 //! and a cell keeps the first of several paths of equal cost. The heuristic is consistent, so no
 //! cell is expanded twice.
 
+use std::cell::RefCell;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::ops::{Deref, DerefMut};
 
 use voxels::Cell;
 
@@ -17,7 +19,7 @@ use super::{Graph, Path};
 /// the first search, and used only for cells that searches visit, where the system provides memory
 /// page by page; a search clears nothing.
 #[derive(Debug, Default)]
-pub struct Scratch {
+struct Scratch {
     /// Per cell: cost of the best path to it; mark.
     nodes: Vec<[u64; 2]>,
     /// The epoch of the present search; marks of other epochs are stale.
@@ -33,15 +35,50 @@ const IS_GOAL: u64 = 0x40;
 const IS_EXPANDED: u64 = 0x80;
 const EPOCH_SHIFT: u32 = 8;
 
-impl Scratch {
-    /// Nothing is allocated yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
+thread_local! {
+    /// Scratch memory that no search uses at present: mostly one, which the searches of all agents
+    /// of a thread use in turn.
+    static SPARE: RefCell<Vec<Scratch>> = const { RefCell::new(Vec::new()) };
+}
 
+/// The scratch memory of one search, which returns it to the thread.
+#[derive(Debug)]
+struct Workspace(Scratch);
+
+impl Workspace {
+    fn new(cells: usize) -> Self {
+        let mut scratch = SPARE.with_borrow_mut(Vec::pop).unwrap_or_default();
+        scratch.begin(cells);
+        Self(scratch)
+    }
+}
+
+impl Drop for Workspace {
+    fn drop(&mut self) {
+        let scratch = std::mem::take(&mut self.0);
+        // A thread that ends has no use for it any more.
+        let _ = SPARE.try_with(|spare| spare.borrow_mut().push(scratch));
+    }
+}
+
+impl Deref for Workspace {
+    type Target = Scratch;
+
+    fn deref(&self) -> &Scratch {
+        &self.0
+    }
+}
+
+impl DerefMut for Workspace {
+    fn deref_mut(&mut self) -> &mut Scratch {
+        &mut self.0
+    }
+}
+
+impl Scratch {
     fn begin(&mut self, cells: usize) {
-        if self.nodes.len() < cells {
+        // Exactly as many: a thread does not keep the memory of a larger map.
+        if self.nodes.len() != cells {
             // Not grown in place: zeroed memory costs nothing until it is used.
             self.nodes = vec![[0; 2]; cells];
         }
@@ -92,7 +129,7 @@ pub enum Progress {
 /// do not block its first step. If no goal is usable (nor the start), there is no path, at once.
 pub struct Search<'a> {
     graph: Graph<'a>,
-    scratch: &'a mut Scratch,
+    scratch: Workspace,
     goal: Goal<'a>,
     start: Cell,
     /// The change of the cell index by each step.
@@ -112,9 +149,8 @@ pub struct Search<'a> {
 impl<'a> Search<'a> {
     /// Prepares a search; nothing is expanded yet.
     #[must_use]
-    pub fn new(graph: Graph<'a>, scratch: &'a mut Scratch, start: Cell, goal: Goal<'a>) -> Self {
+    pub fn new(graph: Graph<'a>, start: Cell, goal: Goal<'a>) -> Self {
         let extent = graph.map().extent();
-        scratch.begin(extent.volume());
         let [size_x, size_y, _] = extent.size().map(|cells| cells as isize);
         let mut strides = [0; 26];
         for (stride, step) in strides.iter_mut().zip(&graph.moves().steps) {
@@ -122,7 +158,7 @@ impl<'a> Search<'a> {
         }
         let mut search = Self {
             graph,
-            scratch,
+            scratch: Workspace::new(extent.volume()),
             goal,
             start,
             strides,
@@ -275,29 +311,23 @@ impl<'a> Search<'a> {
 
 /// Runs a search to the end. `None`: there is no path.
 #[must_use]
-pub fn find(graph: Graph<'_>, scratch: &mut Scratch, start: Cell, goal: Goal<'_>) -> Option<Path> {
-    Search::new(graph, scratch, start, goal).run()
+pub fn find(graph: Graph<'_>, start: Cell, goal: Goal<'_>) -> Option<Path> {
+    Search::new(graph, start, goal).run()
 }
 
 /// The costs of the cheapest paths from one cell to several, in units of [`super::EDGE_COST`];
 /// `None` where there is no path. Ends with the last reachable goal, or after all reachable cells
 /// if a goal is unreachable.
 #[must_use]
-pub fn distances(graph: Graph<'_>, scratch: &mut Scratch, start: Cell, goals: &[Cell]) -> Vec<Option<u64>> {
-    nearest_distances(graph, scratch, start, goals, usize::MAX)
+pub fn distances(graph: Graph<'_>, start: Cell, goals: &[Cell]) -> Vec<Option<u64>> {
+    nearest_distances(graph, start, goals, usize::MAX)
 }
 
 /// As [`distances`], but ends with the `count` nearest goals, ties by index. The others have
 /// `None`.
 #[must_use]
-pub fn nearest_distances(
-    graph: Graph<'_>,
-    scratch: &mut Scratch,
-    start: Cell,
-    goals: &[Cell],
-    count: usize,
-) -> Vec<Option<u64>> {
-    let mut search = Search::new(graph, scratch, start, Goal::AnyOf(goals));
+pub fn nearest_distances(graph: Graph<'_>, start: Cell, goals: &[Cell], count: usize) -> Vec<Option<u64>> {
+    let mut search = Search::new(graph, start, Goal::AnyOf(goals));
     // Several goals have no heuristic, so they come in the order of their costs.
     search.goals = search.goals.min(count);
     while search.goals > 0

@@ -14,7 +14,7 @@ use crate::exploration_map::{CellState, ExplorationMap};
 
 fn search(map: &ExplorationMap, neighbours: Neighbours, radius_m: f64, start: Cell, goal: Cell) -> Option<Path> {
     let moves = Moves::new(radius_m, map.extent().cell_m(), neighbours);
-    find(Graph::new(map, &moves), &mut Scratch::new(), start, Goal::Cell(goal))
+    find(Graph::new(map, &moves), start, Goal::Cell(goal))
 }
 
 fn flat(x: i32, y: i32) -> Cell {
@@ -136,8 +136,7 @@ fn start_need_not_be_usable_and_goals_must() {
 fn unusable_goal_costs_no_expansions() {
     let map = drawn("..#\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
-    let mut scratch = Scratch::new();
-    let mut search = Search::new(Graph::new(&map, &moves), &mut scratch, flat(0, 0), Goal::Cell(flat(2, 0)));
+    let mut search = Search::new(Graph::new(&map, &moves), flat(0, 0), Goal::Cell(flat(2, 0)));
     assert_eq!(search.step(0), Progress::NoPath);
     assert_eq!(search.expansions(), 0);
 }
@@ -147,18 +146,17 @@ fn nearest_of_several_goals() {
     let map = drawn("...#...\n.......\n...#...\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let graph = Graph::new(&map, &moves);
-    let mut scratch = Scratch::new();
     let start = flat(2, 1);
     let goals = [flat(6, 1), flat(0, 0), flat(3, 0), flat(0, 0), flat(0, 2)];
     let costs = [Some(4), Some(3), None, Some(3), Some(3)].map(|cost| cost.map(|cost: u64| cost * EDGE_COST));
-    assert_eq!(distances(graph, &mut scratch, start, &goals), costs);
-    let nearest = find(graph, &mut scratch, start, Goal::AnyOf(&goals)).unwrap();
+    assert_eq!(distances(graph, start, &goals), costs);
+    let nearest = find(graph, start, Goal::AnyOf(&goals)).unwrap();
     assert_eq!(nearest.cells.last(), Some(&flat(0, 0)));
-    assert_eq!(find(graph, &mut scratch, start, Goal::Where(&|cell| goals.contains(&cell))), Some(nearest));
-    assert_eq!(find(graph, &mut scratch, start, Goal::AnyOf(&[])), None);
-    assert_eq!(find(graph, &mut scratch, start, Goal::Where(&|_| false)), None);
-    assert_eq!(distances(graph, &mut scratch, flat(9, 9), &goals), [None; 5]);
-    assert_eq!(distances(graph, &mut scratch, start, &[]), []);
+    assert_eq!(find(graph, start, Goal::Where(&|cell| goals.contains(&cell))), Some(nearest));
+    assert_eq!(find(graph, start, Goal::AnyOf(&[])), None);
+    assert_eq!(find(graph, start, Goal::Where(&|_| false)), None);
+    assert_eq!(distances(graph, flat(9, 9), &goals), [None; 5]);
+    assert_eq!(distances(graph, start, &[]), []);
 }
 
 #[test]
@@ -223,9 +221,8 @@ fn long_paths_are_cut() {
 fn search_is_limited_in_cells_and_expansions() {
     let map = drawn(".......\n.#####.\n.......\n");
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
-    let mut scratch = Scratch::new();
-    let mut search = |is_open: &dyn Fn(Cell) -> bool, expansions_max| {
-        let search = Search::new(Graph::new(&map, &moves), &mut scratch, flat(0, 0), Goal::Cell(flat(6, 0)));
+    let search = |is_open: &dyn Fn(Cell) -> bool, expansions_max| {
+        let search = Search::new(Graph::new(&map, &moves), flat(0, 0), Goal::Cell(flat(6, 0)));
         search.within(is_open).at_most(expansions_max).run().map(|path| path.cost / EDGE_COST)
     };
     assert_eq!(search(&|_| true, 7), Some(6));
@@ -240,10 +237,9 @@ fn budget_sets_the_tick_of_the_result() {
     let map = comb(50);
     let moves = Moves::new(0.4, 1.0, Neighbours::Six);
     let graph = Graph::new(&map, &moves);
-    let mut scratch = Scratch::new();
-    let instant = find(graph, &mut scratch, flat(0, 2), Goal::Cell(flat(0, 6)));
-    let mut ask = |per_tick| {
-        let search = Search::new(graph, &mut scratch, flat(0, 2), Goal::Cell(flat(0, 6)));
+    let instant = find(graph, flat(0, 2), Goal::Cell(flat(0, 6)));
+    let ask = |per_tick| {
+        let search = Search::new(graph, flat(0, 2), Goal::Cell(flat(0, 6)));
         Budgeted::new(search, Tick(1000), per_tick)
     };
     // Every cell is expanded, as the goal is the farthest one: 2 bands of 50 columns and 49 joints,
@@ -253,7 +249,7 @@ fn budget_sets_the_tick_of_the_result() {
     assert_eq!(slow.poll(Tick(1398)), Poll::Pending);
     assert_eq!(slow.poll(Tick(1399)), Poll::Ready(instant.as_ref()));
     assert_eq!(ask(Budgeted::PER_TICK).usable_at(), Tick(1004));
-    let unusable = Search::new(graph, &mut scratch, flat(0, 2), Goal::Cell(flat(1, 1)));
+    let unusable = Search::new(graph, flat(0, 2), Goal::Cell(flat(1, 1)));
     assert_eq!(Budgeted::new(unusable, Tick(7), Budgeted::PER_TICK).poll(Tick(7)), Poll::Ready(None));
 }
 
@@ -261,7 +257,7 @@ fn budget_sets_the_tick_of_the_result() {
 fn background_search_uses_the_map_at_the_request() {
     let mut map = comb(100);
     let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
-    let instant = find(Graph::new(&map, &moves), &mut Scratch::new(), flat(0, 2), Goal::Cell(flat(0, 6)));
+    let instant = find(Graph::new(&map, &moves), flat(0, 2), Goal::Cell(flat(0, 6)));
     let ask = |map: &ExplorationMap, goals| Background::start(map, &moves, flat(0, 2), goals, u64::MAX, Tick(10));
     let mut search = ask(&map, vec![flat(0, 6)]);
     let mut none = ask(&map, vec![flat(1, 1)]);
@@ -395,12 +391,11 @@ proptest! {
 
         let moves = Moves::new(radius * extent.cell_m(), extent.cell_m(), neighbours);
         let graph = Graph::new(&map, &moves);
-        let mut scratch = Scratch::new();
         let all: Vec<Cell> = extent.cells().collect();
-        prop_assert_eq!(&distances(graph, &mut scratch, start, &all), &expected);
+        prop_assert_eq!(&distances(graph, start, &all), &expected);
         let few: Vec<Cell> = all.iter().copied().filter(|cell| (cell.x + cell.y) % 3 == 2).collect();
         let nearest = few.iter().filter_map(|&cell| Some((expected[extent.index(cell)?]?, cell))).min();
-        let found = find(graph, &mut scratch, start, Goal::AnyOf(&few));
+        let found = find(graph, start, Goal::AnyOf(&few));
         prop_assert_eq!(found.map(|path| (path.cost, *path.cells.last().unwrap())), nearest);
     }
 
@@ -429,7 +424,7 @@ proptest! {
         let cell_m = map.extent().cell_m();
         let moves = Moves::new(radius * cell_m, cell_m, neighbours);
         let graph = Graph::new(&map, &moves);
-        let Some(path) = find(graph, &mut Scratch::new(), start, Goal::Cell(goal)) else {
+        let Some(path) = find(graph, start, Goal::Cell(goal)) else {
             return Ok(());
         };
         let from = [0, 1, 2].map(|axis| centre(start)[axis] + aside[axis]);
@@ -458,15 +453,16 @@ proptest! {
         let cell_m = map.extent().cell_m();
         let moves = Moves::new(radius * cell_m, cell_m, neighbours);
         let graph = Graph::new(&map, &moves);
-        // Scratch memory used by another search before.
-        let mut scratch = Scratch::new();
-        let _ = find(graph, &mut scratch, goal, Goal::Where(&|_| false));
-        let whole = find(graph, &mut Scratch::new(), start, Goal::Cell(goal));
-        let mut search = Search::new(graph, &mut scratch, start, Goal::Cell(goal));
+        // Other searches use the scratch memory of this thread before and meanwhile.
+        let other = || find(graph, goal, Goal::Where(&|_| false));
+        let _ = other();
+        let whole = find(graph, start, Goal::Cell(goal));
+        let mut search = Search::new(graph, start, Goal::Cell(goal));
         let mut pieces = 0;
         let found = loop {
             let before = search.expansions();
             pieces += 1;
+            let _ = other();
             match search.step(step) {
                 Progress::Searching => prop_assert_eq!(search.expansions(), before + step),
                 Progress::Found(path) => break Some(path),

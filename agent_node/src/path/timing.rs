@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use msgs::ids::Tick;
 use voxels::Cell;
 
-use super::{Goal, Graph, Moves, Path, Progress, Scratch, Search};
+use super::{Goal, Graph, Moves, Path, Progress, Search};
 use crate::exploration_map::ExplorationMap;
 
 /// A search that costs one tick for every so many expansions.
@@ -128,8 +128,7 @@ fn search_unless(
     goals: &[Cell],
     cells_max: u64,
 ) -> Option<Path> {
-    let mut scratch = Scratch::new();
-    let mut search = Search::new(graph, &mut scratch, start, Goal::AnyOf(goals)).at_most(cells_max);
+    let mut search = Search::new(graph, start, Goal::AnyOf(goals)).at_most(cells_max);
     while !is_dropped.load(Ordering::Relaxed) {
         match search.step(EXPANSIONS_PER_LOOK) {
             Progress::Searching => {}

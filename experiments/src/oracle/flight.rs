@@ -19,7 +19,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use agent_node::bodies::{self, BodyModel};
 use agent_node::exploration_map::ExplorationMap;
 use agent_node::path::{
-    Goal, Graph, Moves, Neighbours, Scratch, Search, direct, find, nearest_distances, straighten_from,
+    Goal, Graph, Moves, Neighbours, Search, direct, find, nearest_distances, straighten_from,
 };
 use msgs::ids::{AgentId, Tick};
 use msgs::scan_request::ScanRequest;
@@ -114,7 +114,6 @@ struct Flight<'a> {
     views: Views<'a>,
     map: ExplorationMap,
     moves: Moves,
-    scratch: Scratch,
     radius_m: f64,
     period_ticks: u32,
     /// Indices of the cells where a body can get, ascending.
@@ -140,7 +139,7 @@ impl<'a> Flight<'a> {
         map.note_wall(&of_kind(Terrain::Wall));
         let radius_m = world.agents().map(|agent| world.body(agent).model().radius_m).fold(0.0, f64::max);
         let moves = Moves::new(radius_m, extent.cell_m(), Neighbours::TwentySix);
-        let (graph, mut scratch) = (Graph::new(&map, &moves), Scratch::new());
+        let graph = Graph::new(&map, &moves);
         let usable: Vec<u32> = of_kind(Terrain::Free)
             .into_iter()
             .filter(|&index| graph.is_usable(extent.cell_at(index as usize)))
@@ -151,7 +150,7 @@ impl<'a> Flight<'a> {
             // Most teams start in one part of the map, which is searched once.
             let is_known = cells.binary_search(&start).is_ok_and(|place| is_open[place]);
             if !is_known {
-                let costs = nearest_distances(graph, &mut scratch, start, &cells, usize::MAX);
+                let costs = nearest_distances(graph, start, &cells, usize::MAX);
                 is_open.iter_mut().zip(costs).for_each(|(open, cost)| *open |= cost.is_some());
             }
         }
@@ -160,7 +159,6 @@ impl<'a> Flight<'a> {
             views: Views::new(scanner, terrain),
             map,
             moves,
-            scratch,
             radius_m,
             period_ticks,
             open,
@@ -202,7 +200,7 @@ impl<'a> Flight<'a> {
         self.places = at_starts.chain(viewpoints).collect();
         let cells: Vec<Cell> = self.places.iter().map(|place| place.cell).collect();
         let body = *self.world.body(AgentId(0)).model();
-        let between = costs(Graph::new(&self.map, &self.moves), &mut self.scratch, &cells, &body);
+        let between = costs(Graph::new(&self.map, &self.moves), &cells, &body);
         self.costs = Costs { agents: starts.len(), between };
         let pilot = |(at, tour): (usize, Vec<usize>)| Pilot {
             phase: Phase::Going,
@@ -360,7 +358,7 @@ impl<'a> Flight<'a> {
             vec![self.map.extent().centre(goal)]
         } else {
             let start = self.map.extent().cell_of(&position);
-            let path = find(graph, &mut self.scratch, start, Goal::Cell(goal));
+            let path = find(graph, start, Goal::Cell(goal));
             path.map_or_else(Vec::new, |path| straighten_from(&position, &path, &self.map, self.radius_m))
         };
         if waypoints.is_empty() {
@@ -426,7 +424,7 @@ impl<'a> Flight<'a> {
         let is_open = |cell: Cell| others.iter().all(|other| (extent.centre(cell) - other).norm() > room_m);
         let graph = Graph::new(&self.map, &self.moves);
         let goal = Goal::Cell(self.places[target].cell);
-        let mut search = Search::new(graph, &mut self.scratch, extent.cell_of(&here), goal).within(&is_open);
+        let mut search = Search::new(graph, extent.cell_of(&here), goal).within(&is_open);
         let points: Option<Vec<_>> = search.run().map(|path| {
             path.cells
                 .iter()
@@ -455,12 +453,12 @@ fn moving(waypoints: Vec<Point3<f64>>) -> Action {
 }
 
 /// Times between places, ms: those of a leg along the shortest path.
-fn costs(graph: Graph<'_>, scratch: &mut Scratch, places: &[Cell], body: &BodyModel) -> Vec<Vec<u64>> {
+fn costs(graph: Graph<'_>, places: &[Cell], body: &BodyModel) -> Vec<Vec<u64>> {
     let edge_m = graph.map().extent().cell_m() / agent_node::path::EDGE_COST as f64;
     let mut between = vec![vec![UNREACHABLE_MS; places.len()]; places.len()];
     for (one, &cell) in places.iter().enumerate() {
         between[one][one] = 0;
-        let lengths = nearest_distances(graph, scratch, cell, places, NEAREST);
+        let lengths = nearest_distances(graph, cell, places, NEAREST);
         for (other, length) in lengths.into_iter().enumerate().filter(|(other, _)| *other != one) {
             if let Some(length) = length {
                 let time_ms = (bodies::leg_s(body, length as f64 * edge_m, TURN_RAD) * 1e3) as u64;

@@ -50,9 +50,8 @@ pub(super) fn motion_to(
     to: Cell,
     obstacles: &Obstacles,
 ) -> Option<Motion> {
-    let here = ctx.cell();
-    let (map, moves, scratch) = ctx.search_workspace(Neighbours::TwentySix);
-    let path = paths.path(graph, map, moves, scratch, (here, to), &|cell| obstacles.occupy(cell))?;
+    let moves = ctx.graph(Neighbours::TwentySix);
+    let path = paths.path(graph, moves, (ctx.cell(), to), &|cell| obstacles.occupy(cell))?;
     motion_along(ctx, &path, obstacles)
 }
 

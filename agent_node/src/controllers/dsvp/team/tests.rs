@@ -9,7 +9,7 @@ use crate::controllers::settings::Settings;
 use crate::controllers::testing::World as SmallWorld;
 use crate::exploration_map::{CellState, Change, Delta, ExplorationMap, Finding};
 use crate::observation::Contact;
-use crate::path::{Moves, Neighbours};
+use crate::path::{Graph, Moves, Neighbours};
 use msgs::ids::AgentId;
 use std::collections::BTreeSet;
 
@@ -19,7 +19,7 @@ const RANGE_CELLS: f64 = 5.0;
 fn candidates(map: &ExplorationMap, here: Cell) -> (AbstractGraph, Vec<Candidate>) {
     let extent = map.extent();
     let mut graph = AbstractGraph::new(extent, 0.4);
-    graph.update(map, &Moves::new(0.4, extent.cell_m(), Neighbours::TwentySix));
+    graph.update(Graph::new(map, &Moves::new(0.4, extent.cell_m(), Neighbours::TwentySix)));
     let mut paths = ShortestPaths::default();
     let mut found = Vec::new();
     paths.begin(&graph, here);

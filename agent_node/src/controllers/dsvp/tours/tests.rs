@@ -3,7 +3,7 @@ use voxels::Cell;
 use super::*;
 use crate::controllers::settings::Settings;
 use crate::exploration_map::drawing::drawn;
-use crate::path::{Moves, Neighbours};
+use crate::path::{Graph, Moves, Neighbours};
 
 /// A gallery of two blocks of the task grid, with openings to both sides.
 const GALLERY: &str = "
@@ -27,7 +27,7 @@ impl Pair {
     fn new(cells: [Cell; 2]) -> Self {
         let map = drawn(GALLERY.trim_start());
         let mut graph = AbstractGraph::new(map.extent(), 0.4);
-        graph.update(&map, &Moves::new(0.4, 1.0, Neighbours::TwentySix));
+        graph.update(Graph::new(&map, &Moves::new(0.4, 1.0, Neighbours::TwentySix)));
         let settings = ["promising_min=0", "cut_s=0", "visit_s=10"].map(str::to_owned);
         let mut settings = Settings::parse(&settings).unwrap();
         let params = ToursParams::from_settings(&mut settings).unwrap();

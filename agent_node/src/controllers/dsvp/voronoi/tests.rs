@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::exploration_map::ExplorationMap;
-use crate::path::{Moves, Neighbours};
+use crate::path::{Graph, Moves, Neighbours};
 
 /// A corridor along x with frontiers all along it, and its graph.
 fn corridor(length: u32) -> (Extent, AbstractGraph) {
@@ -11,7 +11,7 @@ fn corridor(length: u32) -> (Extent, AbstractGraph) {
     let cells: Vec<u32> = (0..length as i32).map(|x| extent.index(Cell::new(x, 2, 2)).unwrap() as u32).collect();
     map.note_free(&cells);
     let mut graph = AbstractGraph::new(extent, 0.4);
-    graph.update(&map, &Moves::new(0.4, extent.cell_m(), Neighbours::TwentySix));
+    graph.update(Graph::new(&map, &Moves::new(0.4, extent.cell_m(), Neighbours::TwentySix)));
     (extent, graph)
 }
 

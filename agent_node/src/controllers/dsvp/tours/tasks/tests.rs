@@ -1,7 +1,7 @@
 use super::super::super::gain::WHOLE;
 use super::*;
 use crate::exploration_map::drawing::drawn;
-use crate::path::{Moves, Neighbours};
+use crate::path::{Graph, Moves, Neighbours};
 
 /// Two caves in one block of the task grid: a gallery that is open at its end, and a dead end.
 const CAVES: &str = "
@@ -14,7 +14,7 @@ const CAVES: &str = "
 fn survey(text: &str, ignored: &[Cell], beside_wall: f64) -> (TaskGrid, Survey) {
     let map = drawn(text.trim_start());
     let mut graph = AbstractGraph::new(map.extent(), 0.4);
-    graph.update(&map, &Moves::new(0.4, 1.0, Neighbours::TwentySix));
+    graph.update(Graph::new(&map, &Moves::new(0.4, 1.0, Neighbours::TwentySix)));
     let grid = TaskGrid::new(map.extent());
     let ignored = ignored.iter().copied().collect();
     (grid, Survey::new(&map, &graph, &grid, &ignored, Likelihood::new(beside_wall)))
