@@ -367,6 +367,7 @@ impl<T: ServerTransport> Host<T> {
 
     fn handle_observation(&mut self, mut part: Part, mac: Bytes) -> Result<(), RunError> {
         let id = AgentId(part.agent);
+        let is_one_of_several = self.agents.len() > 1;
         let Some(hosted) = self.agents.get_mut(&id).filter(|hosted| hosted.is_accepted) else {
             return Ok(());
         };
@@ -375,7 +376,9 @@ impl<T: ServerTransport> Host<T> {
             self.ignore(id, &text);
             return Ok(());
         }
-        self.messages.share(&mut part);
+        if is_one_of_several {
+            self.messages.share(&mut part);
+        }
         let reaction = hosted.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })?;
         if let Some(source) = hosted.agent.failure() {
             return Err(RunError::Failed { agent: id, source });

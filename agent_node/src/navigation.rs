@@ -15,9 +15,7 @@ use voxels::Cell;
 
 use crate::command::{Motion, Trigger};
 use crate::exploration_map::ExplorationMap;
-use crate::path::{
-    Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Search, direct, straighten_from,
-};
+use crate::path::{Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Search, direct, straighten_from};
 
 /// The sim time of a path search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

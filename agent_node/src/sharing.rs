@@ -109,8 +109,11 @@ pub struct Sharing {
     summaries: Vec<AgentId>,
     /// The peers whose summaries belong to the present exchange.
     present: AgentSet,
-    /// The last completions of peers that wait for those of others: the position, and theirs.
-    waiting: BTreeMap<AgentId, (u32, Vec<(AgentId, u32)>)>,
+    /// The last completions of peers that wait for those of others, and the place of this agent
+    /// among their receivers.
+    waiting: BTreeMap<AgentId, (Arc<Completion>, usize)>,
+    /// Whether more is known since they were last gone through.
+    is_overdue: bool,
     /// Number of summaries sent.
     summaries_sent: u32,
     provenances: Vec<Provenance>,
@@ -163,6 +166,7 @@ impl Sharing {
             summaries: Vec::new(),
             present: AgentSet::default(),
             waiting: BTreeMap::new(),
+            is_overdue: false,
             summaries_sent: 0,
             provenances: Vec::new(),
             totals: Totals::default(),
@@ -207,20 +211,18 @@ impl Sharing {
 
     /// Takes over the completions that wait for no others any more.
     fn complete_received(&mut self) {
-        loop {
+        while std::mem::take(&mut self.is_overdue) {
             let before = self.waiting.len();
             let (known, peers) = (&mut self.known, &mut self.peers);
-            self.waiting.retain(|&from, (until, rest_from)| {
-                let is_waiting = rest_from.iter().any(|&(agent, position)| known.of(agent) < position);
+            self.waiting.retain(|&from, (completion, place)| {
+                let is_waiting = is_waiting(completion, *place, known);
                 if !is_waiting {
-                    known.set(from, known.of(from).max(*until));
+                    known.set(from, known.of(from).max(completion.until));
                     join_if_complete(known, peer(peers, from), from);
                 }
                 is_waiting
             });
-            if self.waiting.len() == before {
-                return;
-            }
+            self.is_overdue = self.waiting.len() < before;
         }
     }
 
@@ -250,6 +252,7 @@ impl Sharing {
                 // What others have stated of its journal is not more than it states itself.
                 self.known.set(from, self.known.of(from).min(summary.known.of(from)));
                 join_if_complete(&mut self.known, sender, from);
+                self.is_overdue = true;
                 Ok(Some(0))
             }
             Content::Update(update) if update.receivers.contains(self.own) => {
@@ -269,9 +272,11 @@ impl Sharing {
                 Ok(Some(news))
             }
             Content::Completion(completion) => {
-                let Some((completed, rest_from)) = completion.of(self.own) else { return Ok(None) };
-                if (completed.summary, completed.updates) == (sender.heard.number, sender.updates_received) {
-                    self.waiting.insert(from, (completion.until, rest_from));
+                let Some(place) = completion.place_of(self.own) else { return Ok(None) };
+                let Completed { summary, updates, .. } = completion.receivers[place];
+                if (summary, updates) == (sender.heard.number, sender.updates_received) {
+                    self.is_overdue |= !is_waiting(completion, place, &self.known);
+                    self.waiting.insert(from, (Arc::clone(completion), place));
                     self.complete_received();
                 }
                 Ok(Some(0))
@@ -448,6 +453,11 @@ impl Sharing {
     }
 }
 
+/// Whether the receiver at a place of a completion lacks what deputies send it.
+fn is_waiting(completion: &Completion, place: usize, known: &Known) -> bool {
+    completion.rest_from(place).any(|(agent, position)| known.of(agent) < position)
+}
+
 /// Adds the summary of a peer to what is known if its journal is known up to it.
 fn join_if_complete(known: &mut Known, peer: &Peer, from: AgentId) {
     let summary = &peer.heard;
@@ -480,8 +490,7 @@ fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
         let one = Completed { receiver: *agent, summary: peer.summary, updates: peer.updates_sent };
         completed.entry(peer.until).or_default().push((one, &peer.rest_from));
     }
-    let completion =
-        |(until, receivers): (usize, Vec<_>)| Completion::new(&receivers, position(until), position_known);
+    let completion = |(until, receivers): (usize, Vec<_>)| Completion::new(&receivers, position(until), position_known);
     let completions: Vec<Completion> = completed.into_iter().map(completion).collect();
     for completion in completions {
         let agents: Vec<AgentId> = completion.receivers.iter().map(|completed| completed.receiver).collect();

@@ -15,7 +15,7 @@ use crate::exploration_map::Delta;
 pub(super) enum Content {
     Summary(Arc<Summary>),
     Update(Update),
-    Completion(Completion),
+    Completion(Arc<Completion>),
 }
 
 /// What an agent says that it knows.
@@ -103,7 +103,7 @@ fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Arc<Content>, Map
             let (receivers, cells) = (AgentSet::of(receivers), delta.len() as u64);
             Content::Update(Update { receivers, until, delta, cells })
         }
-        Message::Completion(completion) => Content::Completion(completion),
+        Message::Completion(completion) => Content::Completion(Arc::new(completion)),
     };
     Ok(Arc::new(content))
 }

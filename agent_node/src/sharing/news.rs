@@ -78,19 +78,57 @@ pub(super) fn batch(state: &State<'_>, map: &ExplorationMap, contacts: &[Contact
     }
 }
 
-/// The deputies that know a section, for each of some receivers the first that is in contact with
+/// For each of some receivers the first deputy, if any, that knows a section and is in contact with
 /// it.
-fn deputies_for(
+fn deputies_for<'s>(
+    state: &'s State<'_>,
+    section: &'s Provenance,
+    receivers: impl Iterator<Item = AgentId> + 's,
+) -> impl Iterator<Item = (AgentId, Option<AgentId>)> + 's {
+    // In a crowd the first that knows it is mostly in contact with all.
+    let mut others = state.deputies.iter().copied().filter(|deputy| state.peers[deputy.index()].knows(section));
+    let mut knowing: Vec<AgentId> = Vec::new();
+    receivers.map(move |receiver| {
+        let reaches = |deputy: &AgentId| state.peers[deputy.index()].heard.receivers.contains(receiver);
+        let deputy = knowing
+            .iter()
+            .copied()
+            .find(reaches)
+            .or_else(|| others.by_ref().inspect(|&deputy| knowing.push(deputy)).find(reaches));
+        (receiver, deputy)
+    })
+}
+
+/// Whom a section is sent to.
+enum Receivers {
+    /// All whose exchanges are under way.
+    All,
+    Some(AgentSet),
+}
+
+/// Whom to send a section that some agents lack, and which of them are left to deputies. A crowd is
+/// sent it as a whole or not at all.
+fn share_out(
     state: &State<'_>,
-    section: &Provenance,
-    receivers: impl Iterator<Item = AgentId>,
-) -> Vec<(AgentId, AgentId)> {
-    let knowing: Vec<AgentId> =
-        state.deputies.iter().copied().filter(|deputy| state.peers[deputy.index()].knows(section)).collect();
-    let reaches = |deputy: &AgentId, receiver| state.peers[deputy.index()].heard.receivers.contains(receiver);
-    receivers
-        .filter_map(|receiver| Some((receiver, *knowing.iter().find(|deputy| reaches(deputy, receiver))?)))
-        .collect()
+    section: Option<&Provenance>,
+    mut lacking: impl Iterator<Item = AgentId>,
+    is_crowd: bool,
+) -> (Receivers, Vec<(AgentId, AgentId)>) {
+    let Some(section) = section else {
+        return match is_crowd {
+            true if lacking.next().is_some() => (Receivers::All, Vec::new()),
+            _ => (Receivers::Some(AgentSet::of(lacking)), Vec::new()),
+        };
+    };
+    let (mut receivers, mut left) = (AgentSet::default(), Vec::new());
+    for (receiver, deputy) in deputies_for(state, section, lacking) {
+        match deputy {
+            Some(deputy) => left.push((receiver, deputy)),
+            None if is_crowd => return (Receivers::All, Vec::new()),
+            None => receivers.insert(receiver),
+        }
+    }
+    (Receivers::Some(receivers), left)
 }
 
 /// The section of the journal before the present one.
@@ -144,15 +182,13 @@ pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, c
             };
             if !before.as_ref().is_some_and(is_alike) {
                 let lacks = |(_, peer): &(AgentId, &Peer)| !heard.is_some_and(|section| peer.knows(section));
-                let lacking = || exchanging.iter().filter(|it| lacks(it)).map(|&(agent, _)| agent);
-                let deputies = heard.map_or_else(Vec::new, |section| deputies_for(state, section, lacking()));
-                let is_left = |agent| deputies.binary_search_by_key(&agent, |&(receiver, _)| receiver).is_ok();
-                let mut receivers = AgentSet::of(lacking().filter(|&agent| !is_left(agent)));
-                if is_crowd(contacts) && receivers.len() > 0 {
-                    receivers = AgentSet::of(exchanging.iter().map(|&(agent, _)| agent));
-                } else {
-                    left.extend(deputies);
-                }
+                let lacking = exchanging.iter().filter(|it| lacks(it)).map(|&(agent, _)| agent);
+                let (receivers, deputies) = share_out(state, heard, lacking, is_crowd(contacts));
+                let receivers = match receivers {
+                    Receivers::All => AgentSet::of(exchanging.iter().map(|&(agent, _)| agent)),
+                    Receivers::Some(receivers) => receivers,
+                };
+                left.extend(deputies);
                 let place = news.iter().position(|(same, _)| *same == receivers);
                 before = Some(SectionBefore { provenance: heard, receivers, place });
             }

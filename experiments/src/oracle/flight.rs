@@ -18,9 +18,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use agent_node::bodies::{self, BodyModel};
 use agent_node::exploration_map::ExplorationMap;
-use agent_node::path::{
-    Goal, Graph, Moves, Neighbours, Search, direct, find, nearest_distances, straighten_from,
-};
+use agent_node::path::{Goal, Graph, Moves, Neighbours, Search, direct, find, nearest_distances, straighten_from};
 use msgs::ids::{AgentId, Tick};
 use msgs::scan_request::ScanRequest;
 use nalgebra::Point3;

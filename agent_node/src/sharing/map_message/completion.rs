@@ -48,13 +48,16 @@ impl Completion {
         Self { receivers: receivers.iter().map(|(completed, _)| *completed).collect(), until, deputies, sends }
     }
 
-    /// The entry of a receiver, and the deputies that send it the rest, ascending, each with the
+    /// The place of a receiver among the receivers.
+    pub(in super::super) fn place_of(&self, receiver: AgentId) -> Option<usize> {
+        self.receivers.binary_search_by_key(&receiver, |completed| completed.receiver).ok()
+    }
+
+    /// The deputies that send the receiver at this place the rest, ascending, each with the
     /// position up to which its journal has to be known.
-    pub(in super::super) fn of(&self, receiver: AgentId) -> Option<(Completed, Vec<(AgentId, u32)>)> {
-        let place = self.receivers.binary_search_by_key(&receiver, |completed| completed.receiver).ok()?;
-        let of_one = self.row(place).iter().zip(self.deputies.chunks(8));
-        let of_one = of_one.flat_map(|(&byte, eight)| bits(byte.into()).map(|bit| eight[bit as usize]));
-        Some((self.receivers[place], of_one.collect()))
+    pub(in super::super) fn rest_from(&self, place: usize) -> impl Iterator<Item = (AgentId, u32)> + '_ {
+        let by_eight = self.row(place).iter().zip(self.deputies.chunks(8));
+        by_eight.flat_map(|(&byte, eight)| bits(byte.into()).map(|bit| eight[bit as usize]))
     }
 
     fn row(&self, place: usize) -> &[u8] {

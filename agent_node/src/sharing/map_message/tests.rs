@@ -62,8 +62,8 @@ fn summaries_and_completions_are_read_as_written() {
     let completion = Completion::new(&[(completed(1, 2), &some), (completed(3, 0), &none)], 9, |_| 5);
     let bytes = encode_completion(&completion);
     assert_eq!(bytes, [4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 1, 3, 0, 0, 9]);
-    let of = [1, 2, 3].map(|agent| completion.of(AgentId(agent)));
-    assert_eq!(of, [Some((completed(1, 2), vec![(AgentId(0), 5)])), None, Some((completed(3, 0), vec![]))]);
+    assert_eq!([1, 2, 3].map(|agent| completion.place_of(AgentId(agent))), [Some(0), None, Some(1)]);
+    assert_eq!([0, 1].map(|place| completion.rest_from(place).collect::<Vec<_>>()), [vec![(AgentId(0), 5)], vec![]]);
     assert_eq!(decode(&bytes), Ok(Message::Completion(completion)));
     assert_eq!(decode(&[4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 2, 3, 0, 0, 9]), Err(MapMessageError::Filling));
 }
