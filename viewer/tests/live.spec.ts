@@ -208,6 +208,9 @@ test("observing and controlling a run does not change its digest", async ({ page
   const place = () => page.getByTestId("sim-play").boundingBox();
   const first = await place();
   await page.getByTestId("sim-step-10").click();
+  // While it steps, the button pauses.
+  await expectKnown(page, 8.5 * TICK_S);
+  await expectState(page, "paused");
   await page.getByTestId("sim-play").click();
   await expectKnown(page, 4);
   await page.keyboard.press(" ");
