@@ -4,7 +4,7 @@
 #   launch_scripts/bench_views.sh [ROUNDS]      rounds of a run of every kind (default 5), after a warm-up
 #
 # The kinds take turns, because the load of a machine changes; what counts is the ratio within a
-# round: of wall time, and of the processor time of the run, which tells more on a busy machine. The
+# round: of wall time, and of the processor time of the run, which says more on a busy machine. The
 # observer is a node in Python (rclpy on Fast DDS, see ros_env.sh) on the same machine; its own work
 # is in the wall time alone. Every run has the same digest, or the script fails.
 set -u

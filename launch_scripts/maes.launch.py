@@ -35,7 +35,7 @@ def binaries():
 # Name, value if none is given, what it is. Those without a value are left to the scenario.
 ARGUMENTS = [
     ("scenario", os.path.join(HERE, "scenarios", "default.toml"), "the scenario (.toml)"),
-    ("agents", "5", "how many agents take part"),
+    ("agents", "5", "number of agents"),
     ("controller", "", "what they run: rbw, lvd, dsvp, ..."),
     ("map", "", "spheres, noise or a map file"),
     ("size", "", "cells along each axis"),

@@ -281,7 +281,7 @@ fn launcher_arguments() {
     let site = Site::new();
     for (arguments, words) in [
         (&["--external", "two"][..], "--external two: expected ids of agents, such as 0,3"),
-        (&["--external", "7", "--agents", "2"], "agent 7 does not take part: ids are 0 to 1"),
+        (&["--external", "7", "--agents", "2"], "agent 7 is not in the run: ids are 0 to 1"),
         (&["--external", "0", "--agents-per-process", "2"], "--agents-per-process 2: expected 1"),
         (&["--order", "sideways"], "--order sideways: expected forward, reverse or shuffle"),
         (&["--transport", "pigeon"], "--transport pigeon: expected ros2 or memory"),

@@ -162,12 +162,12 @@ fn events_happen_when_they_are_to() {
     };
     assert!(contact(250, 400), "they start beside each other");
     assert!(!contact(400, 800) && !contact(1500, 2001), "the radio of agent 0 is off, and then it has broken down");
-    let told: Vec<u64> = observations
+    let changes: Vec<u64> = observations
         .iter()
         .filter(|seen| seen.parcels.iter().any(|parcel| parcel.agent == Parcel::SERVER))
         .map(|seen| seen.tick)
         .collect();
-    assert_eq!(told, [1000], "the controller takes over at 20 s");
+    assert_eq!(changes, [1000], "the controller takes over at 20 s");
     let mut stopped =
         of(0, topics::command).into_iter().map(|message| cdr::decode::<Command>(&message.data).expect("it is one"));
     assert!(stopped.any(|command| command.tick == 1000), "every agent decides at once");

@@ -71,7 +71,7 @@ fn live_stream_equals_the_recording() {
         assert!(!messages.is_empty(), "{topic}");
     }
     assert_eq!(client.messages.len(), 5, "{:?}", client.messages.keys());
-    let last = client.messages["/sim/progress"].last().expect("it was told");
+    let last = client.messages["/sim/progress"].last().expect("it was published");
     let progress: Progress = msgs::cdr::decode(last).expect("it is one");
     assert_eq!(progress.tick, recording.of::<Progress>("/sim/progress").last().expect("it was recorded").tick);
     msgs::cdr::decode::<TFMessage>(&client.messages["/tf"][0]).expect("transforms are as over ROS");

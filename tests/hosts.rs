@@ -157,7 +157,7 @@ fn another_build_is_refused() {
     assert!(ended.stderr.contains("local.toml: host \"here\": agent 4 takes no part"), "{ended}");
 }
 
-/// An agent that cannot take part ends the run, and its output is reported here.
+/// An agent that cannot join ends the run, and its output is reported here.
 #[test]
 fn logs_and_exit_codes_come_back() {
     let Some(network) = network(1, Link::default()) else { return };

@@ -1,4 +1,4 @@
-//! Interrupted runs: their recordings are readable, and no process is left behind.
+//! Interrupted runs: their recordings are readable, and no process is left.
 
 use std::process::Command;
 use std::sync::{Arc, Mutex};
@@ -81,7 +81,7 @@ fn second_signal_ends_at_once() {
     site.recording("run.mcap").assert_begins(&undisturbed(&site), 0);
 }
 
-/// [`Run::ended`] fails if a process is left behind.
+/// [`Run::ended`] fails if a process is left.
 #[test]
 fn signal_during_startup_ends_all_processes() {
     let site = Site::new();
@@ -240,8 +240,8 @@ fn recording_keeps_up_with_progress() {
     );
     let file = site.path("run.mcap");
     play.record = Some(file.clone());
-    let told = Arc::new(Mutex::new(Vec::new()));
-    let ticks = Arc::clone(&told);
+    let reports = Arc::new(Mutex::new(Vec::new()));
+    let ticks = Arc::clone(&reports);
     play.watch = Box::new(move |world| {
         let mut ticks = lock(&ticks);
         if let Some(&Tick(last)) = ticks.last() {
@@ -254,7 +254,7 @@ fn recording_keeps_up_with_progress() {
         agent_node::host::run(&mut end, &honest(u64::from(ids[0].0), ids), is_over).expect("agents are welcome");
     });
     assert_eq!(played.outcome().result.tick, 3000);
-    assert!(lock(&told).len() >= 3, "a run of three seconds has several progress reports");
+    assert!(lock(&reports).len() >= 3, "a run of three seconds has several progress reports");
 }
 
 /// Wraps a command so that no file can grow beyond so many kilobytes, as on a full disk.

@@ -36,8 +36,8 @@ fn ros_run_opens_in_python() {
     let flags =
         ["--agents", "5", "--controller", "rbw", "--size", "50", "--seed", "7", "--duration", "300", "--record"];
     let run = site.start(&mut site.run_sh(&[&flags[..], &[text(&file)]].concat())).ended().with_code(0);
-    let told = run.stderr.lines().find_map(|line| line.strip_prefix("map seed 7: ")?.split_once(" free cells"));
-    let (free_cells, _) = told.expect("the server says what the map is like");
+    let counted = run.stderr.lines().find_map(|line| line.strip_prefix("map seed 7: ")?.split_once(" free cells"));
+    let (free_cells, _) = counted.expect("the server says what the map is like");
     assert_opens(&site, &file, free_cells.parse().expect("a number of cells"));
 }
 

@@ -224,12 +224,12 @@ fn abandoned_tick_keeps_sent_observations() {
     run.ended().with_code(130);
     let recording = site.recording("run.mcap");
     for agent in [0, 1] {
-        let told: Vec<Observation> = recording.of(&format!("/agent_{agent}/observation"));
+        let sent: Vec<Observation> = recording.of(&format!("/agent_{agent}/observation"));
         let answers: Vec<Command> = recording.of(&format!("/agent_{agent}/command"));
-        let running: Vec<_> = told.iter().filter(|part| part.phase == Observation::RUNNING && part.part == 0).collect();
-        let [answered, told] = [answers.len(), running.len()];
+        let running: Vec<_> = sent.iter().filter(|part| part.phase == Observation::RUNNING && part.part == 0).collect();
+        let [answered, sent] = [answers.len(), running.len()];
         // Equal if the signal came between two ticks, or if no agent was due in this one.
-        assert!(told == answered || told == answered + 1, "agent {agent}: told {told} times, answered {answered}");
+        assert!(sent == answered || sent == answered + 1, "agent {agent}: sent {sent} times, answered {answered}");
     }
 }
 

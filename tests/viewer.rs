@@ -164,10 +164,10 @@ fn exported_folders_are_complete() {
         let command = command.arg("view").arg(&file).arg("--beside").arg(&file).args(["--export", folder]);
         site.start(command).ended()
     };
-    let told = export("shared").with_code(0).stdout;
-    assert!(told.contains("\nto try it: python3 -m http.server --directory shared\n"), "{told}");
+    let output = export("shared").with_code(0).stdout;
+    assert!(output.contains("\nto try it: python3 -m http.server --directory shared\n"), "{output}");
     let query = "recording=recording/pictured.mcap&beside=beside/pictured.mcap";
-    assert_eq!(told.lines().last(), Some(&*format!("http://127.0.0.1:8000/?{query}")));
+    assert_eq!(output.lines().last(), Some(&*format!("http://127.0.0.1:8000/?{query}")));
     let read = |path: PathBuf| std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     for folder in ["recording", "beside"] {
         assert!(read(site.path(&format!("shared/{folder}/pictured.mcap"))) == read(file.clone()), "{folder}");

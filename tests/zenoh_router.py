@@ -2,7 +2,7 @@
 
     zenoh_router.py PORT
 
-Listens at this port of 127.0.0.1, tells its peers of each other, prints `ready`, and serves until
+Listens at this port of 127.0.0.1, introduces its peers to each other, prints `ready`, and serves until
 it is killed. Needs the package eclipse-zenoh.
 """
 

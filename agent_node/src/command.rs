@@ -65,7 +65,7 @@ impl Motion {
 pub struct AgentMessage {
     /// The receiver; `None`: all agents in contact.
     pub to: Option<AgentId>,
-    /// The sender's mark, by which messages are told apart and counted.
+    /// The sender's mark, by which messages are distinguished and counted.
     pub kind: u8,
     /// At most 57344 bytes over all messages and relay commands of a command.
     pub data: SharedBytes,

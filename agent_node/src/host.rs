@@ -1,7 +1,7 @@
 //! The host of the agents of one process: joins them to a run, and serves them until it is over.
 //!
 //! The loop is the same over every [`ServerTransport`]; [`AgentProcess`] executes it step by step.
-//! Wall time, which the transport tells, decides nothing but when to repeat a join, and when a
+//! Wall time, which the transport provides, decides nothing but when to repeat a join, and when a
 //! process without a server ends.
 //!
 //! **Liveness of the server.** The server answers a repeated join of an agent that it has accepted,
@@ -360,7 +360,7 @@ impl<T: ServerTransport> Host<T> {
             if leads_others {
                 (self.joined_last, self.attempts) = (None, 0);
             }
-            self.transport.log(agent, Level::Info, &format!("takes part with {}", hosted.label));
+            self.transport.log(agent, Level::Info, &format!("has joined with {}", hosted.label));
         }
         Ok(())
     }

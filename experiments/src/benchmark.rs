@@ -78,7 +78,7 @@ pub fn worlds() -> impl Iterator<Item = &'static str> {
     WORLDS.iter().map(|world| world.name)
 }
 
-/// What takes part: a controller with its settings, built in or in a program.
+/// An entry: a controller with its settings, built in or in a program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
@@ -130,7 +130,7 @@ impl Scope {
         Self { seeds: seeds.into_iter().collect(), phrase, ..Self::public() }
     }
 
-    /// Whether all worlds and as many seeds as the benchmark has take part.
+    /// Whether it has all worlds, and as many seeds as the benchmark.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.worlds.len() == WORLDS.len() && self.seeds.len() == SEEDS

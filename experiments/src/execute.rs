@@ -163,7 +163,7 @@ pub trait PlanObserver {
 impl PlanObserver for () {}
 
 /// Checks, before anything runs, whether every run of a plan can be executed over a transport:
-/// other programs take part over ROS 2 only, and know their controllers.
+/// other programs join over ROS 2 only, and know their controllers.
 ///
 /// # Errors
 /// Names the key and the remedy.
@@ -172,7 +172,7 @@ pub fn check(plan: &Plan, transport: &Transport) -> Result<(), ExecuteError> {
         Transport::Memory => match plan.runs.iter().find_map(|run| run.scenario.agents.of_ros_only()) {
             None => Ok(()),
             Some((key, value)) => {
-                let reason = "expected [] over memory, where no other program takes part; use --transport ros2";
+                let reason = "expected [] over memory, which has no other programs; use --transport ros2";
                 Err(ExecuteError::Transport { key, value, reason })
             }
         },

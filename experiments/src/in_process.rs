@@ -29,7 +29,7 @@ pub enum InProcessError {
     #[error(transparent)]
     Setup(#[from] SetupError),
     /// Some agents are run by other programs, which exist over ROS 2 only.
-    #[error("{key} = {value}: expected [] over memory, where no other program takes part; use --transport ros2")]
+    #[error("{key} = {value}: expected [] over memory, which has no other programs; use --transport ros2")]
     OverRosOnly { key: &'static str, value: String },
     #[error(transparent)]
     Record(#[from] RecordError),

@@ -69,9 +69,9 @@ fn result_of_a_mixed_team_does_not_depend_on_threads() {
 fn agents_get_the_bodies_of_the_scenario() {
     let scenario = Scenario::parse("the test's scenario", &mixed("rbw", ""), &[]).expect("a legal scenario");
     let (world, _report) = setup::build(&scenario).expect("there is such a world");
-    let told = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
-    let told = cdr::decode(&told).expect("a scenario");
-    let run_info = agent_node::wire::run_info(&told, AgentId(0)).expect("a legal scenario");
+    let message = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
+    let message = cdr::decode(&message).expect("a scenario");
+    let run_info = agent_node::wire::run_info(&message, AgentId(0)).expect("a legal scenario");
     let others = scenario.other_bodies();
     for agent in (0..4).map(AgentId) {
         let (body, model) = (run_info.bodies.of(agent), others.get(&agent).unwrap_or(&scenario.body));

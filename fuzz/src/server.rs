@@ -94,7 +94,7 @@ struct Signing {
     announcement: Bytes,
     joins: Vec<SignedJoin>,
     keys: [Option<SessionKey>; AGENTS as usize],
-    /// The codes that were sent last, by agent: everybody can read them.
+    /// The codes that were sent last, by agent: every node can read them.
     macs: [Bytes; AGENTS as usize],
 }
 

@@ -35,7 +35,7 @@ impl BuiltInControllers {
 }
 
 impl ControllerFactory for BuiltInControllers {
-    fn agent(&self, told: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
+    fn agent(&self, announced: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
         // Whatever the program calls its controller, even if it is the name of one of ours.
         if let Some(agents) = self.agents.as_ref().filter(|agents| agents.is_commanded(agent.0)) {
             return Err(format!(
@@ -47,7 +47,7 @@ impl ControllerFactory for BuiltInControllers {
         let mut words = runs.split(' ');
         let name = words.next().unwrap_or_default();
         let settings: Vec<String> = words.map(str::to_owned).collect();
-        let run_info = wire::run_info(told, agent).map_err(|error| error.to_string())?;
+        let run_info = wire::run_info(announced, agent).map_err(|error| error.to_string())?;
         let controller =
             controllers::build(name, &settings, agent, run_info.agents_seed).map_err(|error| error.to_string())?;
         let successors = Registry::BUILT_IN.successors(agent, runs == run_info.controller_label(), None);

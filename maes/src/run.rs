@@ -36,7 +36,7 @@ pub(crate) const AFTER_HELP: &str = "\
 With faults.on_agent_loss = \"wait\", agent processes that die are started again, each three times.
 
 Exit codes: 0 the run has a result; 1 a failure of the system; 2 bad input; 3 agents were missing at
-the start; 4 an agent was lost; 5 an agent was refused; 130 interrupted, or told to quit.";
+the start; 4 an agent was lost; 5 an agent was refused; 130 interrupted, or stopped by a request.";
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -229,7 +229,7 @@ impl RunArgs {
         }
         if let Some(Ids(ids)) = &self.external {
             let ids: Vec<String> = ids.iter().map(u32::to_string).collect();
-            bail!("--external {}: over memory no other processes take part; leave it out", ids.join(","));
+            bail!("--external {}: over memory there are no other processes; leave it out", ids.join(","));
         }
         if let Some(order) = self.order.and_then(|order| order.to_possible_value()) {
             bail!("--order {}: over memory no processes are started; leave it out", order.get_name());

@@ -24,7 +24,7 @@ pub const PARCEL_BYTES_MAX: usize = 57_344;
 /// Most bytes that a relay keeps.
 pub const RELAY_BYTES_MAX: usize = 4_096;
 
-/// Most relays that an agent can leave behind: their numbers share a field with that of the agent.
+/// Most relays that an agent can deploy: their numbers share a field with that of the agent.
 pub const RELAYS_PER_AGENT_MAX: u32 = 1_024;
 
 /// Most relays that an observation names, those that are nearest.
@@ -33,13 +33,13 @@ pub const RELAYS_TOLD_MAX: usize = 256;
 /// Longest information text of a command, bytes.
 pub const INFO_BYTES_MAX: usize = 1_024;
 
-/// Most way-points of a path.
+/// Most waypoints of a path.
 pub const PATH_POINTS_MAX: usize = 1_024;
 
 /// Most different bodies of a team.
 pub const BODIES_MAX: usize = 256;
 
-/// Bytes on the wire of a point, such as a way-point.
+/// Bytes on the wire of a point, such as a waypoint.
 pub const POINT_BYTES: usize = 24;
 
 /// Bytes on the wire of a parcel beside its data, with padding.
@@ -49,7 +49,7 @@ pub const PARCEL_BYTES_BARE: usize = 16;
 /// rounded up generously.
 pub const MESSAGE_BYTES_BARE: usize = 512;
 
-/// Most bytes that the way-points and the parcels of one command may take together: what fits into
+/// Most bytes that the waypoints and the messages of one command may take together: what fits into
 /// one sample of [`OBSERVATION_BYTES_MAX`] beside the information text and the rest.
 pub const LIST_BYTES_MAX: usize = OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - MESSAGE_BYTES_BARE;
 

@@ -45,7 +45,7 @@ pub struct Body {
 /// A set of map cells, as runs of consecutive cell indices.
 ///
 /// The index of cell (x, y, z) in a map of size (sx, sy, sz) is `(z * sy + y) * sx + x`; a run may
-/// go on into the next row. Runs are disjoint and ascending; both arrays have the same length.
+/// continue into the next row. Runs are disjoint and ascending; both arrays have the same length.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CellRuns {
     /// Index of the first cell of each run.
@@ -54,49 +54,49 @@ pub struct CellRuns {
     pub length: Vec<u16>,
 }
 
-/// What an agent answers to an observation: exactly one for each.
+/// The reply of an agent to an observation: exactly one for each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Command {
-    /// The tick of the observation it answers.
+    /// The tick of the observation it replies to.
     pub tick: u64,
     /// The run of that observation; 0 in a recording.
     pub run: u64,
-    /// Who answers.
+    /// The id of the agent.
     pub agent: u32,
-    /// What the body is to do from now on.
+    /// The task of the body from now on.
     pub task: Task,
-    /// When the LiDAR is to scan.
+    /// The schedule of the LiDAR from now on.
     pub lidar: LidarRequest,
-    /// Whether the next observation shall hold the view of the last scan.
+    /// Whether the next observation has the view of the last scan.
     pub want_view: bool,
-    /// What to send in this tick.
+    /// Messages to send in this tick.
     pub parcels: Vec<Parcel>,
-    /// When to ask again.
+    /// The trigger of the next observation.
     pub wake: Wake,
     /// A text for people, at most 1024 bytes; empty: as before.
     pub info: String,
-    /// Free cells on its map, for the score; 0 if it keeps none.
+    /// Free cells of its map, for the score; 0 if it has none.
     pub known_free: u32,
-    /// Searches for a way that found none, since the start.
+    /// Path searches without a result since the start.
     pub failed_searches: u32,
 }
 
-/// An agent that is heard now, by the communication model of the scenario, or a relay that can be
-/// read and written.
+/// An agent in contact, by the communication model of the scenario, or a relay that can be read and
+/// written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
     /// Its id; from [`Parcel::FIRST_RELAY`] on: a relay.
     pub agent: u32,
-    /// Centre of its body, metres, frame "map"; of an agent, as that believes.
+    /// Centre of its body, metres, frame "map"; of an agent, its estimate.
     pub position: Point,
 }
 
 /// A named number of a result.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counter {
-    /// What was counted.
+    /// The name.
     pub name: String,
-    /// How many.
+    /// The number.
     pub value: u64,
 }
 
@@ -106,7 +106,7 @@ pub struct Counter {
 pub struct Digest {
     /// Sim time of the tick; frame "map".
     pub header: Header,
-    /// The tick the chain has come to.
+    /// The last tick that it covers.
     pub tick: u64,
     /// The chain, a BLAKE3 hash.
     pub digest: [u8; 32],
@@ -120,15 +120,15 @@ pub struct Digest {
 pub struct Intervention {
     /// Sim time.
     pub header: Header,
-    /// The tick before which it was done.
+    /// The tick at whose beginning it takes effect.
     pub tick: u64,
     /// One of the constants.
     pub kind: u8,
-    /// To which agent.
+    /// The id of the agent.
     pub agent: u32,
-    /// Where its centre was put, for `PLACE` and `JOIN`.
+    /// Position of the centre, for `PLACE` and `JOIN`; metres, frame "map".
     pub position: Point,
-    /// Its heading there, for `PLACE` and `JOIN`.
+    /// Heading, for `PLACE` and `JOIN`.
     pub yaw_rad: f64,
 }
 
@@ -143,42 +143,42 @@ impl Intervention {
     pub const JOIN: u8 = 3;
 }
 
-/// An agent's wish to take part, repeated until it is answered on `/sim/join_reply`.
+/// The request of an agent to join a run, repeated until the server replies on `/sim/join_reply`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Join {
-    /// The run of the scenario it has heard; 0 in a recording.
+    /// The run of the scenario it has received; 0 in a recording.
     pub run: u64,
-    /// The id it claims.
+    /// The id it requests.
     pub agent: u32,
-    /// A number that tells this process from any other that claims the same id.
+    /// Identifies this process among those that request the same id.
     pub instance: u64,
-    /// Version of this protocol that it speaks.
+    /// Version of this protocol that it implements.
     pub protocol: u32,
-    /// Name of what it runs.
+    /// Name of its controller, with settings.
     pub controller: String,
-    /// Last tick it has answered, or [`NONE`](Self::NONE).
+    /// Last tick it has replied to, or [`NONE`](Self::NONE).
     pub last_tick: u64,
 }
 
 impl Join {
-    /// `last_tick`: none was answered.
+    /// `last_tick`: it has replied to none.
     pub const NONE: u64 = u64::MAX;
 }
 
-/// The server's answer to a join.
+/// The server's reply to a join.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JoinReply {
     /// The run of the server.
     pub run: u64,
-    /// The id that was claimed.
+    /// The id that was requested.
     pub agent: u32,
-    /// The process that is answered.
+    /// The process whose join this replies to.
     pub instance: u64,
-    /// Whether the agent takes part.
+    /// Whether the agent has joined.
     pub accepted: bool,
-    /// Why not: one of the constants.
+    /// The reason of a refusal: one of the constants.
     pub code: u8,
-    /// Why not, for people; empty if accepted.
+    /// The reason of a refusal, for people; empty if accepted.
     pub reason: String,
     /// With a join secret: random, drawn by the server for this process; otherwise zeros.
     pub nonce: [u8; 32],
@@ -199,13 +199,13 @@ impl JoinReply {
     pub const NOT_IN_RUN: u8 = 2;
     /// `code`: another process holds the id.
     pub const ID_TAKEN: u8 = 3;
-    /// `code`: the process speaks another version of the protocol.
+    /// `code`: the process implements another version of the protocol.
     pub const WRONG_PROTOCOL: u8 = 4;
     /// `code`: the process that is replaced ran another controller.
     pub const OTHER_CONTROLLER: u8 = 5;
     /// `code`: no proof of the join secret, or the process does not sign.
     pub const UNPROVEN: u8 = 6;
-    /// `code`: no refusal. Another process holds the id, and is replaced if it does not answer; the
+    /// `code`: no refusal. Another process holds the id, and is replaced if it does not reply; the
     /// join is to be repeated.
     pub const HELD: u8 = 7;
     /// `code`: a late observation has overtaken earlier ones; the process is to be started again.
@@ -221,7 +221,7 @@ pub struct Lidar {
     pub range_m: f64,
     /// Full opening angle of the cone about the heading; 2 pi: all directions.
     pub fov_rad: f64,
-    /// Ticks between scans if the agent does not ask otherwise.
+    /// Ticks between scans unless the agent requests otherwise.
     pub period_ticks: u32,
 }
 
@@ -245,10 +245,10 @@ impl LidarRequest {
     pub const EVERY: u8 = 3;
 }
 
-/// What an agent learns in a tick it is asked in.
+/// What an agent observes in a tick in which its command is requested.
 ///
-/// A large observation comes in several parts, in order: the first part has all fields, later parts
-/// add cells and parcels to its lists. No part is larger than 60000 bytes.
+/// A large observation is sent in fragments, in order: the first fragment has all fields, later
+/// ones add cells and messages to its lists. No fragment is larger than 60000 bytes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
     /// Sim time of the tick; frame "map".
@@ -257,11 +257,11 @@ pub struct Observation {
     pub tick: u64,
     /// The run it is part of; 0 in a recording.
     pub run: u64,
-    /// Whom this is for.
+    /// The receiver.
     pub agent: u32,
-    /// Number of this part, 0 .. parts - 1.
+    /// Number of this fragment, 0 .. parts - 1.
     pub part: u16,
-    /// How many parts, at least 1.
+    /// Number of fragments, at least 1.
     pub parts: u16,
     /// [`RUNNING`](Self::RUNNING) or [`ENDED`](Self::ENDED).
     pub phase: u8,
@@ -280,11 +280,11 @@ pub struct Observation {
     pub collision: u8,
     /// Whether the collision was with another agent.
     pub collision_with_agent: bool,
-    /// What has happened since the last observation: sum of the constants of [`Wake`].
+    /// Events since the last observation: sum of the constants of [`Wake`].
     pub events: u8,
     /// Agents in contact now, ascending by id.
     pub contacts: Vec<Contact>,
-    /// Parcels arrived since the last observation, by tick, then by sender.
+    /// Messages that have arrived since the last observation, by tick, then by sender.
     pub parcels: Vec<Parcel>,
     /// Tick of the last scan, or [`NEVER`](Self::NEVER).
     pub scan_tick: u64,
@@ -292,7 +292,7 @@ pub struct Observation {
     pub seen_free: CellRuns,
     /// The same for walls.
     pub seen_wall: CellRuns,
-    /// Whether the last command asked for the view and there has been a scan.
+    /// Whether the last command requested the view and there has been a scan.
     pub has_view: bool,
     /// All free cells of the last scan.
     pub view_free: CellRuns,
@@ -301,55 +301,54 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// `phase`: an answer is awaited.
+    /// `phase`: a command is awaited.
     pub const RUNNING: u8 = 0;
-    /// `phase`: the run is over; a last empty command with this tick is the receipt.
+    /// `phase`: the run is over; an empty command with this tick acknowledges it.
     pub const ENDED: u8 = 1;
-    /// `task_status`: nothing to do.
+    /// `task_status`: no task.
     pub const IDLE: u8 = 0;
     /// `task_status`: a task is under way.
     pub const ACTIVE: u8 = 1;
-    /// `collision`: none in the last motion that was tried.
+    /// `collision`: none in the last motion.
     pub const NONE: u8 = 0;
-    /// `collision`: something beside the body.
+    /// `collision`: an obstacle beside the body.
     pub const WALL: u8 = 1;
-    /// `collision`: something below it.
+    /// `collision`: an obstacle below it.
     pub const FLOOR: u8 = 2;
-    /// `collision`: something above it.
+    /// `collision`: an obstacle above it.
     pub const CEILING: u8 = 3;
     /// `scan_tick`: no scan yet.
     pub const NEVER: u64 = u64::MAX;
 }
 
-/// Bytes from one agent to another.
+/// A message from one agent to another.
 ///
-/// The server delivers them in the phase "communicate" of the tick they were sent in, if the
-/// communication model lets the receiver hear the sender then; otherwise they are lost. Radios of a
-/// limited rate send them later, in order. Relays that agents have left behind keep the bytes of
-/// one parcel each.
+/// The server delivers it in the phase "communicate" of the tick in which it was sent, if the two
+/// are in contact then by the communication model; otherwise it is lost. Radios of limited rate
+/// transmit later, in order. A relay that an agent has deployed stores one message.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Parcel {
     /// In a command the receiver (or [`BROADCAST`](Self::BROADCAST)), in an observation the sender.
     pub agent: u32,
-    /// What the bytes are, for accounting; the sender's choice.
+    /// The kind of content, for accounting; chosen by the sender.
     pub kind: u8,
-    /// The bytes: at most 57344, and so is the sum over the parcels of one command; to a relay at
-    /// most 4096.
+    /// The content: at most 57344 bytes, and so is the sum over the messages of one command; to a
+    /// relay at most 4096.
     pub data: SharedBytes,
 }
 
 impl Parcel {
-    /// As receiver: everybody in contact.
+    /// As receiver: all agents in contact.
     pub const BROADCAST: u32 = u32::MAX;
-    /// As receiver: a relay that is left behind where the body is, and keeps the bytes.
+    /// As receiver: a new relay, deployed at the position of the body, which stores the message.
     pub const LEAVE_RELAY: u32 = 4294967294;
-    /// As sender: the server; the bytes are the CDR of the [`Scenario`] that holds from now on.
+    /// As sender: the server; the content is the CDR of the [`Scenario`] that holds from now on.
     pub const SERVER: u32 = 4294967293;
-    /// From here on: a relay, `FIRST_RELAY + 1024 *` the agent that left it `+` its number.
+    /// From here on: a relay, `FIRST_RELAY + 1024 *` the agent that deployed it `+` its number.
     pub const FIRST_RELAY: u32 = 2147483648;
 }
 
-/// How far the run has come.
+/// The progress of a run.
 ///
 /// Fractions are of the free cells of the true map, 0 .. 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -366,24 +365,24 @@ pub struct Progress {
     pub explored_by: Vec<f64>,
     /// The part visited by agent 0, 1, and so on.
     pub covered_by: Vec<f64>,
-    /// Way travelled, metres, by agent 0, 1, and so on.
+    /// Distance travelled, metres, by agent 0, 1, and so on.
     pub distance_m: Vec<f64>,
-    /// The part that is on the map of agent 0, 1, and so on, as it said last.
+    /// The part that is on the map of agent 0, 1, and so on, as last reported.
     pub believed_by: Vec<f64>,
-    /// Pairs of agents that hear each other now.
+    /// Pairs of agents in contact.
     pub pairs_in_contact: u32,
-    /// Bytes of parcels delivered so far.
+    /// Bytes of messages delivered so far.
     pub parcel_bytes: u64,
 }
 
-/// How agents hear each other. What each model assumes: docs/communication.md.
+/// The communication model. What each model assumes: docs/communication.md.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Radio {
     /// "line_of_sight", "range", "line_of_sight_and_range", "global" or "attenuated".
     pub model: String,
-    /// Attenuated: power sent.
+    /// Attenuated: transmit power.
     pub tx_dbm: f64,
-    /// Attenuated: least power that can be received.
+    /// Attenuated: receiver threshold.
     pub threshold_dbm: f64,
     /// Attenuated: loss over the reference distance in the open.
     pub reference_loss_db: f64,
@@ -391,19 +390,19 @@ pub struct Radio {
     pub reference_m: f64,
     /// Attenuated: path loss exponent in the open.
     pub free_exponent: f64,
-    /// Attenuated: path loss exponent of the way inside walls.
+    /// Attenuated: path loss exponent inside walls.
     pub wall_exponent: f64,
-    /// Attenuated: the length that the way inside walls is measured in.
+    /// Attenuated: the unit of length inside walls.
     pub wall_reference_m: f64,
-    /// Probability that a parcel is lost on its way, 0 .. 1.
+    /// Probability that a message is lost, 0 .. 1.
     pub loss: f64,
-    /// What an agent can send in a second; infinity: unlimited.
+    /// Rate of a radio; infinity: unlimited.
     pub bytes_per_s: f64,
-    /// Longest queue of an agent's radio.
+    /// Capacity of the transmit queue of an agent.
     pub queue_bytes: u64,
-    /// Relays that an agent can leave behind.
+    /// Number of relays that each agent can deploy.
     pub relays_per_agent: u32,
-    /// How near a relay in contact has to be to be read and written; infinity: contact is enough.
+    /// Largest distance at which a relay in contact can be read and written; infinity: any.
     pub relay_read_range_m: f64,
 }
 
@@ -414,7 +413,7 @@ pub struct Result {
     pub header: Header,
     /// Fixed updates executed.
     pub tick: u64,
-    /// Why it ended: "explored", "duration", or what ended it early.
+    /// The reason of the end: "explored", "duration", or that of an early end.
     pub reason: String,
     /// The part seen by at least one agent; see [`Progress::explored`].
     pub explored: f64,
@@ -424,60 +423,60 @@ pub struct Result {
     pub explored_by: Vec<f64>,
     /// The part visited by agent 0, 1, and so on.
     pub covered_by: Vec<f64>,
-    /// Way travelled, metres, by agent 0, 1, and so on.
+    /// Distance travelled, metres, by agent 0, 1, and so on.
     pub distance_m: Vec<f64>,
     /// The part that is on the map of agent 0, 1, and so on; see [`Progress::believed_by`].
     pub believed_by: Vec<f64>,
-    /// Decisions, scans, parcels, refusals, and so on.
+    /// Decisions, scans, messages, refusals, and so on.
     pub counters: Vec<Counter>,
     /// The digest of the whole run; see [`Digest`].
     pub digest: [u8; 32],
 }
 
 impl Scenario {
-    /// `run`: none. The server takes the number of the run off what it records, so this is what a
-    /// replay says.
+    /// `run`: none. The server removes the number of the run from what it records, so a replay has
+    /// this.
     pub const NO_RUN: u64 = 0;
 }
 
-/// What an agent may know of the run: neither the map nor the seed it was made from.
+/// What agents may know of the run: neither the map nor its seed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
     /// Version of this protocol, [`limits::PROTOCOL`](crate::limits::PROTOCOL).
     pub protocol: u32,
-    /// A number that tells this run from any other, or [`NO_RUN`](Self::NO_RUN) in a recording.
+    /// Identifies this run, or [`NO_RUN`](Self::NO_RUN) in a recording.
     pub run: u64,
-    /// That of its server's first run: after a reset `run` is another one and `origin` is the same.
+    /// `run` of the first run of this server: a reset changes `run` and keeps `origin`.
     pub origin: u64,
     /// Sim time of one fixed update, nanoseconds.
     pub tick_ns: u64,
-    /// The run ends at this tick at the latest.
+    /// The run ends at this tick, or before.
     pub duration_ticks: u64,
     /// Cells of the map along x, y, z.
     pub size: [u32; 3],
     /// Edge of a cell, metres; the map spans 0 .. size * cell_m, frame "map".
     pub cell_m: f64,
-    /// How many take part: ids 0 .. agents - 1.
+    /// Number of agents: ids 0 .. agents - 1.
     pub agents: u32,
     /// Seed of the agents' random numbers.
     pub agents_seed: u64,
-    /// What an agent runs if it is not told otherwise.
+    /// The controller of agents that are started without another one.
     pub controller: String,
     /// Settings of that controller, each KEY=VALUE; `@IDS:NAME` and `@IDS:KEY=VALUE`, with ids such
     /// as `0-2,4`, for agents that run another one.
     pub settings: Vec<String>,
     /// The different bodies of the team, 1 to [`limits::BODIES_MAX`](crate::limits::BODIES_MAX).
     pub bodies: Vec<Body>,
-    /// Which of them agent 0, 1, and so on has.
+    /// The place in `bodies` of that of agent 0, 1, and so on.
     #[serde(with = "serde_bytes")]
     pub body_of: Vec<u8>,
-    /// What the agents' LiDARs can do.
+    /// The agents' LiDARs.
     pub lidar: Lidar,
-    /// Range of communication, metres; infinity: as far as the line of sight.
+    /// Range of communication, metres; infinity: limited by line of sight alone.
     pub communication_range_m: f64,
-    /// The whole of the communication model.
+    /// The whole communication model.
     pub radio: Radio,
-    /// Ticks between two tellings of what is new on the map to agents in contact; 0: none.
+    /// Ticks between map exchanges with agents in contact; 0: agents only receive.
     pub share_period_ticks: u32,
 }
 
@@ -501,8 +500,7 @@ pub struct SignedJoin {
     /// See [`JoinSecret::prove_join`](crate::signing::JoinSecret::prove_join); zeros without a
     /// secret.
     pub proof: [u8; 32],
-    /// Starts of the process: more than 1 if its start stalled and it has begun again by itself;
-    /// 0: not known.
+    /// Starts of the process: more than 1 if its start stalled and it restarted itself; 0: unknown.
     pub starts: u32,
 }
 
@@ -516,7 +514,7 @@ pub struct SignedObservation {
     pub mac: [u8; 32],
 }
 
-/// What a body does until its next task.
+/// The task of a body, which lasts until another replaces it.
 ///
 /// A task that replaces another starts from rest (a velocity task that replaces a velocity task
 /// continues from the present velocity).
@@ -530,7 +528,7 @@ pub struct Task {
     pub distance_m: f64,
     /// [`TURN`](Self::TURN): positive to the left (counter-clockwise from above), -2 pi .. 2 pi.
     pub angle_rad: f64,
-    /// [`PATH`](Self::PATH): way-points, metres, frame "map"; 1 to 1024.
+    /// [`PATH`](Self::PATH): waypoints, metres, frame "map"; 1 to 1024.
     pub path: Vec<Point>,
     /// [`VELOCITY`](Self::VELOCITY): in the frame of the body (x forward, y left, z up); clamped to
     /// the body.
@@ -540,27 +538,26 @@ pub struct Task {
 }
 
 impl Task {
-    /// Go on with the present task.
+    /// Continue the present task.
     pub const KEEP: u8 = 0;
-    /// End the present task; at rest at once.
+    /// End the present task; the body is at rest at once.
     pub const STOP: u8 = 1;
     /// Go straight along the heading, raised by `pitch_rad`, for `distance_m`.
     pub const MOVE: u8 = 2;
     /// Turn about the vertical by `angle_rad`.
     pub const TURN: u8 = 3;
-    /// Go to each of the way-points in turn: turn towards it, then move straight.
+    /// Visit the waypoints in order: turn towards each, then move straight.
     pub const PATH: u8 = 4;
-    /// Hold a velocity until told otherwise.
+    /// Hold a velocity until the next task.
     pub const VELOCITY: u8 = 5;
 }
 
-/// When an agent wants to be asked again: in tick `at_tick` at the latest, and earlier after any of
-/// the events named.
+/// The trigger of the next observation: tick `at_tick` at the latest, or earlier any of the events.
 ///
-/// Between these ticks the server does not ask it, and does not wait for it.
+/// Until then the server neither sends the agent an observation nor waits for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wake {
-    /// The latest tick; one that is not after the present one means the next one.
+    /// The latest tick; one that is not after the present one stands for the next one.
     pub at_tick: u64,
     /// The events, as the sum of the constants.
     pub events: u8,
@@ -569,13 +566,13 @@ pub struct Wake {
 impl Wake {
     /// The task has ended, by itself or by a collision.
     pub const TASK_DONE: u8 = 1;
-    /// A motion was refused because something is in the way.
+    /// A motion was refused because of an obstacle.
     pub const COLLISION: u8 = 2;
     /// The centre of the body has entered another cell.
     pub const NEW_CELL: u8 = 4;
     /// The set of agents in contact has changed.
     pub const CONTACTS: u8 = 8;
-    /// A parcel has arrived.
+    /// A message has arrived.
     pub const PARCEL: u8 = 16;
     /// An agent is in contact that no observation of this share period has listed. Periods begin at
     /// the multiples of [`Scenario::share_period_ticks`].

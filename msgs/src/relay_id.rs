@@ -6,7 +6,7 @@ use crate::ids::AgentId;
 use crate::limits::RELAYS_PER_AGENT_MAX;
 use crate::maes_msgs::Parcel;
 
-/// A relay that an agent has left behind.
+/// A relay that an agent has deployed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RelayId {
     /// Who left it.

@@ -172,7 +172,7 @@ pub fn join_reply() -> Topic {
     Topic::new::<JoinReply>("/sim/join_reply", Qos::latched(JOIN_REPLY_DEPTH))
 }
 
-/// An agent's wish to take part, as it is recorded; sent as [`signed_join`].
+/// The request of an agent to join, as it is recorded; sent as [`signed_join`].
 pub fn join(agent: AgentId) -> Topic {
     Topic::new::<Join>(format!("/agent_{agent}/join"), Qos::reliable(PROTOCOL_DEPTH))
 }

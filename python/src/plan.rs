@@ -104,13 +104,13 @@ pub(crate) fn execute_plan(
             });
             let handle = |event: Option<Event>| {
                 Python::attach(|py| {
-                    let told = match event {
+                    let outcome = match event {
                         None => Ok(()),
                         Some(Event::Started { pending }) => report.call1(py, ("started", pending)).map(drop),
                         Some(Event::Completed { id }) => report.call1(py, ("completed", id)).map(drop),
                         Some(Event::Failed { id, reason }) => report.call1(py, ("failed", id, reason)).map(drop),
                     };
-                    let Err(error) = told.and_then(|()| py.check_signals()) else { return };
+                    let Err(error) = outcome.and_then(|()| py.check_signals()) else { return };
                     stop.soon.store(true, Ordering::Relaxed);
                     stop.at_once.store(true, Ordering::Relaxed);
                     let error = interrupt_controllers(py).err().unwrap_or(error);

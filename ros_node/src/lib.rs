@@ -7,7 +7,7 @@
 //!
 //! Invariants: publishing returns at once, whatever readers do: a message that cannot be sent is
 //! counted, reported and dropped, because the protocol resends. This crate answers the parameter
-//! services itself, and the simulation protocol alone tells which processes have joined.
+//! services itself, and the simulation protocol alone shows which processes have joined.
 
 mod action;
 mod blocking_publisher;

@@ -70,7 +70,7 @@ mod tests {
 
     use super::*;
 
-    /// The kernel tells packets to another address of the machine from those to a loopback address,
+    /// The kernel distinguishes packets to another address of the machine from those to loopback,
     /// whoever sent them.
     #[test]
     fn confined_sockets_do_not_see_other_addresses() {

@@ -176,8 +176,8 @@ impl ProcessGuard {
         let phase = AtomicU8::new(Phase::Starting as u8);
         let shared = Arc::new(Shared { phase, memory_exceeded: AtomicBool::new(false) });
         let watch = Watch { limits, starts, since: now(), phase: Phase::Starting };
-        let watched = Arc::clone(&shared);
-        thread::Builder::new().name("process_guard".to_owned()).spawn(move || watch.run(&watched, &stop))?;
+        let guarded = Arc::clone(&shared);
+        thread::Builder::new().name("process_guard".to_owned()).spawn(move || watch.run(&guarded, &stop))?;
         Ok(Self { shared, starts })
     }
 
@@ -197,7 +197,7 @@ impl ProcessGuard {
         self.enter(Phase::ShuttingDown);
     }
 
-    /// Whether this process was told to stop because of its memory.
+    /// Whether this process is stopping because of its memory.
     #[must_use]
     pub fn memory_exceeded(&self) -> bool {
         self.shared.memory_exceeded.load(Ordering::Relaxed)
@@ -309,12 +309,12 @@ pub fn stall() -> ! {
     }
 }
 
-/// The resident memory of this process, if the system tells it.
+/// The resident memory of this process, if the system reports it.
 fn resident_bytes() -> Option<u64> {
     bytes_in(&fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
 }
 
-/// The memory of the machine or of the control group, whichever is smaller, if the system tells it.
+/// The memory of the machine or of the control group, whichever is smaller, if the system reports it.
 fn memory_of_machine() -> Option<u64> {
     let total = bytes_in(&fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")?;
     let group = fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|limit| limit.trim().parse().ok());

@@ -1,4 +1,4 @@
-//! Type hashes of messages, by which ROS 2 tells whether two sides mean the same by a type.
+//! Type hashes of messages, by which ROS 2 checks that two sides mean the same type.
 //!
 //! REP-2016, version RIHS01: SHA-256 of the description of a type and of all types that it refers
 //! to, as JSON in one form. The descriptions follow from the `.msg` and `.srv` files alone: names

@@ -151,7 +151,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let policy = join_policy(args)?;
     if let Some(agent) = policy.external.iter().find(|agent| agent.0 >= scenario.agents.count) {
         let last = scenario.agents.count - 1;
-        anyhow::bail!("--external {agent}: agent {agent} does not take part: ids are 0 to {last}");
+        anyhow::bail!("--external {agent}: agent {agent} is not in the run: ids are 0 to {last}");
     }
     let name = source.display().to_string();
     let job = Job { name, scenario: &scenario, resumed: resumed.as_ref(), summary, profile, policy };

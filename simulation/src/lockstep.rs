@@ -2,7 +2,7 @@
 //! barrier of a tick.
 //!
 //! Three pure state machines. [`Membership`] leases each agent id to one process.
-//! [`Trigger`](msgs::trigger::Trigger) tells whether an agent is due. [`Barrier`] collects the
+//! [`Trigger`](msgs::trigger::Trigger) says whether an agent is due. [`Barrier`] collects the
 //! replies of one tick.
 //!
 //! Invariants: an id belongs to one process at a time; the barrier of a tick is complete exactly

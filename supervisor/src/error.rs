@@ -11,7 +11,7 @@ pub enum SupervisorError {
     #[error("a run is under way in ROS domain {0}; choose another ROS_DOMAIN_ID")]
     DomainTaken(String),
     /// An external agent that the team does not have.
-    #[error("--external {agent}: agent {agent} does not take part: ids are 0 to {}", count - 1)]
+    #[error("--external {agent}: agent {agent} is not in the run: ids are 0 to {}", count - 1)]
     UnknownExternal { agent: u32, count: u32 },
     /// External agents are processes of their own, so the others have to be, too.
     #[error("--agents-per-process {0}: expected 1 if some agents are external, or have a program of their own")]

@@ -25,7 +25,7 @@ use crate::{SupervisorError, outside};
 /// Restarts of each agent process before it is given up.
 pub const RESTARTS_MAX: u32 = 3;
 
-/// Exit code of an agent process that cannot take part: an argument, a controller, a setting.
+/// Exit code of an agent process that cannot join: an argument, a controller, a setting.
 const AGENT_BAD_INPUT: u8 = 2;
 
 /// Exit code of an agent process that the server has refused, because another one has its id.
@@ -92,7 +92,7 @@ pub struct RemoteHosts {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ended {
     /// 0: the run has a result; 1: a failure of the system; 2: bad input; 3: agents were missing at
-    /// the start; 4: an agent was lost; 5: an agent was refused; 130: interrupted, or told to quit;
+    /// the start; 4: an agent was lost; 5: an agent was refused; 130: interrupted, or stopped by a request;
     /// that of the server if a signal has ended it.
     pub code: u8,
     /// What the server says of the run, if it has a result.
@@ -347,7 +347,7 @@ impl Supervision<'_> {
         Ok(())
     }
 
-    /// Agents that cannot take part end the run, unless other ones have taken their place; about
+    /// Agents that cannot join end the run, unless others have taken their place; about
     /// agents that die the server decides.
     fn agents_ended(&mut self, group: Group, code: u8) -> Result<(), SupervisorError> {
         let is_awaited = self.run.scenario.faults.on_agent_loss == OnAgentLoss::Wait;

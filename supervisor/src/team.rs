@@ -55,7 +55,7 @@ impl Team {
     /// Whether the team can run this scenario.
     ///
     /// # Errors
-    /// If an external agent does not take part, or would share a process.
+    /// If an external agent is not in the run, or would share a process.
     pub fn check(&self, scenario: &Scenario) -> Result<(), SupervisorError> {
         let count = scenario.agents.count;
         if let Some(&agent) = self.external.iter().find(|&&agent| agent >= count) {
@@ -206,7 +206,7 @@ mod tests {
         let team = Team { external: BTreeSet::from([1]), ..Team::default() };
         assert_eq!(ids(&team, "count = 4\ncmd_vel = [3]"), [(0, 0), (2, 2)]);
         let error = team.check(&scenario("count = 1")).unwrap_err();
-        assert_eq!(error.to_string(), "--external 1: agent 1 does not take part: ids are 0 to 0");
+        assert_eq!(error.to_string(), "--external 1: agent 1 is not in the run: ids are 0 to 0");
         let shared = Team { per_process: NonZero::new(2), ..Team::default() };
         assert!(shared.check(&scenario("count = 4")).is_ok());
         let error = shared.check(&scenario("count = 4\ncmd_vel = [3]")).unwrap_err();

@@ -148,7 +148,7 @@ impl Process {
             panic!("does not end: {:#?}\n{}", self.family(), self.story());
         };
         let left = self.family();
-        assert!(left.is_empty(), "left behind: {left:#?}\n{}", self.story());
+        assert!(left.is_empty(), "left: {left:#?}\n{}", self.story());
         Ended { code: status.code(), stdout: self.stdout.all(), stderr: self.stderr.all() }
     }
 

@@ -60,8 +60,8 @@ test("plays one recording and two", async ({ page, servers }) => {
 
 test("plays an exported recording", async ({ page, servers }) => {
   const folder = join(temporaryFolder(), "exported one");
-  const told = await servers.export(folder, recording("cave"));
-  const query = new URL(told.at(-1)!).search;
+  const output = await servers.export(folder, recording("cave"));
+  const query = new URL(output.at(-1)!).search;
   const troubles = troublesOf(page);
   const address = await servers.folder(folder);
   await shown.openWhole(page, address);
@@ -80,8 +80,8 @@ test("plays an exported recording", async ({ page, servers }) => {
 
 test("plays two exported recordings", async ({ page, servers }) => {
   const folder = join(mkdtempSync(join(temporaryFolder(), "exported-")), "two");
-  const told = await servers.export(folder, recording("cave"), recording("radio"));
-  expect(told.at(-1)).toContain("?recording=recording/cave.mcap&beside=beside/radio.mcap");
+  const output = await servers.export(folder, recording("cave"), recording("radio"));
+  expect(output.at(-1)).toContain("?recording=recording/cave.mcap&beside=beside/radio.mcap");
   const troubles = troublesOf(page);
   await page.goto(await servers.folder(folder));
   const [cave, radio] = await sidesOf(page);

@@ -8,7 +8,7 @@
 
 use crate::{Cell, FACES, Grid, Terrain};
 
-/// Distance beyond which distances are not told apart, in cells.
+/// Distance beyond which distances are not distinguished, in cells.
 pub const REACH_CELLS: i32 = 8;
 
 /// The square of a distance of [`REACH_CELLS`] or more, in half cells.

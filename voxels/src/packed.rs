@@ -129,7 +129,7 @@ pub enum PackedError {
         length: usize,
     },
     /// The runs cover more cells than the map has.
-    #[error("byte {byte}: the runs do not end with the map, {left} of {runs} are left behind its last cell")]
+    #[error("byte {byte}: the runs do not end with the map, {left} of {runs} are left after its last cell")]
     Runs {
         /// Offset of the codes of their kind, bytes.
         byte: usize,

@@ -2,7 +2,7 @@
 //! that may change.
 //!
 //! Teams ask for the same pairs of points in each tick while the points move by a few hundredths of
-//! a cell, so a walk ([`crate::traverse`]) also tells a *slack*, a length by which both ends can
+//! a cell, so a walk ([`crate::traverse`]) also yields a *slack*, a length by which both ends can
 //! move without changing the answer. If neither end of a segment moves by more than a length, none
 //! of its points does (each point is a mean of the ends). So there stays
 //!

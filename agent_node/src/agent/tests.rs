@@ -318,8 +318,8 @@ fn controllers_messages_have_priority_in_the_budget() {
     assert_eq!(message_budget(&command), LIST_BYTES_MAX - 24_000 - 10_016);
 }
 
-/// The observation of a tick in which the server tells of this controller.
-fn told(tick: u64, controller: &str) -> Part {
+/// The observation of a tick in which the server announces this controller.
+fn change_of_controller(tick: u64, controller: &str) -> Part {
     let scenario = maes_msgs::Scenario {
         size: [4, 4, 4],
         cell_m: 1.0,
@@ -349,13 +349,13 @@ fn another_controller_takes_over_at_once_and_keeps_the_map() {
     };
     assert_eq!(distance_m(&mut agent, part(3, Part::RUNNING)), 1.0);
     // The controller of this run is called "": nothing changes.
-    assert_eq!(distance_m(&mut agent, told(4, "")), 2.0);
-    assert_eq!(distance_m(&mut agent, told(5, "other")), 101.0);
+    assert_eq!(distance_m(&mut agent, change_of_controller(4, "")), 2.0);
+    assert_eq!(distance_m(&mut agent, change_of_controller(5, "other")), 101.0);
     assert_eq!(agent.map().free(), 3, "what was learned stays");
     assert_eq!(distance_m(&mut agent, part(6, Part::RUNNING)), 102.0);
     let foreign = Part {
-        parcels: vec![maes_msgs::Parcel { data: vec![1, 2].into(), ..told(7, "").parcels[0].clone() }],
-        ..told(7, "")
+        parcels: vec![maes_msgs::Parcel { data: vec![1, 2].into(), ..change_of_controller(7, "").parcels[0].clone() }],
+        ..change_of_controller(7, "")
     };
     assert!(agent.take(foreign).unwrap_err().to_string().contains("expected a scenario with the team and the map"));
 }

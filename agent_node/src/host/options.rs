@@ -67,7 +67,7 @@ pub enum RunError {
         reason: String,
     },
     /// The server has withdrawn its acceptance, because a late observation has overtaken earlier
-    /// ones: a new process can take part.
+    /// ones: a new process can join.
     #[error("agent {agent} has lost its place in the observation log: {reason}")]
     Overtaken {
         /// The agent.

@@ -45,7 +45,7 @@ pub(super) fn copies(receivers: usize, contacts: &[Contact]) -> usize {
     if is_broadcast(receivers, contacts) { 1 } else { receivers }
 }
 
-/// Whether there are so many contacts that their knowledge is not told apart.
+/// Whether there are so many contacts that their knowledge is not distinguished.
 pub(super) fn is_crowd(contacts: &[Contact]) -> bool {
     contacts.len() > ADDRESSED_MAX
 }

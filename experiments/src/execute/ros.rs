@@ -109,14 +109,14 @@ impl Launcher {
             return Err(RunFailure::Failed("the server has written no summary".to_owned()));
         };
         let info = info::read(&recording).map_err(|error| failed(&error))?;
-        let Info { announced: Some(told), result: Some(result), progress, statuses, .. } = info else {
+        let Info { announced: Some(scenario), result: Some(result), progress, statuses, .. } = info else {
             return Err(RunFailure::Failed("the recording has no end".to_owned()));
         };
         let wall = measure::wall_row(Tick(result.tick), summary.wall(), &[], &machine());
         let mut stages = StageTimes::default();
         statuses.iter().for_each(|command| stages.note(command));
         let (stages, progress, result) = (&stages, &progress, &result);
-        Ok(measure::record(run, Trace { size: told.size, progress, result, stages, seen_again: None, wall }))
+        Ok(measure::record(run, Trace { size: scenario.size, progress, result, stages, seen_again: None, wall }))
     }
 }
 

@@ -24,7 +24,7 @@ pub struct LogRank {
 
 impl LogRank {
     /// The statistic of independent samples, chi-squared with one degree of freedom; 0 if no time
-    /// tells the samples apart.
+    /// distinguishes the samples.
     #[must_use]
     pub fn chi_squared(&self) -> f64 {
         if self.variance > 0.0 { self.observed_less_expected.powi(2) / self.variance } else { 0.0 }

@@ -129,10 +129,10 @@ mod tests {
         ] {
             fs::write(path(name), text).unwrap();
         }
-        let told = export(&path("out/it's"), &path("page"), &path("a.mcap"), Some(&path("b c.mcap"))).unwrap();
+        let output = export(&path("out/it's"), &path("page"), &path("a.mcap"), Some(&path("b c.mcap"))).unwrap();
         let query = "recording=recording/a.mcap&beside=beside/recording.mcap";
-        assert_eq!(told[2], format!("http://127.0.0.1:8000/?{query}"));
-        assert!(told[1].ends_with("/out/it's\""), "{}", told[1]);
+        assert_eq!(output[2], format!("http://127.0.0.1:8000/?{query}"));
+        assert!(output[1].ends_with("/out/it's\""), "{}", output[1]);
         let read = |name: &str| fs::read_to_string(path("out/it's").join(name)).unwrap();
         assert_eq!(read("assets/page.js"), "code");
         assert_eq!(read("recording/a.mcap"), "one");

@@ -1,7 +1,7 @@
 //! Where the socket of a server is found, and who is at the other end of a connection.
 //!
 //! Invariant: both ends belong to the same user. The address is a name without a file (an abstract
-//! one), so that nothing is left behind by a process that is killed; only Linux has those.
+//! one), so that a killed process leaves nothing; only Linux has those.
 
 use std::io;
 use std::os::unix::net::{UnixListener, UnixStream};

@@ -2,8 +2,8 @@
 //!
 //! `ZENOH_SESSION_CONFIG_URI` names a file, `ZENOH_CONFIG_OVERRIDE` changes single values, and
 //! `ZENOH_ROUTER_CHECK_ATTEMPTS` says how often to look for a router. Without a file the settings
-//! are the defaults of `rmw_zenoh`: a peer that connects to the router of this machine, which tells
-//! it of the others, and that others of this machine connect to.
+//! are the defaults of `rmw_zenoh`: a peer that connects to the router of this machine, by which
+//! it finds the others, and that others of this machine connect to.
 
 use ::zenoh::Config;
 

@@ -101,7 +101,7 @@ impl SimulationControl {
         }
     }
 
-    /// Drops pending steps and tells their caller why.
+    /// Drops pending steps and reports the reason to their caller.
     pub fn end_steps(&mut self, reason: &str) {
         self.machine.end_steps();
         if let Some(step_caller) = self.step_caller.take() {

@@ -207,7 +207,7 @@ impl Hub {
         }
     }
 
-    /// Tells all clients the time.
+    /// Sends the time to all clients.
     pub(super) fn broadcast_time(&self, tick: Tick) {
         let time = Message::from(&Time::new(tick.time_ns()));
         self.state().clients.values().for_each(|client| client.outbox.publish(time.clone()));

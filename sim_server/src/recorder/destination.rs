@@ -3,7 +3,7 @@
 //! Invariants: a recording replaces nothing but a recording or an empty file, and keeps its mode;
 //! it is never written through a symbolic link, nor into a device or a FIFO. Until it is published
 //! it has a temporary name beside the final one, and it is locked as long as its process lives, so
-//! that a later run can tell a file that was left behind from one that is being written.
+//! that a later run can distinguish an abandoned file from one that is being written.
 //!
 //! This module does not write the content.
 
@@ -55,7 +55,7 @@ impl Destination {
             match handle.try_lock() {
                 // Another process has taken the new file for abandoned.
                 Err(TryLockError::WouldBlock) => continue,
-                // Without locks the file only cannot be told from one in use.
+                // Without locks the file only looks like one in use.
                 Ok(()) | Err(TryLockError::Error(_)) => {}
             }
             if is_at(&handle.metadata()?, &temporary) {

@@ -147,7 +147,7 @@ impl WaitContext<'_, '_> {
 
 /// The sessions of all agents of a run.
 pub(super) struct AgentSessions {
-    /// Tells messages of this run from those of any other. Neither the recording nor the digest
+    /// Distinguishes messages of this run from those of others. Neither the recording nor the digest
     /// holds it.
     start: RunStart,
     agents: u32,

@@ -1,5 +1,5 @@
-//! The configuration of a run: its scenario, its mode, and the identity that tells it from other
-//! runs.
+//! The configuration of a run: its scenario, its mode, and the identity that distinguishes it from
+//! other runs.
 
 use std::collections::BTreeSet;
 use std::fmt;

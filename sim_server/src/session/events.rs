@@ -71,7 +71,7 @@ impl Session<'_, '_> {
         sessions.shut_down(tick, &last, SHUTDOWN_TIMEOUT, &mut context)
     }
 
-    /// Lets another scenario hold from now on. The agents are told; those whose controller or its
+    /// Lets another scenario hold from now on. The agents receive it; those whose controller or its
     /// settings change hand over their bodies and LiDARs, and are due.
     fn change(&mut self, scenario: Scenario) {
         let engine = &mut self.engine;

@@ -14,7 +14,7 @@ pub enum Refusal {
         topic: AgentId,
     },
     /// The id is not one of the run's.
-    #[error("agent {agent} does not take part: ids are 0 .. {agents}")]
+    #[error("agent {agent} is not in the run: ids are 0 .. {agents}")]
     UnknownAgent {
         /// The requested id.
         agent: AgentId,

@@ -120,7 +120,7 @@ impl CommunicationSection {
         }
     }
 
-    /// The message that tells agents about their radios.
+    /// The message that describes their radios to agents.
     #[must_use]
     pub fn message(&self) -> maes_msgs::Radio {
         let PathLoss {

@@ -171,7 +171,7 @@ pub enum Peer {
     /// A relay that is deployed at the position of the agent and stores the content (as a receiver
     /// only).
     NewRelay,
-    /// The server, which tells an agent of the scenario that holds from now on (as a sender only).
+    /// The server, which sends the scenario that holds from now on (as a sender only).
     Server,
 }
 

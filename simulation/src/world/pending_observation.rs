@@ -60,7 +60,7 @@ impl PendingObservation {
         true
     }
 
-    /// Adds what the server tells the agent: no event, and outside the capacity of the inbox.
+    /// Adds a message of the server to the agent: no event, and outside the capacity of the inbox.
     pub(super) fn tell(&mut self, message: AgentMessage) {
         self.messages.push(message);
     }

@@ -1,4 +1,4 @@
-//! The process on a host: starts agents as the supervisor says, and tells it what they print and
+//! The process on a host: starts agents as the supervisor says, and reports what they print and
 //! how they end.
 //!
 //! No agent outlives it: at the end of its input it ends them, and if it is killed, Linux kills

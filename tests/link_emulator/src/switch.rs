@@ -158,7 +158,7 @@ fn is_group(address: &[u8; 6]) -> bool {
 mod tests {
     use super::*;
 
-    const EVERYBODY: u8 = 0xff;
+    const BROADCAST: u8 = 0xff;
 
     fn ms(milliseconds: u64) -> Duration {
         Duration::from_millis(milliseconds)
@@ -176,10 +176,10 @@ mod tests {
     #[test]
     fn frames_arrive_after_the_delay_at_the_ports_of_their_address() {
         let mut switch = Switch::new(Link { delay: ms(5), ..Link::default() }, 3);
-        switch.take(ms(0), 0, &frame(EVERYBODY, 1, 0));
+        switch.take(ms(0), 0, &frame(BROADCAST, 1, 0));
         assert_eq!(switch.arrived(ms(4)), None);
         assert_eq!(switch.next_arrival(), Some(ms(5)));
-        assert_eq!(switch.arrived(ms(5)), Some((vec![1, 2], frame(EVERYBODY, 1, 0))));
+        assert_eq!(switch.arrived(ms(5)), Some((vec![1, 2], frame(BROADCAST, 1, 0))));
         // An unknown address goes everywhere, a known one to its port.
         switch.take(ms(6), 2, &[&[0, 0, 0, 0, 0, 9][..], &[0, 0, 0, 0, 0, 3], &[0; 6]].concat());
         assert_eq!(switch.arrived(ms(11)).map(|(ports, _)| ports), Some(vec![0, 1]));
@@ -194,7 +194,7 @@ mod tests {
         let run = || {
             let mut switch = Switch::new(link.clone(), 2);
             for number in 0..10_000_u32 {
-                switch.take(Duration::from_micros(100) * number, 0, &frame(EVERYBODY, 1, (number % 256) as u8));
+                switch.take(Duration::from_micros(100) * number, 0, &frame(BROADCAST, 1, (number % 256) as u8));
             }
             (switch.counts(), numbers(&mut switch, ms(10_000)))
         };
@@ -211,7 +211,7 @@ mod tests {
         let outage = Some(Outage { after_frames: 2, lasts: ms(100) });
         let mut switch = Switch::new(Link { outage, ..Link::default() }, 2);
         for (number, at) in [(0, 0), (1, 10), (2, 20), (3, 119), (4, 120)] {
-            switch.take(ms(at), 0, &frame(EVERYBODY, 1, number));
+            switch.take(ms(at), 0, &frame(BROADCAST, 1, number));
         }
         assert_eq!(numbers(&mut switch, ms(200)), [0, 1, 4]);
         assert_eq!(switch.counts().cut, 2);
@@ -221,7 +221,7 @@ mod tests {
     fn frames_on_their_way_are_bounded_and_short_ones_ignored() {
         let mut switch = Switch::new(Link { delay: ms(1), ..Link::default() }, 2);
         for _ in 0..=QUEUE_MAX {
-            switch.take(ms(0), 0, &frame(EVERYBODY, 1, 0));
+            switch.take(ms(0), 0, &frame(BROADCAST, 1, 0));
         }
         assert_eq!(switch.counts().dropped, 1);
         switch.take(ms(0), 0, &[0; 11]);

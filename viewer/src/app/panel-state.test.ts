@@ -16,7 +16,7 @@ function progress(timeS: number, explored: number): Progress {
   };
 }
 
-const TOLD = [progress(0, 0), progress(10, 0.2), progress(20, 0.4)];
+const PROGRESS = [progress(0, 0), progress(10, 0.2), progress(20, 0.4)];
 const RESULT: Result = {
   ...progress(24.5, 1),
   tick: 1225,
@@ -27,7 +27,7 @@ const RESULT: Result = {
 
 describe("progress", () => {
   it("is the last one published", () => {
-    const run = { progress: TOLD, result: RESULT };
+    const run = { progress: PROGRESS, result: RESULT };
     expect(progressAt(run, 9.99)?.timeS).toBe(0);
     expect(progressAt(run, 10)?.timeS).toBe(10);
     expect(progressAt(run, 24)?.timeS).toBe(20);
@@ -37,13 +37,13 @@ describe("progress", () => {
 
   it("columns end with the result, once", () => {
     const setup = { agents: 2 } as never;
-    const [times, explored, covered, ...agents] = progressColumns({ progress: TOLD, result: RESULT, setup });
+    const [times, explored, covered, ...agents] = progressColumns({ progress: PROGRESS, result: RESULT, setup });
     expect(times).toEqual([0, 10, 20, 24.5]);
     expect(explored).toEqual([0, 0.2, 0.4, 1]);
     expect(covered!.at(-1)).toBe(0.1);
     expect(agents.map((column) => column.at(-1))).toEqual([1 / 2, 1 / 3]);
-    const toldAtEnd = [...TOLD, progress(24.5, 1)];
-    expect(progressColumns({ progress: toldAtEnd, result: RESULT, setup })[0]).toEqual([0, 10, 20, 24.5]);
+    const progressToEnd = [...PROGRESS, progress(24.5, 1)];
+    expect(progressColumns({ progress: progressToEnd, result: RESULT, setup })[0]).toEqual([0, 10, 20, 24.5]);
   });
 });
 

@@ -11,7 +11,7 @@ import { CellSet } from "./cell-set.ts";
 import { packedMap, isPacked } from "./packed-map.ts";
 import { UnreadableError } from "./run.ts";
 
-/** Reads the map of an attachment; its name tells the format. */
+/** Reads the map of an attachment; its name gives the format. */
 export function readMap(name: string, bytes: Uint8Array): CellMap {
   if (name.endsWith(".txt")) {
     return textMap(new TextDecoder().decode(bytes));

@@ -15,7 +15,7 @@ export interface Graphics {
 export function openGraphics(antialias: boolean): Graphics | null {
   const graphics = contextOf(document.createElement("canvas"), antialias);
   if (graphics === null || antialias || graphics.isSoftware) return graphics;
-  // Only a context tells what renders it. A second one costs little on a GPU, and much in software.
+  // Only a context shows what renders it. A second one costs little on a GPU, and much in software.
   graphics.context.getExtension("WEBGL_lose_context")?.loseContext();
   return contextOf(document.createElement("canvas"), true);
 }

@@ -80,7 +80,7 @@ fn errors_name_the_byte() {
     assert_eq!(with(32, 17), "byte 32: the number of runs is 17, allowed is 0 to 16, the number of cells");
     assert!(with(32, 16).contains("is not a code of order"));
     assert!(with(32, 0).contains("do not fill their"), "{}", with(32, 0));
-    assert!(with(12, 3).contains("left behind its last cell"), "{}", with(12, 3));
+    assert!(with(12, 3).contains("left after its last cell"), "{}", with(12, 3));
     let mut damaged = bytes.clone();
     damaged[end - 1] ^= 1;
     assert!(message(&damaged).contains("the file is damaged"));

@@ -163,7 +163,7 @@ impl Params {
 
 impl ToursParams {
     /// Takes the parameters from settings of the same names, times in seconds; `explores` and
-    /// `relocates` choose the parts that take part.
+    /// `relocates` choose the parts that are active.
     pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
         Ok(Self {
             auction: AuctionParams::from_settings(settings)?,

@@ -22,7 +22,7 @@ const UNPROVEN: &str = "does not prove the join secret of this run; expected the
 const UNSIGNED: &str = "comes from a process that does not sign its commands; a foreign node needs \
                         --external with this id, or agents.command_signs = false for agents.command";
 
-/// What a process that holds an id was told.
+/// What a process that holds an id was sent.
 struct Grant {
     source: SourceId,
     /// The join that was granted.

@@ -201,7 +201,7 @@ impl AgentSessions {
         true
     }
 
-    /// Tells a process that the id it joins with is held for now.
+    /// Replies to a process that the id it joins with is held for now.
     fn reply_held(&mut self, source: SourceId, signed: &SignedJoin, context: &mut WaitContext<'_, '_>) {
         let Join { run, agent, instance, .. } = signed.join;
         let reason = format!("agent {agent} is held by another process, which is replaced if it does not answer");

@@ -61,7 +61,7 @@ struct Pair {
     /// The decision holds up to these readings of the two odometers, metres.
     holds_until_m: [f64; 2],
     /// Sum of the two odometers up to which a line of sight has been found to have no slack,
-    /// metres: searching for it again would be in vain.
+    /// metres: another search would find none.
     tight_until_m: f64,
     /// Walls that were found between the two.
     walls: Option<WallBox>,

@@ -112,7 +112,7 @@ impl Viewpoints {
         }
     }
 
-    /// The tasks of some regions, those that add most first. `is_unproductive` tells viewpoints
+    /// The tasks of some regions, those that add most first. `is_unproductive` names viewpoints
     /// from which a scan did not show what was expected.
     pub(super) fn tasks(
         &mut self,
