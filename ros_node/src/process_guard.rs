@@ -314,7 +314,8 @@ fn resident_bytes() -> Option<u64> {
     bytes_in(&fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
 }
 
-/// The memory of the machine or of the control group, whichever is smaller, if the system reports it.
+/// The memory of the machine or of the control group, whichever is smaller, if the system reports
+/// it.
 fn memory_of_machine() -> Option<u64> {
     let total = bytes_in(&fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")?;
     let group = fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|limit| limit.trim().parse().ok());

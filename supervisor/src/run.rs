@@ -92,8 +92,8 @@ pub struct RemoteHosts {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ended {
     /// 0: the run has a result; 1: a failure of the system; 2: bad input; 3: agents were missing at
-    /// the start; 4: an agent was lost; 5: an agent was refused; 130: interrupted, or stopped by a request;
-    /// that of the server if a signal has ended it.
+    /// the start; 4: an agent was lost; 5: an agent was refused; 130: interrupted, or stopped by a
+    /// request; that of the server if a signal has ended it.
     pub code: u8,
     /// What the server says of the run, if it has a result.
     pub summary: Option<Summary>,

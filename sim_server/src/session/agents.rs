@@ -147,8 +147,8 @@ impl WaitContext<'_, '_> {
 
 /// The sessions of all agents of a run.
 pub(super) struct AgentSessions {
-    /// Distinguishes messages of this run from those of others. Neither the recording nor the digest
-    /// holds it.
+    /// Distinguishes messages of this run from those of others. Neither the recording nor the
+    /// digest holds it.
     start: RunStart,
     agents: u32,
     membership: Membership,

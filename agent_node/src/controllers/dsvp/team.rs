@@ -62,7 +62,8 @@ pub(super) struct TeamParams {
     /// The urgency and the time of a leg for aerial bodies, which need not turn.
     pub(super) aerial_urgency: f64,
     pub(super) aerial_leg_s: f64,
-    /// How long an agent has a part in divisions after it should have been at its last known goal, seconds.
+    /// How long an agent has a part in divisions after it should have been at its last known goal,
+    /// seconds.
     pub(super) memory_s: f64,
 }
 
