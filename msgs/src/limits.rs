@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn the_msg_files_state_the_same_limits() {
         let states = |definition: &str, words: String| assert!(definition.contains(&words), "{words}");
-        states(Observation::TYPE.definition, format!("No part is larger than {OBSERVATION_BYTES_MAX} bytes."));
+        states(Observation::TYPE.definition, format!("No fragment is larger than {OBSERVATION_BYTES_MAX} bytes."));
         states(Parcel::TYPE.definition, format!("at most {PARCEL_BYTES_MAX} bytes"));
         states(Parcel::TYPE.definition, format!("to a relay at most {RELAY_BYTES_MAX}"));
         states(Parcel::TYPE.definition, format!("FIRST_RELAY + {RELAYS_PER_AGENT_MAX} *"));
