@@ -37,7 +37,11 @@ describe("progress", () => {
 
   it("columns end with the result, once", () => {
     const setup = { agents: 2 } as never;
-    const [times, explored, covered, ...agents] = progressColumns({ progress: PROGRESS, result: RESULT, setup });
+    const [times, explored, covered, ...agents] = progressColumns({
+      progress: PROGRESS,
+      result: RESULT,
+      setup,
+    });
     expect(times).toEqual([0, 10, 20, 24.5]);
     expect(explored).toEqual([0, 0.2, 0.4, 1]);
     expect(covered!.at(-1)).toBe(0.1);
