@@ -11,10 +11,10 @@
 //!    other knows the journal of that one as far as needed, whoever it has that from. An update
 //!    names all who lack its cells.
 //! 3. A *completion* says how many updates the other was sent since the summary. If none of them
-//!    was lost, nor the summary, it now
-//!    knows the journal up to the summary, and whatever the summary says: the journal has that,
-//!    too. It does not if the own sensor contradicts a report ([`ExplorationMap::contradictions`]
-//!    and [`ExplorationMap::corrections`]); the summary says so, and is not taken over then.
+//!    was lost, nor the summary, it now knows the journal up to the summary, and whatever the
+//!    summary says: the journal has that, too. It does not if the own sensor contradicts a report
+//!    ([`ExplorationMap::contradictions`] and [`ExplorationMap::corrections`]); the summary says
+//!    so, and is not taken over then.
 //!
 //! **Deputies.** What several agents know that are in contact with each other and with a third one,
 //! one of them sends: a summary lists its receivers as well, so each sees whom it can leave a
@@ -493,7 +493,7 @@ fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
     let completion = |(until, receivers): (usize, Vec<_>)| Completion::new(&receivers, position(until), position_known);
     let completions: Vec<Completion> = completed.into_iter().map(completion).collect();
     for completion in completions {
-        let agents: Vec<AgentId> = completion.receivers.iter().map(|completed| completed.receiver).collect();
+        let agents = completion.agents();
         if outbox.send(&agents, map_message::encode_completion(&completion).into()) {
             agents.iter().for_each(|&agent| peer(peers, agent).is_open = false);
         }

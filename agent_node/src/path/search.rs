@@ -7,7 +7,6 @@
 use std::cell::RefCell;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::ops::{Deref, DerefMut};
 
 use voxels::Cell;
 
@@ -41,41 +40,14 @@ thread_local! {
     static SPARE: RefCell<Vec<Scratch>> = const { RefCell::new(Vec::new()) };
 }
 
-/// The scratch memory of one search, which returns it to the thread.
-#[derive(Debug)]
-struct Workspace(Scratch);
-
-impl Workspace {
-    fn new(cells: usize) -> Self {
+impl Scratch {
+    /// Of this thread, for a search on a map of so many cells.
+    fn take(cells: usize) -> Self {
         let mut scratch = SPARE.with_borrow_mut(Vec::pop).unwrap_or_default();
         scratch.begin(cells);
-        Self(scratch)
+        scratch
     }
-}
 
-impl Drop for Workspace {
-    fn drop(&mut self) {
-        let scratch = std::mem::take(&mut self.0);
-        // A thread that ends has no use for it any more.
-        let _ = SPARE.try_with(|spare| spare.borrow_mut().push(scratch));
-    }
-}
-
-impl Deref for Workspace {
-    type Target = Scratch;
-
-    fn deref(&self) -> &Scratch {
-        &self.0
-    }
-}
-
-impl DerefMut for Workspace {
-    fn deref_mut(&mut self) -> &mut Scratch {
-        &mut self.0
-    }
-}
-
-impl Scratch {
     fn begin(&mut self, cells: usize) {
         // Exactly as many: a thread does not keep the memory of a larger map.
         if self.nodes.len() != cells {
@@ -129,7 +101,8 @@ pub enum Progress {
 /// do not block its first step. If no goal is usable (nor the start), there is no path, at once.
 pub struct Search<'a> {
     graph: Graph<'a>,
-    scratch: Workspace,
+    /// Returned to the thread at the end.
+    scratch: Scratch,
     goal: Goal<'a>,
     start: Cell,
     /// The change of the cell index by each step.
@@ -146,6 +119,14 @@ pub struct Search<'a> {
     is_open: Option<&'a dyn Fn(Cell) -> bool>,
 }
 
+impl Drop for Search<'_> {
+    fn drop(&mut self) {
+        let scratch = std::mem::take(&mut self.scratch);
+        // A thread that ends has no use for it any more.
+        let _ = SPARE.try_with(|spare| spare.borrow_mut().push(scratch));
+    }
+}
+
 impl<'a> Search<'a> {
     /// Prepares a search; nothing is expanded yet.
     #[must_use]
@@ -158,7 +139,7 @@ impl<'a> Search<'a> {
         }
         let mut search = Self {
             graph,
-            scratch: Workspace::new(extent.volume()),
+            scratch: Scratch::take(extent.volume()),
             goal,
             start,
             strides,

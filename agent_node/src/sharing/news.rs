@@ -79,14 +79,15 @@ pub(super) fn batch(state: &State<'_>, map: &ExplorationMap, contacts: &[Contact
 }
 
 /// For each of some receivers the first deputy, if any, that knows a section and is in contact with
-/// it.
+/// it. A section without provenance is what this agent has seen itself, which no deputy sends.
 fn deputies_for<'s>(
     state: &'s State<'_>,
-    section: &'s Provenance,
+    section: Option<&'s Provenance>,
     receivers: impl Iterator<Item = AgentId> + 's,
 ) -> impl Iterator<Item = (AgentId, Option<AgentId>)> + 's {
+    let knows = move |deputy: &AgentId| section.is_some_and(|section| state.peers[deputy.index()].knows(section));
     // In a crowd the first that knows it is mostly in contact with all.
-    let mut others = state.deputies.iter().copied().filter(|deputy| state.peers[deputy.index()].knows(section));
+    let mut others = state.deputies.iter().copied().filter(knows);
     let mut knowing: Vec<AgentId> = Vec::new();
     receivers.map(move |receiver| {
         let reaches = |deputy: &AgentId| state.peers[deputy.index()].heard.receivers.contains(receiver);
@@ -99,36 +100,25 @@ fn deputies_for<'s>(
     })
 }
 
-/// Whom a section is sent to.
-enum Receivers {
-    /// All whose exchanges are under way.
-    All,
-    Some(AgentSet),
-}
-
-/// Whom to send a section that some agents lack, and which of them are left to deputies. A crowd is
-/// sent it as a whole or not at all.
+/// Whom to send a section that some of those in an exchange lack, and which of them are left to
+/// deputies. A crowd is sent it as a whole or not at all.
 fn share_out(
     state: &State<'_>,
     section: Option<&Provenance>,
-    mut lacking: impl Iterator<Item = AgentId>,
+    exchanging: &[(AgentId, &Peer)],
     is_crowd: bool,
-) -> (Receivers, Vec<(AgentId, AgentId)>) {
-    let Some(section) = section else {
-        return match is_crowd {
-            true if lacking.next().is_some() => (Receivers::All, Vec::new()),
-            _ => (Receivers::Some(AgentSet::of(lacking)), Vec::new()),
-        };
-    };
+) -> (AgentSet, Vec<(AgentId, AgentId)>) {
+    let lacks = |(_, peer): &&(AgentId, &Peer)| !section.is_some_and(|section| peer.knows(section));
+    let agents = exchanging.iter().filter(lacks).map(|&(agent, _)| agent);
     let (mut receivers, mut left) = (AgentSet::default(), Vec::new());
-    for (receiver, deputy) in deputies_for(state, section, lacking) {
+    for (receiver, deputy) in deputies_for(state, section, agents) {
         match deputy {
             Some(deputy) => left.push((receiver, deputy)),
-            None if is_crowd => return (Receivers::All, Vec::new()),
+            None if is_crowd => return (AgentSet::of(exchanging.iter().map(|&(agent, _)| agent)), Vec::new()),
             None => receivers.insert(receiver),
         }
     }
-    (Receivers::Some(receivers), left)
+    (receivers, left)
 }
 
 /// The section of the journal before the present one.
@@ -181,13 +171,7 @@ pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, c
                 before.provenance.map(|it| (it.from, it.until)) == heard.map(|it| (it.from, it.until))
             };
             if !before.as_ref().is_some_and(is_alike) {
-                let lacks = |(_, peer): &(AgentId, &Peer)| !heard.is_some_and(|section| peer.knows(section));
-                let lacking = exchanging.iter().filter(|it| lacks(it)).map(|&(agent, _)| agent);
-                let (receivers, deputies) = share_out(state, heard, lacking, is_crowd(contacts));
-                let receivers = match receivers {
-                    Receivers::All => AgentSet::of(exchanging.iter().map(|&(agent, _)| agent)),
-                    Receivers::Some(receivers) => receivers,
-                };
+                let (receivers, deputies) = share_out(state, heard, &exchanging, is_crowd(contacts));
                 left.extend(deputies);
                 let place = news.iter().position(|(same, _)| *same == receivers);
                 before = Some(SectionBefore { provenance: heard, receivers, place });

@@ -48,6 +48,11 @@ impl Completion {
         Self { receivers: receivers.iter().map(|(completed, _)| *completed).collect(), until, deputies, sends }
     }
 
+    /// The receivers, ascending.
+    pub(in super::super) fn agents(&self) -> Vec<AgentId> {
+        self.receivers.iter().map(|completed| completed.receiver).collect()
+    }
+
     /// The place of a receiver among the receivers.
     pub(in super::super) fn place_of(&self, receiver: AgentId) -> Option<usize> {
         self.receivers.binary_search_by_key(&receiver, |completed| completed.receiver).ok()
@@ -67,9 +72,8 @@ impl Completion {
 
     /// Appends it to bytes.
     pub(super) fn put(&self, bytes: &mut Vec<u8>) {
-        let ids = |agents: &mut dyn Iterator<Item = AgentId>| agents.collect::<Vec<_>>();
-        put_receivers(bytes, &ids(&mut self.receivers.iter().map(|completed| completed.receiver)));
-        put_receivers(bytes, &ids(&mut self.deputies.iter().map(|&(deputy, _)| deputy)));
+        put_receivers(bytes, &self.agents());
+        put_receivers(bytes, &self.deputies.iter().map(|&(deputy, _)| deputy).collect::<Vec<_>>());
         self.deputies.iter().for_each(|&(_, position)| put(bytes, position));
         for (place, &Completed { summary, updates, .. }) in self.receivers.iter().enumerate() {
             put(bytes, summary);

@@ -9,7 +9,7 @@ use voxels::Extent;
 
 use super::super::*;
 use crate::exploration_map::{CellState, Delta};
-use crate::sharing::map_message::{Completion, Message};
+use crate::sharing::map_message::Message;
 use crate::sharing::news::{Found, News};
 use crate::sharing::outbox::{ADDRESSED_MAX, is_crowd};
 
@@ -88,9 +88,7 @@ impl Team {
                 let (named, delta) = match message {
                     Message::Summary { .. } => (receivers.clone(), Delta::default()),
                     Message::Update { receivers, delta, .. } => (receivers, delta),
-                    Message::Completion(Completion { receivers, .. }) => {
-                        (receivers.into_iter().map(|completed| completed.receiver).collect(), Delta::default())
-                    }
+                    Message::Completion(completion) => (completion.agents(), Delta::default()),
                 };
                 for &receiver in &receivers {
                     // A broadcast for many reaches all.
