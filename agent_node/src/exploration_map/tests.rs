@@ -330,5 +330,9 @@ proptest! {
         let count = |states: &[CellState]| around.iter().filter(|state| states.contains(state)).count() as u8;
         let expected = Around { walls: count(&[CellState::Wall]), free: count(&[CellState::Free, CellState::Covered]) };
         prop_assert_eq!(map.around(cell), expected);
+        let cube = (-1..=1).flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| Cell::new(x, y, z))));
+        let is_free = |by| matches!(map.state(cell + by), CellState::Free | CellState::Covered);
+        let free = (0..).zip(cube).filter(|&(_, by)| is_free(by)).fold(0, |free, (place, _): (u32, _)| free | 1 << place);
+        prop_assert_eq!(map.free_around(cell), free);
     }
 }

@@ -23,9 +23,21 @@ pub(super) struct Step {
     pub(super) cost: u64,
     /// The cells touched by the body during the step, relative to its first cell.
     swept: Vec<Cell>,
-    /// The same as bits of the block of 27 cells around that cell, if they all lie in it.
-    mask: u32,
 }
+
+/// Number of bits in a set of steps.
+const STEP_BITS: usize = u32::BITS as usize;
+
+/// The bit of each step in a set of them.
+const STEP_BIT: [u32; STEP_BITS] = {
+    let mut bits = [0; STEP_BITS];
+    let mut number = 0;
+    while number < STEP_BITS {
+        bits[number] = 1 << number;
+        number += 1;
+    }
+    bits
+};
 
 /// The moves of a body of a given size. Compute them once and keep them.
 #[derive(Debug, Clone)]
@@ -34,7 +46,10 @@ pub struct Moves {
     neighbours: Neighbours,
     /// The cells touched by the body at rest, relative to its cell; empty if it fits nowhere.
     sphere: Vec<Cell>,
-    is_small: bool,
+    /// For each step the cells that the body touches, as bits of the block of 27 cells around its
+    /// first cell; for the numbers beyond the steps a set that never is free. `None`: some lie
+    /// outside that block.
+    masks: Option<[u32; STEP_BITS]>,
 }
 
 impl Moves {
@@ -45,30 +60,29 @@ impl Moves {
     #[must_use]
     pub fn new(radius_m: f64, cell_m: f64, neighbours: Neighbours) -> Self {
         let Some(radius) = clearance(radius_m, cell_m) else {
-            return Self { steps: Vec::new(), neighbours, sphere: Vec::new(), is_small: false };
+            return Self { steps: Vec::new(), neighbours, sphere: Vec::new(), masks: None };
         };
         let home = Cell::default();
         let step = |by: Cell| {
             let swept = touched(centre(home), centre(by), radius);
-            let mask = swept.iter().filter_map(|&cell| bit(cell)).fold(0, |mask, bit| mask | bit);
-            Step { by, cost: cost_of(by), swept, mask }
+            Step { by, cost: cost_of(by), swept }
         };
         let steps: Vec<Step> = match neighbours {
             Neighbours::Six => FACES.into_iter().map(step).collect(),
             Neighbours::TwentySix => home.neighbours26().into_iter().map(step).collect(),
         };
-        let is_small = steps.iter().all(|step| step.swept.iter().all(|&cell| bit(cell).is_some()));
-        Self { steps, neighbours, sphere: touched(centre(home), centre(home), radius), is_small }
+        let masks = masks(&steps);
+        Self { steps, neighbours, sphere: touched(centre(home), centre(home), radius), masks }
     }
 
     /// A consistent lower bound on the path cost between two cells.
     pub(super) fn estimate(&self, a: Cell, b: Cell) -> u32 {
-        let mut apart = [a.x - b.x, a.y - b.y, a.z - b.z].map(|cells| u64::from(cells.unsigned_abs()));
+        let [x, y, z] = [a.x - b.x, a.y - b.y, a.z - b.z].map(|cells| u64::from(cells.unsigned_abs()));
         let cost = match self.neighbours {
-            Neighbours::Six => apart.iter().sum::<u64>() * EDGE_COST,
+            Neighbours::Six => (x + y + z) * EDGE_COST,
             Neighbours::TwentySix => {
-                apart.sort_unstable();
-                let [least, middle, most] = apart;
+                let (least, most) = (x.min(y).min(z), x.max(y).max(z));
+                let middle = x + y + z - least - most;
                 least * COSTS[3] + (middle - least) * COSTS[2] + (most - middle) * COSTS[1]
             }
         };
@@ -81,6 +95,15 @@ const COSTS: [u64; 4] = [0, EDGE_COST, 1_414_214, 1_732_051];
 
 fn cost_of(by: Cell) -> u64 {
     COSTS[[by.x, by.y, by.z].iter().filter(|&&along| along != 0).count()]
+}
+
+/// See [`Moves::masks`].
+fn masks(steps: &[Step]) -> Option<[u32; STEP_BITS]> {
+    let mut masks = [u32::MAX; STEP_BITS];
+    for (mask, step) in masks.iter_mut().zip(steps) {
+        *mask = step.swept.iter().try_fold(0, |mask, &cell| Some(mask | bit(cell)?))?;
+    }
+    Some(masks)
 }
 
 /// The bit of a cell in the block of 27 cells around the origin.
@@ -131,28 +154,11 @@ impl<'a> Graph<'a> {
 
     /// The possible steps from a usable cell, as bits in the order of the moves.
     pub(super) fn steps_from(&self, cell: Cell) -> u32 {
-        if !self.moves.is_small {
+        let Some(masks) = &self.moves.masks else {
             return self.steps_where(|step| step.swept.iter().all(|&offset| is_free(self.map, cell + offset)));
-        }
-        let mut free = 0;
-        match self.moves.neighbours {
-            Neighbours::Six => {
-                for offset in FACES {
-                    if is_free(self.map, cell + offset) {
-                        free |= bit(offset).unwrap_or_default();
-                    }
-                }
-            }
-            Neighbours::TwentySix => {
-                for (place, near) in cell.neighbours26().into_iter().enumerate() {
-                    // The cell itself comes between its neighbours.
-                    free |= u32::from(is_free(self.map, near)) << (place + usize::from(place >= 13));
-                }
-            }
-        }
-        // A body is only in cells where it touches nothing, so the cell itself is free.
-        free |= 1 << 13;
-        self.steps_where(|step| step.mask & !free == 0)
+        };
+        let blocked = !self.map.free_around(cell);
+        masks.iter().zip(STEP_BIT).fold(0, |steps, (mask, step)| steps | if mask & blocked == 0 { step } else { 0 })
     }
 
     /// The possible steps from a cell that need not be usable: cells that the body touches there
@@ -165,6 +171,7 @@ impl<'a> Graph<'a> {
         })
     }
 
+    /// The steps with some property.
     fn steps_where(&self, can_be_made: impl Fn(&Step) -> bool) -> u32 {
         let steps = self.moves.steps.iter().enumerate();
         steps.fold(0, |bits, (number, step)| bits | u32::from(can_be_made(step)) << number)

@@ -23,8 +23,13 @@ struct Scratch {
     nodes: Vec<[u64; 2]>,
     /// The epoch of the present search; marks of other epochs are stale.
     epoch: u64,
-    /// Cost plus heuristic; heuristic; cell.
-    queue: BinaryHeap<Reverse<(u64, u32, u32)>>,
+    /// Of each entry, from its highest bits: cost plus heuristic (64), heuristic (32), cell (32).
+    queue: BinaryHeap<Reverse<u128>>,
+}
+
+/// An entry of the queue.
+fn entry(cost: u64, estimate: u32, index: usize) -> Reverse<u128> {
+    Reverse(u128::from(cost + u64::from(estimate)) << 64 | u128::from(estimate) << 32 | index as u128)
 }
 
 /// A mark holds, from its lowest bit: the step that led to the cell, whether it is a goal, whether
@@ -158,7 +163,7 @@ impl<'a> Search<'a> {
         if let Some(index) = extent.index(start).filter(|_| can_be_found) {
             let estimate = search.estimate(start);
             search.scratch.node(index)[0] = 0;
-            search.scratch.queue.push(Reverse((u64::from(estimate), estimate, index as u32)));
+            search.scratch.queue.push(entry(0, estimate, index));
         }
         search
     }
@@ -239,9 +244,9 @@ impl<'a> Search<'a> {
     /// The next cell to expand, with its index.
     fn next(&mut self) -> Option<(Cell, usize)> {
         while self.expansions < self.expansions_max
-            && let Some(Reverse((_, _, index))) = self.scratch.queue.pop()
+            && let Some(Reverse(first)) = self.scratch.queue.pop()
         {
-            let index = index as usize;
+            let index = first as u32 as usize;
             let mark = &mut self.scratch.nodes[index][1];
             // A cell is in the queue once for every path that was the best one at some time.
             if *mark & IS_EXPANDED == 0 {
@@ -261,16 +266,19 @@ impl<'a> Search<'a> {
             open &= open - 1;
             let step = &self.graph.moves().steps[number];
             let to = index.wrapping_add_signed(self.strides[number]);
-            if self.is_open.is_some_and(|is_open| !is_open(cell + step.by)) {
-                continue;
-            }
             let cost = so_far + step.cost;
             let node = self.scratch.node(to);
-            if cost < node[0] {
-                *node = [cost, node[1] & !STEP | number as u64];
-                let estimate = self.estimate(cell + step.by);
-                self.scratch.queue.push(Reverse((cost + u64::from(estimate), estimate, to as u32)));
+            if cost >= node[0] {
+                continue;
             }
+            if self.is_open.is_some_and(|is_open| !is_open(cell + step.by)) {
+                // No path to it is better, so it is looked at once.
+                node[0] = 0;
+                continue;
+            }
+            *node = [cost, node[1] & !STEP | number as u64];
+            let estimate = self.estimate(cell + step.by);
+            self.scratch.queue.push(entry(cost, estimate, to));
         }
     }
 
