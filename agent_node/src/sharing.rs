@@ -22,15 +22,26 @@
 //! The order in which agents are deputies of each other is drawn anew in each period, so that no
 //! agent can keep others from news for long.
 //!
+//! **Hubs.** What is new to a crowd, more than `ADDRESSED_MAX` contacts, an agent sends to a *hub*
+//! alone, and completes only that exchange: the first of the agents that exchange their maps, in the order of deputies; hubs are
+//! several where contacts of the agent are not all in contact with each other, and who is in
+//! contact with no hub is sent it as well. The completion for a hub asks it to pass on what it has
+//! been sent: it sends all its contacts another summary, updates and a completion in one tick, in
+//! reply to the summaries that it has from them. The others are sent no completion; they know the
+//! news by that of the hub. So a crowd of `n` agents sends `2 n` updates and not `n^2`, and news
+//! take a tick more. A hub passes on once in each exchange; what reaches it later, it sends in the
+//! next one, like any other agent that knows it.
+//!
 //! An update or completion is addressed to each of its receivers, or broadcast if they are all
 //! contacts or more than `ADDRESSED_MAX`: otherwise the copies for a crowd would not fit into a
-//! command. Those that are not named as receivers ignore it. Among more contacts than that, what
-//! some of them lack is sent to all: who lacks what differs for each section of the journal, and
+//! command. Those that are not named as receivers ignore it. In a crowd, what some lack is sent to
+//! all that no hub passes it on to: who lacks what differs for each section of the journal, and
 //! with it the message.
 //!
 //! Summaries are sent in the ticks that are multiples of the period, as exchanges take place in the
 //! reference, so that all agents in contact exchange at the same time; at a first contact at once,
-//! and so to a peer that was out of contact in its turn. What does not fit into the messages of a
+//! and so to a peer that was out of contact in its turn. An agent in a crowd begins exchanges once a
+//! period, with all contacts: they come and go all the time where lines of sight are short. What does not fit into the messages of a
 //! tick is continued in the next one.
 //!
 //! Delivery: what is lost, by the radio or in a full inbox, is sent again a period later, because
@@ -53,6 +64,8 @@
 mod agent_set;
 mod bits;
 mod decoded;
+mod hubs;
+mod knowledge;
 mod map_message;
 mod news;
 mod outbox;
@@ -72,11 +85,12 @@ use crate::command::{AgentMessage, Trigger};
 use crate::exploration_map::{CHANGES_MAX, ExplorationMap};
 use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
-use decoded::{Content, Known, Update};
+use decoded::{Content, Update};
+use knowledge::Knowledge;
 use map_message::{Completed, Completion, SenderState};
 pub use map_message::{MapMessageError, VERSION};
-use news::{Batch, State};
-use outbox::{Outbox, copies};
+use news::{Found, State};
+use outbox::{Outbox, copies, is_crowd};
 use peer::{Peer, Provenance, peer};
 
 /// The mark of map messages; all other marks are the controllers'.
@@ -102,22 +116,35 @@ pub struct Sharing {
     period: u64,
     agents: u32,
     /// What this agent knows of the journals of others.
-    known: Known,
+    knowledge: Knowledge,
     /// By agent; those beyond the end have exchanged nothing.
     peers: Vec<Peer>,
     /// The peers whose summaries have not been replied to.
     summaries: Vec<AgentId>,
     /// The peers whose summaries belong to the present exchange.
     present: AgentSet,
-    /// The last completions of peers that wait for those of others, and the place of this agent
-    /// among their receivers.
-    waiting: BTreeMap<AgentId, (Arc<Completion>, usize)>,
-    /// Whether more is known since they were last gone through.
-    is_overdue: bool,
+    /// When it last began exchanges.
+    turn: Option<Tick>,
+    /// What this agent does as a hub in the present exchange.
+    hub: Hub,
     /// Number of summaries sent.
     summaries_sent: u32,
     provenances: Vec<Provenance>,
     totals: Totals,
+}
+
+/// What an agent does as a hub in an exchange.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Hub {
+    /// Nothing: others come before it.
+    #[default]
+    No,
+    /// It may be asked to pass on what it is sent.
+    MayBeAsked,
+    /// It has been asked.
+    Asked,
+    /// It has passed it on.
+    HasPassedOn,
 }
 
 /// The outcome of the messages of one observation.
@@ -161,12 +188,12 @@ impl Sharing {
             own,
             period: period_ticks.into(),
             agents,
-            known: Known::default(),
+            knowledge: Knowledge::default(),
             peers: Vec::new(),
             summaries: Vec::new(),
             present: AgentSet::default(),
-            waiting: BTreeMap::new(),
-            is_overdue: false,
+            turn: None,
+            hub: Hub::No,
             summaries_sent: 0,
             provenances: Vec::new(),
             totals: Totals::default(),
@@ -209,23 +236,6 @@ impl Sharing {
         report
     }
 
-    /// Takes over the completions that wait for no others any more.
-    fn complete_received(&mut self) {
-        while std::mem::take(&mut self.is_overdue) {
-            let before = self.waiting.len();
-            let (known, peers) = (&mut self.known, &mut self.peers);
-            self.waiting.retain(|&from, (completion, place)| {
-                let is_waiting = is_waiting(completion, *place, known);
-                if !is_waiting {
-                    known.set(from, known.of(from).max(completion.until));
-                    join_if_complete(known, peer(peers, from), from);
-                }
-                is_waiting
-            });
-            self.is_overdue = self.waiting.len() < before;
-        }
-    }
-
     /// Processes a message; the number of journal entries that it made, or `None` if it is for
     /// others. Messages of barred senders are not decoded.
     fn admit(
@@ -249,10 +259,7 @@ impl Sharing {
                 sender.heard = Arc::clone(summary);
                 (sender.updates_received, sender.has_replied) = (0, true);
                 self.summaries.push(from);
-                // What others have stated of its journal is not more than it states itself.
-                self.known.set(from, self.known.of(from).min(summary.known.of(from)));
-                join_if_complete(&mut self.known, sender, from);
-                self.is_overdue = true;
+                self.knowledge.hear(from, summary);
                 Ok(Some(0))
             }
             Content::Update(update) if update.receivers.contains(self.own) => {
@@ -275,9 +282,10 @@ impl Sharing {
                 let Some(place) = completion.place_of(self.own) else { return Ok(None) };
                 let Completed { summary, updates, .. } = completion.receivers[place];
                 if (summary, updates) == (sender.heard.number, sender.updates_received) {
-                    self.is_overdue |= !is_waiting(completion, place, &self.known);
-                    self.waiting.insert(from, (Arc::clone(completion), place));
-                    self.complete_received();
+                    if completion.is_for_hubs && self.hub != Hub::HasPassedOn {
+                        self.hub = Hub::Asked;
+                    }
+                    self.knowledge.complete(&mut self.peers, from, completion, place);
                 }
                 Ok(Some(0))
             }
@@ -314,9 +322,25 @@ impl Sharing {
         let summaries = std::mem::take(&mut self.summaries);
         self.send_summaries(&mut outbox, map, &summaries, now);
         if self.period > 0 {
+            let have_come = !summaries.is_empty();
             self.begin(&outbox, summaries, now);
-            self.send_updates(&mut outbox, map, now);
-            complete(&mut self.peers, &mut outbox);
+            let deputies = self.deputies(contacts, now);
+            if have_come
+                && self.hub == Hub::No
+                && is_crowd(contacts)
+                && hubs::may_be_hub(contacts, &deputies, &self.peers)
+            {
+                self.hub = Hub::MayBeAsked;
+            }
+            if self.hub == Hub::Asked {
+                self.pass_on(&mut outbox, map);
+            }
+            // The first of a crowd waits a tick for what the others have seen.
+            let waits = have_come && self.hub == Hub::MayBeAsked && deputies.is_empty();
+            if !waits {
+                self.send_updates(&mut outbox, map, &deputies, now);
+                complete(&mut self.peers, &mut outbox);
+            }
         }
         self.totals = outbox.totals;
         outbox.messages
@@ -324,10 +348,11 @@ impl Sharing {
 
     /// Sends a summary to all contacts that one is due for.
     fn send_summaries(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, received: &[AgentId], now: Tick) {
+        let has_had_turn = self.has_had_turn(outbox.contacts, now);
         let is_due = |peer: &Peer, agent: AgentId| match self.period {
             // Two that only receive would answer each other without end.
             0 => received.contains(&agent) && !peer.heard.state.only_receives,
-            period => peer.last.is_none_or(|last| now.0 / period > last.0 / period),
+            period => !has_had_turn && peer.last.is_none_or(|last| now.0 / period > last.0 / period),
         };
         let due = outbox.contacts.iter().map(|contact| contact.agent);
         let due: Vec<AgentId> = due.filter(|&agent| is_due(peer(&mut self.peers, agent), agent)).collect();
@@ -340,25 +365,55 @@ impl Sharing {
             peer.until = peer.cursor;
         }
         complete(&mut self.peers, outbox);
-        let mut known = self.known.clone();
+        let Some(number) = self.send_summary(outbox, map, &due) else { return };
+        (self.present, self.hub, self.turn) = (AgentSet::default(), Hub::No, Some(now));
+        for agent in due {
+            let peer = peer(&mut self.peers, agent);
+            peer.last = Some(now);
+            peer.summarise(number, map.journal_len());
+            peer.has_replied = received.contains(&agent);
+        }
+    }
+
+    /// Whether this agent is in a crowd and has begun its exchanges of this period.
+    fn has_had_turn(&self, contacts: &[Contact], now: Tick) -> bool {
+        is_crowd(contacts) && self.turn.is_some_and(|turn| now.0 / self.period.max(1) == turn.0 / self.period.max(1))
+    }
+
+    /// Sends what this agent knows, if it fits; the number of the summary.
+    fn send_summary(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, receivers: &[AgentId]) -> Option<u32> {
+        let mut known = self.knowledge.known().clone();
         known.set(self.own, position(map.journal_len()));
         let state = SenderState {
             has_contradictions: map.contradictions() + map.corrections() > 0,
             only_receives: self.period == 0,
         };
         let number = self.summaries_sent;
-        let room = (outbox.budget / copies(due.len(), outbox.contacts)).saturating_sub(PARCEL_BYTES_BARE);
-        let summary = map_message::encode_summary((number, state), &due, known.positions(), self.own, room);
-        if !outbox.send(&due, summary.into()) {
-            return;
+        let room = (outbox.budget / copies(receivers.len(), outbox.contacts)).saturating_sub(PARCEL_BYTES_BARE);
+        let summary = map_message::encode_summary((number, state), receivers, known.positions(), self.own, room);
+        if !outbox.send(receivers, summary.into()) {
+            return None;
         }
         self.summaries_sent = number.wrapping_add(1);
-        self.present = AgentSet::default();
-        for agent in due {
+        Some(number)
+    }
+
+    /// As a hub, begins to send the contacts of the present exchange what they lack once more, what
+    /// has been received from others included.
+    fn pass_on(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap) {
+        let present = outbox.contacts.iter().map(|contact| contact.agent).filter(|&agent| self.present.contains(agent));
+        let present: Vec<AgentId> = present.collect();
+        if present.is_empty() {
+            return;
+        }
+        let Some(number) = self.send_summary(outbox, map, &present) else { return };
+        self.hub = Hub::HasPassedOn;
+        for agent in present {
             let peer = peer(&mut self.peers, agent);
-            (peer.last, peer.summary, peer.summarised) = (Some(now), number, map.journal_len());
-            (peer.has_replied, peer.is_open, peer.updates_sent) = (received.contains(&agent), false, 0);
-            (peer.bytes, peer.claims) = (0, 0);
+            // What it has been sent since its summary counts no more.
+            peer.summarise(number, map.journal_len());
+            peer.restart();
+            peer.proceed(self.own);
         }
     }
 
@@ -374,25 +429,27 @@ impl Sharing {
                 continue;
             }
             if !is_on_its_way {
-                (peer.cursor, peer.rest_from) = (0, AgentSet::default());
+                peer.restart();
             }
-            peer.until = peer.summarised;
-            peer.cursor = (peer.heard.known.of(self.own) as usize).max(peer.cursor).min(peer.until);
-            peer.is_open = peer.cursor < peer.until;
+            peer.proceed(self.own);
             self.present.insert(agent);
         }
     }
 
-    fn send_updates(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, now: Tick) {
+    fn send_updates(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, deputies: &[AgentId], now: Tick) {
         let contacts = outbox.contacts;
-        let deputies = self.deputies(contacts, now);
+        let uses_hubs = self.hub != Hub::HasPassedOn;
         while outbox.budget >= BUDGET_MIN {
-            let state = State { peers: &self.peers, provenances: &self.provenances, deputies: &deputies };
-            let Some(Batch { updates, left, end }) = news::batch(&state, map, contacts, outbox.budget) else { return };
-            for (receiver, deputy) in left {
+            let state = State { peers: &self.peers, provenances: &self.provenances, deputies, uses_hubs };
+            let Some(Found { news, by_others, end }) = news::batch(&state, map, contacts, outbox.budget) else {
+                return;
+            };
+            for (receiver, deputy) in by_others.deputies {
                 peer(&mut self.peers, receiver).rest_from.insert(deputy);
             }
-            for (receivers, data) in updates {
+            by_others.hubs.iter().for_each(|hub| peer(&mut self.peers, hub).is_hub = true);
+            by_others.left_to_hubs.iter().for_each(|agent| peer(&mut self.peers, agent).is_left_to_hubs = true);
+            for (receivers, data) in news {
                 for receiver in &receivers {
                     let peer = peer(&mut self.peers, *receiver);
                     peer.bytes += data.len();
@@ -433,12 +490,16 @@ impl Sharing {
             return Trigger { at: Tick(u64::MAX), events: Events::PARCEL };
         }
         let period_of = |tick: Tick| tick.0 / self.period;
+        let next_turn = Tick(period_of(now).saturating_add(1).saturating_mul(self.period));
+        let has_had_turn = self.has_had_turn(contacts, now);
         let due = |contact: &Contact| match self.peers.get(contact.agent.index()) {
             Some(Peer { is_open: false, last: Some(last), .. })
                 if *last < now && period_of(*last) == period_of(now) =>
             {
-                Tick(period_of(now).saturating_add(1).saturating_mul(self.period))
+                next_turn
             }
+            Some(Peer { is_open: false, last, .. }) if has_had_turn && *last != Some(now) => next_turn,
+            None if has_had_turn => next_turn,
             _ => now.next(),
         };
         let is_waiting = |contact: &Contact| {
@@ -446,24 +507,15 @@ impl Sharing {
                 self.peers.get(contact.agent.index()).filter(|peer| !peer.has_replied).and_then(|peer| peer.last);
             since.is_some_and(|since| since < now && now.0 - since.0 < LATE_TICKS)
         };
-        // Summaries may be late.
-        let late = if contacts.iter().any(is_waiting) { Events::PARCEL } else { 0 };
-        let at = contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX));
-        Trigger { at, events: Events::FIRST_CONTACT | late }
-    }
-}
-
-/// Whether the receiver at a place of a completion lacks what deputies send it.
-fn is_waiting(completion: &Completion, place: usize, known: &Known) -> bool {
-    completion.rest_from(place).any(|(agent, position)| known.of(agent) < position)
-}
-
-/// Adds the summary of a peer to what is known if its journal is known up to it.
-fn join_if_complete(known: &mut Known, peer: &Peer, from: AgentId) {
-    let summary = &peer.heard;
-    let position = summary.known.of(from);
-    if position > 0 && known.of(from) >= position && !summary.state.has_contradictions {
-        known.join(&summary.known);
+        // Summaries may be late, and the news for a hub.
+        let is_hub = self.hub == Hub::MayBeAsked && is_crowd(contacts);
+        let late = if is_hub || contacts.iter().any(is_waiting) { Events::PARCEL } else { 0 };
+        let at = match self.hub {
+            Hub::Asked => now.next(),
+            _ => contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)),
+        };
+        let met = if has_had_turn { 0 } else { Events::FIRST_CONTACT };
+        Trigger { at, events: met | late }
     }
 }
 
@@ -482,16 +534,25 @@ fn record_sent(peers: &mut Vec<Peer>, agents: u32, contacts: &[Contact], end: us
 /// Completes the exchanges with the contacts that have been sent all.
 fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
     let position_known = |agent: AgentId| peers.get(agent.index()).map_or(0, |peer| peer.heard.known.of(agent));
-    let mut completed: BTreeMap<usize, Vec<(Completed, &AgentSet)>> = BTreeMap::new();
+    let is_done = |peer: &Peer| peer.is_open && peer.cursor >= peer.until;
+    let mut completed: BTreeMap<(usize, bool), Vec<(Completed, &AgentSet)>> = BTreeMap::new();
+    let mut left_to_hubs = Vec::new();
     for Contact { agent, .. } in outbox.contacts {
-        let Some(peer) = peers.get(agent.index()).filter(|peer| peer.is_open && peer.cursor >= peer.until) else {
+        let Some(peer) = peers.get(agent.index()).filter(|peer| is_done(peer)) else {
             continue;
         };
+        if peer.is_left_to_hubs {
+            left_to_hubs.push(*agent);
+            continue;
+        }
         let one = Completed { receiver: *agent, summary: peer.summary, updates: peer.updates_sent };
-        completed.entry(peer.until).or_default().push((one, &peer.rest_from));
+        completed.entry((peer.until, peer.is_hub)).or_default().push((one, &peer.rest_from));
     }
-    let completion = |(until, receivers): (usize, Vec<_>)| Completion::new(&receivers, position(until), position_known);
+    let completion = |((until, is_for_hubs), receivers): ((usize, bool), Vec<_>)| {
+        Completion::new(&receivers, (position(until), is_for_hubs), position_known)
+    };
     let completions: Vec<Completion> = completed.into_iter().map(completion).collect();
+    left_to_hubs.into_iter().for_each(|agent| peer(peers, agent).is_open = false);
     for completion in completions {
         let agents = completion.agents();
         if outbox.send(&agents, map_message::encode_completion(&completion).into()) {

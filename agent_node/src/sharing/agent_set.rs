@@ -31,6 +31,36 @@ impl AgentSet {
         self.words.get(agent.index() / 64).is_some_and(|word| word >> (agent.index() % 64) & 1 != 0)
     }
 
+    /// Removes the agents of another set, and returns those that were in both.
+    pub(super) fn take(&mut self, others: &Self) -> Self {
+        let both = self.words.iter_mut().zip(&others.words).map(|(word, others)| {
+            let both = *word & others;
+            *word ^= both;
+            both
+        });
+        Self { words: both.collect() }
+    }
+
+    /// Removes an agent.
+    pub(super) fn remove(&mut self, agent: AgentId) {
+        if let Some(word) = self.words.get_mut(agent.index() / 64) {
+            *word &= !(1 << (agent.index() % 64));
+        }
+    }
+
+    /// Adds the agents of another set.
+    pub(super) fn extend(&mut self, others: &Self) {
+        if others.words.len() > self.words.len() {
+            self.words.resize(others.words.len(), 0);
+        }
+        self.words.iter_mut().zip(&others.words).for_each(|(word, others)| *word |= others);
+    }
+
+    /// Whether it has no agents.
+    pub(super) fn is_empty(&self) -> bool {
+        self.words.iter().all(|&word| word == 0)
+    }
+
     /// Number of agents.
     pub(super) fn len(&self) -> usize {
         self.words.iter().map(|word| word.count_ones() as usize).sum()

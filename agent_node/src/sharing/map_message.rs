@@ -35,6 +35,8 @@
 //!    whether that one sends it something.
 //! 4. The position in the journal of the sender up to which the receivers know it then.
 //!
+//! **Form 3, a completion for hubs**, which are to pass on what they have been sent: as form 2.
+//!
 //! Invariant: the result of [`decode`] names only agents of the run, and positions that a journal
 //! can have, and has only cells inside the map; a message with any wrong bit is rejected as a
 //! whole.
@@ -58,6 +60,7 @@ pub const VERSION: u8 = 4;
 const SUMMARY: u8 = 0;
 const UPDATE: u8 = 1;
 const COMPLETION: u8 = 2;
+const COMPLETION_FOR_HUBS: u8 = 3;
 
 const NUMBER_BYTES_MAX: usize = 5;
 
@@ -109,7 +112,7 @@ pub enum MapMessageError {
     #[error("version {0}, expected {VERSION}")]
     Version(u8),
     /// A form that does not exist.
-    #[error("form {0}, allowed are {SUMMARY} to {COMPLETION}")]
+    #[error("form {0}, allowed are {SUMMARY} to {COMPLETION_FOR_HUBS}")]
     Form(u8),
     /// Flags of a summary that do not exist.
     #[error("flags {0}, allowed are 0 to 3")]
@@ -221,7 +224,7 @@ pub(super) fn encode_update(receivers: &[AgentId], until: u32, delta: &Delta) ->
 
 /// Encodes that some receivers have been sent all.
 pub(super) fn encode_completion(completion: &Completion) -> Vec<u8> {
-    let mut bytes = vec![VERSION, COMPLETION];
+    let mut bytes = vec![VERSION, if completion.is_for_hubs { COMPLETION_FOR_HUBS } else { COMPLETION }];
     completion.put(&mut bytes);
     bytes
 }
@@ -269,7 +272,9 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Messag
             let delta = Delta { blocks: blocks(&bytes[reader.at..], count, Layout::new(extent), bytes.len())? };
             return Ok(Message::Update { receivers, until, delta });
         }
-        COMPLETION => Message::Completion(Completion::decode(&mut reader, extent, agents)?),
+        form @ (COMPLETION | COMPLETION_FOR_HUBS) => {
+            Message::Completion(Completion::decode(&mut reader, form == COMPLETION_FOR_HUBS, extent, agents)?)
+        }
         form => return Err(MapMessageError::Form(form)),
     };
     match bytes.len() - reader.at {

@@ -3,7 +3,7 @@
 //! Invariants: the result depends on the journal, where its sections came from, and the state of
 //! the exchanges alone; the updates of a batch fit into their budget.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use msgs::ids::AgentId;
@@ -11,6 +11,7 @@ use msgs::limits::PARCEL_BYTES_BARE;
 use msgs::shared_bytes::SharedBytes;
 
 use super::agent_set::AgentSet;
+use super::hubs::Division;
 use super::outbox::{copies, is_crowd};
 use super::peer::{Peer, Provenance};
 use super::{map_message, position};
@@ -31,34 +32,41 @@ pub(super) struct State<'a> {
     pub(super) provenances: &'a [Provenance],
     /// The contacts that send what they know to their own contacts, those to choose first first.
     pub(super) deputies: &'a [AgentId],
+    /// Whether what is new to a crowd may be left to hubs among them.
+    pub(super) uses_hubs: bool,
 }
 
-/// Updates to send.
-pub(super) struct Batch {
-    /// The data of messages with their receivers.
-    pub(super) updates: Vec<(Vec<AgentId>, SharedBytes)>,
-    /// Receivers that deputies send something to.
-    pub(super) left: Vec<(AgentId, AgentId)>,
-    /// The position of the journal at which they end.
-    pub(super) end: usize,
-}
-
-/// What contacts lack of the journal.
+/// What contacts lack of the journal: as sections of it, or as the data of messages with their
+/// receivers.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Found {
-    pub(super) news: News,
-    /// Receivers that deputies send something to.
-    pub(super) left: Vec<(AgentId, AgentId)>,
+pub(super) struct Found<T> {
+    pub(super) news: T,
+    pub(super) by_others: ByOthers,
     /// The position of the journal at which they end.
     pub(super) end: usize,
+}
+
+/// Who sends what this agent does not send itself.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct ByOthers {
+    /// Receivers, each with a deputy that sends something to it.
+    pub(super) deputies: BTreeSet<(AgentId, AgentId)>,
+    /// The hubs, and those that they pass something on to.
+    pub(super) hubs: AgentSet,
+    pub(super) left_to_hubs: AgentSet,
 }
 
 /// The next updates for the contacts. They fit into the budget, and mostly use a good part of it.
-pub(super) fn batch(state: &State<'_>, map: &ExplorationMap, contacts: &[Contact], budget: usize) -> Option<Batch> {
+pub(super) fn batch(
+    state: &State<'_>,
+    map: &ExplorationMap,
+    contacts: &[Contact],
+    budget: usize,
+) -> Option<Found<Vec<(Vec<AgentId>, SharedBytes)>>> {
     // The encoded size of cells is only known afterwards.
     let mut cell_bits = CELL_BITS_USUAL;
     loop {
-        let Found { news, left, end } = news(state, contacts, budget, cell_bits)?;
+        let Found { news, by_others, end } = news(state, contacts, budget, cell_bits)?;
         let mut bytes = 0;
         let mut updates = Vec::new();
         for (receivers, positions) in news {
@@ -70,7 +78,7 @@ pub(super) fn batch(state: &State<'_>, map: &ExplorationMap, contacts: &[Contact
             updates.push((receivers, data));
         }
         if bytes <= budget {
-            return Some(Batch { updates, left, end });
+            return Some(Found { news: updates, by_others, end });
         }
         let needed = (cell_bits * bytes).div_ceil(budget);
         // With `CELL_BYTES_MAX` it surely fits.
@@ -100,25 +108,37 @@ fn deputies_for<'s>(
     })
 }
 
-/// Whom to send a section that some of those in an exchange lack, and which of them are left to
-/// deputies. A crowd is sent it as a whole or not at all.
+/// Whom to send a section that some of those in an exchange lack. What a crowd lacks is sent to all
+/// that its division names, or not at all.
 fn share_out(
     state: &State<'_>,
     section: Option<&Provenance>,
     exchanging: &[(AgentId, &Peer)],
-    is_crowd: bool,
-) -> (AgentSet, Vec<(AgentId, AgentId)>) {
+    crowd: Option<&Division>,
+    by_deputies: &mut BTreeSet<(AgentId, AgentId)>,
+) -> AgentSet {
     let lacks = |(_, peer): &&(AgentId, &Peer)| !section.is_some_and(|section| peer.knows(section));
     let agents = exchanging.iter().filter(lacks).map(|&(agent, _)| agent);
-    let (mut receivers, mut left) = (AgentSet::default(), Vec::new());
+    let (mut receivers, mut deputies) = (AgentSet::default(), Vec::new());
     for (receiver, deputy) in deputies_for(state, section, agents) {
-        match deputy {
-            Some(deputy) => left.push((receiver, deputy)),
-            None if is_crowd => return (AgentSet::of(exchanging.iter().map(|&(agent, _)| agent)), Vec::new()),
-            None => receivers.insert(receiver),
+        match (deputy, crowd) {
+            (Some(deputy), _) => deputies.push((receiver, deputy)),
+            (None, Some(crowd)) => return crowd.receivers.clone(),
+            (None, None) => receivers.insert(receiver),
         }
     }
-    (receivers, left)
+    let is_left = |receiver: AgentId| crowd.is_some_and(|crowd| crowd.left.contains(receiver));
+    by_deputies.extend(deputies.into_iter().filter(|&(receiver, _)| !is_left(receiver)));
+    receivers
+}
+
+/// How what they lack is divided among those in an exchange, if this agent is in a crowd.
+fn crowd(state: &State<'_>, contacts: &[Contact], exchanging: &[(AgentId, &Peer)]) -> Option<Division> {
+    is_crowd(contacts).then(|| {
+        let all = AgentSet::of(exchanging.iter().map(|&(agent, _)| agent));
+        let in_order = if state.uses_hubs { state.deputies } else { &[] };
+        Division::of(all, in_order, state.peers)
+    })
 }
 
 /// The section of the journal before the present one.
@@ -133,9 +153,14 @@ struct SectionBefore<'a> {
 
 /// As many journal entries, from the first one that a contact has not been sent, as fit into
 /// the budget at this estimate of bits per cell; and where they end.
-pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<Found> {
+pub(super) fn news(
+    state: &State<'_>,
+    contacts: &[Contact],
+    mut budget: usize,
+    cell_bits: usize,
+) -> Option<Found<News>> {
     let State { peers, provenances, .. } = state;
-    let mut left: Vec<(AgentId, AgentId)> = Vec::new();
+    let mut by_others = ByOthers::default();
     let waiting: Vec<(AgentId, &Peer)> = contacts
         .iter()
         .filter_map(|contact| Some((contact.agent, peers.get(contact.agent.index())?)))
@@ -154,6 +179,11 @@ pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, c
     for between in edges.windows(2) {
         let is_exchanging = |(_, peer): &(AgentId, &Peer)| (peer.cursor..peer.until).contains(&between[0]);
         let exchanging: Vec<(AgentId, &Peer)> = waiting.iter().copied().filter(is_exchanging).collect();
+        let crowd = crowd(state, contacts, &exchanging);
+        if let Some(crowd) = &crowd {
+            by_others.hubs.extend(&crowd.hubs);
+            by_others.left_to_hubs.extend(&crowd.left);
+        }
         let mut before: Option<SectionBefore> = None;
         // Section by section of the journal; a section is new to the same peers throughout.
         while at < between[1] {
@@ -171,8 +201,7 @@ pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, c
                 before.provenance.map(|it| (it.from, it.until)) == heard.map(|it| (it.from, it.until))
             };
             if !before.as_ref().is_some_and(is_alike) {
-                let (receivers, deputies) = share_out(state, heard, &exchanging, is_crowd(contacts));
-                left.extend(deputies);
+                let receivers = share_out(state, heard, &exchanging, crowd.as_ref(), &mut by_others.deputies);
                 let place = news.iter().position(|(same, _)| *same == receivers);
                 before = Some(SectionBefore { provenance: heard, receivers, place });
             }
@@ -192,7 +221,7 @@ pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, c
             let fitting = 8 * budget.saturating_sub(bare) / (copies * cell_bits);
             let taken = (end - at).min(fitting);
             if taken == 0 {
-                return found(start, at, news, left);
+                return found(start, at, news, by_others);
             }
             budget -= bare + (taken * copies * cell_bits).div_ceil(8);
             let place = *place.get_or_insert_with(|| {
@@ -203,7 +232,7 @@ pub(super) fn news(state: &State<'_>, contacts: &[Contact], mut budget: usize, c
             at += taken;
         }
     }
-    found(start, at, news, left)
+    found(start, at, news, by_others)
 }
 
 /// What was found between two positions, news in the order in which they are sent.
@@ -211,10 +240,8 @@ fn found(
     start: usize,
     end: usize,
     news: Vec<(AgentSet, Vec<Range<usize>>)>,
-    mut left: Vec<(AgentId, AgentId)>,
-) -> Option<Found> {
+    by_others: ByOthers,
+) -> Option<Found<News>> {
     let news = news.into_iter().map(|(receivers, positions)| (receivers.iter().collect(), positions)).collect();
-    left.sort_unstable();
-    left.dedup();
-    (end > start).then_some(Found { news, left, end })
+    (end > start).then_some(Found { news, by_others, end })
 }

@@ -33,6 +33,9 @@ pub(super) struct Peer {
     pub(super) updates_sent: u32,
     /// Those that send it what this agent leaves to them, in the present exchange.
     pub(super) rest_from: AgentSet,
+    /// Whether hubs pass something on to it, and whether it is such a hub, in the present exchange.
+    pub(super) is_left_to_hubs: bool,
+    pub(super) is_hub: bool,
     /// Updates received since its last summary.
     pub(super) updates_received: u32,
     /// Number of cells the peer has reported since it was last sent a summary.
@@ -42,6 +45,25 @@ pub(super) struct Peer {
 }
 
 impl Peer {
+    /// Notes a summary to it, with its number and the length of the journal.
+    pub(super) fn summarise(&mut self, number: u32, entries: usize) {
+        (self.summary, self.summarised) = (number, entries);
+        (self.is_open, self.updates_sent, self.bytes, self.claims) = (false, 0, 0, 0);
+    }
+
+    /// Begins to send it what it lacks of the journal up to its summary, from the start.
+    pub(super) fn restart(&mut self) {
+        (self.cursor, self.rest_from) = (0, AgentSet::default());
+        (self.is_left_to_hubs, self.is_hub) = (false, false);
+    }
+
+    /// Goes on with what it lacks of the journal of `own` up to its summary.
+    pub(super) fn proceed(&mut self, own: AgentId) {
+        self.until = self.summarised;
+        self.cursor = (self.heard.known.of(own) as usize).max(self.cursor).min(self.until);
+        self.is_open = self.cursor < self.until;
+    }
+
     /// Whether it knows a section of the journal that came from others.
     pub(super) fn knows(&self, provenance: &Provenance) -> bool {
         self.heard.known.of(provenance.from) >= provenance.until

@@ -80,7 +80,7 @@ test("malformed messages are ignored", () => {
   const refused: [string, Uint8Array][] = [
     ["no bytes", Uint8Array.of()],
     ["another version", Uint8Array.of(5, 1, 0, 0, 0)],
-    ["another form", Uint8Array.of(4, 3, 0, 0, 0)],
+    ["another form", Uint8Array.of(4, 4, 0, 0, 0)],
     ["a missing block", Uint8Array.of(4, 1, 1, 0, 0, 1)],
     ["a byte too many", Uint8Array.of(4, 1, 0, 0, 0, 7)],
     ["a varint of six bytes", Uint8Array.of(4, 1, 0x80, 0x80, 0x80, 0x80, 0x80, 0)],

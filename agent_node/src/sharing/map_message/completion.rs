@@ -9,6 +9,8 @@ use super::{MapMessageError, Reader, put, put_receivers, receivers};
 /// Some receivers have been sent all that they lacked.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(in super::super) struct Completion {
+    /// Whether its receivers are to pass on what they have been sent, as hubs.
+    pub(in super::super) is_for_hubs: bool,
     /// Ascending.
     pub(in super::super) receivers: Vec<Completed>,
     /// If they have got them all, they know the journal of the sender up to this position.
@@ -34,7 +36,7 @@ impl Completion {
     /// A completion for receivers, ascending, each with its deputies, whose positions are given.
     pub(in super::super) fn new(
         receivers: &[(Completed, &AgentSet)],
-        until: u32,
+        (until, is_for_hubs): (u32, bool),
         position: impl Fn(AgentId) -> u32,
     ) -> Self {
         let mut all = AgentSet::default();
@@ -45,7 +47,8 @@ impl Completion {
         };
         let sends = receivers.iter().flat_map(|(_, of_one)| deputies.chunks(8).map(|eight| byte(of_one, eight)));
         let sends = sends.collect();
-        Self { receivers: receivers.iter().map(|(completed, _)| *completed).collect(), until, deputies, sends }
+        let receivers = receivers.iter().map(|(completed, _)| *completed).collect();
+        Self { is_for_hubs, receivers, until, deputies, sends }
     }
 
     /// The receivers, ascending.
@@ -83,9 +86,14 @@ impl Completion {
         put(bytes, self.until);
     }
 
-    pub(super) fn decode(reader: &mut Reader<'_>, extent: Extent, agents: u32) -> Result<Self, MapMessageError> {
+    pub(super) fn decode(
+        reader: &mut Reader<'_>,
+        is_for_hubs: bool,
+        extent: Extent,
+        agents: u32,
+    ) -> Result<Self, MapMessageError> {
         let named = receivers(reader, agents)?;
-        let mut completion = Self::default();
+        let mut completion = Self { is_for_hubs, ..Self::default() };
         for deputy in receivers(reader, agents)? {
             completion.deputies.push((deputy, reader.position(extent)?));
         }

@@ -59,7 +59,12 @@ fn summaries_and_completions_are_read_as_written() {
     assert_eq!(decode(&encode(11)), Ok(own));
     let completed = |receiver, updates| Completed { receiver: AgentId(receiver), summary: 3, updates };
     let [some, none] = [AgentSet::of([AgentId(0)]), AgentSet::default()];
-    let completion = Completion::new(&[(completed(1, 2), &some), (completed(3, 0), &none)], 9, |_| 5);
+    let completion =
+        |is_for_hubs| Completion::new(&[(completed(1, 2), &some), (completed(3, 0), &none)], (9, is_for_hubs), |_| 5);
+    let for_hubs = encode_completion(&completion(true));
+    assert_eq!(for_hubs[..2], [4, 3]);
+    assert_eq!(decode(&for_hubs), Ok(Message::Completion(completion(true))));
+    let completion = completion(false);
     let bytes = encode_completion(&completion);
     assert_eq!(bytes, [4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 1, 3, 0, 0, 9]);
     assert_eq!([1, 2, 3].map(|agent| completion.place_of(AgentId(agent))), [Some(0), None, Some(1)]);
@@ -73,7 +78,7 @@ fn malformed_bytes_are_refused_with_the_reason() {
     let refused = |bytes: &[u8]| decode(bytes, extent([8, 8, 8]), 2).unwrap_err().to_string();
     assert_eq!(refused(&[]), "truncated after 0 bytes");
     assert_eq!(refused(&[1, 0]), "version 1, expected 4");
-    assert_eq!(refused(&[4, 3]), "form 3, allowed are 0 to 2");
+    assert_eq!(refused(&[4, 4]), "form 4, allowed are 0 to 3");
     assert_eq!(refused(&[4, 0, 4, 0]), "flags 4, allowed are 0 to 3");
     assert_eq!(refused(&[4, 1, 0, 0, 1]), "truncated after 5 bytes");
     assert_eq!(refused(&[4, 1, 0, 0, 1, 0]), "truncated after 6 bytes");

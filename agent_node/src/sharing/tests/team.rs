@@ -1,6 +1,5 @@
 //! A team of agents that share their maps, and a world that delivers their messages.
 
-use std::collections::BTreeSet;
 use std::ops::Range;
 
 use msgs::limits::PARCEL_BYTES_BARE;
@@ -9,8 +8,9 @@ use voxels::Extent;
 
 use super::super::*;
 use crate::exploration_map::{CellState, Delta};
+use crate::sharing::hubs::Division;
 use crate::sharing::map_message::Message;
-use crate::sharing::news::{Found, News};
+use crate::sharing::news::{ByOthers, Found, News};
 use crate::sharing::outbox::{ADDRESSED_MAX, is_crowd};
 
 pub(super) const BUDGET: usize = PARCEL_BYTES_MAX;
@@ -136,14 +136,20 @@ fn check_news(sharing: &Sharing, map: &ExplorationMap, contacts: &[Contact], (no
     }
     for (budget, cell_bits) in [(BUDGET, 2), (budget, 2), (500, 40)] {
         let deputies = sharing.deputies(contacts, now);
-        let state = State { peers: &sharing.peers, provenances: &sharing.provenances, deputies: &deputies };
-        assert_eq!(news::news(&state, contacts, budget, cell_bits), plain_news(&state, contacts, budget, cell_bits));
+        for uses_hubs in [false, true] {
+            let state =
+                State { peers: &sharing.peers, provenances: &sharing.provenances, deputies: &deputies, uses_hubs };
+            assert_eq!(
+                news::news(&state, contacts, budget, cell_bits),
+                plain_news(&state, contacts, budget, cell_bits)
+            );
+        }
     }
 }
 
 /// What [`news::news`] is to find.
-fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<Found> {
-    let State { peers, provenances, deputies } = state;
+fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<Found<News>> {
+    let State { peers, provenances, deputies, uses_hubs } = state;
     let waits = |agent: AgentId| peers.get(agent.index()).filter(|peer| peer.cursor < peer.until);
     let waiting: Vec<AgentId> =
         contacts.iter().map(|contact| contact.agent).filter(|&agent| waits(agent).is_some()).collect();
@@ -162,16 +168,25 @@ fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_b
     };
     let start = waiting.iter().filter_map(|&agent| waits(agent)).map(|peer| peer.cursor).min()?;
     let last = waiting.iter().filter_map(|&agent| waits(agent)).map(|peer| peer.until).max()?;
-    let (mut at, mut news, mut left) = (start, News::new(), BTreeSet::new());
+    let (mut at, mut news, mut by_others) = (start, News::new(), ByOthers::default());
     while at < last {
         let end = (at + 1..=last).find(|&at| is_edge(at)).unwrap_or(last);
         let lacking = waiting.iter().copied().filter(|&agent| is_exchanging(agent, at) && !knows(agent, at));
-        let (by_others, mut receivers): (Vec<AgentId>, Vec<AgentId>) =
+        let (with_deputies, mut receivers): (Vec<AgentId>, Vec<AgentId>) =
             lacking.partition(|&agent| deputy(agent, at).is_some());
-        if is_crowd(contacts) && !receivers.is_empty() {
-            receivers = waiting.iter().copied().filter(|&agent| is_exchanging(agent, at)).collect();
+        let deputies_of = with_deputies.into_iter().filter_map(|agent| Some((agent, deputy(agent, at)?)));
+        if is_crowd(contacts) {
+            let exchanging = AgentSet::of(waiting.iter().copied().filter(|&agent| is_exchanging(agent, at)));
+            let division = Division::of(exchanging, if *uses_hubs { deputies } else { &[] }, peers);
+            by_others.hubs.extend(&division.hubs);
+            by_others.left_to_hubs.extend(&division.left);
+            if receivers.is_empty() {
+                by_others.deputies.extend(deputies_of.filter(|&(agent, _)| !division.left.contains(agent)));
+            } else {
+                receivers = division.receivers.iter().collect();
+            }
         } else {
-            left.extend(by_others.into_iter().filter_map(|agent| Some((agent, deputy(agent, at)?))));
+            by_others.deputies.extend(deputies_of);
         }
         if receivers.is_empty() {
             at = end;
@@ -188,7 +203,7 @@ fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_b
         news.entry(receivers).or_default().push(at..at + taken);
         at += taken;
     }
-    (at > start).then_some(Found { news, left: left.into_iter().collect(), end: at })
+    (at > start).then_some(Found { news, by_others, end: at })
 }
 
 pub(super) fn contacts(agent: u32, pairs: &[(u32, u32)]) -> Vec<Contact> {

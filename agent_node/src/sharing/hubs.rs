@@ -1,0 +1,123 @@
+//! Hubs: agents that pass on to a crowd what its agents have sent them.
+//!
+//! Among `n` agents in contact with each other, each of whom has seen something, updates for all
+//! would be `n^2`. With a hub they are `2 n`: each sends it what it has, and it sends all of that
+//! to all.
+//!
+//! Invariant: each agent of a crowd gets what the others have from themselves, or a hub in contact
+//! with both gets it.
+
+use msgs::ids::AgentId;
+
+use super::agent_set::AgentSet;
+use super::outbox::ADDRESSED_MAX;
+use super::peer::Peer;
+use crate::observation::Contact;
+
+/// Whom an agent sends to what a crowd lacks.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct Division {
+    /// The receivers: the hubs, and those that no hub reaches.
+    pub(super) receivers: AgentSet,
+    pub(super) hubs: AgentSet,
+    /// Those that hubs pass it on to.
+    pub(super) left: AgentSet,
+}
+
+impl Division {
+    /// Divides a crowd that an agent exchanges maps with, which hubs may be chosen from: the first
+    /// ones in an order that is the same for all. Without hubs if these would spare nothing.
+    pub(super) fn of(crowd: AgentSet, in_order: &[AgentId], peers: &[Peer]) -> Self {
+        let (mut hubs, mut left) = (AgentSet::default(), AgentSet::default());
+        let mut rest = crowd.clone();
+        for &agent in in_order.iter().filter(|&&agent| crowd.contains(agent)) {
+            if rest.is_empty() {
+                break;
+            }
+            let mut reached = rest.clone();
+            reached.remove(agent);
+            let reached = reached.take(&peers[agent.index()].heard.receivers);
+            if !reached.is_empty() {
+                rest.take(&reached);
+                rest.remove(agent);
+                hubs.insert(agent);
+                left.extend(&reached);
+            }
+        }
+        // A hub may be one that another hub reaches as well.
+        left.take(&hubs);
+        let mut receivers = rest;
+        receivers.extend(&hubs);
+        if receivers.len() > ADDRESSED_MAX {
+            return Self { receivers: crowd, ..Self::default() };
+        }
+        Self { receivers, hubs, left }
+    }
+}
+
+/// Whether an agent with these contacts may be a hub for some of them, given those that come before
+/// it in the order: it is not if one of them reaches whomever it reaches.
+pub(super) fn may_be_hub(contacts: &[Contact], before: &[AgentId], peers: &[Peer]) -> bool {
+    let reaches_all = |agent: &&AgentId| {
+        let reached = &peers[agent.index()].heard.receivers;
+        contacts.iter().all(|contact| contact.agent == **agent || reached.contains(contact.agent))
+    };
+    !before.iter().any(|agent| reaches_all(&agent))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use nalgebra::Point3;
+    use proptest::prelude::*;
+
+    use super::super::decoded::Summary;
+    use super::*;
+
+    /// Peers that have sent their summaries to these agents.
+    fn peers(contacts: &[Vec<u32>]) -> Vec<Peer> {
+        let heard = |contacts: &Vec<u32>| Summary { receivers: agents(contacts), ..Summary::default() };
+        contacts.iter().map(|contacts| Peer { heard: Arc::new(heard(contacts)), ..Peer::default() }).collect()
+    }
+
+    fn agents(ids: &[u32]) -> AgentSet {
+        AgentSet::of(ids.iter().copied().map(AgentId))
+    }
+
+    #[test]
+    fn the_first_of_a_clique_is_its_hub() {
+        let peers = peers(&[vec![1, 2, 3], vec![0, 2, 3], vec![0, 1, 3], vec![0, 1, 2]]);
+        let [one, two] = [1, 2].map(AgentId);
+        let division = Division::of(agents(&[0, 1, 2]), &[two, one], &peers);
+        assert_eq!((division.receivers.iter().collect::<Vec<_>>(), division.hubs.len()), (vec![two], 1));
+        assert_eq!(division.left.iter().collect::<Vec<_>>(), [AgentId(0), one]);
+        assert_eq!(Division::of(agents(&[0, 1]), &[], &peers).left.len(), 0, "none comes before it");
+        let contacts = [0, 1, 2].map(|agent| Contact { agent: AgentId(agent), position: Point3::origin() });
+        assert!(may_be_hub(&contacts, &[], &peers));
+        assert!(!may_be_hub(&contacts, &[one], &peers));
+    }
+
+    proptest! {
+        #[test]
+        fn each_receives_it_or_has_a_hub(
+            edges in prop::collection::vec(any::<u64>(), 40),
+            order in prop::sample::subsequence((0..40).collect::<Vec<u32>>(), 0..40),
+        ) {
+            let reached = edges.iter().map(|&edges| (0..40).filter(|&at| edges >> at & 1 != 0).collect());
+            let peers = peers(&reached.collect::<Vec<_>>());
+            let crowd = AgentSet::of((0..40).map(AgentId));
+            let in_order: Vec<AgentId> = order.into_iter().map(AgentId).collect();
+            let division = Division::of(crowd.clone(), &in_order, &peers);
+            for agent in crowd.iter() {
+                prop_assert!(division.receivers.contains(agent) != division.left.contains(agent));
+                let mut hubs = division.hubs.iter();
+                let has_hub = hubs.any(|hub| hub != agent && peers[hub.index()].heard.receivers.contains(agent));
+                prop_assert!(division.receivers.contains(agent) || has_hub);
+            }
+            prop_assert!(division.hubs.iter().all(|hub| in_order.contains(&hub) && division.receivers.contains(hub)));
+            let is_whole = division.left.is_empty() && division.receivers.len() == 40;
+            prop_assert!(is_whole || division.receivers.len() <= ADDRESSED_MAX);
+        }
+    }
+}
