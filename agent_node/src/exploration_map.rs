@@ -24,6 +24,7 @@ mod around;
 mod delta;
 #[cfg(test)]
 pub(crate) mod drawing;
+mod known_blocks;
 mod place;
 #[cfg(test)]
 mod tests;
@@ -34,9 +35,10 @@ use msgs::ids::AgentId;
 use voxels::{Cell, CellSet, Extent, Grid, bits};
 
 pub(crate) use around::Around;
-use delta::cell_in;
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, with_delta};
+use delta::{SIDE, cell_in};
+use known_blocks::KnownBlocks;
 use place::Place;
 
 /// The state of a cell.
@@ -116,6 +118,9 @@ impl Entry {
 /// broadcast.
 const OWN: u32 = msgs::maes_msgs::Parcel::BROADCAST;
 
+/// Cells of a page of memory.
+const PAGE_CELLS: usize = 4096;
+
 /// Most entries of the journal for one cell: wall, free and covered as reported, and wall by the
 /// own sensor.
 pub const CHANGES_MAX: usize = 4;
@@ -149,9 +154,9 @@ pub struct ExplorationMap {
     /// provides it page by page.
     cells: Grid<u8>,
     layout: Layout,
-    /// Three words for each block: its explored cells, those of them that are wall, and those that
-    /// are covered.
-    blocks: Vec<u64>,
+    /// By [`PAGE_CELLS`] of them, one bit: whether some may not be 0.
+    written: Vec<u64>,
+    blocks: KnownBlocks,
     frontier: CellSet,
     journal: Vec<Entry>,
     free: usize,
@@ -170,7 +175,8 @@ impl ExplorationMap {
         Self {
             cells,
             layout,
-            blocks: vec![0; 3 * layout.count() as usize],
+            written: vec![0; extent.volume().div_ceil(64 * PAGE_CELLS)],
+            blocks: KnownBlocks::new(layout.count()),
             frontier: CellSet::new(extent.volume()),
             journal: Vec::new(),
             free: 0,
@@ -383,11 +389,7 @@ impl ExplorationMap {
     /// The cells of a reported block whose finding differs from what is known. [`Self::learn`]
     /// would ignore all others.
     fn news_of(&self, block: &Block) -> u64 {
-        let Some(&[known, wall, covered]) =
-            self.blocks.get(3 * block.index as usize..).and_then(|words| words.first_chunk())
-        else {
-            return 0;
-        };
+        let Some([known, wall, covered]) = self.blocks.get(block.index) else { return 0 };
         let visited = block.covered & !covered;
         block.known & self.layout.inside(block.index) & (!known | (block.wall ^ wall) | visited)
     }
@@ -399,6 +401,9 @@ impl ExplorationMap {
 
     /// Learns about a cell of the map, which has this number in this block.
     fn learn(&mut self, place: &Place, (block, number): (u32, u32), finding: Finding, from: u32) {
+        if !self.blocks.is_occupied(block) {
+            self.provide(block);
+        }
         let index = place.index;
         let packed = &mut self.cells[index];
         let known = state_of(*packed);
@@ -416,11 +421,7 @@ impl ExplorationMap {
         }
         *packed = *packed & !3 | finding as u8;
         let packed = *packed;
-        let words = &mut self.blocks[3 * block as usize..][..3];
-        let bit = 1 << number;
-        words[0] |= bit;
-        words[1] = words[1] & !bit | if finding == Finding::Wall { bit } else { 0 };
-        words[2] = words[2] & !bit | if finding == Finding::Covered { bit } else { 0 };
+        self.blocks.note(block, number, finding);
         self.journal.push(Entry::new((block, number), finding, from));
         self.corrections += u64::from(is_corrected);
         match known {
@@ -441,6 +442,29 @@ impl ExplorationMap {
         }
         if is_new {
             self.close(place);
+        }
+    }
+
+    /// Writes to all pages with cells of a block or beside it that nothing was written to. The
+    /// system would provide a page that is read first and then written twice: with a thousand
+    /// agents a tenth of the processor time.
+    #[cold]
+    fn provide(&mut self, block: u32) {
+        let [size_x, size_y, size_z] = self.extent().size();
+        let [low_x, low_y, low_z] = self.layout.lowest(block);
+        let beside = |low: u32, size: u32| low.saturating_sub(1)..(low + SIDE + 1).min(size);
+        let row = beside(low_x, size_x);
+        for z in beside(low_z, size_z) {
+            for y in beside(low_y, size_y) {
+                let start = (z * size_y + y) * size_x;
+                for index in [start + row.start, start + row.end - 1].map(|index| index as usize) {
+                    let page = index / PAGE_CELLS;
+                    if self.written[page / 64] >> (page % 64) & 1 == 0 {
+                        self.written[page / 64] |= 1 << (page % 64);
+                        self.cells[index] = 0;
+                    }
+                }
+            }
         }
     }
 

@@ -37,6 +37,10 @@ pub struct Chain {
     closed: Vec<ClosedTick>,
 }
 
+/// A message of so many bytes is not copied to be hashed with others. Shorter ones are: BLAKE3 is
+/// slow for few bytes at a time.
+const HASHED_AT_ONCE: usize = 1 << 16;
+
 /// A tick whose explored share is not known.
 #[derive(Debug, Clone, Copy)]
 struct ClosedTick {
@@ -64,7 +68,12 @@ impl Chain {
     /// Adds a message of the present tick.
     pub fn message(&mut self, cdr: &[u8]) {
         self.bytes.extend_from_slice(&(cdr.len() as u64).to_le_bytes());
-        self.bytes.extend_from_slice(cdr);
+        if cdr.len() < HASHED_AT_ONCE || !self.closed.is_empty() {
+            self.bytes.extend_from_slice(cdr);
+        } else {
+            self.hasher.update(&self.bytes).update(cdr);
+            self.bytes.clear();
+        }
     }
 
     /// Ends a tick with the state of the world. If that is not settled, [`Chain::resolve`] has to

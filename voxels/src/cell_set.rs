@@ -66,18 +66,25 @@ impl CellSet {
     }
 
     fn insert_bits(&mut self, word: usize, bits: u64) {
-        let new = bits & !self.words[word];
+        // A word that is known to be 0 is not read: the system would provide its page twice.
+        let old = if self.is_occupied(word) { self.words[word] } else { 0 };
+        let new = bits & !old;
         if new != 0 {
-            self.words[word] |= new;
+            self.words[word] = old | new;
             self.occupied[word / 64] |= bit(word);
             self.len += new.count_ones() as usize;
         }
     }
 
+    /// Whether a word has any cell.
+    fn is_occupied(&self, word: usize) -> bool {
+        self.occupied[word / 64] & bit(word) != 0
+    }
+
     /// Removes a cell.
     pub fn remove(&mut self, cell: usize) {
         let word = cell / 64;
-        if self.words[word] & bit(cell) != 0 {
+        if self.is_occupied(word) && self.words[word] & bit(cell) != 0 {
             self.words[word] &= !bit(cell);
             if self.words[word] == 0 {
                 self.occupied[word / 64] &= !bit(word);

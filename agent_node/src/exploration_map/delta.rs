@@ -14,7 +14,7 @@ use voxels::{Extent, bits};
 use super::{Change, Finding};
 
 /// Cells along each axis of a block.
-const SIDE: u32 = 4;
+pub(super) const SIDE: u32 = 4;
 
 /// The reported cells of one block, one bit each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -157,6 +157,10 @@ fn deferred_scans_change_nothing() {
                 _ => {}
             }
             world.step(BTreeMap::new());
+            if tick % 40 < 2 {
+                // Long messages are hashed at once where no tick is unsettled.
+                [1 << 16, 5].map(|bytes| chain.message(&vec![tick as u8; bytes]));
+            }
             chain.close(&world);
             if !is_deferring || tick % 50 == 49 {
                 chain.resolve(&world.settle());
