@@ -39,7 +39,7 @@ pub struct Chain {
 
 /// A message of so many bytes is not copied to be hashed with others. Shorter ones are: BLAKE3 is
 /// slow for few bytes at a time.
-const HASHED_AT_ONCE: usize = 1 << 16;
+const HASHED_AT_ONCE: usize = 1 << 14;
 
 /// A tick whose explored share is not known.
 #[derive(Debug, Clone, Copy)]
@@ -74,6 +74,12 @@ impl Chain {
             self.hasher.update(&self.bytes).update(cdr);
             self.bytes.clear();
         }
+    }
+
+    /// Number of bytes that wait to be hashed.
+    #[must_use]
+    pub fn waiting_bytes(&self) -> usize {
+        self.bytes.len()
     }
 
     /// Ends a tick with the state of the world. If that is not settled, [`Chain::resolve`] has to

@@ -36,6 +36,10 @@ pub(super) struct Committed {
     pub(super) reply: CommandReply,
 }
 
+/// Beyond so many bytes the digest waits for no scans any more: in a tick in which a thousand agents
+/// exchange their maps, observations have some gigabytes.
+const WAITING_BYTES_MAX: usize = 1 << 25;
+
 /// The state of a run.
 pub(super) struct Engine<'a> {
     scenario: &'a Scenario,
@@ -182,6 +186,9 @@ impl<'a> Engine<'a> {
             };
             for fragment in &fragments {
                 log.write_digested(Kind::Observation(agent), tick, fragment, &mut self.chain)?;
+                if self.chain.waiting_bytes() >= WAITING_BYTES_MAX {
+                    self.settle();
+                }
             }
             log.write_digested(Kind::Command(agent), tick, &reply.message, &mut self.chain)?;
             self.triggers[agent.index()] = reply.trigger;

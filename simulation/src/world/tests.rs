@@ -159,7 +159,7 @@ fn deferred_scans_change_nothing() {
             world.step(BTreeMap::new());
             if tick % 40 < 2 {
                 // Long messages are hashed at once where no tick is unsettled.
-                [1 << 16, 5].map(|bytes| chain.message(&vec![tick as u8; bytes]));
+                [1 << 14, 5].map(|bytes| chain.message(&vec![tick as u8; bytes]));
             }
             chain.close(&world);
             if !is_deferring || tick % 50 == 49 {
