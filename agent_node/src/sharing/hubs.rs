@@ -4,8 +4,8 @@
 //! would be `n^2`. With a hub they are `2 n`: each sends it what it has, and it sends all of that
 //! to all.
 //!
-//! Invariant: each agent of a crowd gets what the others have from themselves, or a hub in contact
-//! with both gets it.
+//! Invariant: of two agents of a crowd that exchange their maps, each gets what the other has from
+//! that one, or a hub in contact with both gets it.
 
 use msgs::ids::AgentId;
 
@@ -25,12 +25,13 @@ pub(super) struct Division {
 }
 
 impl Division {
-    /// Divides a crowd that an agent exchanges maps with, which hubs may be chosen from: the first
-    /// ones in an order that is the same for all. Without hubs if these would spare nothing.
-    pub(super) fn of(crowd: AgentSet, in_order: &[AgentId], peers: &[Peer]) -> Self {
-        let (mut hubs, mut left) = (AgentSet::default(), AgentSet::default());
-        let mut rest = crowd.clone();
-        for &agent in in_order.iter().filter(|&&agent| crowd.contains(agent)) {
+    /// Divides those in an exchange among the contacts of an agent: the hubs are the first ones, in
+    /// an order that is the same for all, that reach the contacts. Without hubs if these would spare
+    /// nothing.
+    pub(super) fn of(exchanging: AgentSet, contacts: AgentSet, in_order: &[AgentId], peers: &[Peer]) -> Self {
+        let mut hubs = AgentSet::default();
+        let mut rest = contacts;
+        for &agent in in_order.iter().filter(|&&agent| exchanging.contains(agent)) {
             if rest.is_empty() {
                 break;
             }
@@ -41,28 +42,26 @@ impl Division {
                 rest.take(&reached);
                 rest.remove(agent);
                 hubs.insert(agent);
-                left.extend(&reached);
             }
         }
-        // A hub may be one that another hub reaches as well.
-        left.take(&hubs);
-        let mut receivers = rest;
+        let mut left = exchanging.clone();
+        let mut receivers = left.take(&rest);
         receivers.extend(&hubs);
+        left.take(&hubs);
         if receivers.len() > ADDRESSED_MAX {
-            return Self { receivers: crowd, ..Self::default() };
+            return Self { receivers: exchanging, ..Self::default() };
         }
         Self { receivers, hubs, left }
     }
 }
 
-/// Whether an agent with these contacts may be a hub for some of them, given those that come before
-/// it in the order: it is not if one of them reaches whomever it reaches.
-pub(super) fn may_be_hub(contacts: &[Contact], before: &[AgentId], peers: &[Peer]) -> bool {
-    let reaches_all = |agent: &&AgentId| {
+/// Whether one of some agents is in contact with all contacts of another one.
+pub(super) fn reach_all(contacts: &[Contact], agents: &[AgentId], peers: &[Peer]) -> bool {
+    let reaches_all = |agent: &AgentId| {
         let reached = &peers[agent.index()].heard.receivers;
-        contacts.iter().all(|contact| contact.agent == **agent || reached.contains(contact.agent))
+        contacts.iter().all(|contact| contact.agent == *agent || reached.contains(contact.agent))
     };
-    !before.iter().any(|agent| reaches_all(&agent))
+    agents.iter().any(reaches_all)
 }
 
 #[cfg(test)]
@@ -89,34 +88,36 @@ mod tests {
     fn the_first_of_a_clique_is_its_hub() {
         let peers = peers(&[vec![1, 2, 3], vec![0, 2, 3], vec![0, 1, 3], vec![0, 1, 2]]);
         let [one, two] = [1, 2].map(AgentId);
-        let division = Division::of(agents(&[0, 1, 2]), &[two, one], &peers);
+        let division = Division::of(agents(&[0, 1, 2]), agents(&[0, 1, 2]), &[two, one], &peers);
         assert_eq!((division.receivers.iter().collect::<Vec<_>>(), division.hubs.len()), (vec![two], 1));
         assert_eq!(division.left.iter().collect::<Vec<_>>(), [AgentId(0), one]);
-        assert_eq!(Division::of(agents(&[0, 1]), &[], &peers).left.len(), 0, "none comes before it");
+        assert_eq!(Division::of(agents(&[0, 1]), agents(&[0, 1]), &[], &peers).left.len(), 0, "none comes before it");
         let contacts = [0, 1, 2].map(|agent| Contact { agent: AgentId(agent), position: Point3::origin() });
-        assert!(may_be_hub(&contacts, &[], &peers));
-        assert!(!may_be_hub(&contacts, &[one], &peers));
+        assert!(!reach_all(&contacts, &[], &peers));
+        assert!(reach_all(&contacts, &[one], &peers));
     }
 
     proptest! {
         #[test]
         fn each_receives_it_or_has_a_hub(
             edges in prop::collection::vec(any::<u64>(), 40),
+            exchanging in any::<u64>(),
             order in prop::sample::subsequence((0..40).collect::<Vec<u32>>(), 0..40),
         ) {
             let reached = edges.iter().map(|&edges| (0..40).filter(|&at| edges >> at & 1 != 0).collect());
             let peers = peers(&reached.collect::<Vec<_>>());
             let crowd = AgentSet::of((0..40).map(AgentId));
             let in_order: Vec<AgentId> = order.into_iter().map(AgentId).collect();
-            let division = Division::of(crowd.clone(), &in_order, &peers);
-            for agent in crowd.iter() {
+            let exchanging = AgentSet::of(crowd.iter().filter(|agent| exchanging >> agent.0 & 1 != 0));
+            let division = Division::of(exchanging.clone(), crowd, &in_order, &peers);
+            for agent in exchanging.iter() {
                 prop_assert!(division.receivers.contains(agent) != division.left.contains(agent));
                 let mut hubs = division.hubs.iter();
                 let has_hub = hubs.any(|hub| hub != agent && peers[hub.index()].heard.receivers.contains(agent));
                 prop_assert!(division.receivers.contains(agent) || has_hub);
             }
             prop_assert!(division.hubs.iter().all(|hub| in_order.contains(&hub) && division.receivers.contains(hub)));
-            let is_whole = division.left.is_empty() && division.receivers.len() == 40;
+            let is_whole = division.left.is_empty() && division.receivers == exchanging;
             prop_assert!(is_whole || division.receivers.len() <= ADDRESSED_MAX);
         }
     }

@@ -135,9 +135,10 @@ fn share_out(
 /// How what they lack is divided among those in an exchange, if this agent is in a crowd.
 fn crowd(state: &State<'_>, contacts: &[Contact], exchanging: &[(AgentId, &Peer)]) -> Option<Division> {
     is_crowd(contacts).then(|| {
-        let all = AgentSet::of(exchanging.iter().map(|&(agent, _)| agent));
+        let exchanging = AgentSet::of(exchanging.iter().map(|&(agent, _)| agent));
+        let contacts = AgentSet::of(contacts.iter().map(|contact| contact.agent));
         let in_order = if state.uses_hubs { state.deputies } else { &[] };
-        Division::of(all, in_order, state.peers)
+        Division::of(exchanging, contacts, in_order, state.peers)
     })
 }
 

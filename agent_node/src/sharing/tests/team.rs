@@ -23,6 +23,8 @@ pub(super) struct Team {
     pub(super) maps: Vec<ExplorationMap>,
     pub(super) sharings: Vec<Sharing>,
     pub(super) inboxes: Vec<Vec<ReceivedMessage>>,
+    /// Number of messages sent so far, those to all once for each receiver.
+    pub(super) posted: usize,
     /// Cells sent so far: from, to, cell, finding.
     pub(super) delivered: Vec<(u32, u32, u32, u8)>,
     /// Whether the next messages get lost; those after them do not.
@@ -38,6 +40,7 @@ impl Team {
             maps: vec![ExplorationMap::new(extent); count],
             sharings: (0..agents).map(|id| Sharing::new(AgentId(id), period, agents)).collect(),
             inboxes: vec![Vec::new(); count],
+            posted: 0,
             delivered: Vec::new(),
             losses: Vec::new().into_iter(),
             due: None,
@@ -90,6 +93,7 @@ impl Team {
                     Message::Update { receivers, delta, .. } => (receivers, delta),
                     Message::Completion(completion) => (completion.agents(), Delta::default()),
                 };
+                self.posted += receivers.len();
                 for &receiver in &receivers {
                     // A broadcast for many reaches all.
                     let is_named = named.contains(&receiver);
@@ -177,7 +181,8 @@ fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_b
         let deputies_of = with_deputies.into_iter().filter_map(|agent| Some((agent, deputy(agent, at)?)));
         if is_crowd(contacts) {
             let exchanging = AgentSet::of(waiting.iter().copied().filter(|&agent| is_exchanging(agent, at)));
-            let division = Division::of(exchanging, if *uses_hubs { deputies } else { &[] }, peers);
+            let all = AgentSet::of(contacts.iter().map(|contact| contact.agent));
+            let division = Division::of(exchanging, all, if *uses_hubs { deputies } else { &[] }, peers);
             by_others.hubs.extend(&division.hubs);
             by_others.left_to_hubs.extend(&division.left);
             if receivers.is_empty() {
