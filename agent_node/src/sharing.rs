@@ -23,17 +23,18 @@
 //! agent can keep others from news for long.
 //!
 //! **Hubs.** What is new to a crowd, more than `ADDRESSED_MAX` contacts, an agent sends to a *hub*
-//! alone, and completes only that exchange: the first of the agents that exchange their maps, in the order of deputies; hubs are
-//! several where contacts of the agent are not all in contact with each other, and who is in
-//! contact with no hub is sent it as well. The completion for a hub asks it to pass on what it has
-//! been sent: it sends all its contacts another summary, updates and a completion in one tick, in
-//! reply to the summaries that it has from them. The others are sent no completion; they know the
-//! news by that of the hub. Summaries go to the hubs as well: an agent sends its own to the `LEADING`
-//! first of its contacts, and to all if it comes before or among these. So a crowd of `n` agents
-//! sends some `10 n` messages and not `3 n^2`, and news take a tick more. Two agents that no hub is
-//! in contact with, which happens where the contacts of an agent are not in contact with each other,
-//! exchange their maps in a later period, whose order is another one. A hub passes on once in each exchange; what reaches it later, it sends in the
-//! next one, like any other agent that knows it.
+//! alone, and completes only that exchange: the first of the agents that exchange their maps, in
+//! the order of deputies; hubs are several where contacts of the agent are not all in contact with
+//! each other, and who is in contact with no hub is sent it as well. The completion for a hub asks
+//! it to pass on what it has been sent: it sends all its contacts another summary, updates and a
+//! completion in one tick, in reply to the summaries that it has from them. The others are sent no
+//! completion; they know the news by that of the hub. Summaries go to the hubs as well: an agent
+//! sends its own to the `LEADING` first of its contacts, and to all if it comes before or among
+//! these. So a crowd of `n` agents sends some `10 n` messages and not `3 n^2`, and news take a tick
+//! more. Two agents that no hub is in contact with, which happens where the contacts of an agent
+//! are not in contact with each other, exchange their maps in a later period, whose order is
+//! another one. A hub passes on once in each exchange; what reaches it later, it sends in the next
+//! one, like any other agent that knows it.
 //!
 //! An update or completion is addressed to each of its receivers, or broadcast if they are all
 //! contacts or more than `ADDRESSED_MAX`: otherwise the copies for a crowd would not fit into a
@@ -43,9 +44,10 @@
 //!
 //! Summaries are sent in the ticks that are multiples of the period, as exchanges take place in the
 //! reference, so that all agents in contact exchange at the same time; at a first contact at once,
-//! and so to a peer that was out of contact in its turn, and in reply to a summary. An agent in a crowd begins exchanges once a
-//! period, with all contacts: they come and go all the time where lines of sight are short. What does not fit into the messages of a
-//! tick is continued in the next one.
+//! and so to a peer that was out of contact in its turn, and in reply to a summary. An agent in a
+//! crowd begins exchanges once a period, with all contacts: they come and go all the time where
+//! lines of sight are short. What does not fit into the messages of a tick is continued in the next
+//! one.
 //!
 //! Delivery: what is lost, by the radio or in a full inbox, is sent again a period later, because
 //! the next summary does not list it. One exchange leaves room in the inbox for those of all others
@@ -75,49 +77,32 @@ mod outbox;
 mod peer;
 #[cfg(test)]
 mod tests;
+mod turns;
+mod updates;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
-use msgs::maes_msgs::Wake as Events;
+use msgs::limits::PARCEL_BYTES_BARE;
 use msgs::shared_bytes::SharedBytes;
 
-use crate::command::{AgentMessage, Trigger};
+use crate::command::AgentMessage;
 use crate::exploration_map::{CHANGES_MAX, ExplorationMap};
 use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
 use decoded::{Content, Summary, Update};
 use knowledge::Knowledge;
-use map_message::{Completed, Completion, SenderState};
+use map_message::{Completed, SenderState};
 pub use map_message::{MapMessageError, VERSION};
-use news::{Found, State};
-use outbox::{Outbox, copies, is_crowd};
+use outbox::{Outbox, copies};
 use peer::{Peer, Provenance, peer};
+use updates::complete;
 
 /// The mark of map messages; all other marks are the controllers'.
 pub const MAP_MESSAGE: u8 = 1;
 
 /// Ticks between exchanges in the reference: 5.02 s.
 pub const DEFAULT_PERIOD_TICKS: u32 = 251;
-
-/// Capacity of an inbox, bytes; the server drops what does not fit.
-const INBOX_BYTES: usize = 64 * PARCEL_BYTES_MAX;
-
-/// For so many ticks after its own summary an agent is due with each message if it lacks that of a
-/// contact, which a radio may delay: no longer, or a flood of messages would keep it busy.
-const LATE_TICKS: u64 = 50;
-
-/// In a crowd, an agent that comes after so many of its contacts sends its summary to these alone.
-const LEADING: usize = 4;
-
-/// For so many ticks after it has begun its exchanges, an agent in a crowd replies to summaries, and
-/// is due with each message if it may be a hub.
-const TURN_TICKS: u64 = 5;
-
-/// Nothing is started with fewer bytes left than this: a tick later the runs are longer.
-const BUDGET_MIN: usize = 1024;
 
 /// The state of an agent's exchanges with its peers.
 #[derive(Debug, Clone)]
@@ -356,7 +341,6 @@ impl Sharing {
     fn send_summaries(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, received: &[AgentId], now: Tick) {
         let leading = self.leading(outbox.contacts, now);
         let has_had_turn = self.has_had_turn(outbox.contacts, now);
-        let is_in_turn = self.is_in_turn(now);
         let hubs: Vec<Arc<Summary>> = leading
             .iter()
             .flatten()
@@ -396,27 +380,6 @@ impl Sharing {
         }
     }
 
-    /// In a crowd, the first agents in the order of this period, which an agent that is none of them
-    /// sends its summary to; `None`: it sends it to all.
-    fn leading(&self, contacts: &[Contact], now: Tick) -> Option<Vec<AgentId>> {
-        if !is_crowd(contacts) {
-            return None;
-        }
-        let mut leading = self.those_before(contacts.iter().map(|contact| contact.agent), now);
-        leading.truncate(LEADING);
-        (leading.len() == LEADING).then_some(leading)
-    }
-
-    /// Whether this agent is in a crowd and has begun its exchanges of this period.
-    fn has_had_turn(&self, contacts: &[Contact], now: Tick) -> bool {
-        is_crowd(contacts) && self.turn.is_some_and(|turn| now.0 / self.period.max(1) == turn.0 / self.period.max(1))
-    }
-
-    /// Whether it has begun its exchanges a few ticks ago.
-    fn is_in_turn(&self, now: Tick) -> bool {
-        self.turn.is_some_and(|turn| now.0 - turn.0 <= TURN_TICKS)
-    }
-
     /// Sends what this agent knows, if it fits; the number of the summary.
     fn send_summary(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, receivers: &[AgentId]) -> Option<u32> {
         let mut known = self.knowledge.known().clone();
@@ -433,16 +396,6 @@ impl Sharing {
         }
         self.summaries_sent = number.wrapping_add(1);
         Some(number)
-    }
-
-    /// Whether contacts that exchange their maps may ask this agent to pass on what they send it:
-    /// some come after it in the order, and `before` it none that reaches all that it reaches.
-    fn may_be_hub(&self, contacts: &[Contact], before: &[AgentId], now: Tick) -> bool {
-        let is_after =
-            |agent: AgentId| self.present.contains(agent) && self.place(agent, now) > self.place(self.own, now);
-        is_crowd(contacts)
-            && contacts.iter().any(|contact| is_after(contact.agent))
-            && !hubs::reach_all(contacts, before, &self.peers)
     }
 
     /// As a hub, begins to send the contacts of the present exchange what they lack once more, what
@@ -482,150 +435,6 @@ impl Sharing {
             self.present.insert(agent);
         }
     }
-
-    fn send_updates(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, deputies: &[AgentId], now: Tick) {
-        let contacts = outbox.contacts;
-        let uses_hubs = self.hub != Hub::HasPassedOn;
-        while outbox.budget >= BUDGET_MIN {
-            let state = State { peers: &self.peers, provenances: &self.provenances, deputies, uses_hubs };
-            let Some(Found { news, by_others, end }) = news::batch(&state, map, contacts, outbox.budget) else {
-                return;
-            };
-            for (receiver, deputy) in by_others.deputies {
-                peer(&mut self.peers, receiver).rest_from.insert(deputy);
-            }
-            by_others.hubs.iter().for_each(|hub| peer(&mut self.peers, hub).is_hub = true);
-            by_others.left_to_hubs.iter().for_each(|agent| peer(&mut self.peers, agent).is_left_to_hubs = true);
-            for (receivers, data) in news {
-                for receiver in &receivers {
-                    let peer = peer(&mut self.peers, *receiver);
-                    peer.bytes += data.len();
-                    peer.updates_sent += 1;
-                    peer.updated = Some(now);
-                }
-                outbox.send(&receivers, data);
-            }
-            record_sent(&mut self.peers, self.agents, contacts, end);
-        }
-    }
-
-    /// The contacts that this agent leaves it to, to send what they know as well: those that come
-    /// before it in this period.
-    fn deputies(&self, contacts: &[Contact], now: Tick) -> Vec<AgentId> {
-        let sends = |peer: &Peer| peer.heard.state == SenderState::default() && !peer.is_barred;
-        let is_present =
-            |agent: &AgentId| self.present.contains(*agent) && self.peers.get(agent.index()).is_some_and(sends);
-        self.those_before(contacts.iter().map(|contact| contact.agent).filter(is_present), now)
-    }
-
-    /// Those of some agents that come before this one in the order of this period, the first one
-    /// first.
-    fn those_before(&self, agents: impl Iterator<Item = AgentId>, now: Tick) -> Vec<AgentId> {
-        let own_place = self.place(self.own, now);
-        let places = agents.map(|agent| self.place(agent, now));
-        let mut places: Vec<(u64, AgentId)> = places.filter(|place| *place < own_place).collect();
-        places.sort_unstable();
-        places.into_iter().map(|(_, agent)| agent).collect()
-    }
-
-    /// The place of an agent in the order of this period.
-    fn place(&self, agent: AgentId, now: Tick) -> (u64, AgentId) {
-        (drawn(now.0 / self.period.max(1), agent), agent)
-    }
-
-    /// When map sharing is due next, after [`Sharing::outgoing`] has been called in this tick: in
-    /// the next tick if an exchange is incomplete or a summary has been sent, else when an exchange
-    /// with a present contact is due, or when an agent comes into contact with which none has begun
-    /// in this period. An agent that only receives is due with each message.
-    #[must_use]
-    pub fn next_trigger(&self, contacts: &[Contact], now: Tick) -> Trigger {
-        if self.agents < 2 {
-            return Trigger { at: Tick(u64::MAX), events: 0 };
-        }
-        if self.period == 0 {
-            return Trigger { at: Tick(u64::MAX), events: Events::PARCEL };
-        }
-        let period_of = |tick: Tick| tick.0 / self.period;
-        let next_turn = Tick(period_of(now).saturating_add(1).saturating_mul(self.period));
-        let has_had_turn = self.has_had_turn(contacts, now);
-        let due = |contact: &Contact| match self.peers.get(contact.agent.index()) {
-            Some(Peer { is_open: false, last: Some(last), .. })
-                if *last < now && period_of(*last) == period_of(now) =>
-            {
-                next_turn
-            }
-            Some(Peer { is_open: false, last, .. }) if has_had_turn && *last != Some(now) => next_turn,
-            None if has_had_turn => next_turn,
-            _ => now.next(),
-        };
-        let is_waiting = |contact: &Contact| {
-            let since =
-                self.peers.get(contact.agent.index()).filter(|peer| !peer.has_replied).and_then(|peer| peer.last);
-            since.is_some_and(|since| since < now && now.0 - since.0 < LATE_TICKS)
-        };
-        // Summaries may be late, and the news for a hub. In a crowd, not all reply.
-        let waits_for_hub = has_had_turn && !self.present.is_empty();
-        let is_hub = self.hub == Hub::MayBeAsked && self.is_in_turn(now);
-        let is_late = is_hub || !waits_for_hub && contacts.iter().any(is_waiting);
-        let late = if is_late { Events::PARCEL } else { 0 };
-        let at = match self.hub {
-            Hub::Asked => now.next(),
-            _ => contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)),
-        };
-        let met = if has_had_turn { 0 } else { Events::FIRST_CONTACT };
-        Trigger { at, events: met | late }
-    }
-}
-
-/// Records that the contacts have been sent everything before this position.
-fn record_sent(peers: &mut Vec<Peer>, agents: u32, contacts: &[Contact], end: usize) {
-    let bytes_max = INBOX_BYTES / (2 * agents.max(1) as usize);
-    for contact in contacts {
-        let peer = peer(peers, contact.agent);
-        peer.cursor = peer.cursor.max(end.min(peer.until));
-        if peer.bytes >= bytes_max {
-            peer.until = peer.cursor;
-        }
-    }
-}
-
-/// Completes the exchanges with the contacts that have been sent all.
-fn complete(peers: &mut Vec<Peer>, outbox: &mut Outbox<'_>) {
-    let position_known = |agent: AgentId| peers.get(agent.index()).map_or(0, |peer| peer.heard.known.of(agent));
-    let is_done = |peer: &Peer| peer.is_open && peer.cursor >= peer.until;
-    let mut completed: BTreeMap<(usize, bool), Vec<(Completed, &AgentSet)>> = BTreeMap::new();
-    let mut left_to_hubs = Vec::new();
-    for Contact { agent, .. } in outbox.contacts {
-        let Some(peer) = peers.get(agent.index()).filter(|peer| is_done(peer)) else {
-            continue;
-        };
-        if peer.is_left_to_hubs {
-            left_to_hubs.push(*agent);
-            continue;
-        }
-        let one = Completed { receiver: *agent, summary: peer.summary, updates: peer.updates_sent };
-        completed.entry((peer.until, peer.is_hub)).or_default().push((one, &peer.rest_from));
-    }
-    let completion = |((until, is_for_hubs), receivers): ((usize, bool), Vec<_>)| {
-        Completion::new(&receivers, (position(until), is_for_hubs), position_known)
-    };
-    let completions: Vec<Completion> = completed.into_iter().map(completion).collect();
-    left_to_hubs.into_iter().for_each(|agent| peer(peers, agent).is_open = false);
-    for completion in completions {
-        let agents = completion.agents();
-        if outbox.send(&agents, map_message::encode_completion(&completion).into()) {
-            agents.iter().for_each(|&agent| peer(peers, agent).is_open = false);
-        }
-    }
-}
-
-/// The place of an agent in a period, as if drawn: the finaliser of SplitMix64 (Steele et al.,
-/// OOPSLA 2014).
-fn drawn(turn: u64, agent: AgentId) -> u64 {
-    let mut word = turn.wrapping_shl(32) ^ u64::from(agent.0).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    word = (word ^ word >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    word = (word ^ word >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    word ^ word >> 31
 }
 
 /// A position in a journal on the wire; one beyond 2^32 - 1 counts as that.

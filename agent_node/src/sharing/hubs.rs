@@ -26,8 +26,8 @@ pub(super) struct Division {
 
 impl Division {
     /// Divides those in an exchange among the contacts of an agent: the hubs are the first ones, in
-    /// an order that is the same for all, that reach the contacts. Without hubs if these would spare
-    /// nothing.
+    /// an order that is the same for all, that reach the contacts. Without hubs if these would
+    /// spare nothing.
     pub(super) fn of(exchanging: AgentSet, contacts: AgentSet, in_order: &[AgentId], peers: &[Peer]) -> Self {
         let mut hubs = AgentSet::default();
         let mut rest = contacts;

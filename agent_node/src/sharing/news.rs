@@ -24,6 +24,9 @@ const CELL_BITS_USUAL: usize = 2;
 /// Sections of the journal by the agents to send them to.
 pub(super) type News = BTreeMap<Vec<AgentId>, Vec<Range<usize>>>;
 
+/// The data of messages with their receivers.
+pub(super) type Updates = Vec<(Vec<AgentId>, SharedBytes)>;
+
 /// What decides on updates, beside the journal.
 pub(super) struct State<'a> {
     /// The exchanges by agent.
@@ -36,8 +39,7 @@ pub(super) struct State<'a> {
     pub(super) uses_hubs: bool,
 }
 
-/// What contacts lack of the journal: as sections of it, or as the data of messages with their
-/// receivers.
+/// What contacts lack of the journal, as [`News`] or [`Updates`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Found<T> {
     pub(super) news: T,
@@ -62,7 +64,7 @@ pub(super) fn batch(
     map: &ExplorationMap,
     contacts: &[Contact],
     budget: usize,
-) -> Option<Found<Vec<(Vec<AgentId>, SharedBytes)>>> {
+) -> Option<Found<Updates>> {
     // The encoded size of cells is only known afterwards.
     let mut cell_bits = CELL_BITS_USUAL;
     loop {

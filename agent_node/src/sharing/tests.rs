@@ -1,11 +1,14 @@
 mod team;
 mod trust;
 
+use msgs::maes_msgs::Wake as Events;
 use nalgebra::Point3;
 use proptest::prelude::*;
 use voxels::Cell;
 
+use super::updates::{BUDGET_MIN, INBOX_BYTES};
 use super::*;
+use crate::command::Trigger;
 use crate::exploration_map::CellState;
 use team::{BUDGET, Team, all_pairs, extent};
 

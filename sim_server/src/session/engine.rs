@@ -36,8 +36,8 @@ pub(super) struct Committed {
     pub(super) reply: CommandReply,
 }
 
-/// Beyond so many bytes the digest waits for no scans any more: in a tick in which a thousand agents
-/// exchange their maps, observations have some gigabytes.
+/// Beyond so many bytes the digest waits for no scans any more: in a tick in which a thousand
+/// agents exchange their maps, observations have some gigabytes.
 const WAITING_BYTES_MAX: usize = 1 << 25;
 
 /// The state of a run.

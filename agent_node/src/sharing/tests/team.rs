@@ -2,15 +2,17 @@
 
 use std::ops::Range;
 
-use msgs::limits::PARCEL_BYTES_BARE;
+use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
+use msgs::maes_msgs::Wake as Events;
 use nalgebra::Point3;
 use voxels::Extent;
 
 use super::super::*;
+use crate::command::Trigger;
 use crate::exploration_map::{CellState, Delta};
 use crate::sharing::hubs::Division;
 use crate::sharing::map_message::Message;
-use crate::sharing::news::{ByOthers, Found, News};
+use crate::sharing::news::{ByOthers, Found, News, State};
 use crate::sharing::outbox::{ADDRESSED_MAX, is_crowd};
 
 pub(super) const BUDGET: usize = PARCEL_BYTES_MAX;

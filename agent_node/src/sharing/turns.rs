@@ -1,0 +1,134 @@
+//! When an agent exchanges its map, in which order the agents of a period come, and what an agent
+//! of a crowd is in its exchanges.
+//!
+//! Invariants: two agents agree on their order in a period. This module sends nothing.
+
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::Wake as Events;
+
+use super::map_message::SenderState;
+use super::outbox::is_crowd;
+use super::peer::Peer;
+use super::{Hub, Sharing, hubs};
+use crate::command::Trigger;
+use crate::observation::Contact;
+
+/// For so many ticks after its own summary an agent is due with each message if it lacks that of a
+/// contact, which a radio may delay: no longer, or a flood of messages would keep it busy.
+const LATE_TICKS: u64 = 50;
+
+/// In a crowd, an agent that comes after so many of its contacts sends its summary to these alone.
+const LEADING: usize = 4;
+
+/// For so many ticks after it has begun its exchanges, an agent that may be a hub is due with each
+/// message.
+const TURN_TICKS: u64 = 5;
+
+impl Sharing {
+    /// When map sharing is due next, after [`Sharing::outgoing`] has been called in this tick: in
+    /// the next tick if an exchange is incomplete or a summary has been sent, else when an exchange
+    /// with a present contact is due, or when an agent comes into contact with which none has begun
+    /// in this period. An agent that only receives is due with each message.
+    #[must_use]
+    pub fn next_trigger(&self, contacts: &[Contact], now: Tick) -> Trigger {
+        if self.agents < 2 {
+            return Trigger { at: Tick(u64::MAX), events: 0 };
+        }
+        if self.period == 0 {
+            return Trigger { at: Tick(u64::MAX), events: Events::PARCEL };
+        }
+        let period_of = |tick: Tick| tick.0 / self.period;
+        let next_turn = Tick(period_of(now).saturating_add(1).saturating_mul(self.period));
+        let has_had_turn = self.has_had_turn(contacts, now);
+        let due = |contact: &Contact| match self.peers.get(contact.agent.index()) {
+            Some(Peer { is_open: false, last: Some(last), .. })
+                if *last < now && period_of(*last) == period_of(now) =>
+            {
+                next_turn
+            }
+            Some(Peer { is_open: false, last, .. }) if has_had_turn && *last != Some(now) => next_turn,
+            None if has_had_turn => next_turn,
+            _ => now.next(),
+        };
+        let is_waiting = |contact: &Contact| {
+            let since =
+                self.peers.get(contact.agent.index()).filter(|peer| !peer.has_replied).and_then(|peer| peer.last);
+            since.is_some_and(|since| since < now && now.0 - since.0 < LATE_TICKS)
+        };
+        // Summaries may be late, and the news for a hub. In a crowd, not all reply.
+        let waits_for_hub = has_had_turn && !self.present.is_empty();
+        let is_hub = self.hub == Hub::MayBeAsked && self.is_in_turn(now);
+        let is_late = is_hub || !waits_for_hub && contacts.iter().any(is_waiting);
+        let late = if is_late { Events::PARCEL } else { 0 };
+        let at = match self.hub {
+            Hub::Asked => now.next(),
+            _ => contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)),
+        };
+        let met = if has_had_turn { 0 } else { Events::FIRST_CONTACT };
+        Trigger { at, events: met | late }
+    }
+
+    /// In a crowd, the first agents in the order of this period, which an agent that is none of
+    /// them sends its summary to; `None`: it sends it to all.
+    pub(super) fn leading(&self, contacts: &[Contact], now: Tick) -> Option<Vec<AgentId>> {
+        if !is_crowd(contacts) {
+            return None;
+        }
+        let mut leading = self.those_before(contacts.iter().map(|contact| contact.agent), now);
+        leading.truncate(LEADING);
+        (leading.len() == LEADING).then_some(leading)
+    }
+
+    /// Whether this agent is in a crowd and has begun its exchanges of this period.
+    pub(super) fn has_had_turn(&self, contacts: &[Contact], now: Tick) -> bool {
+        is_crowd(contacts) && self.turn.is_some_and(|turn| now.0 / self.period.max(1) == turn.0 / self.period.max(1))
+    }
+
+    /// Whether it has begun its exchanges a few ticks ago.
+    fn is_in_turn(&self, now: Tick) -> bool {
+        self.turn.is_some_and(|turn| now.0 - turn.0 <= TURN_TICKS)
+    }
+
+    /// Whether contacts that exchange their maps may ask this agent to pass on what they send it:
+    /// some come after it in the order, and `before` it none that reaches all that it reaches.
+    pub(super) fn may_be_hub(&self, contacts: &[Contact], before: &[AgentId], now: Tick) -> bool {
+        let is_after =
+            |agent: AgentId| self.present.contains(agent) && self.place(agent, now) > self.place(self.own, now);
+        is_crowd(contacts)
+            && contacts.iter().any(|contact| is_after(contact.agent))
+            && !hubs::reach_all(contacts, before, &self.peers)
+    }
+
+    /// The contacts that this agent leaves it to, to send what they know as well: those that come
+    /// before it in this period.
+    pub(super) fn deputies(&self, contacts: &[Contact], now: Tick) -> Vec<AgentId> {
+        let sends = |peer: &Peer| peer.heard.state == SenderState::default() && !peer.is_barred;
+        let is_present =
+            |agent: &AgentId| self.present.contains(*agent) && self.peers.get(agent.index()).is_some_and(sends);
+        self.those_before(contacts.iter().map(|contact| contact.agent).filter(is_present), now)
+    }
+
+    /// Those of some agents that come before this one in the order of this period, the first one
+    /// first.
+    fn those_before(&self, agents: impl Iterator<Item = AgentId>, now: Tick) -> Vec<AgentId> {
+        let own_place = self.place(self.own, now);
+        let places = agents.map(|agent| self.place(agent, now));
+        let mut places: Vec<(u64, AgentId)> = places.filter(|place| *place < own_place).collect();
+        places.sort_unstable();
+        places.into_iter().map(|(_, agent)| agent).collect()
+    }
+
+    /// The place of an agent in the order of this period.
+    fn place(&self, agent: AgentId, now: Tick) -> (u64, AgentId) {
+        (drawn(now.0 / self.period.max(1), agent), agent)
+    }
+}
+
+/// The place of an agent in a period, as if drawn: the finaliser of SplitMix64 (Steele et al.,
+/// OOPSLA 2014).
+fn drawn(turn: u64, agent: AgentId) -> u64 {
+    let mut word = turn.wrapping_shl(32) ^ u64::from(agent.0).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    word = (word ^ word >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    word = (word ^ word >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    word ^ word >> 31
+}
