@@ -254,8 +254,8 @@ impl Desk {
         // What was started in the background ends with its block. A node of rclpy may handle the
         // signal and sleep on: the test stood still for ever.
         let end = "for job in $(jobs -p); do kill \"$job\" 2>/dev/null || true; done; \
-            for job in $(jobs -p); do timeout 30 tail -s 0.1 -f --pid \"$job\" /dev/null || kill -9 \"$job\"; done; \
-            wait";
+            for job in $(jobs -p); do \
+            timeout 30 tail -s 0.1 -f --pid \"$job\" /dev/null || kill -9 \"$job\"; done; wait";
         if let Some(session) = document.session(shell, end) {
             results.push(self.bash(&session, if self.is_long { "long" } else { "run" }));
         }

@@ -56,6 +56,15 @@ pub enum CellState {
     Wall,
 }
 
+impl CellState {
+    /// Whether the cell is known to be free, visited or not.
+    #[inline]
+    #[must_use]
+    pub fn is_free(self) -> bool {
+        matches!(self, Self::Free | Self::Covered)
+    }
+}
+
 /// A finding about a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
@@ -154,8 +163,8 @@ pub struct ExplorationMap {
     /// provides it page by page.
     cells: Grid<u8>,
     layout: Layout,
-    /// By [`PAGE_CELLS`] of them, one bit: whether some may not be 0.
-    written: Vec<u64>,
+    /// Which pages of [`PAGE_CELLS`] of them have been written to.
+    written: CellSet,
     blocks: KnownBlocks,
     frontier: CellSet,
     journal: Vec<Entry>,
@@ -175,7 +184,7 @@ impl ExplorationMap {
         Self {
             cells,
             layout,
-            written: vec![0; extent.volume().div_ceil(64 * PAGE_CELLS)],
+            written: CellSet::new(extent.volume().div_ceil(PAGE_CELLS)),
             blocks: KnownBlocks::new(layout.count()),
             frontier: CellSet::new(extent.volume()),
             journal: Vec::new(),
@@ -255,9 +264,9 @@ impl ExplorationMap {
     pub(crate) fn free_in(&self, corner: Cell, side: i32) -> u128 {
         self.in_rows(corner, side, |start, count| {
             let row = &self.cells.as_slice()[start..start + count];
-            (0..).zip(row).fold(0, |bits, (place, &packed): (u32, _)| {
-                bits | u64::from(matches!(state_of(packed), CellState::Free | CellState::Covered)) << place
-            })
+            (0..)
+                .zip(row)
+                .fold(0, |bits, (place, &packed): (u32, _)| bits | u64::from(state_of(packed).is_free()) << place)
         })
     }
 
@@ -459,8 +468,8 @@ impl ExplorationMap {
                 let start = (z * size_y + y) * size_x;
                 for index in [start + row.start, start + row.end - 1].map(|index| index as usize) {
                     let page = index / PAGE_CELLS;
-                    if self.written[page / 64] >> (page % 64) & 1 == 0 {
-                        self.written[page / 64] |= 1 << (page % 64);
+                    if !self.written.contains(page) {
+                        self.written.insert(page);
                         self.cells[index] = 0;
                     }
                 }

@@ -339,8 +339,11 @@ impl Sharing {
 
     /// Sends a summary to all contacts that one is due for.
     fn send_summaries(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, received: &[AgentId], now: Tick) {
-        let leading = self.leading(outbox.contacts, now);
         let has_had_turn = self.has_had_turn(outbox.contacts, now);
+        if has_had_turn && received.is_empty() {
+            return;
+        }
+        let leading = self.leading(outbox.contacts, now);
         let hubs: Vec<Arc<Summary>> = leading
             .iter()
             .flatten()

@@ -11,7 +11,7 @@ use crate::bits::{bits, bits_of};
 
 /// A set of cells, one bit each, with one more bit for each 64 of them to find those that are in
 /// it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CellSet {
     words: Vec<u64>,
     occupied: Vec<u64>,

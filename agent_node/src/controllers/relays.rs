@@ -14,7 +14,7 @@ use voxels::walk_segment;
 
 use super::Ctx;
 use super::settings::{SettingError, Settings};
-use crate::exploration_map::{CellState, ExplorationMap};
+use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 
 /// Look-ahead distance along the path, cells.
@@ -72,7 +72,7 @@ fn along(from: &Point3<f64>, path: &[Point3<f64>], mut length_m: f64) -> Point3<
 }
 
 fn is_in_sight(map: &ExplorationMap, from: &Point3<f64>, to: &Point3<f64>) -> bool {
-    let is_free = |cell| matches!(map.state(cell), CellState::Free | CellState::Covered);
+    let is_free = |cell| map.state(cell).is_free();
     let walk = walk_segment(map.extent(), from, to, |cell| match is_free(cell) {
         true => ControlFlow::Continue(()),
         false => ControlFlow::Break(()),

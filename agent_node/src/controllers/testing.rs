@@ -336,7 +336,7 @@ pub(crate) fn is_through_free_cells(map: &ExplorationMap, from: &Point3<f64>, wa
                 let low = Point3::new(f64::from(cell.x), f64::from(cell.y), f64::from(cell.z));
                 let nearest = centre.coords.sup(&low.coords).inf(&low.coords.add_scalar(1.0));
                 let is_touched = (nearest - centre.coords).norm() < RADIUS_M - 1e-9;
-                !is_touched || matches!(map.state(cell), CellState::Free | CellState::Covered)
+                !is_touched || map.state(cell).is_free()
             })
         };
         let is_clear = (0..=steps as usize).all(is_clear_at);

@@ -47,8 +47,9 @@ impl ExplorationMap {
         let Some(rows) = self.rows_around(cell) else {
             let one = Cell::new(1, 1, 1);
             let offsets = (0..3).flat_map(|z| (0..3).flat_map(move |y| (0..3).map(move |x| Cell::new(x, y, z) - one)));
-            let is_free = |at| matches!(self.state(at), CellState::Free | CellState::Covered);
-            return offsets.enumerate().fold(0, |free, (place, by)| free | u32::from(is_free(cell + by)) << place);
+            return offsets
+                .enumerate()
+                .fold(0, |free, (place, by)| free | u32::from(self.state(cell + by).is_free()) << place);
         };
         (0..).zip(rows).fold(0, |free, (row, states): (u32, _)| {
             // One of the two lower bits of a byte is set.

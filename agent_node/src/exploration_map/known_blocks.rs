@@ -2,6 +2,8 @@
 //!
 //! Invariant: a block is occupied if and only if one of its cells is explored.
 
+use voxels::CellSet;
+
 use super::Finding;
 
 /// Of one block: its explored cells, those of them that are wall, and those that are covered.
@@ -11,16 +13,16 @@ type Words = [u64; 3];
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct KnownBlocks {
     words: Vec<Words>,
-    /// One bit for each block: the words of the others are 0, and are not read. The system would
-    /// provide a page that is read first and then written twice.
-    occupied: Vec<u64>,
+    /// The blocks with explored cells: the words of the others are 0, and are not read. The system
+    /// would provide a page that is read first and then written twice.
+    occupied: CellSet,
 }
 
 impl KnownBlocks {
     /// So many unexplored blocks.
     pub(super) fn new(count: u32) -> Self {
         let count = count as usize;
-        Self { words: vec![[0; 3]; count], occupied: vec![0; count.div_ceil(64)] }
+        Self { words: vec![[0; 3]; count], occupied: CellSet::new(count) }
     }
 
     /// The words of a block; `None`: there is no such block.
@@ -36,23 +38,21 @@ impl KnownBlocks {
         let bit = 1 << number;
         let only_if = |condition| if condition { bit } else { 0 };
         let (wall, covered) = (only_if(finding == Finding::Wall), only_if(finding == Finding::Covered));
-        let is_occupied = self.is_occupied(block);
-        let block = block as usize;
-        if !is_occupied {
-            self.occupied[block / 64] |= 1 << (block % 64);
-            self.words[block] = [bit, wall, covered];
-        } else {
-            let [known, walls, visited] = &mut self.words[block];
+        let words = &mut self.words[block as usize];
+        if self.occupied.contains(block as usize) {
+            let [known, walls, visited] = words;
             *known |= bit;
             *walls = *walls & !bit | wall;
             *visited = *visited & !bit | covered;
+        } else {
+            self.occupied.insert(block as usize);
+            *words = [bit, wall, covered];
         }
     }
 
     /// Whether a cell of a block is explored.
     #[inline]
     pub(super) fn is_occupied(&self, block: u32) -> bool {
-        let block = block as usize;
-        self.occupied[block / 64] >> (block % 64) & 1 != 0
+        self.occupied.contains(block as usize)
     }
 }

@@ -112,9 +112,7 @@ fn states(map: &ExplorationMap) -> Vec<CellState> {
 fn swept(map: &ExplorationMap) -> Vec<u32> {
     let extent = map.extent();
     let is_open = |cell| extent.contains(cell) && map.state(cell) == CellState::Unexplored;
-    let is_frontier = |&cell: &Cell| {
-        matches!(map.state(cell), CellState::Free | CellState::Covered) && cell.neighbours6().into_iter().any(is_open)
-    };
+    let is_frontier = |&cell: &Cell| map.state(cell).is_free() && cell.neighbours6().into_iter().any(is_open);
     extent.cells().filter(is_frontier).map(|cell| extent.index(cell).unwrap() as u32).collect()
 }
 
@@ -294,7 +292,7 @@ proptest! {
         let (free, frontiers) = (map.free_in(corner, side), map.frontiers_in(corner, side));
         for place in 0..side * side * side {
             let cell = corner + Cell::new(place % side, place / side % side, place / side / side);
-            let is_free = matches!(map.state(cell), CellState::Free | CellState::Covered);
+            let is_free = map.state(cell).is_free();
             prop_assert_eq!(free >> place & 1 != 0, is_free);
             prop_assert_eq!(frontiers >> place & 1 != 0, map.is_frontier(cell));
         }
@@ -331,7 +329,7 @@ proptest! {
         let expected = Around { walls: count(&[CellState::Wall]), free: count(&[CellState::Free, CellState::Covered]) };
         prop_assert_eq!(map.around(cell), expected);
         let cube = (-1..=1).flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| Cell::new(x, y, z))));
-        let is_free = |by| matches!(map.state(cell + by), CellState::Free | CellState::Covered);
+        let is_free = |by| map.state(cell + by).is_free();
         let free = (0..).zip(cube).filter(|&(_, by)| is_free(by)).fold(0, |free, (place, _): (u32, _)| free | 1 << place);
         prop_assert_eq!(map.free_around(cell), free);
     }

@@ -4,7 +4,7 @@ use voxels::{Cell, FACES};
 
 use super::EDGE_COST;
 use super::sweep::{centre, clearance, touched};
-use crate::exploration_map::{CellState, ExplorationMap};
+use crate::exploration_map::ExplorationMap;
 
 /// Connectivity of cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -180,5 +180,5 @@ impl<'a> Graph<'a> {
 
 /// Whether a cell is known to be free.
 pub(super) fn is_free(map: &ExplorationMap, cell: Cell) -> bool {
-    matches!(map.state(cell), CellState::Free | CellState::Covered)
+    map.state(cell).is_free()
 }

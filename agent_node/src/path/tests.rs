@@ -312,7 +312,7 @@ fn any_question() -> impl Strategy<Value = (ExplorationMap, Cell, Cell, f64, Nei
 }
 
 fn is_known_free(map: &ExplorationMap, cell: Cell) -> bool {
-    matches!(map.state(cell), CellState::Free | CellState::Covered)
+    map.state(cell).is_free()
 }
 
 /// Costs from a start to all cells by relaxing every pair of cells until nothing changes.

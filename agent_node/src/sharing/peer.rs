@@ -57,7 +57,7 @@ impl Peer {
         (self.is_left_to_hubs, self.is_hub) = (false, false);
     }
 
-    /// Goes on with what it lacks of the journal of `own` up to its summary.
+    /// Continues with what it lacks of the journal of `own` up to its summary.
     pub(super) fn proceed(&mut self, own: AgentId) {
         self.until = self.summarised;
         self.cursor = (self.heard.known.of(own) as usize).max(self.cursor).min(self.until);

@@ -37,17 +37,12 @@ impl Sharing {
         if self.period == 0 {
             return Trigger { at: Tick(u64::MAX), events: Events::PARCEL };
         }
-        let period_of = |tick: Tick| tick.0 / self.period;
-        let next_turn = Tick(period_of(now).saturating_add(1).saturating_mul(self.period));
+        let next_turn = Tick(self.period_of(now).saturating_add(1).saturating_mul(self.period));
         let has_had_turn = self.has_had_turn(contacts, now);
         let due = |contact: &Contact| match self.peers.get(contact.agent.index()) {
-            Some(Peer { is_open: false, last: Some(last), .. })
-                if *last < now && period_of(*last) == period_of(now) =>
-            {
-                next_turn
-            }
-            Some(Peer { is_open: false, last, .. }) if has_had_turn && *last != Some(now) => next_turn,
-            None if has_had_turn => next_turn,
+            Some(peer) if peer.is_open || peer.last == Some(now) => now.next(),
+            Some(Peer { last: Some(last), .. }) if self.period_of(*last) == self.period_of(now) => next_turn,
+            _ if has_had_turn => next_turn,
             _ => now.next(),
         };
         let is_waiting = |contact: &Contact| {
@@ -81,7 +76,7 @@ impl Sharing {
 
     /// Whether this agent is in a crowd and has begun its exchanges of this period.
     pub(super) fn has_had_turn(&self, contacts: &[Contact], now: Tick) -> bool {
-        is_crowd(contacts) && self.turn.is_some_and(|turn| now.0 / self.period.max(1) == turn.0 / self.period.max(1))
+        is_crowd(contacts) && self.turn.is_some_and(|turn| self.period_of(turn) == self.period_of(now))
     }
 
     /// Whether it has begun its exchanges a few ticks ago.
@@ -120,7 +115,12 @@ impl Sharing {
 
     /// The place of an agent in the order of this period.
     fn place(&self, agent: AgentId, now: Tick) -> (u64, AgentId) {
-        (drawn(now.0 / self.period.max(1), agent), agent)
+        (drawn(self.period_of(now), agent), agent)
+    }
+
+    /// The number of the period of a tick.
+    pub(super) fn period_of(&self, tick: Tick) -> u64 {
+        tick.0 / self.period.max(1)
     }
 }
 

@@ -11,7 +11,7 @@ use std::task::Poll;
 use msgs::ids::Tick;
 use voxels::{Cell, FACES};
 
-use crate::exploration_map::{CellState, ExplorationMap};
+use crate::exploration_map::ExplorationMap;
 
 /// The verdict on a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -101,7 +101,7 @@ impl Flood {
             for (face, next) in (0..).zip(cell.neighbours6()) {
                 if let Some(index) = extent.index(next)
                     && self.marks[index] >> FACE_BITS != self.epoch
-                    && matches!(map.state(next), CellState::Free | CellState::Covered)
+                    && map.state(next).is_free()
                 {
                     self.marks[index] = self.epoch << FACE_BITS | face;
                     self.queue.push_back(next);

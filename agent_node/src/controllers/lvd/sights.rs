@@ -38,11 +38,7 @@ pub(crate) fn mark_visited(ctx: &mut Ctx<'_>, radius_m: f64) {
 pub(crate) fn is_in_sight(map: &ExplorationMap, one: Cell, other: Cell) -> bool {
     let extent = map.extent();
     let end = walk_segment(extent, &extent.centre(one), &extent.centre(other), |cell| {
-        if matches!(map.state(cell), CellState::Free | CellState::Covered) {
-            ControlFlow::Continue(())
-        } else {
-            ControlFlow::Break(())
-        }
+        if map.state(cell).is_free() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
     end.is_continue()
 }
