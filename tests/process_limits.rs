@@ -29,8 +29,9 @@ fn a_stalled_start_is_begun_again_and_the_run_is_the_same() {
     // stalls has the short limit, which a busy machine could make the others exceed.
     script.args([
         "-c",
-        "MAES_START_LIMIT_S=1 agent_node --id 0 --stalled-starts 2 2>stalled.log & agent_node --id 1 & \
-         exec sim_server \"$@\"",
+        "MAES_START_LIMIT_S=1 agent_node --id 0 --stalled-starts 2 2>stalled.log & stalled=$!
+         agent_node --id 1 & other=$!
+         sim_server \"$@\" && wait $stalled && wait $other",
         "bash",
     ]);
     let summary = site.path("summary.json");
