@@ -60,6 +60,9 @@ pub struct Region {
     /// The frontiers of the region, ascending.
     pub frontiers: Vec<Cell>,
     edges: Vec<Edge>,
+    /// Its cells, and the place of its centre.
+    cells: Cells,
+    middle: usize,
     /// A number below [`AbstractGraph::slots`], unique among the present regions: the index of
     /// per-region data.
     slot: u32,
@@ -76,8 +79,6 @@ struct Edge {
 
 #[derive(Debug, Clone)]
 struct Block {
-    /// The cells that lie in a region.
-    usable: Cells,
     /// By place 1 + the number of the region of the cell, or 0.
     labels: [u8; CELLS],
     regions: Vec<Region>,
@@ -130,12 +131,13 @@ impl AbstractGraph {
         for (cell, finding) in map.cells_changed_since(self.read) {
             // A change affects the frontiers of the cells beside it and, if the cell is free, which
             // cells are usable.
-            self.for_blocks_near(cell, 1, |block| add(&mut reviewed, &mut marks, block, REVIEWED));
+            let (at, offset) = split(cell);
+            let block = self.number_of(at);
+            add(&mut reviewed, &mut marks, block, REVIEWED);
+            self.for_blocks_beside(at, offset, |block| add(&mut reviewed, &mut marks, block, REVIEWED));
             if self.reach > 1 {
                 self.for_blocks_near(cell, self.reach, |block| add(&mut changed, &mut marks, block, CHANGED));
-            } else if self.region_of(cell).is_some() != (finding != Finding::Wall)
-                && let Some(block) = self.block_of(cell)
-            {
+            } else if (self.label_at(block, offset) != 0) != (finding != Finding::Wall) {
                 add(&mut changed, &mut marks, block, CHANGED);
             }
         }
@@ -169,18 +171,20 @@ impl AbstractGraph {
     /// The region that contains a cell.
     #[must_use]
     pub fn region_of(&self, cell: Cell) -> Option<RegionId> {
-        let block = self.block_of(cell)?;
-        let number = self.blocks[block as usize].as_ref()?.labels[place_in_block(cell)].checked_sub(1)?;
-        Some(RegionId::new(block, number))
+        let (at, offset) = self.extent.contains(cell).then(|| split(cell))?;
+        let block = self.number_of(at);
+        Some(RegionId::new(block, self.label_at(block, offset).checked_sub(1)?))
     }
 
     /// The region that lists a frontier: the one that contains it, or, if the body does not fit
     /// there, the first one of its block.
     #[must_use]
     pub fn region_listing(&self, frontier: Cell) -> Option<RegionId> {
-        let block = self.block_of(frontier)?;
-        let number = self.blocks[block as usize].as_ref()?.labels[place_in_block(frontier)].saturating_sub(1);
-        Some(RegionId::new(block, number))
+        let (at, offset) = self.extent.contains(frontier).then(|| split(frontier))?;
+        let block = self.number_of(at);
+        self.blocks[block as usize]
+            .is_some()
+            .then(|| RegionId::new(block, self.label_at(block, offset).saturating_sub(1)))
     }
 
     /// The regions that adjoin a region.
@@ -203,19 +207,39 @@ impl AbstractGraph {
             [axis(cell.x, self.size[0]), axis(cell.y, self.size[1]), axis(cell.z, self.size[2])];
         let blocks = (z0..=z1).flat_map(move |z| (y0..=y1).flat_map(move |y| (x0..=x1).map(move |x| (x, y, z))));
         blocks.flat_map(|(x, y, z)| {
-            let block = self.number_of(x, y, z);
+            let block = self.number_of([x, y, z]);
             let regions = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
             (0..).zip(regions).map(move |(number, region)| (RegionId::new(block, number), region))
         })
     }
 
-    fn number_of(&self, x: i32, y: i32, z: i32) -> u32 {
+    /// The number of the block at these coordinates.
+    fn number_of(&self, [x, y, z]: [i32; 3]) -> u32 {
         ((z * self.size[1] + y) * self.size[0] + x) as u32
     }
 
     fn block_of(&self, cell: Cell) -> Option<u32> {
-        let [x, y, z] = [cell.x, cell.y, cell.z].map(block_along);
-        self.extent.contains(cell).then(|| self.number_of(x, y, z))
+        self.extent.contains(cell).then(|| self.number_of(split(cell).0))
+    }
+
+    /// 1 + the number of the region that contains a cell of a block, or 0.
+    fn label_at(&self, block: u32, offset: Cell) -> u8 {
+        self.blocks[block as usize].as_ref().map_or(0, |block| block.labels[place_of(offset)])
+    }
+
+    /// Visits the blocks that adjoin a cell of the block at these coordinates.
+    fn for_blocks_beside(&self, at: [i32; 3], offset: Cell, mut visit: impl FnMut(u32)) {
+        for (axis, along) in [offset.x, offset.y, offset.z].into_iter().enumerate() {
+            let mut beside = at;
+            match along {
+                0 => beside[axis] -= 1,
+                LAST => beside[axis] += 1,
+                _ => continue,
+            }
+            if (0..self.size[axis]).contains(&beside[axis]) {
+                visit(self.number_of(beside));
+            }
+        }
     }
 
     /// Visits the blocks within this many cells of a cell of the map.
@@ -231,7 +255,7 @@ impl AbstractGraph {
         for z in z0..=z1 {
             for y in y0..=y1 {
                 for x in x0..=x1 {
-                    visit(self.number_of(x, y, z));
+                    visit(self.number_of([x, y, z]));
                 }
             }
         }
@@ -272,13 +296,13 @@ impl AbstractGraph {
             let label = regions.len() as u8 + 1;
             places(members).for_each(|place| labels[place] = label);
             let slot = self.slot();
-            let centre = corner + middle(members);
+            let middle = middle(members);
             let (mut frontiers, mut edges) = spare.next().unwrap_or_default();
             frontiers.clear();
             edges.clear();
-            regions.push(Region { centre, frontiers, edges, slot });
+            regions.push(Region { centre: corner + offset(middle), frontiers, edges, cells: members, middle, slot });
         }
-        self.blocks[block as usize] = Some(Box::new(Block { usable, labels, regions }));
+        self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
     }
 
     /// Recomputes the frontier lists of a block.
@@ -310,7 +334,6 @@ impl AbstractGraph {
         let Some(mut here) = self.blocks[block as usize].take() else {
             return;
         };
-        let corner = self.corner(block);
         let neighbours = self.neighbours(block);
         for region in &mut here.regions {
             match faces {
@@ -318,22 +341,25 @@ impl AbstractGraph {
                 _ => region.edges.retain(|edge| faces >> face_towards(&neighbours, edge) & 1 == 0),
             }
         }
-        let sides = FACES.into_iter().zip(Side::all()).zip(neighbours).enumerate();
-        for (_, ((face, side), neighbour)) in sides.filter(|(number, _)| faces >> number & 1 != 0) {
+        let sides = Side::all().into_iter().zip(neighbours).enumerate();
+        for (_, (side, neighbour)) in sides.filter(|(number, _)| faces >> number & 1 != 0) {
             let Some((number, there)) = neighbour.and_then(|to| Some((to, self.blocks[to as usize].as_ref()?))) else {
                 continue;
             };
-            for place in places(side.facing(here.usable, there.usable)) {
-                let cell = corner + offset(place);
-                let other = there.labels[side.beside(place)] - 1;
-                let region = &mut here.regions[usize::from(here.labels[place] - 1)];
-                let far = &there.regions[usize::from(other)];
-                let to = RegionId::new(number, other);
-                let length = distance(region.centre, cell) + 1.0 + distance(cell + face, far.centre);
-                match region.edges.iter_mut().find(|edge| edge.to == to) {
-                    Some(edge) => edge.length = edge.length.min(length),
-                    None => region.edges.push(Edge { to, slot: far.slot, length }),
+            for region in &mut here.regions {
+                let first = region.edges.len();
+                for (other, far) in (0..).zip(&there.regions) {
+                    let length =
+                        |place: usize| distance(region.middle, place) + 1.0 + distance(side.beside(place), far.middle);
+                    let lengths = places(side.facing(region.cells, far.cells)).map(length);
+                    if let Some(length) = lengths.reduce(f32::min) {
+                        region.edges.push(Edge { to: RegionId::new(number, other), slot: far.slot, length });
+                    }
                 }
+                let cells = region.cells;
+                let first_place =
+                    |edge: &Edge| side.facing(cells, there.regions[edge.to.number()].cells).trailing_zeros();
+                region.edges[first..].sort_by_key(first_place);
             }
         }
         if faces != ALL_FACES {
@@ -372,20 +398,25 @@ fn add(blocks: &mut Vec<u32>, marks: &mut [u8], block: u32, mark: u8) {
     }
 }
 
-/// The number along an axis of the block that contains a coordinate inside the map.
+/// The greatest coordinate of a cell relative to the corner of its block.
+const LAST: i32 = BLOCK_CELLS - 1;
+
+/// The coordinate along an axis of the block that contains a coordinate inside the map.
 fn block_along(at: i32) -> i32 {
     // An unsigned division is cheaper.
     (at.cast_unsigned() / BLOCK_CELLS.cast_unsigned()).cast_signed()
 }
 
-/// The place in its block of a cell inside the map.
-fn place_in_block(cell: Cell) -> usize {
-    let [x, y, z] = [cell.x, cell.y, cell.z].map(|at| at - BLOCK_CELLS * block_along(at));
-    place_of(Cell::new(x, y, z))
+/// The coordinates of the block of a cell inside the map, and the cell relative to the corner of
+/// this block.
+fn split(cell: Cell) -> ([i32; 3], Cell) {
+    let [x, y, z] = [cell.x, cell.y, cell.z].map(block_along);
+    ([x, y, z], cell - Cell::new(x * BLOCK_CELLS, y * BLOCK_CELLS, z * BLOCK_CELLS))
 }
 
-/// Distance between the centres of two cells, cells.
-fn distance(a: Cell, b: Cell) -> f32 {
-    let [x, y, z] = [a.x - b.x, a.y - b.y, a.z - b.z].map(|by| by as f32);
+/// Distance between the centres of the cells at two places of a block, cells.
+fn distance(a: usize, b: usize) -> f32 {
+    let by = offset(a) - offset(b);
+    let [x, y, z] = [by.x, by.y, by.z].map(|by| by as f32);
     (x * x + y * y + z * z).sqrt()
 }

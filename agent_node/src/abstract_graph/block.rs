@@ -40,8 +40,21 @@ pub(super) fn place_of(offset: Cell) -> usize {
 
 /// The cell at a place, relative to the corner of its block.
 pub(super) fn offset(place: usize) -> Cell {
-    let place = place as i32;
-    Cell::new(place % BLOCK_CELLS, place / BLOCK_CELLS % BLOCK_CELLS, place / BLOCK_CELLS / BLOCK_CELLS)
+    OFFSETS[place]
+}
+
+/// By place the cell, relative to the corner of its block.
+const OFFSETS: [Cell; CELLS] = offsets();
+
+const fn offsets() -> [Cell; CELLS] {
+    let mut offsets = [Cell { x: 0, y: 0, z: 0 }; CELLS];
+    let mut place = 0;
+    while place < CELLS as i32 {
+        let (x, y, z) = (place % BLOCK_CELLS, place / BLOCK_CELLS % BLOCK_CELLS, place / BLOCK_CELLS / BLOCK_CELLS);
+        offsets[place as usize] = Cell { x, y, z };
+        place += 1;
+    }
+    offsets
 }
 
 /// The places of the cells of a set, ascending.
@@ -69,19 +82,20 @@ pub(super) fn connected(from: Cells, within: Cells) -> Cells {
     }
 }
 
-/// The cell of a set, which is not empty, that is nearest to the mean of all; of equally near ones
-/// the first.
-pub(super) fn middle(members: Cells) -> Cell {
+/// The place of the cell of a set, which is not empty, that is nearest to the mean of all; of equally
+/// near ones the first.
+pub(super) fn middle(members: Cells) -> usize {
     let count = members.count_ones() as i32;
     let sum = |axis: usize| -> i32 {
         (0..).zip(LAYERS[axis]).map(|(at, layer): (i32, _)| at * (members & layer).count_ones() as i32).sum()
     };
     let sums = [sum(0), sum(1), sum(2)];
-    let apart = |cell: &Cell| {
+    let apart = |&place: &usize| {
+        let cell = offset(place);
         let [x, y, z] = [cell.x * count - sums[0], cell.y * count - sums[1], cell.z * count - sums[2]];
         x * x + y * y + z * z
     };
-    places(members).map(offset).min_by_key(apart).unwrap_or_default()
+    places(members).min_by_key(apart).unwrap_or_default()
 }
 
 /// One of the faces between two blocks.
@@ -164,7 +178,7 @@ mod tests {
                 let count = all.len() as i32;
                 Cell::new(cell.x * count, cell.y * count, cell.z * count).distance_squared(sum)
             };
-            prop_assert_eq!(Some(middle(cells)), all.iter().copied().min_by_key(scaled));
+            prop_assert_eq!(Some(offset(middle(cells))), all.iter().copied().min_by_key(scaled));
         }
 
         #[test]
