@@ -11,8 +11,8 @@ use mapgen::{MapSpec, SpheresSpec, generate};
 use msgs::ids::AgentId;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use simulation::world::comms::{ContactModel, ContactTable, Radio};
-use voxels::{Extent, Grid, Terrain};
+use simulation::world::comms::{ContactModel, ContactRules, ContactTable, Radio};
+use voxels::{Extent, Grid, OpenSpace, Terrain};
 
 const SEED: u64 = 1;
 const AGENTS: usize = 100;
@@ -30,21 +30,23 @@ fn radios(terrain: &Grid<Terrain>) -> Vec<Radio> {
     (0..AGENTS).map(radio).collect()
 }
 
-fn ask_all(table: &mut ContactTable, terrain: &Grid<Terrain>) -> usize {
-    (0..AGENTS).map(|agent| table.of(AgentId::from_index(agent), &MODEL, terrain).count()).sum()
+fn ask_all(table: &mut ContactTable, rules: ContactRules<'_>) -> usize {
+    (0..AGENTS).map(|agent| table.of(AgentId::from_index(agent), rules).count()).sum()
 }
 
 fn contacts(criterion: &mut Criterion) {
     let extent = Extent::new([100; 3], 1.0).expect("a legal size");
     let spec = MapSpec::Spheres(SpheresSpec::default());
     let terrain = generate(&spec, extent, SEED).expect("a legal spec").terrain;
+    let open_space = OpenSpace::of(&terrain);
+    let rules = ContactRules { model: &MODEL, terrain: &terrain, open_space: &open_space };
     let radios = radios(&terrain);
 
     let mut group = criterion.benchmark_group("contacts");
     group.throughput(Throughput::Elements((AGENTS * (AGENTS - 1) / 2) as u64));
     group.bench_function("first", |bencher| {
         let fresh = || ContactTable::new(radios.clone(), Vec::new());
-        bencher.iter_batched_ref(fresh, |table| black_box(ask_all(table, &terrain)), BatchSize::SmallInput);
+        bencher.iter_batched_ref(fresh, |table| black_box(ask_all(table, rules)), BatchSize::SmallInput);
     });
     for (name, moving) in [("moving", AGENTS), ("one moves", 1)] {
         let mut table = ContactTable::new(radios.clone(), Vec::new());
@@ -59,7 +61,7 @@ fn contacts(criterion: &mut Criterion) {
                     radio
                 };
                 table.update(radios.iter().enumerate().map(walk), Vec::new());
-                black_box(ask_all(&mut table, &terrain))
+                black_box(ask_all(&mut table, rules))
             });
         });
     }

@@ -34,7 +34,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
 use msgs::scan_request::ScanRequest;
 use nalgebra::Point3;
-use voxels::{Cell, Grid, Terrain};
+use voxels::{Cell, Grid, OpenSpace, Terrain};
 
 use crate::workers::Workers;
 
@@ -98,6 +98,8 @@ pub struct World {
     spheres: Vec<Sphere>,
     /// `None` when more than positions may have changed.
     contacts: Option<ContactTable>,
+    /// That of the terrain, once contacts have been asked for.
+    open_space: Option<OpenSpace>,
     /// Whether the contacts are those of the present positions.
     has_present_contacts: bool,
     radio: RadioMedium,
@@ -189,6 +191,7 @@ impl World {
             agents,
             spheres,
             contacts: None,
+            open_space: None,
             has_present_contacts: false,
             coverage,
             uncounted: Vec::new(),

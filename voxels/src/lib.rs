@@ -22,6 +22,7 @@ pub mod extent;
 pub mod grid;
 pub mod lattice;
 pub mod m3dm;
+pub mod open_space;
 pub mod packed;
 pub mod runs;
 pub mod sight;
@@ -40,6 +41,7 @@ pub use components::{
 pub use extent::{Extent, ExtentError};
 pub use grid::{Grid, GridError};
 pub use m3dm::M3dmError;
+pub use open_space::OpenSpace;
 pub use packed::PackedError;
 pub use runs::{RunsError, check_runs, indices, runs};
 pub use sight::{Sight, WallBox, line_of_sight, sight};

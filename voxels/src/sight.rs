@@ -20,13 +20,16 @@ use nalgebra::Point3;
 
 use crate::extent::floor;
 use crate::traverse::{walk_segment, walk_stretches};
-use crate::{Cell, Extent, Grid, Terrain, is_wall_at};
+use crate::{Cell, Extent, Grid, OpenSpace, Terrain, is_wall_at};
 
 /// By how much a slack stays below what the geometry says, cells.
 const MARGIN_CELLS: f64 = 1e-6;
 
 /// Points with a greater coordinate have no slack, cells.
 const REACH_CELLS: f64 = 4096.0;
+
+/// The greatest slack that is searched for along a segment near walls, cells.
+const WALK_SLACK_CELLS_MAX: f64 = 0.4;
 
 /// The least slack that is worth its search, cells.
 const SLACK_CELLS_MIN: f64 = 0.05;
@@ -71,16 +74,33 @@ pub enum Sight {
 
 /// What the segment between two points of the map frame meets; see [`line_of_sight`].
 ///
-/// The slack is at most `slack_cells_max` (cells); a greater one takes longer to find, and 0 finds
-/// none.
-pub fn sight(terrain: &Grid<Terrain>, a: &Point3<f64>, b: &Point3<f64>, slack_cells_max: f64) -> Sight {
+/// The slack is at most `slack_cells_max` (cells), and less near walls; a greater one takes longer to
+/// find, and 0 finds none. `open_space` is that of `terrain`.
+pub fn sight(
+    terrain: &Grid<Terrain>,
+    open_space: &OpenSpace,
+    a: &Point3<f64>,
+    b: &Point3<f64>,
+    slack_cells_max: f64,
+) -> Sight {
     let extent = terrain.extent();
-    let mut slack_cells = if is_near(extent, a) && is_near(extent, b) { slack_cells_max } else { 0.0 };
+    let has_slack = slack_cells_max > 0.0 && is_near(extent, a) && is_near(extent, b);
+    let clear = |slack_cells: f64| Sight::Clear { slack_m: (slack_cells - MARGIN_CELLS).max(0.0) * extent.cell_m() };
+    if has_slack {
+        let [a, b] = [a, b].map(|point| [point.x, point.y, point.z].map(|metres| metres / extent.cell_m()));
+        if let Some(slack_cells) = open_space.slack_cells(a, b, slack_cells_max) {
+            return clear(slack_cells);
+        }
+    }
+    let mut slack_cells = if has_slack { slack_cells_max.min(WALK_SLACK_CELLS_MAX) } else { 0.0 };
     let mut is_visited = false;
     let walk = walk_stretches(extent, a, b, |cell, stretch| {
         is_visited = true;
         if is_wall_at(terrain, cell) {
             return ControlFlow::Break(cell);
+        }
+        if slack_cells > 0.0 && open_space.reach(cell) > 0 {
+            return ControlFlow::Continue(());
         }
         while slack_cells > 0.0 && !is_free_around(terrain, stretch, slack_cells) {
             slack_cells /= 2.0;
@@ -92,9 +112,7 @@ pub fn sight(terrain: &Grid<Terrain>, a: &Point3<f64>, b: &Point3<f64>, slack_ce
     });
     match walk {
         ControlFlow::Break(wall) => Sight::Wall(wall),
-        ControlFlow::Continue(()) if is_visited => {
-            Sight::Clear { slack_m: (slack_cells - MARGIN_CELLS).max(0.0) * extent.cell_m() }
-        }
+        ControlFlow::Continue(()) if is_visited => clear(slack_cells),
         ControlFlow::Continue(()) => Sight::Undefined,
     }
 }
@@ -206,10 +224,13 @@ mod tests {
     #[test]
     fn a_hall_has_slack_and_a_block_hides() {
         let hall = Grid::new(Extent::new([9, 9, 9], 2.0).unwrap(), Terrain::Free);
+        let open_space = OpenSpace::of(&hall);
         let at = |x: f64, y: f64| Point3::new(x, y, 9.0);
-        let Sight::Clear { slack_m } = sight(&hall, &at(5.0, 5.0), &at(12.0, 8.0), 0.4) else { panic!("it is empty") };
+        let Sight::Clear { slack_m } = sight(&hall, &open_space, &at(5.0, 5.0), &at(12.0, 8.0), 0.4) else {
+            panic!("it is empty")
+        };
         assert!((slack_m - 0.8).abs() < 1e-5, "{slack_m}");
-        assert_eq!(sight(&hall, &at(5.0, 5.0), &at(12.0, 8.0), 0.0), Sight::Clear { slack_m: 0.0 });
+        assert_eq!(sight(&hall, &open_space, &at(5.0, 5.0), &at(12.0, 8.0), 0.0), Sight::Clear { slack_m: 0.0 });
         let rock = Grid::new(Extent::new([20, 20, 20], 2.0).unwrap(), Terrain::Wall);
         let wall = WallBox::around(&rock, Cell::new(10, 10, 10));
         let across = wall.slack_m(rock.extent(), &Point3::new(0.0, 21.0, 21.0), &Point3::new(40.0, 21.0, 21.0));
@@ -271,7 +292,7 @@ mod tests {
             let world = world(&walls, cell_m);
             let [a, b] = ends.map(|end| Point3::from(end.map(|cells| cells * cell_m)));
             let is_clear = line_of_sight(&world, &a, &b);
-            let (is_seen, slack_m) = match sight(&world, &a, &b, slack_cells_max) {
+            let (is_seen, slack_m) = match sight(&world, &OpenSpace::of(&world), &a, &b, slack_cells_max) {
                 Sight::Clear { slack_m } => (true, slack_m),
                 Sight::Wall(wall) => {
                     prop_assert!(is_wall_at(&world, wall));
@@ -291,6 +312,29 @@ mod tests {
                 moves[1] *= slack_m / moves[1].norm().max(1.0);
                 prop_assert_eq!(line_of_sight(&world, &(a + moves[0]), &(b + moves[1])), is_clear);
                 prop_assert_eq!(line_of_sight(&world, &(a + moves[0]), &b), is_clear);
+            }
+        }
+
+        #[test]
+        fn sight_through_open_space_holds_within_its_slack(
+            walls in prop::collection::vec(prop::array::uniform3(0_i32..16), 0..4),
+            ends in [prop::array::uniform3(-0.5..16.5_f64), prop::array::uniform3(-0.5..16.5_f64)],
+            moves in [prop::array::uniform3(-1.0..1.0_f64), prop::array::uniform3(-1.0..1.0_f64)],
+            slack_cells_max in prop::sample::select(vec![0.1, 1.5, 5.0]),
+        ) {
+            let mut world = Grid::new(Extent::new([16; 3], 2.0).unwrap(), Terrain::Free);
+            for wall in walls {
+                world.set(Cell::new(wall[0], wall[1], wall[2]), Terrain::Wall);
+            }
+            let [a, b] = ends.map(|end| Point3::from(end.map(|cells| 2.0 * cells)));
+            let is_clear = line_of_sight(&world, &a, &b);
+            match sight(&world, &OpenSpace::of(&world), &a, &b, slack_cells_max) {
+                Sight::Clear { slack_m } => {
+                    prop_assert!(is_clear && slack_m <= 2.0 * slack_cells_max);
+                    let moves = moves.map(|by| slack_m * nalgebra::Vector3::from(by).normalize());
+                    prop_assert!(line_of_sight(&world, &(a + moves[0]), &(b + moves[1])));
+                }
+                _ => prop_assert!(!is_clear),
             }
         }
 

@@ -15,7 +15,7 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 use voxels::{Grid, Terrain, length_in_walls_m, line_of_sight};
 
-pub use contact_table::{ContactTable, Radio};
+pub use contact_table::{ContactRules, ContactTable, Radio};
 
 /// The condition under which two radios are in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -18,10 +18,10 @@ use msgs::limits::{PARCEL_BYTES_BARE, RELAYS_TOLD_MAX};
 use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use rand_chacha::rand_core::Rng;
-use voxels::{Grid, Terrain};
+use voxels::OpenSpace;
 
 use super::collision::Sphere;
-use super::comms::{AgentMessage, Comms, ContactModel, ContactTable, Peer, Radio};
+use super::comms::{AgentMessage, Comms, ContactRules, ContactTable, Peer, Radio};
 use super::relays::{Relay, Relays};
 use super::{Action, AgentState, CONTACTS, Events, World};
 
@@ -47,8 +47,7 @@ pub(super) struct ReportedContacts {
 /// The contacts of the present positions, with what decides them, and the agents.
 struct Present<'w> {
     table: &'w mut ContactTable,
-    model: &'w ContactModel,
-    terrain: &'w Grid<Terrain>,
+    rules: ContactRules<'w>,
     agents: &'w mut [AgentState],
 }
 
@@ -274,23 +273,22 @@ impl World {
     }
 
     pub(super) fn in_contact(&mut self, one: AgentId, other: AgentId) -> bool {
-        let Present { table, model, terrain, .. } = self.present_contacts();
-        table.in_contact(one, other, model, terrain)
+        let Present { table, rules, .. } = self.present_contacts();
+        table.in_contact(one, other, rules)
     }
 
     pub(super) fn contacts_of(&mut self, agent: AgentId) -> Vec<AgentId> {
-        let Present { table, model, terrain, .. } = self.present_contacts();
-        table.of(agent, model, terrain).collect()
+        let Present { table, rules, .. } = self.present_contacts();
+        table.of(agent, rules).collect()
     }
 
     /// [`CONTACTS`] if the agents or relays in contact differ from those of the last committed
     /// observation, else no event.
     pub(super) fn change_of_contacts(&mut self, agent: AgentId) -> Events {
         let relays = self.relays_of(agent);
-        let Present { table, model, terrain, agents } = self.present_contacts();
+        let Present { table, rules, agents } = self.present_contacts();
         let state = &agents[agent.index()];
-        let is_as_reported =
-            relays == state.reported_relays && table.row(agent, model, terrain) == state.reported_contacts.last;
+        let is_as_reported = relays == state.reported_relays && table.row(agent, rules) == state.reported_contacts.last;
         if is_as_reported { 0 } else { CONTACTS }
     }
 
@@ -298,9 +296,9 @@ impl World {
     /// listed.
     pub(super) fn has_first_contact(&mut self, agent: AgentId) -> bool {
         let period = self.share_period();
-        let Present { table, model, terrain, agents } = self.present_contacts();
+        let Present { table, rules, agents } = self.present_contacts();
         let listed = agents[agent.index()].reported_contacts.in_period(period);
-        table.has_contact_not_among(agent, listed, model, terrain)
+        table.has_contact_not_among(agent, listed, rules)
     }
 
     /// Number of the present share period.
@@ -311,16 +309,17 @@ impl World {
     /// Notes that the agents in contact have been reported.
     pub(super) fn note_reported_contacts(&mut self, agent: AgentId) {
         let period = self.share_period();
-        let Present { table, model, terrain, agents } = self.present_contacts();
-        agents[agent.index()].reported_contacts.list(table.row(agent, model, terrain), period);
+        let Present { table, rules, agents } = self.present_contacts();
+        agents[agent.index()].reported_contacts.list(table.row(agent, rules), period);
     }
 
     /// The contacts of the present positions.
     fn present_contacts(&mut self) -> Present<'_> {
         self.compute_contacts();
-        let Self { contacts, params, terrain, agents, .. } = self;
+        let Self { contacts, params, terrain, open_space, agents, .. } = self;
         let table = contacts.as_mut().expect("it has just been computed");
-        Present { table, model: &params.comms.contact, terrain, agents }
+        let open_space = open_space.get_or_insert_with(|| OpenSpace::of(terrain));
+        Present { table, rules: ContactRules { model: &params.comms.contact, terrain, open_space }, agents }
     }
 
     fn compute_contacts(&mut self) {

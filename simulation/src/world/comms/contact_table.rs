@@ -3,7 +3,8 @@
 //! Between two ticks a radio moves by a few hundredths of a cell, so a pair is not decided anew in
 //! each tick. A decision comes with a *slack*: while neither radio has moved by more than that
 //! since, it holds ([`voxels::sight`]). Each radio has an odometer, and each pair the readings up
-//! to which its decision holds, so a tick costs a comparison for most pairs. Of a pair that walls
+//! to which its decision holds, so a tick costs two comparisons for most pairs, of numbers that lie
+//! side by side for all pairs of an agent. Of a pair that walls
 //! separate, the table keeps a box of them: while the segment between the two crosses it deep
 //! enough, nothing else is looked at.
 //!
@@ -12,15 +13,24 @@
 //!
 //! Invariant: the answers are those of [`ContactModel::joins`] for the present positions.
 
+use std::ops::Range;
+
 use msgs::ids::AgentId;
 use nalgebra::Point3;
-use voxels::{Grid, Sight, Terrain, WallBox, bits, bits_of, sight};
+use voxels::{Grid, OpenSpace, Sight, Terrain, WallBox, bits, bits_of, sight};
 
 use super::ContactModel;
 
-/// Greatest slack of a line of sight, cells: the bodies, half a cell wide, pass walls at a distance
-/// of about as much.
-const SLACK_CELLS_MAX: f64 = 0.4;
+/// Greatest slack of a line of sight, cells. A greater one holds for longer, and takes longer to
+/// find.
+const SLACK_CELLS_MAX: f64 = 1.5;
+
+/// Distance after which a slack is searched for again where there was none, cells: the bodies, half
+/// a cell wide, pass walls at a distance of about as much.
+const TIGHT_CELLS: f64 = 0.4;
+
+/// Pairs of an agent that are looked at together; with a decision that no longer holds, one by one.
+const AT_ONCE: usize = 64;
 
 /// Share of a difference of distances that is left to rounding.
 const ROUNDING: f64 = 1e-6;
@@ -36,6 +46,11 @@ pub struct ContactTable {
     odometers_m: Vec<f64>,
     /// By the lower agent and the higher one: see [`ContactTable::slot`].
     pairs: Vec<Pair>,
+    /// By agent and other agent the reading of the odometer of the first one up to which the
+    /// decision on the pair holds, metres; infinity for an agent and itself.
+    own_until_m: Vec<f64>,
+    /// The same for the odometer of the other one: the transposed matrix.
+    other_until_m: Vec<f64>,
     /// For each agent a bit for each agent that was in contact when the pair was last decided.
     rows: Vec<u64>,
     /// By agent the update for which its row was last brought up to date.
@@ -55,11 +70,20 @@ pub struct Radio {
     pub is_on_air: bool,
 }
 
+/// What contacts are decided by, apart from the radios.
+#[derive(Debug, Clone, Copy)]
+pub struct ContactRules<'w> {
+    /// The model.
+    pub model: &'w ContactModel,
+    /// The world.
+    pub terrain: &'w Grid<Terrain>,
+    /// That of the terrain.
+    pub open_space: &'w OpenSpace,
+}
+
 /// What is known of two radios.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
-    /// The decision holds up to these readings of the two odometers, metres.
-    holds_until_m: [f64; 2],
     /// Sum of the two odometers up to which a line of sight has been found to have no slack,
     /// metres: another search would find none.
     tight_until_m: f64,
@@ -69,8 +93,7 @@ struct Pair {
 
 impl Pair {
     /// Nothing is known.
-    const UNDECIDED: Self =
-        Self { holds_until_m: [f64::NEG_INFINITY; 2], tight_until_m: f64::NEG_INFINITY, walls: None };
+    const UNKNOWN: Self = Self { tight_until_m: f64::NEG_INFINITY, walls: None };
 }
 
 impl ContactTable {
@@ -79,14 +102,27 @@ impl ContactTable {
     #[must_use]
     pub fn new(radios: Vec<Radio>, networks: Vec<Vec<usize>>) -> Self {
         let agents = radios.len();
-        Self {
+        let mut table = Self {
             radios,
             odometers_m: vec![0.0; agents],
-            pairs: vec![Pair::UNDECIDED; agents * agents.saturating_sub(1) / 2],
+            pairs: vec![Pair::UNKNOWN; agents * agents.saturating_sub(1) / 2],
+            own_until_m: vec![0.0; agents * agents],
+            other_until_m: vec![0.0; agents * agents],
             rows: vec![0; agents * agents.div_ceil(64)],
             up_to_date: vec![0; agents],
             updates: 1,
             networks,
+        };
+        table.decide_none();
+        table
+    }
+
+    /// No decision holds any longer.
+    fn decide_none(&mut self) {
+        let agents = self.radios.len();
+        for until_m in [&mut self.own_until_m, &mut self.other_until_m] {
+            until_m.fill(f64::NEG_INFINITY);
+            until_m.iter_mut().step_by(agents + 1).for_each(|itself| *itself = f64::INFINITY);
         }
     }
 
@@ -94,7 +130,7 @@ impl ContactTable {
     pub fn update(&mut self, radios: impl Iterator<Item = Radio>, networks: Vec<Vec<usize>>) {
         self.updates += 1;
         if networks != self.networks {
-            self.pairs.iter_mut().for_each(|pair| pair.holds_until_m = Pair::UNDECIDED.holds_until_m);
+            self.decide_none();
             self.networks = networks;
         }
         for (agent, radio) in radios.enumerate() {
@@ -118,7 +154,8 @@ impl ContactTable {
         self.odometers_m[agent] = 0.0;
         for other in (0..self.radios.len()).filter(|&other| other != agent) {
             let slot = self.slot(agent.min(other), agent.max(other));
-            self.pairs[slot] = Pair::UNDECIDED;
+            self.pairs[slot] = Pair::UNKNOWN;
+            self.hold([agent, other], [f64::NEG_INFINITY; 2]);
         }
     }
 
@@ -127,28 +164,33 @@ impl ContactTable {
         low * (2 * self.radios.len() - low - 1) / 2 + high - low - 1
     }
 
+    /// The decision on a pair holds up to these readings of the odometers, metres.
+    fn hold(&mut self, [one, other]: [usize; 2], until_m: [f64; 2]) {
+        let agents = self.radios.len();
+        let [there, back] = [one * agents + other, other * agents + one];
+        (self.own_until_m[there], self.other_until_m[there]) = (until_m[0], until_m[1]);
+        (self.own_until_m[back], self.other_until_m[back]) = (until_m[1], until_m[0]);
+    }
+
     /// Words of a row.
     fn words(&self) -> usize {
         self.radios.len().div_ceil(64)
     }
 
     /// The agents in contact with `agent`, ascending.
-    pub fn of(
-        &mut self,
-        agent: AgentId,
-        model: &ContactModel,
-        terrain: &Grid<Terrain>,
-    ) -> impl Iterator<Item = AgentId> + '_ {
-        bits_of(self.row(agent, model, terrain)).map(AgentId::from_index)
+    pub fn of(&mut self, agent: AgentId, rules: ContactRules<'_>) -> impl Iterator<Item = AgentId> + '_ {
+        bits_of(self.row(agent, rules)).map(AgentId::from_index)
     }
 
     /// The agents in contact with `agent`, one bit each.
-    pub fn row(&mut self, agent: AgentId, model: &ContactModel, terrain: &Grid<Terrain>) -> &[u64] {
+    pub fn row(&mut self, agent: AgentId, rules: ContactRules<'_>) -> &[u64] {
         let one = agent.index();
         if self.up_to_date[one] != self.updates {
-            for other in 0..self.radios.len() {
-                if other != one && self.up_to_date[other] != self.updates {
-                    self.decide(one.min(other), one.max(other), model, terrain);
+            let agents = self.radios.len();
+            for first in (0..agents).step_by(AT_ONCE) {
+                let others = first..agents.min(first + AT_ONCE);
+                if !self.hold_all(one, others.clone()) {
+                    others.for_each(|other| self.decide(one, other, rules));
                 }
             }
             self.up_to_date[one] = self.updates;
@@ -159,45 +201,51 @@ impl ContactTable {
 
     /// Whether `agent` is in contact with one that is not `among` these, one bit each. Pairs with
     /// those are not decided.
-    pub fn has_contact_not_among(
-        &mut self,
-        agent: AgentId,
-        among: &[u64],
-        model: &ContactModel,
-        terrain: &Grid<Terrain>,
-    ) -> bool {
+    pub fn has_contact_not_among(&mut self, agent: AgentId, among: &[u64], rules: ContactRules<'_>) -> bool {
         let agents = self.radios.len();
         among.iter().enumerate().any(|(word, &listed)| {
             // The last word has bits of no agent.
             let mut others = bits(!listed).map(|bit| 64 * word + bit as usize).take_while(|&other| other < agents);
             others.any(|other| {
                 let other = AgentId::from_index(other);
-                other != agent && self.in_contact(agent, other, model, terrain)
+                other != agent && self.in_contact(agent, other, rules)
             })
         })
     }
 
     /// Whether two different agents are in contact, directly or over a relay network in contact
     /// with both.
-    pub fn in_contact(&mut self, one: AgentId, other: AgentId, model: &ContactModel, terrain: &Grid<Terrain>) -> bool {
-        let [low, high] = if one < other { [one, other] } else { [other, one] }.map(AgentId::index);
-        if self.up_to_date[low] != self.updates && self.up_to_date[high] != self.updates {
-            self.decide(low, high, model, terrain);
+    pub fn in_contact(&mut self, one: AgentId, other: AgentId, rules: ContactRules<'_>) -> bool {
+        let [one, other] = [one, other].map(AgentId::index);
+        if self.up_to_date[one] != self.updates && self.up_to_date[other] != self.updates {
+            self.decide(one, other, rules);
         }
-        self.rows[low * self.words() + high / 64] >> (high % 64) & 1 != 0
+        self.rows[one * self.words() + other / 64] >> (other % 64) & 1 != 0
     }
 
-    /// Brings the bits of two agents up to date, the lower one first.
-    #[inline]
-    fn decide(&mut self, low: usize, high: usize, model: &ContactModel, terrain: &Grid<Terrain>) {
-        let slot = self.slot(low, high);
-        let until_m = self.pairs[slot].holds_until_m;
-        if !(self.odometers_m[low] <= until_m[0] && self.odometers_m[high] <= until_m[1]) {
-            self.decide_anew(slot, [low, high], model, terrain);
+    /// Whether the decisions on some pairs of an agent hold.
+    fn hold_all(&self, one: usize, others: Range<usize>) -> bool {
+        let own_m = self.odometers_m[one];
+        let row = one * self.radios.len();
+        let pairs = row + others.start..row + others.end;
+        let until_m = self.own_until_m[pairs.clone()].iter().zip(&self.other_until_m[pairs]);
+        // Without a branch for each pair.
+        let holds = |(&odometer_m, (&own_until_m, &other_until_m)): (&f64, (&f64, &f64))| {
+            (own_m <= own_until_m) & (odometer_m <= other_until_m)
+        };
+        self.odometers_m[others].iter().zip(until_m).map(holds).fold(true, |all, holds| all & holds)
+    }
+
+    /// Brings the bits of two agents up to date.
+    fn decide(&mut self, one: usize, other: usize, rules: ContactRules<'_>) {
+        let pair = one * self.radios.len() + other;
+        if !(self.odometers_m[one] <= self.own_until_m[pair] && self.odometers_m[other] <= self.other_until_m[pair]) {
+            self.decide_anew([one.min(other), one.max(other)], rules);
         }
     }
 
-    fn decide_anew(&mut self, slot: usize, [low, high]: [usize; 2], model: &ContactModel, terrain: &Grid<Terrain>) {
+    /// Decides on a pair, the lower agent first.
+    fn decide_anew(&mut self, [low, high]: [usize; 2], rules: ContactRules<'_>) {
         let odometers_m = [low, high].map(|agent| self.odometers_m[agent]);
         let [one, other] = [low, high].map(|agent| self.radios[agent]);
         let (is_in_contact, slack_m) = if !(one.is_on_air && other.is_on_air) {
@@ -205,10 +253,11 @@ impl ContactTable {
         } else if self.share_a_network(low, high) {
             (true, f64::INFINITY)
         } else {
+            let slot = self.slot(low, high);
             let pair = &mut self.pairs[slot];
-            pair.contact(odometers_m[0] + odometers_m[1], model, terrain, [&one.position, &other.position])
+            pair.contact(odometers_m[0] + odometers_m[1], rules, [&one.position, &other.position])
         };
-        self.pairs[slot].holds_until_m = odometers_m.map(|odometer_m| odometer_m + slack_m);
+        self.hold([low, high], odometers_m.map(|odometer_m| odometer_m + slack_m));
         let words = self.words();
         for (one, other) in [(low, high), (high, low)] {
             let word = &mut self.rows[one * words + other / 64];
@@ -227,38 +276,33 @@ impl ContactTable {
 impl Pair {
     /// Whether radios at two positions are in contact, and how far both can move so that this
     /// surely holds, metres. `odometers_m` is the sum of both.
-    fn contact(
-        &mut self,
-        odometers_m: f64,
-        model: &ContactModel,
-        terrain: &Grid<Terrain>,
-        [one, other]: [&Point3<f64>; 2],
-    ) -> (bool, f64) {
+    fn contact(&mut self, odometers_m: f64, rules: ContactRules<'_>, [one, other]: [&Point3<f64>; 2]) -> (bool, f64) {
         let distance_m = (other - one).norm();
         // Each of the two can change the distance by as much as it moves.
         let to_range_m = |range_m: f64| {
             let apart_m = (range_m - distance_m).abs() - ROUNDING * distance_m;
             (apart_m * (0.5 - ROUNDING)).max(0.0)
         };
-        match model {
+        match rules.model {
             ContactModel::LineOfSightAndRange { range_m } if distance_m <= *range_m => {
-                let (is_seen, slack_m) = self.line_of_sight(odometers_m, terrain, [one, other]);
+                let (is_seen, slack_m) = self.line_of_sight(odometers_m, rules, [one, other]);
                 // Walls hide at any distance.
                 (is_seen, if is_seen { slack_m.min(to_range_m(*range_m)) } else { slack_m })
             }
             ContactModel::LineOfSightAndRange { range_m } => (false, to_range_m(*range_m)),
             ContactModel::Range { range_m } => (distance_m <= *range_m, to_range_m(*range_m)),
             ContactModel::Global => (true, f64::INFINITY),
-            ContactModel::Attenuated(_) => (model.joins(terrain, one, other), 0.0),
+            ContactModel::Attenuated(_) => (rules.model.joins(rules.terrain, one, other), 0.0),
         }
     }
 
     fn line_of_sight(
         &mut self,
         odometers_m: f64,
-        terrain: &Grid<Terrain>,
+        rules: ContactRules<'_>,
         [one, other]: [&Point3<f64>; 2],
     ) -> (bool, f64) {
+        let ContactRules { terrain, open_space, .. } = rules;
         let extent = terrain.extent();
         if let Some(walls) = &self.walls {
             let slack_m = walls.slack_m(extent, one, other);
@@ -267,10 +311,10 @@ impl Pair {
             }
         }
         let is_tight = odometers_m <= self.tight_until_m;
-        match sight(terrain, one, other, if is_tight { 0.0 } else { SLACK_CELLS_MAX }) {
+        match sight(terrain, open_space, one, other, if is_tight { 0.0 } else { SLACK_CELLS_MAX }) {
             Sight::Clear { slack_m } => {
                 if slack_m == 0.0 && !is_tight {
-                    self.tight_until_m = odometers_m + SLACK_CELLS_MAX * extent.cell_m();
+                    self.tight_until_m = odometers_m + TIGHT_CELLS * extent.cell_m();
                 }
                 (true, slack_m)
             }
