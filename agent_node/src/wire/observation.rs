@@ -82,9 +82,10 @@ fn check(part: &Part, run_info: &RunInfo) -> Result<(), WireError> {
         agent < run_info.agents || RelayId::from_wire(agent).is_some_and(|relay| relay.owner.0 < run_info.agents)
     };
     let inside = "a place in the map";
-    let ids = format!("agents, 0 to {}, and their relays", run_info.agents.saturating_sub(1));
+    let ids =
+        std::fmt::from_fn(|text| write!(text, "agents, 0 to {}, and their relays", run_info.agents.saturating_sub(1)));
     // The run may have been made longer, which this agent learns from this observation.
-    require(tick <= TICK_MAX, "tick", &tick, &format!("a tick of a run, 0 to {TICK_MAX}"))?;
+    require(tick <= TICK_MAX, "tick", &tick, &format_args!("a tick of a run, 0 to {TICK_MAX}"))?;
     require(is_inside(&part.position), "position", &part.position, &inside)?;
     require(part.yaw_rad.abs() <= TAU, "yaw_rad", &part.yaw_rad, &"-2 pi to 2 pi")?;
     let geometry_msgs::Vector3 { x, y, z } = part.velocity_m_s;
@@ -123,7 +124,7 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
         is_active: first.task_status == Part::ACTIVE,
         collision: surface.map(|surface| Collision { surface, with_agent: first.collision_with_agent }),
         events: first.events,
-        contacts: Vec::new(),
+        contacts: Vec::with_capacity(first.contacts.len()),
         relays: Vec::new(),
         messages: Vec::new(),
         readings: Vec::new(),
