@@ -82,8 +82,8 @@ fn check(part: &Part, run_info: &RunInfo) -> Result<(), WireError> {
         agent < run_info.agents || RelayId::from_wire(agent).is_some_and(|relay| relay.owner.0 < run_info.agents)
     };
     let inside = "a place in the map";
-    let ids =
-        std::fmt::from_fn(|text| write!(text, "agents, 0 to {}, and their relays", run_info.agents.saturating_sub(1)));
+    let last = run_info.agents.saturating_sub(1);
+    let ids = format_args!("agents, 0 to {last}, and their relays");
     // The run may have been made longer, which this agent learns from this observation.
     require(tick <= TICK_MAX, "tick", &tick, &format_args!("a tick of a run, 0 to {TICK_MAX}"))?;
     require(is_inside(&part.position), "position", &part.position, &inside)?;

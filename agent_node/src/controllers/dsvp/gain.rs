@@ -6,13 +6,16 @@
 //! at its range. A cell counts once for a viewpoint, however many rays meet it, and for less if it
 //! is beside known walls ([`Likelihood`]).
 
-use std::ops::ControlFlow;
+mod rays;
 
-use nalgebra::Point3;
-use voxels::{Cell, Extent, lattice, walk};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use voxels::Cell;
 
 use super::expectation::{Expectation, Place};
 use crate::exploration_map::{Around, CellState, ExplorationMap};
+use rays::{Pattern, RayCell, Rays};
 
 /// How much an unexplored cell counts, by the number of known walls beside it: surfaces are smooth,
 /// so what is beside a wall is mostly wall.
@@ -51,31 +54,46 @@ const CERTAIN_MIN: u32 = 3;
 /// Estimates the gain of viewpoints.
 #[derive(Debug, Clone)]
 pub(in crate::controllers) struct GainEstimator {
-    rays: Rays,
+    pattern: Pattern,
+    /// Once the size of the map is known.
+    rays: Option<Arc<Rays>>,
     /// Most unexplored cells that one ray counts.
     depth: u32,
     likelihood: Likelihood,
-    /// Half the side of the cube that contains all rays, cells.
-    reach: i32,
-    /// For each cell of that cube, the viewpoint that last counted it.
+}
+
+/// What is noted of the cells around a viewpoint.
+#[derive(Debug, Default)]
+struct Scratch {
+    /// The number of the viewpoint; numbers of a thread are not used twice.
+    viewpoint: u32,
+    /// For each cell of the cube around it, the viewpoint that last counted the cell there.
     counted: Vec<u32>,
     /// What was around it then, once [`GainEstimator::expected`] has been asked for.
     around: Vec<Around>,
-    viewpoint: u32,
 }
 
-/// The cells of all rays, ray by ray, nearest first.
-#[derive(Debug, Clone)]
-struct Rays {
-    /// Relative to the viewpoint.
-    cells: Vec<Cell>,
-    /// The same as indices of the cube around the viewpoint.
-    places: Vec<u32>,
-    /// The same as differences of indices of a map of this size.
-    offsets: Vec<isize>,
-    map_size: [u32; 3],
-    /// End of each ray.
-    ends: Vec<u32>,
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+impl Scratch {
+    /// Begins with a viewpoint; the cube around it has so many cells.
+    fn begin(&mut self, cells: usize) {
+        if self.counted.len() < cells {
+            self.counted.resize(cells, 0);
+        }
+        self.viewpoint = self.viewpoint.wrapping_add(1);
+        if self.viewpoint == 0 {
+            self.counted.fill(0);
+            self.viewpoint = 1;
+        }
+    }
+
+    /// Counts a cell; returns whether it is new to this viewpoint.
+    fn count(&mut self, place: usize) -> bool {
+        std::mem::replace(&mut self.counted[place], self.viewpoint) != self.viewpoint
+    }
 }
 
 /// An unexplored cell on a ray.
@@ -85,57 +103,47 @@ struct Met {
     place: usize,
     /// How many such cells are before it on the ray.
     before: u32,
-    /// Whether no ray of this viewpoint has met it before.
-    is_new: bool,
-}
-
-impl Rays {
-    /// Makes the offsets fit a map.
-    fn fit(&mut self, map_size: [u32; 3]) {
-        if map_size != self.map_size {
-            let [size_x, size_y, _] = map_size.map(|cells| cells as isize);
-            let offset = |by: &Cell| (by.z as isize * size_y + by.y as isize) * size_x + by.x as isize;
-            self.offsets = self.cells.iter().map(offset).collect();
-            self.map_size = map_size;
-        }
-    }
 }
 
 impl GainEstimator {
     /// Rays in all directions, `range_cells` long.
     pub(in crate::controllers) fn new(rays: u32, range_cells: f64, depth: u32, likelihood: Likelihood) -> Self {
-        let reach = range_cells.ceil().max(1.0) as i32;
-        let side = (2 * reach + 1) as u32;
-        let cube = Extent::new([side; 3], 1.0).expect("the range is bounded by the settings");
-        let home = Cell::new(reach, reach, reach);
-        let mut cells = Vec::new();
-        let mut ends = Vec::new();
-        for ray in 0..rays {
-            let centre: Point3<f64> = cube.centre(home);
-            let _: ControlFlow<()> = walk(cube, &centre, &lattice::direction(ray, rays), range_cells, |cell, _| {
-                if cell != home {
-                    cells.push(cell - home);
-                }
-                ControlFlow::Continue(())
-            });
-            ends.push(cells.len() as u32);
-        }
-        let place = |&by: &Cell| cube.index(home + by).expect("the cube contains all rays") as u32;
-        let places = cells.iter().map(place).collect();
-        let rays = Rays { cells, places, offsets: Vec::new(), map_size: [0; 3], ends };
-        let counted = vec![0; cube.volume()];
-        Self { rays, depth, likelihood, reach, counted, around: Vec::new(), viewpoint: 0 }
+        Self { pattern: Pattern { rays, range_cells }, rays: None, depth, likelihood }
+    }
+
+    /// The rays on a map, and the number of cells of the cube around a viewpoint.
+    fn rays(&mut self, map: &ExplorationMap) -> (Arc<Rays>, usize) {
+        let map_size = map.extent().size();
+        let rays = match self.rays.take().filter(|rays| rays.fits(self.pattern, map_size)) {
+            Some(rays) => rays,
+            None => Rays::shared(self.pattern, map_size),
+        };
+        self.rays = Some(Arc::clone(&rays));
+        (rays, self.pattern.cube().volume())
+    }
+
+    /// The index of a viewpoint, if all its rays lie inside the map.
+    fn index_inside(&self, map: &ExplorationMap, viewpoint: Cell) -> Option<usize> {
+        let extent = map.extent();
+        let reach = self.pattern.reach();
+        let corner = Cell::new(reach, reach, reach);
+        let is_inside = extent.contains(viewpoint - corner) && extent.contains(viewpoint + corner);
+        extent.index(viewpoint).filter(|_| is_inside)
     }
 
     /// The unexplored cells visible from the centre of a cell, each by its likelihood to be free.
     pub(in crate::controllers) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
-        let likelihood = self.likelihood;
+        let (rays, cells) = self.rays(map);
         let mut gain = 0;
-        self.for_unexplored(map, viewpoint, |Met { cell, is_new, .. }| {
-            if is_new {
-                gain += likelihood.of(map, cell);
-            }
-            true
+        SCRATCH.with_borrow_mut(|scratch| {
+            scratch.begin(cells);
+            let mut meet = |Met { cell, place, .. }: Met| {
+                if scratch.count(place) {
+                    gain += self.likelihood.of(map, cell);
+                }
+                true
+            };
+            self.along_rays(&rays, map, viewpoint, &mut meet);
         });
         gain / WHOLE
     }
@@ -150,66 +158,62 @@ impl GainEstimator {
         expectation: &Expectation,
         seen: &mut Vec<(u32, u32)>,
     ) {
-        let mut certain = WHOLE;
-        let mut around = std::mem::take(&mut self.around);
-        around.resize(self.counted.len(), Around::default());
-        self.for_unexplored(map, viewpoint, |Met { cell, place, before, is_new }| {
-            let around = &mut around[place];
-            if is_new {
-                *around = map.around(cell);
-            }
-            certain = match before {
-                0 => expectation.of(*around, Place::AtFrontier),
-                _ => certain * expectation.of(*around, Place::Beyond) / WHOLE,
+        let (rays, cells) = self.rays(map);
+        SCRATCH.with_borrow_mut(|scratch| {
+            scratch.begin(cells);
+            scratch.around.resize(scratch.counted.len(), Around::default());
+            let mut certain = WHOLE;
+            let mut meet = |Met { cell, place, before }: Met| {
+                let is_new = scratch.count(place);
+                let around = &mut scratch.around[place];
+                if is_new {
+                    *around = map.around(cell);
+                }
+                certain = match before {
+                    0 => expectation.of(*around, Place::AtFrontier),
+                    _ => certain * expectation.of(*around, Place::Beyond) / WHOLE,
+                };
+                if is_new && let Some(index) = map.extent().index(cell) {
+                    seen.push((index as u32, certain));
+                }
+                certain >= CERTAIN_MIN
             };
-            if is_new && let Some(index) = map.extent().index(cell) {
-                seen.push((index as u32, certain));
-            }
-            certain >= CERTAIN_MIN
+            self.along_rays(&rays, map, viewpoint, &mut meet);
         });
-        self.around = around;
     }
 
-    /// Calls `meet` for the unexplored cells that rays meet, nearest first; a ray ends once that
-    /// returns false.
-    fn for_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell, mut meet: impl FnMut(Met) -> bool) {
-        let extent = map.extent();
-        self.viewpoint += 1;
-        self.rays.fit(extent.size());
-        let corner = Cell::new(self.reach, self.reach, self.reach);
-        let is_inside = extent.contains(viewpoint - corner) && extent.contains(viewpoint + corner);
-        match extent.index(viewpoint).filter(|_| is_inside) {
+    /// Calls `meet` for the unexplored cells that rays meet, ray by ray, nearest first; a ray ends
+    /// once that returns false.
+    fn along_rays(&self, rays: &Rays, map: &ExplorationMap, viewpoint: Cell, meet: &mut impl FnMut(Met) -> bool) {
+        match self.index_inside(map, viewpoint) {
             Some(index) => {
-                let state = |rays: &Rays, number: usize| map.state_at(index.wrapping_add_signed(rays.offsets[number]));
-                self.along_rays(viewpoint, state, &mut meet);
+                let state = |at: &RayCell| map.state_at(index.wrapping_add_signed(at.offset as isize));
+                self.follow(rays, viewpoint, state, meet);
             }
             // Cells outside the map are walls.
-            None => {
-                self.along_rays(viewpoint, |rays, number| map.state(viewpoint + rays.cells[number]), &mut meet);
-            }
+            None => self.follow(rays, viewpoint, |at| map.state(viewpoint + at.by), meet),
         }
     }
 
-    /// The same, with the states of the cells of the rays by their numbers.
+    /// The same, with the states of the cells of the rays.
     #[inline(always)]
-    fn along_rays(
-        &mut self,
+    fn follow(
+        &self,
+        rays: &Rays,
         viewpoint: Cell,
-        state: impl Fn(&Rays, usize) -> CellState,
+        state: impl Fn(&RayCell) -> CellState,
         meet: &mut impl FnMut(Met) -> bool,
     ) {
         let mut start = 0;
-        for &end in &self.rays.ends {
+        for &end in &rays.ends {
             let mut unexplored = 0;
-            for number in start..end as usize {
-                match state(&self.rays, number) {
+            for at in &rays.cells[start..end as usize] {
+                match state(at) {
                     CellState::Wall => break,
                     CellState::Free | CellState::Covered => {}
                     CellState::Unexplored => {
-                        let place = self.rays.places[number] as usize;
-                        let is_new = std::mem::replace(&mut self.counted[place], self.viewpoint) != self.viewpoint;
-                        let cell = viewpoint + self.rays.cells[number];
-                        let is_followed = meet(Met { cell, place, before: unexplored, is_new });
+                        let cell = viewpoint + at.by;
+                        let is_followed = meet(Met { cell, place: at.place as usize, before: unexplored });
                         unexplored += 1;
                         if unexplored == self.depth || !is_followed {
                             break;
@@ -225,8 +229,10 @@ impl GainEstimator {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
+    use std::ops::ControlFlow;
 
     use proptest::prelude::*;
+    use voxels::{Extent, lattice, walk};
 
     use super::*;
 

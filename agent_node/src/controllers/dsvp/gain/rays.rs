@@ -1,0 +1,113 @@
+//! The rays of a viewpoint: the cells that each one passes, relative to the viewpoint.
+//!
+//! The tables depend on a few numbers alone, and all agents of a process share them: a hundred
+//! thousand bytes that each agent would otherwise bring into the cache.
+//!
+//! Invariant: every cell lies within [`Pattern::reach`] of the viewpoint along each axis.
+
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+use voxels::{Cell, Extent, lattice, walk};
+
+/// The rays of one pattern on maps of one size.
+#[derive(Debug)]
+pub(super) struct Rays {
+    pattern: Pattern,
+    map_size: [u32; 3],
+    /// The cells of all rays, ray by ray, nearest first; without that of the viewpoint.
+    pub(super) cells: Vec<RayCell>,
+    /// End of each ray.
+    pub(super) ends: Vec<u32>,
+}
+
+/// Directions spread evenly ([`lattice`]), and the length of rays.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pattern {
+    pub(super) rays: u32,
+    pub(super) range_cells: f64,
+}
+
+/// A cell on a ray.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RayCell {
+    /// Relative to the viewpoint.
+    pub(super) by: Cell,
+    /// Its index in the cube around the viewpoint.
+    pub(super) place: u32,
+    /// By how much its index in the map differs from that of the viewpoint.
+    pub(super) offset: i32,
+}
+
+/// All tables in use.
+static SHARED: Mutex<Vec<Weak<Rays>>> = Mutex::new(Vec::new());
+
+impl Pattern {
+    /// Half the side of the cube that contains all rays, cells.
+    pub(super) fn reach(self) -> i32 {
+        self.range_cells.ceil().max(1.0) as i32
+    }
+
+    /// The cube that contains all rays; the viewpoint is its middle.
+    pub(super) fn cube(self) -> Extent {
+        let side = (2 * self.reach() + 1).cast_unsigned();
+        Extent::new([side; 3], 1.0).expect("the range is bounded by the settings")
+    }
+}
+
+impl Rays {
+    /// The tables of a pattern for maps of this size.
+    pub(super) fn shared(pattern: Pattern, map_size: [u32; 3]) -> Arc<Self> {
+        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        shared.retain(|rays| rays.strong_count() > 0);
+        let present = shared.iter().filter_map(Weak::upgrade).find(|rays| rays.fits(pattern, map_size));
+        present.unwrap_or_else(|| {
+            let rays = Arc::new(Self::new(pattern, map_size));
+            shared.push(Arc::downgrade(&rays));
+            rays
+        })
+    }
+
+    /// Whether these are the rays of a pattern for maps of this size.
+    pub(super) fn fits(&self, pattern: Pattern, map_size: [u32; 3]) -> bool {
+        self.pattern == pattern && self.map_size == map_size
+    }
+
+    fn new(pattern: Pattern, map_size: [u32; 3]) -> Self {
+        let cube = pattern.cube();
+        let reach = pattern.reach();
+        let home = Cell::new(reach, reach, reach);
+        let [size_x, size_y, _] = map_size.map(|cells| cells as i32);
+        let mut cells = Vec::new();
+        let mut ends = Vec::new();
+        for ray in 0..pattern.rays {
+            let direction = lattice::direction(ray, pattern.rays);
+            let _: ControlFlow<()> = walk(cube, &cube.centre(home), &direction, pattern.range_cells, |cell, _| {
+                if cell != home {
+                    let by = cell - home;
+                    let place = cube.index(cell).expect("the cube contains all rays") as u32;
+                    cells.push(RayCell { by, place, offset: (by.z * size_y + by.y) * size_x + by.x });
+                }
+                ControlFlow::Continue(())
+            });
+            ends.push(cells.len() as u32);
+        }
+        Self { pattern, map_size, cells, ends }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_are_shared_while_they_are_in_use() {
+        let pattern = Pattern { rays: 30, range_cells: 4.5 };
+        let rays = Rays::shared(pattern, [40, 30, 20]);
+        assert!(Arc::ptr_eq(&rays, &Rays::shared(pattern, [40, 30, 20])));
+        assert!(!Arc::ptr_eq(&rays, &Rays::shared(pattern, [40, 20, 30])));
+        for cell in &rays.cells {
+            assert_eq!(cell.offset, (cell.by.z * 30 + cell.by.y) * 40 + cell.by.x);
+        }
+    }
+}
