@@ -1,8 +1,8 @@
 //! How far around each cell all cells are free, for segments through open space.
 //!
-//! A segment whose points all have free cells around them meets no wall. That is seen without a walk
-//! from cell to cell ([`crate::traverse`]): from a point in a cell with free cells around it, the
-//! segment is followed to the border of this cube at once, as in the sphere tracing of distance
+//! A segment whose points all have free cells around them meets no wall. That is seen without a
+//! walk from cell to cell ([`crate::traverse`]): from a point in a cell with free cells around it,
+//! the segment is followed to the border of this cube at once, as in the sphere tracing of distance
 //! fields (Hart, 1996).
 //!
 //! Invariants: a reach is never greater than it is; the world outside the map is wall. It does not
@@ -14,8 +14,8 @@ use crate::{Cell, Extent, Grid, Terrain};
 /// The reaches that are distinguished, cells.
 const REACHES: [i32; 3] = [4, 2, 1];
 
-/// By how much less than its reach the free space around a cell is used as slack at most, cells: the
-/// rest is the least step along a segment.
+/// By how much less than its reach the free space around a cell is used as slack at most, cells:
+/// the rest is the least step along a segment.
 const STEP_CELLS_MIN: f64 = 0.5;
 
 /// By how much a segment stays inside the cube that is free, cells.
@@ -68,8 +68,8 @@ impl OpenSpace {
     }
 
     /// How far both ends of a segment can move so that all cells within this distance of it stay
-    /// free, cells, up to `most`; nothing if it comes close to a wall. `from` and `to` are in cells,
-    /// finite, and not far outside the map.
+    /// free, cells, up to `most`; nothing if it comes close to a wall. `from` and `to` are in
+    /// cells, finite, and not far outside the map.
     pub(crate) fn slack_cells(&self, from: [f64; 3], to: [f64; 3], most: f64) -> Option<f64> {
         let along = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
         let mut slack = most;

@@ -74,8 +74,8 @@ pub enum Sight {
 
 /// What the segment between two points of the map frame meets; see [`line_of_sight`].
 ///
-/// The slack is at most `slack_cells_max` (cells), and less near walls; a greater one takes longer to
-/// find, and 0 finds none. `open_space` is that of `terrain`.
+/// The slack is at most `slack_cells_max` (cells), and less near walls; a greater one takes longer
+/// to find, and 0 finds none. `open_space` is that of `terrain`.
 pub fn sight(
     terrain: &Grid<Terrain>,
     open_space: &OpenSpace,

@@ -82,8 +82,8 @@ pub(super) fn connected(from: Cells, within: Cells) -> Cells {
     }
 }
 
-/// The place of the cell of a set, which is not empty, that is nearest to the mean of all; of equally
-/// near ones the first.
+/// The place of the cell of a set, which is not empty, that is nearest to the mean of all; of
+/// equally near ones the first.
 pub(super) fn middle(members: Cells) -> usize {
     let count = members.count_ones() as i32;
     let sum = |axis: usize| -> i32 {
