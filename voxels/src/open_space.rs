@@ -5,8 +5,8 @@
 //! the segment is followed to the border of this cube at once, as in the sphere tracing of distance
 //! fields (Hart, 1996).
 //!
-//! Invariants: a reach is never greater than it is; the world outside the map is wall. It does not
-//! follow changes of the terrain, and says nothing about segments that come close to walls.
+//! Invariant: all cells within the reach of a cell, along each axis, are free and inside the map.
+//! This module follows no changes of the terrain, and says nothing about segments close to walls.
 
 use crate::extent::floor;
 use crate::{Cell, Extent, Grid, Terrain};
