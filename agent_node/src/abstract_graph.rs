@@ -60,9 +60,7 @@ pub struct Region {
     /// The frontiers of the region, ascending.
     pub frontiers: Vec<Cell>,
     edges: Vec<Edge>,
-    /// Its cells, and the place of its centre.
     cells: Cells,
-    middle: usize,
     /// A number below [`AbstractGraph::slots`], unique among the present regions: the index of
     /// per-region data.
     slot: u32,
@@ -171,8 +169,7 @@ impl AbstractGraph {
     /// The region that contains a cell.
     #[must_use]
     pub fn region_of(&self, cell: Cell) -> Option<RegionId> {
-        let (at, offset) = self.extent.contains(cell).then(|| split(cell))?;
-        let block = self.number_of(at);
+        let (block, offset) = self.locate(cell)?;
         Some(RegionId::new(block, self.label_at(block, offset).checked_sub(1)?))
     }
 
@@ -180,11 +177,9 @@ impl AbstractGraph {
     /// there, the first one of its block.
     #[must_use]
     pub fn region_listing(&self, frontier: Cell) -> Option<RegionId> {
-        let (at, offset) = self.extent.contains(frontier).then(|| split(frontier))?;
-        let block = self.number_of(at);
-        self.blocks[block as usize]
-            .is_some()
-            .then(|| RegionId::new(block, self.label_at(block, offset).saturating_sub(1)))
+        let (block, offset) = self.locate(frontier)?;
+        self.blocks[block as usize].as_ref()?;
+        Some(RegionId::new(block, self.label_at(block, offset).saturating_sub(1)))
     }
 
     /// The regions that adjoin a region.
@@ -219,7 +214,13 @@ impl AbstractGraph {
     }
 
     fn block_of(&self, cell: Cell) -> Option<u32> {
-        self.extent.contains(cell).then(|| self.number_of(split(cell).0))
+        Some(self.locate(cell)?.0)
+    }
+
+    /// The block of a cell, and the cell relative to the corner of the block.
+    fn locate(&self, cell: Cell) -> Option<(u32, Cell)> {
+        let (at, offset) = self.extent.contains(cell).then(|| split(cell))?;
+        Some((self.number_of(at), offset))
     }
 
     /// 1 + the number of the region that contains a cell of a block, or 0.
@@ -296,11 +297,11 @@ impl AbstractGraph {
             let label = regions.len() as u8 + 1;
             places(members).for_each(|place| labels[place] = label);
             let slot = self.slot();
-            let middle = middle(members);
+            let centre = corner + middle(members);
             let (mut frontiers, mut edges) = spare.next().unwrap_or_default();
             frontiers.clear();
             edges.clear();
-            regions.push(Region { centre: corner + offset(middle), frontiers, edges, cells: members, middle, slot });
+            regions.push(Region { centre, frontiers, edges, cells: members, slot });
         }
         self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
     }
@@ -347,10 +348,11 @@ impl AbstractGraph {
                 continue;
             };
             for region in &mut here.regions {
-                let first = region.edges.len();
+                let (first, centre) = (region.edges.len(), place_in_block(region.centre));
                 for (other, far) in (0..).zip(&there.regions) {
+                    let far_centre = place_in_block(far.centre);
                     let length =
-                        |place: usize| distance(region.middle, place) + 1.0 + distance(side.beside(place), far.middle);
+                        |place: usize| distance(centre, place) + 1.0 + distance(side.beside(place), far_centre);
                     let lengths = places(side.facing(region.cells, far.cells)).map(length);
                     if let Some(length) = lengths.reduce(f32::min) {
                         region.edges.push(Edge { to: RegionId::new(number, other), slot: far.slot, length });
@@ -412,6 +414,11 @@ fn block_along(at: i32) -> i32 {
 fn split(cell: Cell) -> ([i32; 3], Cell) {
     let [x, y, z] = [cell.x, cell.y, cell.z].map(block_along);
     ([x, y, z], cell - Cell::new(x * BLOCK_CELLS, y * BLOCK_CELLS, z * BLOCK_CELLS))
+}
+
+/// The place in its block of a cell inside the map.
+fn place_in_block(cell: Cell) -> usize {
+    place_of(split(cell).1)
 }
 
 /// Distance between the centres of the cells at two places of a block, cells.

@@ -99,10 +99,8 @@ pub fn sight(
         if is_wall_at(terrain, cell) {
             return ControlFlow::Break(cell);
         }
-        if slack_cells > 0.0 && open_space.reach(cell) > 0 {
-            return ControlFlow::Continue(());
-        }
-        while slack_cells > 0.0 && !is_free_around(terrain, stretch, slack_cells) {
+        // The slack is less than the least reach.
+        while slack_cells > 0.0 && open_space.reach(cell) == 0 && !is_free_around(terrain, stretch, slack_cells) {
             slack_cells /= 2.0;
             if slack_cells < SLACK_CELLS_MIN {
                 slack_cells = 0.0;

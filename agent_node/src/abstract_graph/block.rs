@@ -82,20 +82,19 @@ pub(super) fn connected(from: Cells, within: Cells) -> Cells {
     }
 }
 
-/// The place of the cell of a set, which is not empty, that is nearest to the mean of all; of
-/// equally near ones the first.
-pub(super) fn middle(members: Cells) -> usize {
+/// The cell of a set, which is not empty, that is nearest to the mean of all; of equally near ones
+/// the first.
+pub(super) fn middle(members: Cells) -> Cell {
     let count = members.count_ones() as i32;
     let sum = |axis: usize| -> i32 {
         (0..).zip(LAYERS[axis]).map(|(at, layer): (i32, _)| at * (members & layer).count_ones() as i32).sum()
     };
     let sums = [sum(0), sum(1), sum(2)];
-    let apart = |&place: &usize| {
-        let cell = offset(place);
+    let apart = |cell: &Cell| {
         let [x, y, z] = [cell.x * count - sums[0], cell.y * count - sums[1], cell.z * count - sums[2]];
         x * x + y * y + z * z
     };
-    places(members).min_by_key(apart).unwrap_or_default()
+    places(members).map(offset).min_by_key(apart).unwrap_or_default()
 }
 
 /// One of the faces between two blocks.
@@ -178,7 +177,7 @@ mod tests {
                 let count = all.len() as i32;
                 Cell::new(cell.x * count, cell.y * count, cell.z * count).distance_squared(sum)
             };
-            prop_assert_eq!(Some(offset(middle(cells))), all.iter().copied().min_by_key(scaled));
+            prop_assert_eq!(Some(middle(cells)), all.iter().copied().min_by_key(scaled));
         }
 
         #[test]

@@ -111,15 +111,13 @@ impl GainEstimator {
         Self { pattern: Pattern { rays, range_cells }, rays: None, depth, likelihood }
     }
 
-    /// The rays on a map, and the number of cells of the cube around a viewpoint.
-    fn rays(&mut self, map: &ExplorationMap) -> (Arc<Rays>, usize) {
+    /// The rays on a map.
+    fn rays(&mut self, map: &ExplorationMap) -> Arc<Rays> {
         let map_size = map.extent().size();
-        let rays = match self.rays.take().filter(|rays| rays.fits(self.pattern, map_size)) {
-            Some(rays) => rays,
-            None => Rays::shared(self.pattern, map_size),
-        };
-        self.rays = Some(Arc::clone(&rays));
-        (rays, self.pattern.cube().volume())
+        match &self.rays {
+            Some(rays) if rays.fits(self.pattern, map_size) => Arc::clone(rays),
+            _ => Arc::clone(self.rays.insert(Rays::shared(self.pattern, map_size))),
+        }
     }
 
     /// The index of a viewpoint, if all its rays lie inside the map.
@@ -133,10 +131,10 @@ impl GainEstimator {
 
     /// The unexplored cells visible from the centre of a cell, each by its likelihood to be free.
     pub(in crate::controllers) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
-        let (rays, cells) = self.rays(map);
+        let rays = self.rays(map);
         let mut gain = 0;
         SCRATCH.with_borrow_mut(|scratch| {
-            scratch.begin(cells);
+            scratch.begin(rays.cube_cells);
             let mut meet = |Met { cell, place, .. }: Met| {
                 if scratch.count(place) {
                     gain += self.likelihood.of(map, cell);
@@ -158,9 +156,9 @@ impl GainEstimator {
         expectation: &Expectation,
         seen: &mut Vec<(u32, u32)>,
     ) {
-        let (rays, cells) = self.rays(map);
+        let rays = self.rays(map);
         SCRATCH.with_borrow_mut(|scratch| {
-            scratch.begin(cells);
+            scratch.begin(rays.cube_cells);
             scratch.around.resize(scratch.counted.len(), Around::default());
             let mut certain = WHOLE;
             let mut meet = |Met { cell, place, before }: Met| {

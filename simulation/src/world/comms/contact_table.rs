@@ -238,8 +238,7 @@ impl ContactTable {
 
     /// Brings the bits of two agents up to date.
     fn decide(&mut self, one: usize, other: usize, rules: ContactRules<'_>) {
-        let pair = one * self.radios.len() + other;
-        if !(self.odometers_m[one] <= self.own_until_m[pair] && self.odometers_m[other] <= self.other_until_m[pair]) {
+        if !self.hold_all(one, other..other + 1) {
             self.decide_anew([one.min(other), one.max(other)], rules);
         }
     }

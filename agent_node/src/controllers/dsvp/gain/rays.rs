@@ -19,6 +19,8 @@ pub(super) struct Rays {
     pub(super) cells: Vec<RayCell>,
     /// End of each ray.
     pub(super) ends: Vec<u32>,
+    /// Cells of the cube around the viewpoint.
+    pub(super) cube_cells: usize,
 }
 
 /// Directions spread evenly ([`lattice`]), and the length of rays.
@@ -92,7 +94,7 @@ impl Rays {
             });
             ends.push(cells.len() as u32);
         }
-        Self { pattern, map_size, cells, ends }
+        Self { pattern, map_size, cells, ends, cube_cells: cube.volume() }
     }
 }
 
