@@ -93,6 +93,8 @@ pub struct AbstractGraph {
     read: usize,
     /// Distance in cells within which a change can make a cell usable or unusable.
     reach: i32,
+    /// Number of regions with frontiers.
+    regions_with_frontiers: usize,
     /// Number of slots ever used, and those that are free again.
     slots: u32,
     free_slots: Vec<u32>,
@@ -113,6 +115,7 @@ impl AbstractGraph {
             blocks: vec![None; blocks],
             read: 0,
             reach,
+            regions_with_frontiers: 0,
             slots: 0,
             free_slots: Vec::new(),
             marks: vec![0; blocks],
@@ -180,6 +183,12 @@ impl AbstractGraph {
         let (block, offset) = self.locate(frontier)?;
         self.blocks[block as usize].as_ref()?;
         Some(RegionId::new(block, self.label_at(block, offset).saturating_sub(1)))
+    }
+
+    /// The number of regions with frontiers. A search for frontiers may end once it has met so many.
+    #[must_use]
+    pub fn regions_with_frontiers(&self) -> usize {
+        self.regions_with_frontiers
     }
 
     /// The regions that adjoin a region.
@@ -283,6 +292,7 @@ impl AbstractGraph {
         let usable: Cells = graph.usable_in(corner, BLOCK_CELLS);
         let old = self.blocks[block as usize].take().map(|old| old.regions).unwrap_or_default();
         self.free_slots.extend(old.iter().map(|region| region.slot));
+        self.regions_with_frontiers -= count_with_frontiers(&old);
         if usable == 0 {
             return;
         }
@@ -312,6 +322,7 @@ impl AbstractGraph {
         let Some(Block { labels, regions, .. }) = self.blocks[block as usize].as_deref_mut() else {
             return;
         };
+        self.regions_with_frontiers -= count_with_frontiers(regions);
         for region in regions.iter_mut() {
             region.frontiers.clear();
         }
@@ -320,6 +331,7 @@ impl AbstractGraph {
             // block.
             regions[usize::from(labels[place].saturating_sub(1))].frontiers.push(corner + offset(place));
         }
+        self.regions_with_frontiers += count_with_frontiers(regions);
     }
 
     fn slot(&mut self) -> u32 {
@@ -371,6 +383,10 @@ impl AbstractGraph {
         }
         self.blocks[block as usize] = Some(here);
     }
+}
+
+fn count_with_frontiers(regions: &[Region]) -> usize {
+    regions.iter().filter(|region| !region.frontiers.is_empty()).count()
 }
 
 /// The set of all faces of a block.

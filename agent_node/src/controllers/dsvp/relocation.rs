@@ -31,12 +31,19 @@ impl Dsvp {
         let cell_m = ctx.map().extent().cell_m();
         // The cheapest candidates so far: cost, viewpoint, frontier.
         let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
+        let mut left = graph.regions_with_frontiers();
         paths.begin(graph, here);
-        while let Some((id, region, length)) = paths.next(graph) {
+        while left > 0
+            && let Some((id, region, length)) = paths.next(graph)
+        {
             let path_m = length * cell_m;
             if best.len() == ATTEMPTS && best.last().is_some_and(|&(most, ..)| most <= path_m) {
                 break;
             }
+            if region.frontiers.is_empty() {
+                continue;
+            }
+            left -= 1;
             let Some((frontier, cell)) = nearest_viewpoint(graph, (id, region), here, &self.abandoned) else {
                 continue;
             };

@@ -187,8 +187,15 @@ impl Dsvp {
         let world = World { graph, cell_m, speed_m_s: auction.own_speed_m_s(), now };
         let mut candidates = Vec::new();
         let mut own_m = BTreeMap::new();
+        let mut left = graph.regions_with_frontiers();
         paths.begin(graph, here);
-        while let Some((id, region, length)) = paths.next(graph) {
+        while left > 0
+            && let Some((id, region, length)) = paths.next(graph)
+        {
+            if region.frontiers.is_empty() {
+                continue;
+            }
+            left -= 1;
             let Some(candidate) = Candidate::new(graph, id, region, here, &self.abandoned) else { continue };
             if candidate.cell == here {
                 self.abandoned.insert(candidate.frontier);
