@@ -55,6 +55,12 @@ impl NearestFrontier {
 
     /// The frontier with the shortest path.
     fn nearest(&self, ctx: &mut Ctx<'_>) -> Option<Cell> {
+        let map = ctx.map();
+        let mut frontiers = map.frontiers().map(|index| map.extent().cell_at(index as usize));
+        // Without any, the search would visit all reachable cells.
+        if frontiers.all(|cell| self.abandoned.contains(&cell)) {
+            return None;
+        }
         ctx.nearest(|map, cell| map.is_frontier(cell) && !self.abandoned.contains(&cell))
     }
 
