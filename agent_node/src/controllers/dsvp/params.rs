@@ -191,6 +191,8 @@ impl TeamParams {
             aerial_urgency: settings.number("aerial_urgency", 0.5, 0.0, 1000.0)?,
             aerial_leg_s: settings.number("aerial_leg_s", 4.0, 0.0, 100.0)?,
             memory_s: settings.number("memory_s", 60.0, 0.0, 10_000.0)?,
+            meeting_chance: settings.number("meeting_chance", 0.0, 0.0, 1.0)?,
+            meeting_decay_s: settings.number("meeting_decay_s", 60.0, 1.0, 10_000.0)?,
         })
     }
 

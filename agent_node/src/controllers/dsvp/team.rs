@@ -7,18 +7,19 @@
 //! meantime ([`sightings`]), and divided among this agent, from where it is, and the others, from
 //! their claimed goals ([`division`]). Claims are exchanged as in the auction, which also settles
 //! conflicts. An agent without a task in that division plans for itself alone; one without any
-//! task at all relocates.
+//! task at all relocates. If it pays, it first goes to meet another one ([`meetings`]).
 //!
 //! Invariants: it goes only where the graph knows a path; it depends on the map, the graph and the
 //! observations alone.
 
 mod division;
+mod meetings;
 mod sightings;
 mod viewpoints;
 
 use std::collections::BTreeMap;
 
-use msgs::ids::Tick;
+use msgs::ids::{AgentId, Tick};
 use voxels::{Cell, Extent};
 
 use super::avoidance::motion_to;
@@ -65,6 +66,11 @@ pub(super) struct TeamParams {
     /// How long an agent has a part in divisions after it should have been at its last known goal,
     /// seconds.
     pub(super) memory_s: f64,
+    /// The probability that an agent which has just left is met where it is expected; 0: no agent
+    /// is met on purpose.
+    pub(super) meeting_chance: f64,
+    /// Time out of contact in which that falls to 1/e, seconds.
+    pub(super) meeting_decay_s: f64,
 }
 
 /// What an agent knows about the team and the tasks.
@@ -85,6 +91,12 @@ struct Valued {
     weight: f64,
 }
 
+impl Valued {
+    fn prospect(&self) -> Prospect {
+        Prospect { expected_cells: self.task.expected_cells, own_s: self.own_s }
+    }
+}
+
 impl Team {
     /// Nothing is known yet.
     pub(super) fn new(params: TeamParams, extent: Extent) -> Self {
@@ -97,7 +109,7 @@ impl Team {
         let TeamParams { leg_s, exponent, .. } = self.params;
         let mut arrivals_s: Vec<Vec<f64>> = vec![Vec::new(); tasks.len()];
         self.lengths.renew(world.graph);
-        for sighting in self.sightings.iter() {
+        for (_, sighting) in self.sightings.iter() {
             self.lengths.begin(world.graph, sighting.cell);
             for (arrivals_s, task) in arrivals_s.iter_mut().zip(&tasks) {
                 let length = self.lengths.to(world.graph, task.region);
@@ -107,12 +119,13 @@ impl Team {
         }
         let valued = tasks.into_iter().zip(arrivals_s).map(|(task, arrivals_s)| {
             let own_s = own_m[&task.region] / world.speed_m_s + leg_s;
-            let prospect = Prospect { expected_cells: task.expected_cells, own_s };
-            let chance =
-                |(sighting, &arrival_s): (&Sighting, &f64)| sighting.chance_seen(prospect, arrival_s, world.now);
-            let seen = self.sightings.iter().zip(&arrivals_s).map(chance).fold(0.0, f64::max);
+            let valued = Valued { task, own_s, arrivals_s, weight: 0.0 };
+            let chance = |((_, sighting), &arrival_s): ((AgentId, &Sighting), &f64)| {
+                sighting.chance_seen(valued.prospect(), arrival_s, world.now)
+            };
+            let seen = self.sightings.iter().zip(&valued.arrivals_s).map(chance).fold(0.0, f64::max);
             let expected_cells = (task.expected_cells * (1.0 - seen)).max(EXPECTED_FLOOR);
-            Valued { task, own_s, arrivals_s, weight: libm::pow(expected_cells, exponent) }
+            Valued { weight: libm::pow(expected_cells, exponent), ..valued }
         });
         let mut valued: Vec<Valued> = valued.collect();
         let worth = |valued: &Valued| {
@@ -124,9 +137,9 @@ impl Team {
         valued
     }
 
-    /// The order in which this agent visits some tasks: its part of the tours of the team, or, if
-    /// that is empty, its own tour over all of them.
-    fn own_tour(&mut self, valued: &[Valued], world: &World<'_>) -> Vec<usize> {
+    /// The tours of the team over some tasks. That of this agent, if it is empty in the division,
+    /// is its own tour over all of them.
+    fn tours(&mut self, valued: &[Valued], world: &World<'_>) -> Tours {
         let TeamParams { leg_s, urgency, memory_s, .. } = self.params;
         let tasks: Vec<Task> = valued.iter().map(|valued| valued.task).collect();
         let mut between_s = vec![vec![UNREACHABLE_S; tasks.len()]; tasks.len()];
@@ -144,21 +157,43 @@ impl Team {
         let weights: Vec<f64> = valued.iter().map(|valued| valued.weight / whole).collect();
         let own: Vec<f64> = valued.iter().map(|valued| valued.own_s).collect();
         let takes_part = |sighting: &Sighting| seconds(world.now) - sighting.free_s < memory_s;
-        let others = self.sightings.iter().enumerate().filter(|(_, sighting)| takes_part(sighting));
-        let others = others.map(|(other, _)| valued.iter().map(|valued| valued.arrivals_s[other]).collect());
-        let first_s = std::iter::once(own.clone()).chain(others).collect();
+        let others = self.sightings.iter().enumerate().filter(|(_, (_, sighting))| takes_part(sighting));
+        let others: Vec<usize> = others.map(|(other, _)| other).collect();
+        let arrivals = |&other: &usize| valued.iter().map(|valued| valued.arrivals_s[other]).collect();
+        let first_s = std::iter::once(own.clone()).chain(others.iter().map(arrivals)).collect();
         let division = Division { first_s, between_s: &between_s, weights: &weights, urgency };
-        let tour = division.tours().swap_remove(0);
-        if !tour.is_empty() {
-            return tour;
+        let mut tours = division.tours().into_iter();
+        let mut of_own = tours.next().unwrap_or_default();
+        if of_own.is_empty() {
+            of_own = Division { first_s: vec![own.clone()], ..division }.tours().swap_remove(0);
         }
-        Division { first_s: vec![own], ..division }.tours().swap_remove(0)
+        Tours { of_own, of_others: others.into_iter().zip(tours).collect(), own_s: own, between_s }
+    }
+}
+
+/// The tours of the team over some tasks.
+struct Tours {
+    of_own: Vec<usize>,
+    /// By number of the sighting.
+    of_others: Vec<(usize, Vec<usize>)>,
+    /// By task, the time for this agent to get there, seconds.
+    own_s: Vec<f64>,
+    /// Duration from task to task, seconds.
+    between_s: Vec<Vec<f64>>,
+}
+
+impl Tours {
+    /// That of another agent, by the number of its sighting; empty if it has no part in the
+    /// division.
+    fn of(&self, number: usize) -> &[usize] {
+        self.of_others.iter().find(|(other, _)| *other == number).map_or(&[], |(_, tour)| tour)
     }
 }
 
 /// What a plan starts from.
 struct World<'g> {
     graph: &'g AbstractGraph,
+    here: Cell,
     cell_m: f64,
     speed_m_s: f64,
     now: Tick,
@@ -174,7 +209,7 @@ impl World<'_> {
 impl Dsvp {
     /// The tour stage: to the first task of the own tour that can be reached.
     pub(super) fn tour(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        let Some(WorldModel { graph, paths, gain_estimator, coordination, .. }) = &mut self.model else {
+        let Some(WorldModel { graph, paths, gain_estimator, coordination, pursuit, .. }) = &mut self.model else {
             return Plan::Nothing;
         };
         let Coordination::Team(auction, team) = coordination else { return Plan::Nothing };
@@ -184,7 +219,7 @@ impl Dsvp {
         }
         team.sightings.update(auction, observation);
         let cell_m = map.extent().cell_m();
-        let world = World { graph, cell_m, speed_m_s: auction.own_speed_m_s(), now };
+        let world = World { graph, here, cell_m, speed_m_s: auction.own_speed_m_s(), now };
         let mut candidates = Vec::new();
         let mut own_m = BTreeMap::new();
         let mut left = graph.regions_with_frontiers();
@@ -212,8 +247,23 @@ impl Dsvp {
             return Plan::Nothing;
         }
         let valued = team.valued(tasks, &own_m, &world);
-        let tour = team.own_tour(&valued, &world);
-        for &number in tour.iter().take(ATTEMPTS) {
+        let tours = team.tours(&valued, &world);
+        if team.params.meeting_chance > 0.0 {
+            if let Some(Goal::Pursuit { agent, cell }) = self.goal
+                && cell == here
+            {
+                pursuit.mark_absent(agent);
+            }
+            let is_sought =
+                |agent: AgentId| pursuit.is_sought(agent, &observation.contacts) && !pursuit.is_absent(agent);
+            if let Some((agent, cell)) = team.meeting(&valued, &tours, &is_sought, &world) {
+                while paths.next(graph).is_some() {}
+                if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles) {
+                    return Plan::Go(Goal::Pursuit { agent, cell }, motion);
+                }
+            }
+        }
+        for &number in tours.of_own.iter().take(ATTEMPTS) {
             let task = &valued[number].task;
             if let Some(motion) = motion_to(ctx, graph, paths, task.cell, obstacles) {
                 return Plan::Go(goal(task, gain_estimator, ctx, self.params.gain_min, least), motion);

@@ -45,7 +45,12 @@ fn crowd_leaves_its_news_to_a_hub() {
 }
 
 proptest! {
-    /// Contacts of a crowd are not all in contact with each other, and messages get lost.
+    // A case that fails takes a second, and to shrink it hours.
+    #![proptest_config(ProptestConfig { max_shrink_iters: 20, ..ProptestConfig::default() })]
+
+    /// Contacts of a crowd are not all in contact with each other, and messages get lost. Most
+    /// cases need a few periods, one in 1500 more than 50, until an order is drawn in which the
+    /// last news reach their receiver.
     #[test]
     fn maps_of_a_crowd_converge_after_any_losses(
         apart in prop::collection::vec((0u32..40, 0u32..40), 0..500),
@@ -71,7 +76,7 @@ proptest! {
         let connected: Vec<usize> = (0..agents as usize).filter(has_contacts).collect();
         let are_alike = |team: &Team| connected.iter().all(|&agent| team.states(agent) == team.states(connected[0]));
         while !are_alike(&team) {
-            prop_assert!(now < 300, "the maps differ");
+            prop_assert!(now < 5000, "the maps differ");
             team.tick(now, &pairs, budget);
             now += 1;
         }

@@ -66,8 +66,8 @@ impl Sightings {
     }
 
     /// The others that this agent has ever heard of, in the order of their ids.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &Sighting> {
-        self.by_agent.values()
+    pub(super) fn iter(&self) -> impl Iterator<Item = (AgentId, &Sighting)> {
+        self.by_agent.iter().map(|(&agent, sighting)| (agent, sighting))
     }
 }
 
