@@ -49,8 +49,8 @@ proptest! {
     #![proptest_config(ProptestConfig { max_shrink_iters: 20, ..ProptestConfig::default() })]
 
     /// Contacts of a crowd are not all in contact with each other, and messages get lost. Most
-    /// cases need a few periods, one in 1500 more than 50, until an order is drawn in which the
-    /// last news reach their receiver.
+    /// cases take less than 60 periods, one in 1500 up to 300: budgets are small, and the order of
+    /// the agents is drawn anew in each period.
     #[test]
     fn maps_of_a_crowd_converge_after_any_losses(
         apart in prop::collection::vec((0u32..40, 0u32..40), 0..500),

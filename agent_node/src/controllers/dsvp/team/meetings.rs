@@ -2,11 +2,11 @@
 //! tour, to learn which of its tasks that agent has seen.
 //!
 //! The other agent is expected along its tour of the division, or at its last known goal if it has
-//! none, and is met where this one can be first no later than it. What it has seen of the own tour
-//! is known by probabilities ([`super::sightings`]), which are taken as one: where it has been, it
-//! has seen all that is more probable than what it has seen least probably. So a few shares stand
-//! for all cases. A detour pays if the expected end of the own tour, after the meeting and without
-//! what the other one has seen, is before its end without the meeting.
+//! none, and is met at the first place where this one can be no later than it. What it has seen of
+//! the own tour is known by probabilities ([`super::sightings`]). These are taken to depend on one
+//! unknown, how far it has come: if it has seen a task, it has seen all more probable ones as well.
+//! So a few cases stand for all. A detour pays if the expected end of the own tour, after the
+//! meeting and without what the other one has seen, is before its end without the meeting.
 //!
 //! Invariant: agents in contact are never met on purpose; the result depends on the numbers alone.
 //! What the other agent gains by the meeting is not counted.
