@@ -185,7 +185,7 @@ impl AbstractGraph {
         Some(RegionId::new(block, self.label_at(block, offset).saturating_sub(1)))
     }
 
-    /// The number of regions with frontiers. A search for frontiers may end once it has met all.
+    /// The number of regions with frontiers.
     #[must_use]
     pub fn regions_with_frontiers(&self) -> usize {
         self.regions_with_frontiers

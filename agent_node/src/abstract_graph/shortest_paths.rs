@@ -20,6 +20,8 @@ pub struct ShortestPaths {
     epoch: u32,
     /// Length of the path in the upper 32 bits, its region in the lower ones.
     queue: BinaryHeap<Reverse<u64>>,
+    /// Number of regions with frontiers that have not been returned.
+    frontiers_left: usize,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -37,6 +39,7 @@ impl ShortestPaths {
         self.epoch += 1;
         self.reached.resize(graph.slots as usize, Reached::default());
         self.queue.clear();
+        self.frontiers_left = graph.regions_with_frontiers();
         if let Some((start, region)) = graph.region_of(from).and_then(|start| Some((start, graph.get(start)?))) {
             self.reached[region.slot as usize] = Reached { epoch: self.epoch, length: 0, from: None, is_done: false };
             self.queue.push(entry(0, start));
@@ -67,8 +70,16 @@ impl ShortestPaths {
                     *there = Reached { epoch: self.epoch, length: to, from: Some(id), is_done: false };
                 }
             }
+            self.frontiers_left -= usize::from(!region.frontiers.is_empty());
             return Some((id, region, f64::from(length) / f64::from(PER_CELL)));
         }
+    }
+
+    /// Whether regions with frontiers are left to return, if they can be reached: else a search for
+    /// frontiers may end.
+    #[must_use]
+    pub fn has_frontiers_left(&self) -> bool {
+        self.frontiers_left > 0
     }
 
     fn reached(&self, graph: &AbstractGraph, region: RegionId) -> Option<&Reached> {

@@ -237,9 +237,7 @@ impl Dsvp {
         if self.tours().is_some_and(Tours::explores_own) {
             self.update_tours(observation, ctx);
         }
-        if let Some(WorldModel { graph, coordination, .. }) = &mut self.model
-            && graph.regions_with_frontiers() > 0
-        {
+        if let Some(WorldModel { graph, coordination, .. }) = &mut self.model {
             coordination.share_out(graph, ctx.cell(), observation);
         }
         let obstacles = obstacles_near(observation, ctx);

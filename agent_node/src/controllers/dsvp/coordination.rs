@@ -94,6 +94,9 @@ impl Coordination {
     /// must be up to date.
     pub(super) fn share_out(&mut self, graph: &AbstractGraph, here: Cell, observation: &Observation) {
         let Self::Voronoi(auction, territories) = self else { return };
+        if graph.regions_with_frontiers() == 0 {
+            return;
+        }
         let others = auction.presences(&observation.contacts, observation.tick);
         territories.divide(graph, (here, auction.own_speed_m_s()), &others);
     }

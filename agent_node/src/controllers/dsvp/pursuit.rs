@@ -128,9 +128,12 @@ impl Pursuit {
         command.with_message(None, FINISHED_MESSAGE, encode(&self.reports))
     }
 
-    /// Marks an agent as absent from its last known position.
-    pub(super) fn mark_absent(&mut self, agent: AgentId) {
-        if let Some(Some(last_known)) = self.last_known.get_mut(agent.index()) {
+    /// Notes that an agent pursued is not at the position of the goal, if this one is there.
+    pub(super) fn arrive(&mut self, goal: Option<Goal>, here: Cell) {
+        if let Some(Goal::Pursuit { agent, cell }) = goal
+            && cell == here
+            && let Some(Some(last_known)) = self.last_known.get_mut(agent.index())
+        {
             last_known.is_absent = true;
         }
     }

@@ -31,19 +31,14 @@ impl Dsvp {
         let cell_m = ctx.map().extent().cell_m();
         // The cheapest candidates so far: cost, viewpoint, frontier.
         let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
-        let mut left = graph.regions_with_frontiers();
         paths.begin(graph, here);
-        while left > 0
+        while paths.has_frontiers_left()
             && let Some((id, region, length)) = paths.next(graph)
         {
             let path_m = length * cell_m;
             if best.len() == ATTEMPTS && best.last().is_some_and(|&(most, ..)| most <= path_m) {
                 break;
             }
-            if region.frontiers.is_empty() {
-                continue;
-            }
-            left -= 1;
             let Some((frontier, cell)) = nearest_viewpoint(graph, (id, region), here, &self.abandoned) else {
                 continue;
             };
@@ -77,11 +72,7 @@ impl Dsvp {
         if are_all_in_contact || pursuit.have_all_finished() {
             return Plan::Nothing;
         }
-        if let Some(Goal::Pursuit { agent, cell }) = self.goal
-            && cell == here
-        {
-            pursuit.mark_absent(agent);
-        }
+        pursuit.arrive(self.goal, here);
         paths.begin(graph, here);
         let mut reached = Vec::new();
         while let Some((_, region, _)) = paths.next(graph) {

@@ -97,6 +97,11 @@ impl Valued {
     }
 }
 
+/// By task, when another agent is expected there, by the number of its sighting; seconds from now.
+fn arrivals_s(valued: &[Valued], sighting: usize) -> Vec<f64> {
+    valued.iter().map(|valued| valued.arrivals_s[sighting]).collect()
+}
+
 impl Team {
     /// Nothing is known yet.
     pub(super) fn new(params: TeamParams, extent: Extent) -> Self {
@@ -159,8 +164,8 @@ impl Team {
         let takes_part = |sighting: &Sighting| seconds(world.now) - sighting.free_s < memory_s;
         let others = self.sightings.iter().enumerate().filter(|(_, (_, sighting))| takes_part(sighting));
         let others: Vec<usize> = others.map(|(other, _)| other).collect();
-        let arrivals = |&other: &usize| valued.iter().map(|valued| valued.arrivals_s[other]).collect();
-        let first_s = std::iter::once(own.clone()).chain(others.iter().map(arrivals)).collect();
+        let arrivals_s = others.iter().map(|&other| arrivals_s(valued, other));
+        let first_s = std::iter::once(own.clone()).chain(arrivals_s).collect();
         let division = Division { first_s, between_s: &between_s, weights: &weights, urgency };
         let mut tours = division.tours().into_iter();
         let mut of_own = tours.next().unwrap_or_default();
@@ -222,15 +227,10 @@ impl Dsvp {
         let world = World { graph, here, cell_m, speed_m_s: auction.own_speed_m_s(), now };
         let mut candidates = Vec::new();
         let mut own_m = BTreeMap::new();
-        let mut left = graph.regions_with_frontiers();
         paths.begin(graph, here);
-        while left > 0
+        while paths.has_frontiers_left()
             && let Some((id, region, length)) = paths.next(graph)
         {
-            if region.frontiers.is_empty() {
-                continue;
-            }
-            left -= 1;
             let Some(candidate) = Candidate::new(graph, id, region, here, &self.abandoned) else { continue };
             if candidate.cell == here {
                 self.abandoned.insert(candidate.frontier);
@@ -249,11 +249,7 @@ impl Dsvp {
         let valued = team.valued(tasks, &own_m, &world);
         let tours = team.tours(&valued, &world);
         if team.params.meeting_chance > 0.0 {
-            if let Some(Goal::Pursuit { agent, cell }) = self.goal
-                && cell == here
-            {
-                pursuit.mark_absent(agent);
-            }
+            pursuit.arrive(self.goal, here);
             let is_sought =
                 |agent: AgentId| pursuit.is_sought(agent, &observation.contacts) && !pursuit.is_absent(agent);
             if let Some((agent, cell)) = team.meeting(&valued, &tours, &is_sought, &world) {

@@ -151,16 +151,26 @@ impl Division<'_> {
 
     /// The tasks of a tour with the times at which they are reached, seconds from now.
     fn timed(&self, agent: usize, tour: impl Iterator<Item = usize>) -> impl Iterator<Item = (usize, f64)> {
-        let mut last: Option<(usize, f64)> = None;
-        tour.map(move |task| {
-            let time_s = match last {
-                None => self.first_s[agent][task],
-                Some((from, time_s)) => time_s + self.between_s[from][task],
-            };
-            last = Some((task, time_s));
-            (task, time_s)
-        })
+        timed(tour, &self.first_s[agent], self.between_s)
     }
+}
+
+/// The tasks of a tour with the times at which they are reached, by the times to each task as the
+/// first one and the durations from task to task; seconds.
+pub(super) fn timed(
+    tour: impl Iterator<Item = usize>,
+    first_s: &[f64],
+    between_s: &[Vec<f64>],
+) -> impl Iterator<Item = (usize, f64)> {
+    let mut last: Option<(usize, f64)> = None;
+    tour.map(move |task| {
+        let time_s = match last {
+            None => first_s[task],
+            Some((from, time_s)) => time_s + between_s[from][task],
+        };
+        last = Some((task, time_s));
+        (task, time_s)
+    })
 }
 
 #[cfg(test)]

@@ -14,7 +14,8 @@
 use msgs::ids::AgentId;
 use voxels::Cell;
 
-use super::{Team, TeamParams, Tours, Valued, World, seconds};
+use super::division::timed;
+use super::{Team, TeamParams, Tours, Valued, World, arrivals_s, seconds};
 
 /// The cases: in each the other agent has seen the tasks that it has seen with a higher probability
 /// than this.
@@ -57,12 +58,7 @@ impl OwnTour<'_> {
     }
 
     fn duration_s(&self, first_s: &[f64], tasks: impl Iterator<Item = usize>) -> f64 {
-        let mut last = None;
-        tasks.fold(0.0, |time_s, task| {
-            let leg_s = last.map_or(first_s[task], |last: usize| self.between_s[last][task]);
-            last = Some(task);
-            time_s + leg_s
-        })
+        timed(tasks, first_s, self.between_s).last().map_or(0.0, |(_, time_s)| time_s)
     }
 }
 
@@ -85,7 +81,7 @@ impl Team {
             let seen: Vec<f64> = valued.iter().map(chance_seen).collect();
             let out_s = seconds(world.now) - sighting.known_s;
             let chance = meeting_chance * libm::exp(-out_s / meeting_decay_s);
-            let arrivals_s: Vec<f64> = valued.iter().map(|valued| valued.arrivals_s[number]).collect();
+            let arrivals_s = arrivals_s(valued, number);
             let (cell, saved_s) = match soonest(tours.of(number), &arrivals_s, &tours.between_s, &tours.own_s) {
                 Some((task, time_s)) => {
                     let meeting = Meeting { time_s, after_s: &tours.between_s[task], seen: &seen, chance };
@@ -112,12 +108,7 @@ impl Team {
 /// Where on its tour another agent can be met soonest: the task, and when. By task, it can be there
 /// at `arrivals_s` from where it is, and this agent at `own_s`; all in seconds from now.
 fn soonest(tour: &[usize], arrivals_s: &[f64], between_s: &[Vec<f64>], own_s: &[f64]) -> Option<(usize, f64)> {
-    let mut last: Option<(usize, f64)> = None;
-    let timed = tour.iter().map(|&task| {
-        let time_s = last.map_or(arrivals_s[task], |(from, time_s)| time_s + between_s[from][task]);
-        last = Some((task, time_s));
-        (task, time_s)
-    });
+    let timed = timed(tour.iter().copied(), arrivals_s, between_s);
     timed.filter(|&(task, time_s)| own_s[task] <= time_s).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
