@@ -77,7 +77,7 @@ impl Sensor {
             workers.spawn(move || {
                 // First, so that what becomes due from now on is announced anew.
                 shared.is_announced.store(false, Ordering::Release);
-                shared.cast_due(&mut shared.state());
+                shared.try_cast();
             });
         }
     }
@@ -88,16 +88,6 @@ impl Sensor {
         self.0.cast_due(&mut state);
         state
     }
-
-    /// Casts all scans, unless another thread is casting at present; returns whether it did.
-    fn try_cast(&self) -> bool {
-        match self.0.state.try_lock() {
-            Ok(mut state) => self.0.cast_due(&mut state),
-            Err(TryLockError::Poisoned(poisoned)) => self.0.cast_due(&mut poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) => return false,
-        }
-        true
-    }
 }
 
 impl Shared {
@@ -107,6 +97,17 @@ impl Shared {
 
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Casts all scans, unless another thread is casting at present, which then casts them too;
+    /// returns whether it did.
+    fn try_cast(&self) -> bool {
+        match self.state.try_lock() {
+            Ok(mut state) => self.cast_due(&mut state),
+            Err(TryLockError::Poisoned(poisoned)) => self.cast_due(&mut poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => return false,
+        }
+        true
     }
 
     fn cast_due(&self, state: &mut State) {
@@ -193,8 +194,10 @@ impl World {
     pub fn settle(&mut self) -> ExploredShares {
         let mut shares = ExploredShares { before: self.coverage.explored(), after: Vec::new() };
         let agents = std::mem::take(&mut self.uncounted);
-        // Those that a helper is casting come last.
-        let busy: Vec<usize> = agents.iter().copied().filter(|&index| !self.agents[index].sensor.try_cast()).collect();
+        // From the end, for helpers begin with those that have waited longest; those that a helper is
+        // casting come last.
+        let is_busy = |&index: &usize| !self.agents[index].sensor.0.try_cast();
+        let busy: Vec<usize> = agents.iter().rev().copied().filter(is_busy).collect();
         busy.into_iter().for_each(|index| drop(self.agents[index].sensor.state()));
         let mut scans = Vec::new();
         for index in agents {
