@@ -40,6 +40,8 @@ pub struct PathLengths {
     edges: Vec<(u32, u32)>,
     /// By slot.
     lengths: Vec<u32>,
+    /// Slots whose lengths are to be found.
+    awaited: Vec<u32>,
     /// Slots to visit, by length.
     buckets: [Vec<u32>; BUCKETS],
 }
@@ -58,17 +60,27 @@ impl PathLengths {
         }
     }
 
-    /// Finds the lengths of the paths from a cell. From a cell outside all regions there are none.
-    /// The graph must be that of the last call of [`PathLengths::renew`].
-    pub fn begin(&mut self, graph: &AbstractGraph, from: Cell) {
+    /// Finds the lengths of the paths from a cell to these regions; what is asked for others may be
+    /// too long. From a cell outside all regions there are none. The graph must be that of the last
+    /// call of [`PathLengths::renew`].
+    pub fn begin(&mut self, graph: &AbstractGraph, from: Cell, to: impl IntoIterator<Item = RegionId>) {
         self.lengths.clear();
         self.lengths.resize(self.places.len(), UNREACHED);
         let Some(start) = graph.region_of(from).and_then(|start| graph.get(start)) else { return };
         self.lengths[start.slot as usize] = 0;
         self.buckets[0].push(start.slot);
+        self.awaited.clear();
+        self.awaited.extend(to.into_iter().filter_map(|region| Some(graph.get(region)?.slot)));
         let mut bucket = 0;
         let mut empty = 0;
         while empty < BUCKETS {
+            // What was found in an earlier bucket is final.
+            let is_final = |&slot: &u32| ((self.lengths[slot as usize] / WIDTH) as usize) < bucket;
+            while self.awaited.pop_if(|slot| is_final(slot)).is_some() {}
+            if self.awaited.is_empty() {
+                self.buckets.iter_mut().for_each(Vec::clear);
+                return;
+            }
             let mut slots = std::mem::take(&mut self.buckets[bucket % BUCKETS]);
             empty = if slots.is_empty() { empty + 1 } else { 0 };
             for slot in slots.drain(..) {

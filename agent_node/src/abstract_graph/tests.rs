@@ -163,9 +163,11 @@ proptest! {
         let regions: Vec<RegionId> = graph.near(Cell::default(), 20).map(|(id, _)| id).collect();
         for from in extent.cells().step_by(17) {
             let by_heap = lengths(&mut ShortestPaths::default(), &graph, from);
-            by_buckets.begin(&graph, from);
-            for &to in &regions {
-                prop_assert_eq!(by_buckets.to(&graph, to), by_heap.get(&to).copied());
+            for some in [1, 2, 30].map(|step| regions.iter().copied().step_by(step)) {
+                by_buckets.begin(&graph, from, some.clone());
+                for to in some {
+                    prop_assert_eq!(by_buckets.to(&graph, to), by_heap.get(&to).copied());
+                }
             }
         }
     }

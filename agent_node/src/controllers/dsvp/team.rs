@@ -115,7 +115,7 @@ impl Team {
         let mut arrivals_s: Vec<Vec<f64>> = vec![Vec::new(); tasks.len()];
         self.lengths.renew(world.graph);
         for (_, sighting) in self.sightings.iter() {
-            self.lengths.begin(world.graph, sighting.cell);
+            self.lengths.begin(world.graph, sighting.cell, tasks.iter().map(|task| task.region));
             for (arrivals_s, task) in arrivals_s.iter_mut().zip(&tasks) {
                 let length = self.lengths.to(world.graph, task.region);
                 let travel_s = world.leg_s(length, sighting.speed_m_s, leg_s);
@@ -150,7 +150,7 @@ impl Team {
         let mut between_s = vec![vec![UNREACHABLE_S; tasks.len()]; tasks.len()];
         // A path is as long as the way back.
         for (from, task) in tasks.iter().enumerate() {
-            self.lengths.begin(world.graph, task.cell);
+            self.lengths.begin(world.graph, task.cell, tasks[from..].iter().map(|task| task.region));
             for (to, other) in tasks.iter().enumerate().skip(from) {
                 let length = self.lengths.to(world.graph, other.region);
                 let leg_s = world.leg_s(length, world.speed_m_s, leg_s);

@@ -88,9 +88,10 @@ impl Team {
                     (valued[task].task.cell, own_tour.saved_s(&meeting))
                 }
                 None => {
-                    self.lengths.begin(world.graph, sighting.cell);
-                    let leg = |to| world.leg_s(self.lengths.to(world.graph, to), world.speed_m_s, leg_s);
                     let Some(here) = world.graph.region_of(world.here) else { continue };
+                    let regions = valued.iter().map(|valued| valued.task.region);
+                    self.lengths.begin(world.graph, sighting.cell, regions.chain([here]));
+                    let leg = |to| world.leg_s(self.lengths.to(world.graph, to), world.speed_m_s, leg_s);
                     let time_s = leg(here).max(sighting.free_s - seconds(world.now));
                     let after_s: Vec<f64> = valued.iter().map(|valued| leg(valued.task.region)).collect();
                     let meeting = Meeting { time_s, after_s: &after_s, seen: &seen, chance };
