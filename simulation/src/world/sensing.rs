@@ -194,8 +194,8 @@ impl World {
     pub fn settle(&mut self) -> ExploredShares {
         let mut shares = ExploredShares { before: self.coverage.explored(), after: Vec::new() };
         let agents = std::mem::take(&mut self.uncounted);
-        // From the end, for helpers begin with those that have waited longest; those that a helper is
-        // casting come last.
+        // From the end, for helpers begin with those that have waited longest; those that a helper
+        // is casting come last.
         let is_busy = |&index: &usize| !self.agents[index].sensor.0.try_cast();
         let busy: Vec<usize> = agents.iter().rev().copied().filter(is_busy).collect();
         busy.into_iter().for_each(|index| drop(self.agents[index].sensor.state()));
