@@ -60,9 +60,9 @@ impl PathLengths {
         }
     }
 
-    /// Finds the lengths of the paths from a cell to these regions; what is asked for others may be
-    /// too long. From a cell outside all regions there are none. The graph must be that of the last
-    /// call of [`PathLengths::renew`].
+    /// Finds the lengths of the paths from a cell to these regions; those to other regions may be
+    /// missing or too long. From a cell outside all regions there are none. The graph must be that
+    /// of the last call of [`PathLengths::renew`].
     pub fn begin(&mut self, graph: &AbstractGraph, from: Cell, to: impl IntoIterator<Item = RegionId>) {
         self.lengths.clear();
         self.lengths.resize(self.places.len(), UNREACHED);

@@ -99,8 +99,8 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Casts all scans, unless another thread is casting at present, which then casts them too;
-    /// returns whether it did.
+    /// Casts all scans, unless another thread is casting at present; returns whether it did. What
+    /// that thread does not cast either is cast once the results are collected.
     fn try_cast(&self) -> bool {
         match self.state.try_lock() {
             Ok(mut state) => self.cast_due(&mut state),
