@@ -36,6 +36,16 @@ fn mixed_team_is_deterministic() {
 }
 
 #[test]
+fn cmd_vel_example_replies_in_any_order_of_topics() {
+    python::prepare_ros();
+    let site = Site::new();
+    let mut command = site.command("bash");
+    command.args(python::in_ros()).arg("python3").arg(root().join("tests/cmd_vel_orders.py"));
+    command.arg(root().join("examples/python")).env("PYTHONDONTWRITEBYTECODE", "1");
+    Process::start(&mut command).ended().with_code(0);
+}
+
+#[test]
 fn cmd_vel_agents_require_ros() {
     let site = Site::new();
     let mut over_memory = site.run_sh(&["--agents", "2", "--transport", "memory", "--set", "agents.cmd_vel=[1]"]);

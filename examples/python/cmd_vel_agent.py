@@ -77,8 +77,9 @@ class Agent:
 
     def answer_in_time(self):
         now = self.clock
-        has_scan = now in self.points or now // TICK_NS % SCAN_TICKS != 0
-        if now == self.answered or now not in self.odom or not has_scan:
+        if now is None or now == self.answered or now not in self.odom:
+            return
+        if now not in self.points and now // TICK_NS % SCAN_TICKS == 0:
             return
         if now in self.points:
             self.scan = points_of(self.points[now])
