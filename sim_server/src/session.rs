@@ -324,8 +324,8 @@ impl<'c> Session<'c, '_> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// The requests of this tick. External agents get their standard sensor messages as well, while
-    /// the run is live.
+    /// The requests of this tick. While the run is live each is sent as soon as it is complete, and
+    /// external agents get their standard sensor messages as well.
     fn requests(&mut self, recorded: Option<&RecordedTick>) -> Vec<ObservationRequest> {
         let is_live = self.playback.is_none();
         let due = self.engine.due(recorded);
@@ -334,7 +334,11 @@ impl<'c> Session<'c, '_> {
             if is_live && self.external.contains(&agent) {
                 observers::send_sensors(&mut self.engine, agent, self.transport);
             }
-            requests.push(self.engine.request(agent, since, Fragment::RUNNING));
+            let request = self.engine.request(agent, since, Fragment::RUNNING);
+            if recorded.is_none() {
+                self.sessions.send_ahead(&request, self.transport);
+            }
+            requests.push(request);
         }
         requests
     }

@@ -1,15 +1,16 @@
 //! Threads that help the thread of a loop with independent tasks.
 //!
 //! The caller works as well, and waits only for tasks that a helper has begun: a helper that wakes
-//! late costs nothing. So a batch of short tasks takes no longer than on one thread.
+//! late costs nothing. So a few short tasks take no longer than on one thread, and a single one
+//! wakes no helper.
 //!
-//! Invariants: each task is performed once; results are in the order of the tasks, whatever thread
-//! performs them; a panic of a task is one of the caller.
+//! Invariants: each task is performed once, in any order; a panic of a task is one of the caller.
 
 use std::any::Any;
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
@@ -20,23 +21,34 @@ pub struct Workers {
     pool: Option<ThreadPool>,
 }
 
+/// Tasks that the thread of a loop adds one by one, while helpers perform those before.
+#[derive(Debug)]
+pub struct TaskQueue<T, R> {
+    workers: Workers,
+    shared: Arc<Shared<T, R>>,
+    /// What helpers have made.
+    made: Receiver<Outcome<R>>,
+    /// Tasks that were added, and whose outcome the caller has not got.
+    unfinished: usize,
+}
+
+#[derive(Debug)]
+struct Shared<T, R> {
+    perform: fn(T) -> R,
+    waiting: Mutex<Waiting<T>>,
+    made: Sender<Outcome<R>>,
+}
+
+/// The tasks that no thread has begun.
+#[derive(Debug)]
+struct Waiting<T> {
+    tasks: VecDeque<T>,
+    /// Helpers that look for further tasks.
+    helpers: usize,
+}
+
 /// What a task has made, or its panic.
 type Outcome<R> = Result<R, Box<dyn Any + Send>>;
-
-/// Tasks that are performed side by side.
-struct Batch<T, R, F> {
-    perform: F,
-    tasks: Vec<Mutex<Option<T>>>,
-    /// The first task that no thread has begun.
-    next: AtomicUsize,
-    outcomes: Mutex<Outcomes<R>>,
-    is_done: Condvar,
-}
-
-struct Outcomes<R> {
-    done: usize,
-    by_task: Vec<Option<Outcome<R>>>,
-}
 
 impl Workers {
     /// This many threads, that of the loop included.
@@ -54,71 +66,88 @@ impl Workers {
         self.pool.is_some()
     }
 
+    /// Number of threads besides that of the loop.
+    fn helpers(&self) -> usize {
+        self.pool.as_ref().map_or(0, ThreadPool::current_num_threads)
+    }
+
     /// Has a helper perform a task some time, if there are helpers.
     pub fn spawn(&self, task: impl FnOnce() + Send + 'static) {
         if let Some(pool) = &self.pool {
             pool.spawn(task);
         }
     }
+}
 
-    /// Performs tasks, on this thread and on those of the helpers that are free; returns what they
-    /// make, in order.
-    pub fn map<T, R>(&self, tasks: Vec<T>, perform: impl Fn(T) -> R + Send + Sync + 'static) -> Vec<R>
-    where
-        T: Send + 'static,
-        R: Send + 'static,
-    {
-        let pool = match &self.pool {
-            Some(pool) if tasks.len() > 1 => pool,
-            _ => return tasks.into_iter().map(perform).collect(),
-        };
-        let outcomes = Outcomes { done: 0, by_task: tasks.iter().map(|_| None).collect() };
-        let batch = Arc::new(Batch {
-            perform,
-            tasks: tasks.into_iter().map(|task| Mutex::new(Some(task))).collect(),
-            next: AtomicUsize::new(0),
-            outcomes: Mutex::new(outcomes),
-            is_done: Condvar::new(),
-        });
-        for _ in 1..batch.tasks.len().min(pool.current_num_threads() + 1) {
-            let batch = Arc::clone(&batch);
-            pool.spawn(move || batch.work());
+impl<T: Send + 'static, R: Send + 'static> TaskQueue<T, R> {
+    /// A queue whose tasks these threads perform.
+    #[must_use]
+    pub fn new(workers: Workers, perform: fn(T) -> R) -> Self {
+        let (sender, made) = channel();
+        let waiting = Mutex::new(Waiting { tasks: VecDeque::new(), helpers: 0 });
+        Self { workers, shared: Arc::new(Shared { perform, waiting, made: sender }), made, unfinished: 0 }
+    }
+
+    /// Adds a task. Helpers begin with the one before it: the last one is left to the caller, who
+    /// would have to wait for it.
+    pub fn push(&mut self, task: T) {
+        self.unfinished += 1;
+        let mut waiting = self.shared.waiting();
+        waiting.tasks.push_back(task);
+        if waiting.tasks.len() > 1 && waiting.helpers < self.workers.helpers() {
+            waiting.helpers += 1;
+            drop(waiting);
+            let shared = Arc::clone(&self.shared);
+            self.workers.spawn(move || shared.help());
         }
-        batch.work();
-        batch.results()
+    }
+
+    /// Whether all tasks are done.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.unfinished == 0
+    }
+
+    /// What one of the tasks has made: one that a helper has done, else one that this thread
+    /// performs now, else one that a helper is performing. `None` once the queue is empty.
+    pub fn next(&mut self) -> Option<R> {
+        if self.is_empty() {
+            return None;
+        }
+        self.unfinished -= 1;
+        let made = match self.made.try_recv() {
+            Ok(outcome) => outcome,
+            Err(_) => match self.shared.begin() {
+                Some(task) => return Some((self.shared.perform)(task)),
+                None => self.made.recv().expect("the queue has a sender of its own"),
+            },
+        };
+        Some(made.unwrap_or_else(|panic| resume_unwind(panic)))
     }
 }
 
-impl<T, R, F: Fn(T) -> R> Batch<T, R, F> {
-    /// Performs tasks until all have been begun.
-    fn work(&self) {
-        loop {
-            let number = self.next.fetch_add(1, Ordering::Relaxed);
-            let Some(task) = self.tasks.get(number) else { return };
-            let task = task.lock().unwrap_or_else(PoisonError::into_inner).take();
-            let task = task.expect("each task is begun once");
-            let outcome = catch_unwind(AssertUnwindSafe(|| (self.perform)(task)));
-            let mut outcomes = self.outcomes.lock().unwrap_or_else(PoisonError::into_inner);
-            outcomes.by_task[number] = Some(outcome);
-            outcomes.done += 1;
-            if outcomes.done == self.tasks.len() {
-                self.is_done.notify_one();
-            }
-        }
+impl<T, R> Shared<T, R> {
+    fn waiting(&self) -> MutexGuard<'_, Waiting<T>> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the tasks have made, once all are done.
-    fn results(&self) -> Vec<R> {
-        let mut outcomes = self.outcomes.lock().unwrap_or_else(PoisonError::into_inner);
-        while outcomes.done < self.tasks.len() {
-            outcomes = self.is_done.wait(outcomes).unwrap_or_else(PoisonError::into_inner);
+    fn begin(&self) -> Option<T> {
+        self.waiting().tasks.pop_front()
+    }
+
+    /// Performs tasks until none waits.
+    fn help(&self) {
+        loop {
+            let mut waiting = self.waiting();
+            let Some(task) = waiting.tasks.pop_front() else {
+                waiting.helpers -= 1;
+                return;
+            };
+            drop(waiting);
+            let outcome = catch_unwind(AssertUnwindSafe(|| (self.perform)(task)));
+            // The receiver is gone if the loop has ended.
+            let _ = self.made.send(outcome);
         }
-        let by_task = std::mem::take(&mut outcomes.by_task);
-        drop(outcomes);
-        let result = |outcome: Option<Outcome<R>>| {
-            outcome.expect("all tasks are done").unwrap_or_else(|panic| resume_unwind(panic))
-        };
-        by_task.into_iter().map(result).collect()
     }
 }
 
@@ -126,25 +155,48 @@ impl<T, R, F: Fn(T) -> R> Batch<T, R, F> {
 mod tests {
     use super::*;
 
+    fn all_of<R: Send + 'static>(queue: &mut TaskQueue<usize, R>) -> Vec<R> {
+        std::iter::from_fn(|| queue.next()).collect()
+    }
+
     #[test]
-    fn results_are_in_order_for_any_number_of_threads() {
+    fn each_task_is_performed_once_by_any_number_of_threads() {
         for threads in [1, 2, 5] {
-            let workers = Workers::new(threads).unwrap();
+            let mut queue = TaskQueue::new(Workers::new(threads).unwrap(), |task: usize| task * task);
             for count in [0, 1, 2, 3, 50] {
-                let expected: Vec<usize> = (0..count).map(|task| task * task).collect();
-                assert_eq!(workers.map((0..count).collect(), |task| task * task), expected);
+                (0..count).for_each(|task| queue.push(task));
+                assert_eq!(queue.is_empty(), count == 0);
+                let mut made = all_of(&mut queue);
+                made.sort_unstable();
+                assert_eq!(made, (0..count).map(|task| task * task).collect::<Vec<usize>>());
+                assert!(queue.is_empty());
             }
         }
     }
 
     #[test]
+    fn helpers_begin_while_tasks_are_added() {
+        // Two tasks that can only be done side by side.
+        static MEETING: std::sync::Barrier = std::sync::Barrier::new(2);
+        let mut queue = TaskQueue::new(Workers::new(2).unwrap(), |_| MEETING.wait().is_leader());
+        queue.push(0);
+        queue.push(1);
+        MEETING.wait();
+        queue.push(2);
+        assert_eq!(all_of(&mut queue).len(), 3);
+    }
+
+    #[test]
     fn panic_of_a_task_is_one_of_the_caller() {
         for threads in [1, 2] {
-            let workers = Workers::new(threads).unwrap();
             let perform = |task: usize| assert_ne!(task, 3, "the third task fails");
-            let caught = catch_unwind(AssertUnwindSafe(|| workers.map((0..5).collect(), perform)));
+            let mut queue = TaskQueue::new(Workers::new(threads).unwrap(), perform);
+            (0..5).for_each(|task| queue.push(task));
+            let caught = catch_unwind(AssertUnwindSafe(|| all_of(&mut queue)));
             assert!(caught.is_err());
-            assert_eq!(workers.map(vec![1, 2], |task| task), [1, 2], "the workers stay usable");
+            queue.push(1);
+            all_of(&mut queue);
+            assert!(queue.is_empty(), "the queue stays usable");
         }
     }
 }

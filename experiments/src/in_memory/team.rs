@@ -1,9 +1,9 @@
 //! The agents of a run in memory, executed by the thread of the server and by helpers.
 //!
-//! The server's wait for a message is where agents run: those that were sent something are executed
-//! until they have replied to it, side by side if there are several. So no thread is woken for a
-//! single agent, and each agent goes through the steps that it goes through in a process of its
-//! own.
+//! An agent that is sent something is executed until it has replied to it: by a helper while the
+//! server prepares what the next agent gets, or by the server's thread while it waits for a message.
+//! So no thread is woken for a single agent, and each agent goes through the steps that it goes
+//! through in a process of its own.
 //!
 //! Invariants: an agent is executed by one thread at a time; the number of threads changes no
 //! result, because the server takes replies in any order; a failure of an agent stops the run.
@@ -19,7 +19,7 @@ use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
 use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
-use simulation::workers::Workers;
+use simulation::workers::{TaskQueue, Workers};
 
 use super::{AgentsEnd, ServerEnd};
 use crate::measure::stages::StageTimes;
@@ -27,11 +27,11 @@ use crate::measure::stages::StageTimes;
 /// The server's end of a link whose other ends it executes itself.
 pub struct Team<'a> {
     server: ServerEnd,
-    /// By group, its process; `None` once its run is over or it has failed.
-    processes: Vec<Option<Process>>,
-    /// The groups to execute: all at the start, later those that were sent something.
-    ready: BTreeSet<usize>,
-    workers: Workers,
+    /// By group.
+    processes: Vec<State>,
+    /// The groups that were sent something since their execution began.
+    sent: BTreeSet<usize>,
+    executions: TaskQueue<(usize, Process), (usize, Executed)>,
     failure: Option<AgentError>,
     /// Set when an agent fails.
     stop: &'a AtomicBool,
@@ -39,6 +39,17 @@ pub struct Team<'a> {
 
 /// The process of a group of agents.
 type Process = Box<AgentProcess<PolledEnd>>;
+
+/// What has become of a process: `None` once its run is over.
+type Executed = Result<Option<Process>, AgentError>;
+
+enum State {
+    Idle(Process),
+    /// In the queue of executions.
+    Executing,
+    /// Its run is over, or it has failed.
+    Gone,
+}
 
 /// The end of a group that never waits.
 struct PolledEnd {
@@ -54,44 +65,66 @@ impl<'a> Team<'a> {
         let (server, ends) = super::link(&agents);
         let process = |(options, end)| {
             let end = PolledEnd { end, is_drained: false };
-            Some(Box::new(AgentProcess::new(end, options)))
+            State::Idle(Box::new(AgentProcess::new(end, options)))
         };
         let processes: Vec<_> = groups.into_iter().zip(ends).map(process).collect();
-        Self { server, ready: (0..processes.len()).collect(), processes, workers, failure: None, stop }
+        let executions = TaskQueue::new(workers, |(group, process)| (group, until_idle(process)));
+        Self { server, processes, sent: BTreeSet::new(), executions, failure: None, stop }
     }
 
     /// All progress messages that the server has published, and the stages that agents have named.
     ///
     /// # Errors
     /// Why an agent has failed.
-    pub fn into_course(self) -> Result<(Vec<Progress>, StageTimes), AgentError> {
+    pub fn into_course(mut self) -> Result<(Vec<Progress>, StageTimes), AgentError> {
+        while self.finish_execution() {}
         self.failure.map_or_else(|| Ok(self.server.into_course()), Err)
     }
 
-    /// Executes the groups that are ready until each waits for a message.
-    fn execute(&mut self) {
-        let mut executed = Vec::with_capacity(self.ready.len());
-        let mut present = Vec::with_capacity(self.ready.len());
-        for group in std::mem::take(&mut self.ready) {
-            if let Some(process) = self.processes[group].take() {
-                executed.push(group);
-                present.push(process);
-            }
+    /// Has the process of a group executed, because it was sent something.
+    fn execute(&mut self, group: usize) {
+        match std::mem::replace(&mut self.processes[group], State::Executing) {
+            State::Idle(process) => self.executions.push((group, process)),
+            // It may have looked for messages already.
+            State::Executing => drop(self.sent.insert(group)),
+            State::Gone => self.processes[group] = State::Gone,
         }
-        for (group, outcome) in executed.into_iter().zip(self.workers.map(present, until_idle)) {
-            match outcome {
-                Ok(process) => self.processes[group] = process,
-                Err(error) => {
-                    self.stop.store(true, Ordering::Relaxed);
-                    self.failure.get_or_insert(error);
-                }
+    }
+
+    fn execute_groups_of(&mut self, agent: AgentId) {
+        let groups: Vec<usize> = self.server.groups_of(agent).collect();
+        groups.into_iter().for_each(|group| self.execute(group));
+    }
+
+    fn execute_all(&mut self) {
+        (0..self.processes.len()).for_each(|group| self.execute(group));
+    }
+
+    /// Waits for the end of an execution; returns false if none is under way.
+    fn finish_execution(&mut self) -> bool {
+        let Some((group, executed)) = self.executions.next() else { return false };
+        self.processes[group] = match executed {
+            Ok(process) => process.map_or(State::Gone, State::Idle),
+            Err(error) => {
+                self.stop.store(true, Ordering::Relaxed);
+                self.failure.get_or_insert(error);
+                State::Gone
             }
+        };
+        if self.sent.remove(&group) {
+            self.execute(group);
         }
+        true
     }
 }
 
+/// Whether an observation is complete with this part.
+fn is_last(part: &Observation) -> bool {
+    part.part + 1 == part.parts
+}
+
 /// Executes a process until it waits for a message; `None` if its run is over.
-fn until_idle(mut process: Process) -> Result<Option<Process>, AgentError> {
+fn until_idle(mut process: Process) -> Executed {
     loop {
         if process.step()?.is_break() {
             return Ok(None);
@@ -105,38 +138,45 @@ fn until_idle(mut process: Process) -> Result<Option<Process>, AgentError> {
 impl AgentTransport for Team<'_> {
     fn announce(&mut self, scenario: &Scenario) {
         self.server.announce(scenario);
-        self.ready.extend(0..self.processes.len());
+        self.execute_all();
     }
 
     fn reply_join(&mut self, reply: &JoinReply) {
         self.server.reply_join(reply);
-        self.ready.extend(0..self.processes.len());
+        self.execute_all();
     }
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
         self.server.send(agent, part);
-        self.ready.extend(self.server.groups_of(agent));
+        if is_last(part) {
+            self.execute_groups_of(agent);
+        }
     }
 
     fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
+        let is_complete = is_last(&signed.observation);
         self.server.send_signed(agent, signed);
-        self.ready.extend(self.server.groups_of(agent));
+        if is_complete {
+            self.execute_groups_of(agent);
+        }
     }
 
     fn is_gone(&self, agent: AgentId) -> bool {
-        self.server.groups_of(agent).all(|group| self.processes[group].is_none())
+        self.server.groups_of(agent).all(|group| matches!(self.processes[group], State::Gone))
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         if let Some(incoming) = self.server.receive_now() {
             return Some(incoming);
         }
-        if self.ready.is_empty() {
+        if self.executions.is_empty() {
             // Nothing arrives before an agent is executed, which may have a join to repeat then.
             std::thread::park_timeout(timeout);
-            self.ready.extend(0..self.processes.len());
+            self.execute_all();
         }
-        self.execute();
+        // All of them, for the caller counts the time between two messages towards its timeouts, but
+        // not that of a long call.
+        while self.finish_execution() {}
         self.server.receive_now()
     }
 }

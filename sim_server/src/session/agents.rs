@@ -174,6 +174,8 @@ pub(super) struct AgentSessions {
     answered_by_predecessor: BTreeSet<AgentId>,
     /// Agents to which an observation may have to be sent.
     to_prompt: BTreeSet<AgentId>,
+    /// Agents that have got the request of the present tick already.
+    sent_ahead: BTreeSet<AgentId>,
     /// By agent: the instance that was accepted last, and when the reply was sent.
     replied: BTreeMap<AgentId, (u64, Instant)>,
     /// The instances of processes that have started themselves again: they stalled.
@@ -206,6 +208,7 @@ impl AgentSessions {
             contenders: BTreeMap::new(),
             answered_by_predecessor: BTreeSet::new(),
             to_prompt: BTreeSet::new(),
+            sent_ahead: BTreeSet::new(),
             replied: BTreeMap::new(),
             restarted: BTreeSet::new(),
             divergence: None,
@@ -280,6 +283,28 @@ impl AgentSessions {
         self.observation_log.skip(agent);
     }
 
+    /// Sends a request while others of the tick are still prepared, so that the agent decides
+    /// meanwhile. [`AgentSessions::request_commands`] for all of them follows.
+    pub(super) fn send_ahead(
+        &mut self,
+        request: &ObservationRequest,
+        transport: &mut (impl AgentTransport + ?Sized),
+    ) {
+        let ObservationRequest { agent, fragments, .. } = request;
+        // A replay comes first.
+        if self.observation_log.next(*agent).is_none() {
+            self.send(*agent, fragments, transport);
+            self.sent_ahead.insert(*agent);
+        }
+    }
+
+    fn send(&self, agent: AgentId, fragments: &[Fragment], transport: &mut (impl AgentTransport + ?Sized)) {
+        let run = self.start.run();
+        for fragment in fragments {
+            transport.send_signed(agent, self.authentication.sign(agent, Fragment { run, ..fragment.clone() }));
+        }
+    }
+
     /// Sends the requests, and waits until all have a reply and every replaced process has replayed
     /// its observation log; resends what stays unanswered. Replies are missing if `timeout` of wall
     /// time has passed and the policy is to fail, or if the wait was stopped.
@@ -296,7 +321,7 @@ impl AgentSessions {
     ) -> Result<Result<Replies, MissingReplies>, RunError> {
         let mut barrier = Barrier::new(tick, requests.iter().map(|request| request.agent).collect());
         self.answered_by_predecessor.clear();
-        self.to_prompt = self.awaited(&barrier);
+        self.to_prompt = &self.awaited(&barrier) - &std::mem::take(&mut self.sent_ahead);
         self.prompt(requests, &barrier, context.transport);
         context.end_phase(Phase::Send, tick);
         let mut last_poll = context.transport.now();
@@ -372,22 +397,15 @@ impl AgentSessions {
         barrier: &Barrier<CommandReply>,
         transport: &mut (impl AgentTransport + ?Sized),
     ) {
-        let run = self.start.run();
-        let authentication = &self.authentication;
-        let mut send = |agent, fragments: &[Fragment]| {
-            for fragment in fragments {
-                transport.send_signed(agent, authentication.sign(agent, Fragment { run, ..fragment.clone() }));
-            }
-        };
         for agent in std::mem::take(&mut self.to_prompt) {
             let present = || {
                 let place = requests.binary_search_by_key(&agent, |request| request.agent).ok()?;
                 barrier.awaits(agent).then(|| &requests[place])
             };
             if let Some(fragments) = self.observation_log.next(agent) {
-                send(agent, fragments);
+                self.send(agent, fragments, transport);
             } else if let Some(request) = present() {
-                send(agent, &request.fragments);
+                self.send(agent, &request.fragments, transport);
             }
         }
     }
