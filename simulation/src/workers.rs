@@ -9,6 +9,7 @@
 use std::any::Any;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -19,7 +20,12 @@ use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 pub struct Workers {
     /// `None` if the thread of the loop is alone.
     pool: Option<ThreadPool>,
+    backlog: Backlog,
 }
+
+/// The tasks for helpers that none has begun.
+#[derive(Debug, Clone, Default)]
+pub struct Backlog(Arc<AtomicUsize>);
 
 /// Tasks that the thread of a loop adds one by one, while helpers perform those before.
 #[derive(Debug)]
@@ -57,7 +63,7 @@ impl Workers {
     /// If the system has no threads left.
     pub fn new(threads: usize) -> Result<Self, ThreadPoolBuildError> {
         let pool = || ThreadPoolBuilder::new().num_threads(threads - 1).build();
-        Ok(Self { pool: (threads > 1).then(pool).transpose()? })
+        Ok(Self { pool: (threads > 1).then(pool).transpose()?, backlog: Backlog::default() })
     }
 
     /// Whether there are threads besides that of the loop.
@@ -71,11 +77,25 @@ impl Workers {
         self.pool.as_ref().map_or(0, ThreadPool::current_num_threads)
     }
 
-    /// Has a helper perform a task some time, if there are helpers.
-    pub fn spawn(&self, task: impl FnOnce() + Send + 'static) {
+    /// Has a helper perform a task some time, if there are helpers. The task may ask whether others
+    /// wait.
+    pub fn spawn(&self, task: impl FnOnce(&Backlog) + Send + 'static) {
         if let Some(pool) = &self.pool {
-            pool.spawn(task);
+            let backlog = self.backlog.clone();
+            backlog.0.fetch_add(1, Ordering::Relaxed);
+            pool.spawn(move || {
+                backlog.0.fetch_sub(1, Ordering::Relaxed);
+                task(&backlog);
+            });
         }
+    }
+}
+
+impl Backlog {
+    /// Whether no task waits.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.load(Ordering::Relaxed) == 0
     }
 }
 
@@ -98,7 +118,7 @@ impl<T: Send + 'static, R: Send + 'static> TaskQueue<T, R> {
             waiting.helpers += 1;
             drop(waiting);
             let shared = Arc::clone(&self.shared);
-            self.workers.spawn(move || shared.help());
+            self.workers.spawn(move |_| shared.help());
         }
     }
 
@@ -110,7 +130,10 @@ impl<T: Send + 'static, R: Send + 'static> TaskQueue<T, R> {
 
     /// What one of the tasks has made: one that a helper has done, else one that this thread
     /// performs now, else one that a helper is performing. `None` once the queue is empty.
-    pub fn next(&mut self) -> Option<R> {
+    ///
+    /// # Panics
+    /// If the task does.
+    pub fn finish_one(&mut self) -> Option<R> {
         if self.is_empty() {
             return None;
         }
@@ -156,7 +179,7 @@ mod tests {
     use super::*;
 
     fn all_of<R: Send + 'static>(queue: &mut TaskQueue<usize, R>) -> Vec<R> {
-        std::iter::from_fn(|| queue.next()).collect()
+        std::iter::from_fn(|| queue.finish_one()).collect()
     }
 
     #[test]

@@ -38,7 +38,7 @@ use voxels::{Cell, Grid, OpenSpace, Terrain};
 
 use crate::workers::Workers;
 
-use body::{Body, Pose};
+use body::{Body, Motion, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
@@ -106,6 +106,8 @@ pub struct World {
     coverage: Coverage,
     /// Agents with scans that the coverage does not count yet.
     uncounted: Vec<usize>,
+    /// Agents that got a task since helpers last cast scans ahead.
+    tasked: Vec<usize>,
     /// See [`World::defer_scans`].
     is_deferring: bool,
     totals: Totals,
@@ -149,7 +151,7 @@ impl World {
     #[must_use]
     pub fn new(terrain: Grid<Terrain>, params: WorldParams, starts: &[Pose]) -> Self {
         let memory = SensorMemory::new(&terrain);
-        let lidar = Arc::new(Lidar { scanner: params.scanner.clone(), noise: params.noise });
+        let lidar = Arc::new(Lidar::new(params.scanner.clone(), params.noise));
         let extent = terrain.extent();
         let free_cells = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
         let period_ticks = match params.schedule {
@@ -195,6 +197,7 @@ impl World {
             has_present_contacts: false,
             coverage,
             uncounted: Vec::new(),
+            tasked: Vec::new(),
             is_deferring: false,
             totals: Totals::default(),
         }
@@ -301,7 +304,7 @@ impl World {
     /// in the fixed order of the scanner's rays.
     #[must_use]
     pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
-        let Lidar { scanner, noise } = &*self.lidar;
+        let Lidar { scanner, noise, .. } = &*self.lidar;
         let AgentState { sensor, last_scan, .. } = &self.agents[agent.index()];
         let memory = &sensor.state().memory;
         match last_scan {
@@ -335,7 +338,7 @@ impl World {
             self.totals.scans += 1;
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
             let pose = *state.body.pose();
-            let Lidar { scanner, noise } = &*self.lidar;
+            let Lidar { scanner, noise, .. } = &*self.lidar;
             let sees_the_same = state.last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
             state.last_scan = Some((pose, tick));
             // With noise, a repeated scan from the same pose differs from the first.
@@ -370,7 +373,7 @@ impl World {
         let contacts = contacts.into_iter().map(|other| (other, self.measured_position(other))).collect();
         let position = self.measured_position(agent);
         self.collect_scans(agent.index());
-        let Lidar { scanner, noise } = &*self.lidar;
+        let Lidar { scanner, noise, .. } = &*self.lidar;
         let state = &mut self.agents[agent.index()];
         let delta = match commit {
             Commit::Committed => state.pending_observation.commit(),
@@ -413,10 +416,14 @@ impl World {
     /// their tasks.
     pub fn step(&mut self, actions: BTreeMap<AgentId, Action>) {
         self.communicate(&actions);
+        self.tasked.clear();
         for (agent, action) in actions {
             let next_tick = self.tick.after(1);
             let state = &mut self.agents[agent.index()];
             state.want_view = action.want_view;
+            if action.motion != Motion::Keep {
+                self.tasked.push(agent.index());
+            }
             state.body.set_task(action.motion);
             match (action.lidar, self.params.schedule) {
                 (ScanRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}

@@ -1,9 +1,9 @@
 //! The agents of a run in memory, executed by the thread of the server and by helpers.
 //!
 //! An agent that is sent something is executed until it has replied to it: by a helper while the
-//! server prepares what the next agent gets, or by the server's thread while it waits for a message.
-//! So no thread is woken for a single agent, and each agent goes through the steps that it goes
-//! through in a process of its own.
+//! server prepares what the next agent gets, or by the server's thread while it waits for a
+//! message. So no thread is woken for a single agent, and each agent goes through the steps that it
+//! goes through in a process of its own.
 //!
 //! Invariants: an agent is executed by one thread at a time; the number of threads changes no
 //! result, because the server takes replies in any order; a failure of an agent stops the run.
@@ -102,7 +102,7 @@ impl<'a> Team<'a> {
 
     /// Waits for the end of an execution; returns false if none is under way.
     fn finish_execution(&mut self) -> bool {
-        let Some((group, executed)) = self.executions.next() else { return false };
+        let Some((group, executed)) = self.executions.finish_one() else { return false };
         self.processes[group] = match executed {
             Ok(process) => process.map_or(State::Gone, State::Idle),
             Err(error) => {
@@ -174,7 +174,7 @@ impl AgentTransport for Team<'_> {
             std::thread::park_timeout(timeout);
             self.execute_all();
         }
-        // All of them, for the caller counts the time between two messages towards its timeouts, but
+        // All of them: the caller counts the time between two messages towards its timeouts, but
         // not that of a long call.
         while self.finish_execution() {}
         self.server.receive_now()

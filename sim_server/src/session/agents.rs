@@ -285,11 +285,7 @@ impl AgentSessions {
 
     /// Sends a request while others of the tick are still prepared, so that the agent decides
     /// meanwhile. [`AgentSessions::request_commands`] for all of them follows.
-    pub(super) fn send_ahead(
-        &mut self,
-        request: &ObservationRequest,
-        transport: &mut (impl AgentTransport + ?Sized),
-    ) {
+    pub(super) fn send_ahead(&mut self, request: &ObservationRequest, transport: &mut (impl AgentTransport + ?Sized)) {
         let ObservationRequest { agent, fragments, .. } = request;
         // A replay comes first.
         if self.observation_log.next(*agent).is_none() {

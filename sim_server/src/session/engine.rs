@@ -208,6 +208,7 @@ impl<'a> Engine<'a> {
     pub(super) fn step(&mut self, mut actions: BTreeMap<AgentId, Action>) {
         actions.extend(std::mem::take(&mut self.removed).into_iter().map(|agent| (agent, Action::LOST)));
         self.world.step(actions);
+        self.world.cast_ahead(&self.workers);
         self.chain.close(&self.world);
     }
 

@@ -263,6 +263,12 @@ impl Body {
         moved
     }
 
+    /// Advances by `ticks` fixed updates of `dt_s` seconds or to the end of the task, whichever
+    /// comes first, as if nothing were in the way; returns whether the task has ended.
+    pub fn foresee(&mut self, ticks: u64, dt_s: f64) -> bool {
+        (0..ticks).any(|_| self.advance(&Obstacles::none(), dt_s).task_done)
+    }
+
     fn step_path(
         &mut self,
         leg: &mut PathLeg,

@@ -56,7 +56,8 @@ pub struct Contact {
 
 /// The obstacles of one body.
 pub struct Obstacles<'a> {
-    terrain: &'a Grid<Terrain>,
+    /// `None` if nothing is in the way.
+    terrain: Option<&'a Grid<Terrain>>,
     others: &'a [Sphere],
     itself: usize,
 }
@@ -74,7 +75,13 @@ impl<'a> Obstacles<'a> {
     /// The terrain and all bodies but the one at index `itself`.
     #[must_use]
     pub fn new(terrain: &'a Grid<Terrain>, bodies: &'a [Sphere], itself: usize) -> Self {
-        Self { terrain, others: bodies, itself }
+        Self { terrain: Some(terrain), others: bodies, itself }
+    }
+
+    /// None at all.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { terrain: None, others: &[], itself: 0 }
     }
 
     /// The first contact of a sphere of `radius_m` that moves from `from` by `displacement`
@@ -82,6 +89,7 @@ impl<'a> Obstacles<'a> {
     /// higher ones.
     #[must_use]
     pub fn first_contact(&self, from: &Point3<f64>, displacement: &Vector3<f64>, radius_m: f64) -> Option<Contact> {
+        let terrain = self.terrain?;
         let mut first: Option<Contact> = None;
         let mut consider = |contact: Option<Contact>| {
             if let Some(contact) = contact
@@ -90,7 +98,7 @@ impl<'a> Obstacles<'a> {
                 first = Some(contact);
             }
         };
-        let extent = self.terrain.extent();
+        let extent = terrain.extent();
         let to = from + displacement;
         let reach = Vector3::repeat(radius_m);
         let low = extent.cell_of(&(from.inf(&to) - reach));
@@ -99,7 +107,7 @@ impl<'a> Obstacles<'a> {
             for y in low.y..=high.y {
                 for x in low.x..=high.x {
                     let cell = Cell::new(x, y, z);
-                    if self.terrain.get(cell).is_none_or(|&terrain| terrain == Terrain::Wall) {
+                    if terrain.get(cell).is_none_or(|&terrain| terrain == Terrain::Wall) {
                         let corner = Point3::new(f64::from(x), f64::from(y), f64::from(z));
                         let cube = Cube { low: corner * extent.cell_m(), edge_m: extent.cell_m() };
                         consider(cube.first_contact(from, displacement, radius_m));

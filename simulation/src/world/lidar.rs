@@ -9,7 +9,8 @@
 //! behind them. `reach` says which rays find nothing new and need not be cast.
 //!
 //! Invariants: a scan changes only the seen marks of its memory, and these are the same on every
-//! processor. When scans are due is decided in [`super::World::look`].
+//! processor; a preview changes nothing of a later scan. When scans are due is decided in
+//! [`super::World::look`].
 
 mod cast;
 mod noisy;
@@ -140,25 +141,63 @@ impl Scanner {
     /// particular order, and that order differs between processors: sort before anything depends on
     /// it.** A position outside the map sees nothing.
     pub fn scan(&self, memory: &mut SensorMemory, pose: &Pose, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
-        let Some(start) = self.start(memory, pose) else { return };
         let first = [new_free.len(), new_wall.len()];
-        let mut found = Found { free: new_free, wall: new_wall };
+        self.cast(memory, pose, &mut Found { free: new_free, wall: new_wall });
+        for &slot in &new_free[first[0]..] {
+            memory.unseen.note_free(slot as usize);
+        }
+        for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
+            *slot = memory.index_of(*slot);
+        }
+    }
+
+    /// What [`Scanner::scan`] would find from `pose`. The memory has seen nothing by it.
+    pub fn preview(&self, memory: &mut SensorMemory, pose: &Pose) -> Preview {
+        let (mut free, mut wall) = (Vec::new(), Vec::new());
+        self.cast(memory, pose, &mut Found { free: &mut free, wall: &mut wall });
+        // Marks of the outside may stay: no cell is there.
+        for &slot in free.iter().chain(&wall) {
+            memory.seen[slot as usize] = 0;
+        }
+        Preview { pose: *pose, free, wall }
+    }
+
+    /// As [`Scanner::scan`], from a pose that sees the same as that of an earlier preview with this
+    /// memory: what is left of it is new.
+    pub fn scan_previewed(
+        &self,
+        memory: &mut SensorMemory,
+        preview: &Preview,
+        new_free: &mut Vec<u32>,
+        new_wall: &mut Vec<u32>,
+    ) {
+        for (slots, new) in [(&preview.free, new_free), (&preview.wall, new_wall)] {
+            for &slot in slots {
+                let kind = memory.kinds[slot as usize];
+                if std::mem::replace(&mut memory.seen[slot as usize], kind) != 0 {
+                    continue;
+                }
+                if kind == FREE {
+                    memory.unseen.note_free(slot as usize);
+                }
+                new.push(memory.index_of(slot));
+            }
+        }
+    }
+
+    /// Casts a scan, marks the cells it hits as seen, and adds the slots of the new ones.
+    fn cast(&self, memory: &mut SensorMemory, pose: &Pose, found: &mut Found<'_>) {
+        let Some(start) = self.start(memory, pose) else { return };
         let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
         found.mark(&mut field, start.slot());
         let kernel = Kernel::best();
         if let Some(reach) = &self.rays.reach {
             let range_cells = self.unit_range_cells(memory.extent);
             for open in reach.open_bundles(&start, range_cells, field.seen, &mut memory.unseen) {
-                kernel.scan(&mut field, &start, &self.rays.bundles[open], &mut found);
+                kernel.scan(&mut field, &start, &self.rays.bundles[open], found);
             }
         } else {
-            kernel.scan(&mut field, &start, &self.rays.bundles, &mut found);
-        }
-        for &slot in &new_free[first[0]..] {
-            memory.unseen.note_free(slot as usize);
-        }
-        for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
-            *slot = memory.index_of(*slot);
+            kernel.scan(&mut field, &start, &self.rays.bundles, found);
         }
     }
 
@@ -312,6 +351,23 @@ impl SensorMemory {
         let [size_x, size_y, _] = self.extent.size();
         let (z, in_layer) = (slot / layer - 1, slot % layer);
         (z * size_y + in_layer / row - 1) * size_x + in_layer % row - 1
+    }
+}
+
+/// What a scan from some pose would find, as long as its memory has not seen it before.
+#[derive(Debug, Clone)]
+pub struct Preview {
+    pose: Pose,
+    /// Slots of the free cells.
+    free: Vec<u32>,
+    /// Slots of the walls.
+    wall: Vec<u32>,
+}
+
+impl Preview {
+    /// The pose it is cast from.
+    pub(super) fn pose(&self) -> &Pose {
+        &self.pose
     }
 }
 

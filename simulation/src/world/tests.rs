@@ -157,6 +157,7 @@ fn deferred_scans_change_nothing() {
                 _ => {}
             }
             world.step(BTreeMap::new());
+            world.cast_ahead(&workers);
             if tick % 40 < 2 {
                 // Long messages are hashed at once where no tick is unsettled.
                 chain.message(&[tick as u8; 1 << 14]);

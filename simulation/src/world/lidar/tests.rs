@@ -248,6 +248,44 @@ proptest! {
         }
     }
 
+    /// Whatever is previewed from where, and however much of it is seen before the scan.
+    #[test]
+    fn previews_change_no_scan(
+        (terrain, position) in any_world(),
+        (pattern, range_m, fov_rad) in any_scanner(),
+        offset_bits in 2..5_u32,
+        steps in prop::collection::vec((prop::array::uniform3(-1.5..1.5), any::<bool>(), 0..4_usize), 1..16),
+    ) {
+        let scanners = full_and_pruned(pattern, range_m, fov_rad, offset_bits);
+        let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
+        let inside = |position: &Point3<f64>| terrain.extent().contains(terrain.extent().cell_of(position));
+        let position = Point3::from(position);
+        let way: Vec<Pose> = (0..)
+            .zip(&steps)
+            .map(|(step, (offset, ..))| (f64::from(step), position + Vector3::from(*offset) * terrain.extent().cell_m()))
+            .filter(|(_, position)| inside(position))
+            .map(|(yaw_rad, position)| Pose { position, yaw_rad })
+            .collect();
+        let mut previews: Vec<Option<Preview>> = vec![None; way.len()];
+        for (now, pose) in way.iter().enumerate() {
+            let (_, is_previewed, ahead) = steps[now];
+            if let (true, Some(later)) = (is_previewed, way.get(now + ahead)) {
+                previews[now + ahead] = Some(scanners[1].preview(&mut memories[1], later));
+            }
+            let expected = scanned(&scanners[0], &mut memories[0], pose);
+            let mut found = (Vec::new(), Vec::new());
+            match &previews[now] {
+                Some(preview) => {
+                    scanners[1].scan_previewed(&mut memories[1], preview, &mut found.0, &mut found.1);
+                    found.0.sort_unstable();
+                    found.1.sort_unstable();
+                }
+                None => found = scanned(&scanners[1], &mut memories[1], pose),
+            }
+            prop_assert_eq!(found, expected);
+        }
+    }
+
     #[test]
     fn scan_sees_what_walk_visits(
         (terrain, position) in any_world(),

@@ -1,0 +1,344 @@
+//! The sensor of one agent. The loop requests its scans; the loop or a helper casts them.
+//!
+//! While no scan is due, helpers cast scans ahead: those that are due next if the task of the body
+//! does not change and nothing is in its way. Each is a [`Preview`], which the scan from that pose
+//! uses and any other one drops, so it changes no result.
+//!
+//! Invariants: scans are cast in the order in which they became due; nothing waits for a thread
+//! that casts ahead, except a scan that is due.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
+
+use msgs::ids::{AgentId, Tick};
+
+use crate::workers::Workers;
+use crate::world::body::{Body, Pose};
+use crate::world::lidar::{NoisyScan, Preview, Scanner, SensorMemory};
+use crate::world::noise::SensorNoise;
+
+/// Scans of a sensor that are cast ahead. More are rarely due before the agent decides again.
+const AHEAD_MAX: u32 = 4;
+
+/// What is common to the LiDARs of all agents.
+#[derive(Debug)]
+pub(in crate::world) struct Lidar {
+    pub(in crate::world) scanner: Scanner,
+    pub(in crate::world) noise: SensorNoise,
+    /// The sensors with scans to cast ahead. Those that have waited longest come first.
+    ahead: Mutex<VecDeque<Weak<Shared>>>,
+}
+
+/// The sensor of one agent; clones are the same sensor.
+#[derive(Debug, Clone)]
+pub(in crate::world) struct Sensor(Arc<Shared>);
+
+#[derive(Debug)]
+struct Shared {
+    agent: AgentId,
+    lidar: Arc<Lidar>,
+    schedule: Mutex<Schedule>,
+    /// Whether a helper will look at the schedule.
+    is_announced: AtomicBool,
+    state: Mutex<State>,
+    /// Locked after the state.
+    found: Mutex<Found>,
+}
+
+/// The scans to cast.
+#[derive(Debug, Default)]
+struct Schedule {
+    /// Poses and ticks of the scans that no thread has begun.
+    due: VecDeque<(Pose, Tick)>,
+    /// Whether a thread casts one that was due.
+    is_casting: bool,
+    expected: Option<Expected>,
+    /// Whether the sensor is among those with scans to cast ahead.
+    is_listed: bool,
+}
+
+/// The scans that are due next if the task of the body does not change and nothing is in its way.
+#[derive(Debug)]
+struct Expected {
+    body: Body,
+    /// In how many ticks the next of them is due.
+    ticks: u64,
+    /// In how many ticks each later one is.
+    period_ticks: u64,
+    /// How many may still be cast ahead.
+    left: u32,
+}
+
+/// Held by the thread that casts.
+#[derive(Debug)]
+pub(in crate::world) struct State {
+    pub(in crate::world) memory: SensorMemory,
+    /// By the time at which they are expected.
+    previews: VecDeque<Preview>,
+}
+
+/// The results of scans that were not collected yet.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    /// New cells for the observation of the agent.
+    pub(super) free: Vec<u32>,
+    pub(super) wall: Vec<u32>,
+    /// New free cells for the coverage, and where those of each tick end.
+    pub(super) explored: Vec<u32>,
+    pub(super) ends: Vec<(Tick, usize)>,
+}
+
+impl Lidar {
+    pub(in crate::world) fn new(scanner: Scanner, noise: SensorNoise) -> Self {
+        Self { scanner, noise, ahead: Mutex::default() }
+    }
+
+    fn ahead(&self) -> MutexGuard<'_, VecDeque<Weak<Shared>>> {
+        self.ahead.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Removes the first sensor with scans to cast ahead that is still in use.
+    fn next_ahead(&self) -> Option<Arc<Shared>> {
+        let mut ahead = self.ahead();
+        std::iter::from_fn(|| ahead.pop_front()).find_map(|sensor| sensor.upgrade())
+    }
+}
+
+impl Sensor {
+    pub(in crate::world) fn new(agent: AgentId, lidar: &Arc<Lidar>, memory: SensorMemory) -> Self {
+        let state = Mutex::new(State { memory, previews: VecDeque::new() });
+        let (schedule, is_announced, found) = Default::default();
+        Self(Arc::new(Shared { agent, lidar: Arc::clone(lidar), schedule, is_announced, state, found }))
+    }
+
+    /// Has a scan cast once its results are collected, or by a helper that it is announced to.
+    pub(super) fn request(&self, pose: Pose, tick: Tick) {
+        self.0.schedule().due.push_back((pose, tick));
+    }
+
+    /// Names the scans that are due next: in so many ticks, and then one in each period.
+    pub(super) fn expect(&self, body: Body, ticks: u64, period_ticks: u64) {
+        self.0.schedule().expected = Some(Expected { body, ticks, period_ticks, left: AHEAD_MAX });
+    }
+
+    /// Has a helper cast what is due, if one is free before it is collected, and then ahead.
+    pub(super) fn announce(&self, workers: &Workers) {
+        if self.0.is_announced.swap(true, Ordering::AcqRel) {
+            return;
+        }
+        let shared = Arc::clone(&self.0);
+        workers.spawn(move |backlog| {
+            // First, so that what becomes due from now on is announced anew.
+            shared.is_announced.store(false, Ordering::Release);
+            shared.try_cast();
+            shared.list();
+            while backlog.is_empty()
+                && let Some(sensor) = shared.lidar.next_ahead()
+            {
+                sensor.cast_ahead();
+                sensor.list();
+            }
+        });
+    }
+
+    /// Casts all scans, unless another thread is casting at present; returns whether all are cast.
+    /// What that thread does not cast either is cast once the results are collected.
+    pub(super) fn try_cast(&self) -> bool {
+        self.0.try_cast()
+    }
+
+    /// The state with all scans cast.
+    pub(in crate::world) fn state(&self) -> MutexGuard<'_, State> {
+        let mut state = self.0.state.lock().unwrap_or_else(PoisonError::into_inner);
+        self.0.cast_due(&mut state);
+        state
+    }
+
+    /// The results of all scans.
+    pub(super) fn found(&self) -> MutexGuard<'_, Found> {
+        if !self.0.is_done() {
+            drop(self.state());
+        }
+        self.0.found()
+    }
+}
+
+impl Shared {
+    fn schedule(&self) -> MutexGuard<'_, Schedule> {
+        self.schedule.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn found(&self) -> MutexGuard<'_, Found> {
+        self.found.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether all scans that were due are cast.
+    fn is_done(&self) -> bool {
+        let schedule = self.schedule();
+        schedule.due.is_empty() && !schedule.is_casting
+    }
+
+    /// See [`Sensor::try_cast`].
+    fn try_cast(&self) -> bool {
+        match self.state.try_lock() {
+            Ok(mut state) => self.cast_due(&mut state),
+            Err(TryLockError::Poisoned(poisoned)) => self.cast_due(&mut poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => return self.is_done(),
+        }
+        true
+    }
+
+    fn cast_due(&self, state: &mut State) {
+        loop {
+            let mut schedule = self.schedule();
+            let next = schedule.due.pop_front();
+            schedule.is_casting = next.is_some();
+            // Not held while casting.
+            drop(schedule);
+            let Some((pose, tick)) = next else { return };
+            let Lidar { scanner, noise, .. } = &*self.lidar;
+            let scan = NoisyScan { noise, agent: self.agent, tick };
+            state.cast(scanner, scan, &pose, &mut self.found());
+        }
+    }
+
+    /// Adds this sensor to those with scans to cast ahead, if it has any.
+    fn list(self: &Arc<Self>) {
+        let mut schedule = self.schedule();
+        if schedule.expected.is_some() && !std::mem::replace(&mut schedule.is_listed, true) {
+            drop(schedule);
+            self.lidar.ahead().push_back(Arc::downgrade(self));
+        }
+    }
+
+    /// Casts the next expected scan ahead.
+    fn cast_ahead(&self) {
+        let mut schedule = self.schedule();
+        schedule.is_listed = false;
+        let Some(mut expected) = schedule.expected.take() else { return };
+        drop(schedule);
+        let is_at_end = expected.body.foresee(expected.ticks, Tick::TICK_S);
+        // A thread that casts now comes from the loop, which is ahead of this one.
+        let Ok(mut state) = self.state.try_lock() else { return };
+        self.cast_due(&mut state);
+        state.cast_ahead(&self.lidar.scanner, expected.body.pose());
+        drop(state);
+        if expected.left > 1 && !is_at_end {
+            let Expected { body, period_ticks, left, .. } = expected;
+            let later = Expected { body, ticks: period_ticks, period_ticks, left: left - 1 };
+            // Unless something else is expected by now.
+            self.schedule().expected.get_or_insert(later);
+        }
+    }
+}
+
+impl State {
+    fn cast(&mut self, scanner: &Scanner, scan: NoisyScan<'_>, pose: &Pose, found: &mut Found) {
+        let Found { free, wall, explored, ends } = found;
+        let first = free.len();
+        if scan.noise.affects_scans() {
+            scanner.scan_noisy(&mut self.memory, pose, scan, free, wall);
+        } else if let Some(preview) = self.take_preview(scanner, pose) {
+            scanner.scan_previewed(&mut self.memory, &preview, free, wall);
+        } else {
+            scanner.scan(&mut self.memory, pose, free, wall);
+        }
+        explored.extend_from_slice(&free[first..]);
+        ends.push((scan.tick, explored.len()));
+    }
+
+    /// The preview from a pose. Those that were expected before it are dropped.
+    fn take_preview(&mut self, scanner: &Scanner, pose: &Pose) -> Option<Preview> {
+        let place = self.previews.iter().position(|preview| scanner.sees_the_same(preview.pose(), pose));
+        let dropped = place.unwrap_or(self.previews.len());
+        self.previews.drain(..dropped);
+        self.previews.pop_front()
+    }
+
+    fn cast_ahead(&mut self, scanner: &Scanner, pose: &Pose) {
+        if !self.previews.iter().any(|preview| scanner.sees_the_same(preview.pose(), pose)) {
+            let preview = scanner.preview(&mut self.memory, pose);
+            self.previews.push_back(preview);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use msgs::body_model::BodyModel;
+    use nalgebra::Point3;
+    use voxels::{Extent, Grid, Terrain};
+
+    use super::*;
+    use crate::world::body::Motion;
+    use crate::world::collision::Obstacles;
+    use crate::world::lidar::Pattern;
+
+    const PERIOD_TICKS: u64 = 5;
+
+    /// A sensor in a hall with a pillar.
+    fn sensor() -> Sensor {
+        let mut hall = Grid::new(Extent::new([30, 8, 8], 1.0).unwrap(), Terrain::Free);
+        voxels::close_shell(&mut hall, 1);
+        for z in 1..7 {
+            hall.set(voxels::Cell::new(12, 4, z), Terrain::Wall);
+        }
+        let scanner = Scanner::new(Pattern::Lattice { rays: 1500 }, 20.0, TAU);
+        let lidar = Arc::new(Lidar::new(scanner, SensorNoise::default()));
+        Sensor::new(AgentId(0), &lidar, SensorMemory::new(&hall))
+    }
+
+    fn at(x: f64) -> Pose {
+        Pose { position: Point3::new(x, 2.5, 3.5), yaw_rad: 0.0 }
+    }
+
+    /// What a scan finds, ascending.
+    fn scanned(sensor: &Sensor, pose: Pose) -> [Vec<u32>; 2] {
+        sensor.request(pose, Tick::ZERO);
+        let mut found = sensor.found();
+        let mut cells = [std::mem::take(&mut found.free), std::mem::take(&mut found.wall)];
+        cells.iter_mut().for_each(|cells| cells.sort_unstable());
+        cells
+    }
+
+    fn previews(sensor: &Sensor) -> usize {
+        sensor.0.state.lock().unwrap().previews.len()
+    }
+
+    #[test]
+    fn scans_on_the_way_use_what_was_cast_ahead() {
+        let [ahead, reference] = [(); 2].map(|()| sensor());
+        let mut body = Body::at_rest(BodyModel::default(), at(3.5));
+        body.set_task(Motion::Path(vec![at(25.5).position]));
+        assert_eq!(scanned(&ahead, at(3.5)), scanned(&reference, at(3.5)));
+        ahead.expect(body.clone(), PERIOD_TICKS, PERIOD_TICKS);
+        (0..10).for_each(|_| ahead.0.cast_ahead());
+        for left in (0..AHEAD_MAX as usize).rev() {
+            for _ in 0..PERIOD_TICKS {
+                body.advance(&Obstacles::none(), Tick::TICK_S);
+            }
+            assert_eq!(scanned(&ahead, *body.pose()), scanned(&reference, *body.pose()));
+            assert_eq!(previews(&ahead), left);
+        }
+        // Nothing was cast ahead for these.
+        for x in [20.5, 5.5] {
+            assert_eq!(scanned(&ahead, at(x)), scanned(&reference, at(x)));
+        }
+    }
+
+    #[test]
+    fn other_tasks_make_what_was_cast_ahead_useless() {
+        let [ahead, reference] = [(); 2].map(|()| sensor());
+        let mut body = Body::at_rest(BodyModel::default(), at(3.5));
+        body.set_task(Motion::Path(vec![at(3.8).position]));
+        ahead.expect(body, PERIOD_TICKS, PERIOD_TICKS);
+        (0..10).for_each(|_| ahead.0.cast_ahead());
+        let on_the_way = previews(&ahead);
+        assert!((1..=AHEAD_MAX as usize).contains(&on_the_way), "up to the end of the task: {on_the_way}");
+        assert_eq!(scanned(&ahead, at(9.5)), scanned(&reference, at(9.5)));
+        assert_eq!(previews(&ahead), 0);
+    }
+}
