@@ -142,7 +142,7 @@ impl Agent {
             && let Some(last_reply) = &self.last_reply
             && part.tick <= last_reply.tick
         {
-            let is_resent = part.tick == last_reply.tick && part.part + 1 == part.parts;
+            let is_resent = part.tick == last_reply.tick && part.is_last();
             return Ok(if is_resent { Reaction::Reply(last_reply.clone()) } else { Reaction::None });
         }
         let Some(Reassembled { has_ended, mut observation }) = self.reassembler.take(part, &self.run_info)? else {

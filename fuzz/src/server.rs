@@ -334,7 +334,7 @@ impl AgentTransport for Script<'_> {
             self.asked.clear();
         }
         // Resent requests come on a busy machine only.
-        if part.part + 1 == part.parts && self.asked.insert(agent.0) {
+        if part.is_last() && self.asked.insert(agent.0) {
             self.send_hostile();
             let reply = self.reply(agent.0);
             let reply = match &mut self.signing {

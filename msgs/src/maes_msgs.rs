@@ -319,6 +319,12 @@ impl Observation {
     pub const CEILING: u8 = 3;
     /// `scan_tick`: no scan yet.
     pub const NEVER: u64 = u64::MAX;
+
+    /// Whether this is the last fragment.
+    #[must_use]
+    pub fn is_last(&self) -> bool {
+        u32::from(self.part) + 1 == u32::from(self.parts)
+    }
 }
 
 /// A message from one agent to another.

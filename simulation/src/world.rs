@@ -106,7 +106,7 @@ pub struct World {
     coverage: Coverage,
     /// Agents with scans that the coverage does not count yet.
     uncounted: Vec<usize>,
-    /// Agents that got a task since helpers last cast scans ahead.
+    /// Agents that got a task in the last step.
     tasked: Vec<usize>,
     /// See [`World::defer_scans`].
     is_deferring: bool,

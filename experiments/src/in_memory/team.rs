@@ -8,7 +8,6 @@
 //! Invariants: an agent is executed by one thread at a time; the number of threads changes no
 //! result, because the server takes replies in any order; a failure of an agent stops the run.
 
-use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -29,8 +28,6 @@ pub struct Team<'a> {
     server: ServerEnd,
     /// By group.
     processes: Vec<State>,
-    /// The groups that were sent something since their execution began.
-    sent: BTreeSet<usize>,
     executions: TaskQueue<(usize, Process), (usize, Executed)>,
     failure: Option<AgentError>,
     /// Set when an agent fails.
@@ -46,7 +43,10 @@ type Executed = Result<Option<Process>, AgentError>;
 enum State {
     Idle(Process),
     /// In the queue of executions.
-    Executing,
+    Executing {
+        /// Whether it was sent something since, and may not have looked for it any more.
+        is_outdated: bool,
+    },
     /// Its run is over, or it has failed.
     Gone,
 }
@@ -69,7 +69,7 @@ impl<'a> Team<'a> {
         };
         let processes: Vec<_> = groups.into_iter().zip(ends).map(process).collect();
         let executions = TaskQueue::new(workers, |(group, process)| (group, until_idle(process)));
-        Self { server, processes, sent: BTreeSet::new(), executions, failure: None, stop }
+        Self { server, processes, executions, failure: None, stop }
     }
 
     /// All progress messages that the server has published, and the stages that agents have named.
@@ -83,12 +83,15 @@ impl<'a> Team<'a> {
 
     /// Has the process of a group executed, because it was sent something.
     fn execute(&mut self, group: usize) {
-        match std::mem::replace(&mut self.processes[group], State::Executing) {
-            State::Idle(process) => self.executions.push((group, process)),
-            // It may have looked for messages already.
-            State::Executing => drop(self.sent.insert(group)),
-            State::Gone => self.processes[group] = State::Gone,
-        }
+        let state = &mut self.processes[group];
+        *state = match std::mem::replace(state, State::Gone) {
+            State::Idle(process) => {
+                self.executions.push((group, process));
+                State::Executing { is_outdated: false }
+            }
+            State::Executing { .. } => State::Executing { is_outdated: true },
+            State::Gone => State::Gone,
+        };
     }
 
     fn execute_groups_of(&mut self, agent: AgentId) {
@@ -103,7 +106,7 @@ impl<'a> Team<'a> {
     /// Waits for the end of an execution; returns false if none is under way.
     fn finish_execution(&mut self) -> bool {
         let Some((group, executed)) = self.executions.finish_one() else { return false };
-        self.processes[group] = match executed {
+        let state = match executed {
             Ok(process) => process.map_or(State::Gone, State::Idle),
             Err(error) => {
                 self.stop.store(true, Ordering::Relaxed);
@@ -111,16 +114,12 @@ impl<'a> Team<'a> {
                 State::Gone
             }
         };
-        if self.sent.remove(&group) {
+        let before = std::mem::replace(&mut self.processes[group], state);
+        if matches!(before, State::Executing { is_outdated: true }) {
             self.execute(group);
         }
         true
     }
-}
-
-/// Whether an observation is complete with this part.
-fn is_last(part: &Observation) -> bool {
-    part.part + 1 == part.parts
 }
 
 /// Executes a process until it waits for a message; `None` if its run is over.
@@ -148,13 +147,13 @@ impl AgentTransport for Team<'_> {
 
     fn send(&mut self, agent: AgentId, part: &Observation) {
         self.server.send(agent, part);
-        if is_last(part) {
+        if part.is_last() {
             self.execute_groups_of(agent);
         }
     }
 
     fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
-        let is_complete = is_last(&signed.observation);
+        let is_complete = signed.observation.is_last();
         self.server.send_signed(agent, signed);
         if is_complete {
             self.execute_groups_of(agent);

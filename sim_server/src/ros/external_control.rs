@@ -141,7 +141,7 @@ impl ExternalAgents {
         agent: AgentId,
         part: &Part,
     ) {
-        let Some(external) = self.agents.get_mut(&agent).filter(|_| part.part + 1 == part.parts) else { return };
+        let Some(external) = self.agents.get_mut(&agent).filter(|_| part.is_last()) else { return };
         let tick = Tick(part.tick);
         if part.phase == Part::ENDED {
             if let Some(source) = external.source {

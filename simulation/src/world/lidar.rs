@@ -141,25 +141,17 @@ impl Scanner {
     /// particular order, and that order differs between processors: sort before anything depends on
     /// it.** A position outside the map sees nothing.
     pub fn scan(&self, memory: &mut SensorMemory, pose: &Pose, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
-        let first = [new_free.len(), new_wall.len()];
-        self.cast(memory, pose, &mut Found { free: new_free, wall: new_wall });
-        for &slot in &new_free[first[0]..] {
-            memory.unseen.note_free(slot as usize);
-        }
-        for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
-            *slot = memory.index_of(*slot);
-        }
+        report_new(memory, new_free, new_wall, |memory, found| self.cast(memory, pose, found));
     }
 
     /// What [`Scanner::scan`] would find from `pose`. The memory has seen nothing by it.
     pub fn preview(&self, memory: &mut SensorMemory, pose: &Pose) -> Preview {
         let (mut free, mut wall) = (Vec::new(), Vec::new());
         self.cast(memory, pose, &mut Found { free: &mut free, wall: &mut wall });
+        free.append(&mut wall);
         // Marks of the outside may stay: no cell is there.
-        for &slot in free.iter().chain(&wall) {
-            memory.seen[slot as usize] = 0;
-        }
-        Preview { pose: *pose, free, wall }
+        free.iter().for_each(|&slot| memory.seen[slot as usize] = 0);
+        Preview { pose: *pose, slots: free }
     }
 
     /// As [`Scanner::scan`], from a pose that sees the same as that of an earlier preview with this
@@ -171,18 +163,12 @@ impl Scanner {
         new_free: &mut Vec<u32>,
         new_wall: &mut Vec<u32>,
     ) {
-        for (slots, new) in [(&preview.free, new_free), (&preview.wall, new_wall)] {
-            for &slot in slots {
-                let kind = memory.kinds[slot as usize];
-                if std::mem::replace(&mut memory.seen[slot as usize], kind) != 0 {
-                    continue;
-                }
-                if kind == FREE {
-                    memory.unseen.note_free(slot as usize);
-                }
-                new.push(memory.index_of(slot));
+        report_new(memory, new_free, new_wall, |memory, found| {
+            let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
+            for &slot in &preview.slots {
+                found.mark(&mut field, slot as usize);
             }
-        }
+        });
     }
 
     /// Casts a scan, marks the cells it hits as seen, and adds the slots of the new ones.
@@ -278,6 +264,23 @@ impl Scanner {
     }
 }
 
+/// Lets `mark` mark cells as seen and add their slots, and appends their indices.
+fn report_new(
+    memory: &mut SensorMemory,
+    new_free: &mut Vec<u32>,
+    new_wall: &mut Vec<u32>,
+    mark: impl FnOnce(&mut SensorMemory, &mut Found<'_>),
+) {
+    let first = [new_free.len(), new_wall.len()];
+    mark(memory, &mut Found { free: new_free, wall: new_wall });
+    for &slot in &new_free[first[0]..] {
+        memory.unseen.note_free(slot as usize);
+    }
+    for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
+        *slot = memory.index_of(*slot);
+    }
+}
+
 /// The cells that one agent's LiDAR has seen so far. One byte per cell holds its kind once it has
 /// been seen; the kinds of all cells are shared by all agents. Pages of cells that were never seen
 /// take no memory where the system commits it on first write.
@@ -358,10 +361,8 @@ impl SensorMemory {
 #[derive(Debug, Clone)]
 pub struct Preview {
     pose: Pose,
-    /// Slots of the free cells.
-    free: Vec<u32>,
-    /// Slots of the walls.
-    wall: Vec<u32>,
+    /// Slots of the cells.
+    slots: Vec<u32>,
 }
 
 impl Preview {

@@ -35,13 +35,12 @@ impl ExploredShares {
 }
 
 impl AgentState {
-    /// Names the scans that are due next to the sensor; returns whether there are any.
+    /// Names the scans that are due next to the sensor; returns whether it casts any ahead.
     fn expect_scans(&self, tick: Tick) -> bool {
         let Self { body, sensor, next_scan, scan_period_ticks, .. } = self;
         match (next_scan, scan_period_ticks) {
             (Some(next), &Some(period_ticks)) if body.is_active() => {
-                sensor.expect(body.clone(), next.0.saturating_sub(tick.0), period_ticks.into());
-                true
+                sensor.expect(body, next.0.saturating_sub(tick.0), period_ticks)
             }
             _ => false,
         }
@@ -64,9 +63,7 @@ impl World {
         if !workers.has_helpers() {
             drop(state.sensor.state());
         } else if !is_own {
-            if !self.lidar.noise.affects_scans() {
-                state.expect_scans(self.tick);
-            }
+            state.expect_scans(self.tick);
             state.sensor.announce(workers);
         }
         state.has_results = true;
@@ -76,12 +73,11 @@ impl World {
     }
 
     /// Has helpers cast scans ahead for the agents that got a task in the last tick.
-    pub fn cast_ahead(&mut self, workers: &Workers) {
-        let tasked = std::mem::take(&mut self.tasked);
-        if !workers.has_helpers() || self.lidar.noise.affects_scans() {
+    pub fn cast_ahead(&self, workers: &Workers) {
+        if !workers.has_helpers() {
             return;
         }
-        for index in tasked {
+        for &index in &self.tasked {
             let state = &self.agents[index];
             if state.expect_scans(self.tick) {
                 state.sensor.announce(workers);

@@ -117,9 +117,15 @@ impl Sensor {
         self.0.schedule().due.push_back((pose, tick));
     }
 
-    /// Names the scans that are due next: in so many ticks, and then one in each period.
-    pub(super) fn expect(&self, body: Body, ticks: u64, period_ticks: u64) {
+    /// Names the scans that are due next: in so many ticks, and then one in each period. Returns
+    /// whether any are cast ahead: with noise none are.
+    pub(super) fn expect(&self, body: &Body, ticks: u64, period_ticks: u32) -> bool {
+        if self.0.lidar.noise.affects_scans() {
+            return false;
+        }
+        let (body, period_ticks) = (body.clone(), period_ticks.into());
         self.0.schedule().expected = Some(Expected { body, ticks, period_ticks, left: AHEAD_MAX });
+        true
     }
 
     /// Has a helper cast what is due, if one is free before it is collected, and then ahead.
@@ -277,7 +283,7 @@ mod tests {
     use crate::world::collision::Obstacles;
     use crate::world::lidar::Pattern;
 
-    const PERIOD_TICKS: u64 = 5;
+    const PERIOD_TICKS: u32 = 5;
 
     /// A sensor in a hall with a pillar.
     fn sensor() -> Sensor {
@@ -314,7 +320,7 @@ mod tests {
         let mut body = Body::at_rest(BodyModel::default(), at(3.5));
         body.set_task(Motion::Path(vec![at(25.5).position]));
         assert_eq!(scanned(&ahead, at(3.5)), scanned(&reference, at(3.5)));
-        ahead.expect(body.clone(), PERIOD_TICKS, PERIOD_TICKS);
+        assert!(ahead.expect(&body, PERIOD_TICKS.into(), PERIOD_TICKS));
         (0..10).for_each(|_| ahead.0.cast_ahead());
         for left in (0..AHEAD_MAX as usize).rev() {
             for _ in 0..PERIOD_TICKS {
@@ -334,7 +340,7 @@ mod tests {
         let [ahead, reference] = [(); 2].map(|()| sensor());
         let mut body = Body::at_rest(BodyModel::default(), at(3.5));
         body.set_task(Motion::Path(vec![at(3.8).position]));
-        ahead.expect(body, PERIOD_TICKS, PERIOD_TICKS);
+        assert!(ahead.expect(&body, PERIOD_TICKS.into(), PERIOD_TICKS));
         (0..10).for_each(|_| ahead.0.cast_ahead());
         let on_the_way = previews(&ahead);
         assert!((1..=AHEAD_MAX as usize).contains(&on_the_way), "up to the end of the task: {on_the_way}");
