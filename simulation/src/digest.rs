@@ -6,12 +6,17 @@
 //!
 //! The session decides which messages are committed.
 
+mod links;
+
 use std::fmt;
+use std::sync::Arc;
 
 use msgs::ids::Tick;
 
+use crate::workers::Workers;
 use crate::world::collision::Surface;
 use crate::world::{ExploredShares, Presence, World};
+use links::{Links, Piece};
 
 /// The digest up to and including a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,20 +31,21 @@ impl fmt::Display for Digest {
 /// The hash chain of a run.
 ///
 /// The explored share at the end of a tick may follow later ([`World::settle`]); until then, the
-/// bytes of the ticks are kept.
-#[derive(Debug, Clone)]
+/// bytes of the ticks are kept. Helpers hash, if there are any, while the run continues.
+#[derive(Debug)]
 pub struct Chain {
-    link: Digest,
-    hasher: blake3::Hasher,
-    /// What is not hashed yet.
+    links: Links,
+    /// What was not passed on to be hashed.
     bytes: Vec<u8>,
-    /// The closed ticks in `bytes`.
+    /// The ends in `bytes` of the ticks whose bytes are complete; those after them are not.
+    ends: Vec<usize>,
+    /// The closed ticks in `bytes` after those.
     closed: Vec<ClosedTick>,
 }
 
-/// A message of so many bytes is not copied to be hashed with others. Shorter ones are: BLAKE3 is
-/// slow for few bytes at a time.
-const HASHED_AT_ONCE: usize = 1 << 14;
+/// So many bytes are passed on at once: enough to be worth a helper, and few enough to stay in the
+/// cache of the thread that has written them.
+const PIECE_BYTES: usize = 1 << 14;
 
 /// A tick whose explored share is not known.
 #[derive(Debug, Clone, Copy)]
@@ -56,9 +62,9 @@ impl Chain {
     /// The chain of a run of this scenario (see [`crate::scenario::Scenario::identity`]) in this
     /// world, before its first tick.
     #[must_use]
-    pub fn new(identity: &str, world: &World) -> Self {
-        let hasher = blake3::Hasher::new();
-        let mut chain = Self { link: Digest([0; 32]), hasher, bytes: Vec::new(), closed: Vec::new() };
+    pub fn new(identity: &str, world: &World, workers: Arc<Workers>) -> Self {
+        let (bytes, ends, closed) = Default::default();
+        let mut chain = Self { links: Links::new(workers), bytes, ends, closed };
         chain.bytes.extend_from_slice(identity.as_bytes());
         chain.bytes.extend_from_slice(mapgen::terrain_hash(world.terrain()).as_bytes());
         chain.close(world);
@@ -68,17 +74,15 @@ impl Chain {
     /// Adds a message of the present tick.
     pub fn message(&mut self, cdr: &[u8]) {
         self.bytes.extend_from_slice(&(cdr.len() as u64).to_le_bytes());
-        if cdr.len() < HASHED_AT_ONCE || !self.closed.is_empty() {
-            self.bytes.extend_from_slice(cdr);
-        } else {
-            self.hasher.update(&self.bytes).update(cdr);
-            self.bytes.clear();
+        self.bytes.extend_from_slice(cdr);
+        if self.closed.is_empty() && self.bytes.len() >= PIECE_BYTES {
+            self.pass_on(self.bytes.len());
         }
     }
 
-    /// Number of bytes that wait to be hashed.
+    /// Number of bytes that are kept, because an explored share is missing or as they are few.
     #[must_use]
-    pub fn waiting_bytes(&self) -> usize {
+    pub fn kept_bytes(&self) -> usize {
         self.bytes.len()
     }
 
@@ -135,37 +139,47 @@ impl Chain {
         if world.is_settled() {
             assert_eq!(self.closed.len(), 1, "the shares of earlier ticks were dropped");
             let explored = world.coverage().explored();
-            self.hash_closed(|_| explored);
+            self.complete(|_| explored);
         }
     }
 
     /// Ends the ticks whose explored shares are known now.
     pub fn resolve(&mut self, shares: &ExploredShares) {
-        self.hash_closed(|next| shares.at_start_of(next));
+        self.complete(|next| shares.at_start_of(next));
     }
 
-    /// Hashes the closed ticks, given the explored share at the start of the tick after each.
-    fn hash_closed(&mut self, explored: impl Fn(Tick) -> f64) {
-        let mut start = 0;
+    /// Completes the closed ticks, given the explored share at the start of the tick after each.
+    fn complete(&mut self, explored: impl Fn(Tick) -> f64) {
         for ClosedTick { next, explored_at, end } in self.closed.drain(..) {
             let share = explored(next).to_bits().to_le_bytes();
             self.bytes[explored_at..explored_at + share.len()].copy_from_slice(&share);
-            self.hasher.update(&self.bytes[start..end]);
-            self.link = Digest(*self.hasher.finalize().as_bytes());
-            self.hasher.reset();
-            self.hasher.update(&self.link.0);
-            start = end;
+            self.ends.push(end);
         }
-        self.bytes.drain(..start);
+        if let Some(&end) = self.ends.last()
+            && end >= PIECE_BYTES
+        {
+            self.pass_on(end);
+        }
+    }
+
+    /// Has the complete ticks hashed, and what else is before `end`.
+    fn pass_on(&mut self, end: usize) {
+        let mut rest = Vec::with_capacity(2 * PIECE_BYTES);
+        rest.extend_from_slice(&self.bytes[end..]);
+        let mut bytes = std::mem::replace(&mut self.bytes, rest);
+        bytes.truncate(end);
+        self.links.add(Piece { bytes, ends: std::mem::take(&mut self.ends) });
     }
 
     /// The digest up to the last closed tick.
     ///
     /// # Panics
     /// If the explored share of a closed tick is not known: see [`Chain::resolve`].
-    #[must_use]
-    pub fn digest(&self) -> Digest {
+    pub fn digest(&mut self) -> Digest {
         assert!(self.closed.is_empty(), "the digest is read while scans are not counted");
-        self.link
+        if let Some(&end) = self.ends.last() {
+            self.pass_on(end);
+        }
+        self.links.last()
     }
 }

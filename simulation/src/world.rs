@@ -443,7 +443,6 @@ impl World {
         }
         self.move_bodies();
         self.agents.iter_mut().for_each(|state| state.drift.advance(&self.params.noise));
-        self.has_present_contacts = false;
         self.tick = self.tick.after(1);
     }
 
@@ -464,12 +463,16 @@ impl World {
         }
     }
 
-    /// Updates what depends on the position of a body: its collision sphere, its cell and the
-    /// coverage.
+    /// Updates what depends on the position of a body: its collision sphere, its cell, the coverage
+    /// and the contacts.
     fn update_position(&mut self, index: usize) {
         let state = &mut self.agents[index];
         let position = state.body.pose().position;
+        if position == self.spheres[index].centre {
+            return;
+        }
         self.spheres[index].centre = position;
+        self.has_present_contacts = false;
         let cell = self.terrain.extent().cell_of(&position);
         if cell != state.cell {
             assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "agent {index} has left free space");

@@ -12,6 +12,7 @@
 //! This module knows no transport and no wall time.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Counter, Observation as Fragment};
@@ -38,7 +39,7 @@ pub(super) struct Committed {
 
 /// Beyond so many bytes the digest waits for no scans any more: in a tick in which a thousand
 /// agents exchange their maps, observations have some gigabytes.
-const WAITING_BYTES_MAX: usize = 1 << 25;
+const KEPT_BYTES_MAX: usize = 1 << 25;
 
 /// The state of a run.
 pub(super) struct Engine<'a> {
@@ -51,7 +52,7 @@ pub(super) struct Engine<'a> {
     pub(super) joining: BTreeSet<AgentId>,
     pub(super) world: World,
     pub(super) chain: Chain,
-    workers: Workers,
+    workers: Arc<Workers>,
     pub(super) triggers: Vec<Trigger>,
     /// Agents without a process: lost, removed, or retired.
     pub(super) lost: BTreeSet<AgentId>,
@@ -72,14 +73,15 @@ impl<'a> Engine<'a> {
             world.defer_scans();
         }
         let agents = scenario.agents.count as usize;
+        let workers = Arc::new(Workers::new(setup::threads(scenario))?);
         Ok(Self {
             scenario,
             changed: Vec::new(),
             schedule: scenario.schedule().into(),
             joining: BTreeSet::new(),
-            chain: Chain::new(&scenario.initial_identity(), &world),
+            chain: Chain::new(&scenario.initial_identity(), &world, Arc::clone(&workers)),
             world,
-            workers: Workers::new(setup::threads(scenario))?,
+            workers,
             triggers: vec![Trigger::NEXT_TICK; agents],
             lost: BTreeSet::new(),
             removed: Vec::new(),
@@ -186,7 +188,7 @@ impl<'a> Engine<'a> {
             };
             for fragment in &fragments {
                 log.write_digested(Kind::Observation(agent), tick, fragment, &mut self.chain)?;
-                if self.chain.waiting_bytes() >= WAITING_BYTES_MAX {
+                if self.chain.kept_bytes() >= KEPT_BYTES_MAX {
                     self.settle();
                 }
             }

@@ -88,19 +88,12 @@ impl Observers {
         }
     }
 
-    /// Publishes a message that the session has made itself, if its topic has subscribers and its
-    /// rate allows.
-    pub(super) fn publish_own(
-        &mut self,
-        view: VisualisationTopic,
-        picture: VisualisationMessage,
-        transport: &mut dyn Transport,
-    ) {
+    /// Whether to publish a message that the session makes itself: its topic has subscribers and
+    /// its rate allows.
+    pub(super) fn may_publish(&mut self, view: VisualisationTopic, transport: &mut dyn Transport) -> bool {
         let elapsed = self.elapsed(transport.now());
-        let Some(subscribers) = transport.subscribers() else { return };
-        if self.views.may_publish(view, subscribers, nanoseconds(elapsed)) {
-            transport.publish(view, &picture);
-        }
+        let subscribers = transport.subscribers();
+        subscribers.is_some_and(|subscribers| self.views.may_publish(view, subscribers, nanoseconds(elapsed)))
     }
 }
 

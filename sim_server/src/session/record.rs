@@ -48,16 +48,18 @@ impl Session<'_, '_> {
 
     pub(super) fn record_digest(&mut self) -> Result<(), RunError> {
         let tick = self.engine.tick();
-        if self.recorded.digest != Some(tick) {
-            self.recorded.digest = Some(tick);
+        if self.recorded.digest.replace(tick) == Some(tick) {
+            return Ok(());
+        }
+        let is_published = self.observers.may_publish(VisualisationTopic::Digest, self.transport);
+        // Without a reader the run need not wait for scans and hashes.
+        if is_published || self.log.is_recording() {
             let digest = self.engine.digest().0;
             let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest };
             self.log.write(Kind::Digest, tick, &digest)?;
-            self.observers.publish_own(
-                VisualisationTopic::Digest,
-                VisualisationMessage::Digest(digest),
-                self.transport,
-            );
+            if is_published {
+                self.transport.publish(VisualisationTopic::Digest, &VisualisationMessage::Digest(digest));
+            }
         }
         Ok(())
     }

@@ -12,8 +12,8 @@ use msgs::limits::PARCEL_BYTES_MAX;
 use super::*;
 use crate::digest::Chain;
 
-fn workers(threads: usize) -> Workers {
-    Workers::new(threads).unwrap()
+fn workers(threads: usize) -> Arc<Workers> {
+    Arc::new(Workers::new(threads).unwrap())
 }
 
 /// Contact in line of sight within a range.
@@ -140,7 +140,7 @@ fn deferred_scans_change_nothing() {
         if is_deferring {
             world.defer_scans();
         }
-        let mut chain = Chain::new("a scenario", &world);
+        let mut chain = Chain::new("a scenario", &world, Arc::clone(&workers));
         let mut observed = Vec::new();
         let mut unsettled = 0;
         let walk = |points: &[(f64, f64)], period| {
@@ -517,7 +517,7 @@ fn digests_differ_by_presence_and_radio() {
         let mut world = with_late_agent();
         world.join(B);
         change(&mut world);
-        crate::digest::Chain::new("", &world).digest().0
+        Chain::new("", &world, workers(1)).digest().0
     };
     let same = digest(&|_| {});
     let others = [digest(&|world| world.break_down(B)), digest(&|world| world.switch_radio(B, false))];

@@ -203,6 +203,12 @@ impl ContactTable {
     /// those are not decided.
     pub fn has_contact_not_among(&mut self, agent: AgentId, among: &[u64], rules: ContactRules<'_>) -> bool {
         let agents = self.radios.len();
+        let one = agent.index();
+        // As after most ticks.
+        if self.up_to_date[one] == self.updates || self.hold_all(one, 0..agents) {
+            self.up_to_date[one] = self.updates;
+            return self.row(agent, rules).iter().zip(among).any(|(row, listed)| row & !listed != 0);
+        }
         among.iter().enumerate().any(|(word, &listed)| {
             // The last word has bits of no agent.
             let mut others = bits(!listed).map(|bit| 64 * word + bit as usize).take_while(|&other| other < agents);
