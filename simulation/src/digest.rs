@@ -43,9 +43,8 @@ pub struct Chain {
     closed: Vec<ClosedTick>,
 }
 
-/// So many bytes are passed on at once: enough to be worth a helper, and few enough to stay in the
-/// cache of the thread that has written them.
-const PIECE_BYTES: usize = 1 << 14;
+/// So many bytes are passed on at once: enough to be worth waking a helper.
+const PIECE_BYTES: usize = 1 << 16;
 
 /// A tick whose explored share is not known.
 #[derive(Debug, Clone, Copy)]

@@ -151,7 +151,7 @@ impl World {
     #[must_use]
     pub fn new(terrain: Grid<Terrain>, params: WorldParams, starts: &[Pose]) -> Self {
         let memory = SensorMemory::new(&terrain);
-        let lidar = Arc::new(Lidar::new(params.scanner.clone(), params.noise));
+        let lidar = Arc::new(Lidar::new(params.scanner.clone(), params.noise, starts.len() as u32));
         let extent = terrain.extent();
         let free_cells = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
         let period_ticks = match params.schedule {

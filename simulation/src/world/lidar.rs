@@ -9,8 +9,8 @@
 //! behind them. `reach` says which rays find nothing new and need not be cast.
 //!
 //! Invariants: a scan changes only the seen marks of its memory, and these are the same on every
-//! processor; a preview changes nothing of a later scan. When scans are due is decided in
-//! [`super::World::look`].
+//! processor; if a scan that was cast ahead is taken back, the memory is as if it had never been
+//! cast. When scans are due is decided in [`super::World::look`].
 
 mod cast;
 mod noisy;
@@ -28,7 +28,7 @@ use super::body::Pose;
 use cast::{FREE, Field, Found, Kernel, OUTSIDE, Start, WALL};
 pub use noisy::NoisyScan;
 use pattern::Bundle;
-use reach::{Frontier, Reach, Unseen};
+use reach::{Frontier, Reach, Replaced, Unseen};
 
 /// The directions of the rays of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,50 +141,42 @@ impl Scanner {
     /// particular order, and that order differs between processors: sort before anything depends on
     /// it.** A position outside the map sees nothing.
     pub fn scan(&self, memory: &mut SensorMemory, pose: &Pose, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
-        report_new(memory, new_free, new_wall, |memory, found| self.cast(memory, pose, found));
+        let first = [new_free.len(), new_wall.len()];
+        self.cast(memory, pose, &mut Found { free: new_free, wall: new_wall });
+        for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
+            *slot = memory.index_of(*slot);
+        }
     }
 
-    /// What [`Scanner::scan`] would find from `pose`. The memory has seen nothing by it.
-    pub fn preview(&self, memory: &mut SensorMemory, pose: &Pose) -> Preview {
+    /// Casts a scan before it is due. It may be taken back ([`SensorMemory::take_back`]) unless a
+    /// later one is not cast ahead.
+    pub fn scan_ahead(&self, memory: &mut SensorMemory, pose: &Pose) -> ScanAhead {
         let (mut free, mut wall) = (Vec::new(), Vec::new());
-        self.cast(memory, pose, &mut Found { free: &mut free, wall: &mut wall });
-        free.append(&mut wall);
-        // Marks of the outside may stay: no cell is there.
-        free.iter().for_each(|&slot| memory.seen[slot as usize] = 0);
-        Preview { pose: *pose, slots: free }
+        let replaced = self.cast(memory, pose, &mut Found { free: &mut free, wall: &mut wall });
+        ScanAhead { pose: *pose, free, wall, replaced }
     }
 
-    /// As [`Scanner::scan`], from a pose that sees the same as that of an earlier preview with this
-    /// memory: what is left of it is new.
-    pub fn scan_previewed(
-        &self,
-        memory: &mut SensorMemory,
-        preview: &Preview,
-        new_free: &mut Vec<u32>,
-        new_wall: &mut Vec<u32>,
-    ) {
-        report_new(memory, new_free, new_wall, |memory, found| {
-            let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
-            for &slot in &preview.slots {
-                found.mark(&mut field, slot as usize);
-            }
-        });
-    }
-
-    /// Casts a scan, marks the cells it hits as seen, and adds the slots of the new ones.
-    fn cast(&self, memory: &mut SensorMemory, pose: &Pose, found: &mut Found<'_>) {
-        let Some(start) = self.start(memory, pose) else { return };
+    /// Casts a scan, marks the cells it hits as seen, and adds the slots of the new ones. Returns
+    /// what it has replaced of what was known.
+    fn cast(&self, memory: &mut SensorMemory, pose: &Pose, found: &mut Found<'_>) -> Option<Replaced> {
+        let start = self.start(memory, pose)?;
+        let first = found.free.len();
+        let mut replaced = None;
         let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
         found.mark(&mut field, start.slot());
         let kernel = Kernel::best();
         if let Some(reach) = &self.rays.reach {
             let range_cells = self.unit_range_cells(memory.extent);
-            for open in reach.open_bundles(&start, range_cells, field.seen, &mut memory.unseen) {
+            let open = reach.open_bundles(&start, range_cells, field.seen, &mut memory.unseen);
+            replaced = open.replaced;
+            for open in open.bundles {
                 kernel.scan(&mut field, &start, &self.rays.bundles[open], found);
             }
         } else {
             kernel.scan(&mut field, &start, &self.rays.bundles, found);
         }
+        found.free[first..].iter().for_each(|&slot| memory.unseen.note_free(slot as usize));
+        replaced
     }
 
     /// Everything that a scan from `pose` sees, whether seen before or not.
@@ -264,23 +256,6 @@ impl Scanner {
     }
 }
 
-/// Lets `mark` mark cells as seen and add their slots, and appends their indices.
-fn report_new(
-    memory: &mut SensorMemory,
-    new_free: &mut Vec<u32>,
-    new_wall: &mut Vec<u32>,
-    mark: impl FnOnce(&mut SensorMemory, &mut Found<'_>),
-) {
-    let first = [new_free.len(), new_wall.len()];
-    mark(memory, &mut Found { free: new_free, wall: new_wall });
-    for &slot in &new_free[first[0]..] {
-        memory.unseen.note_free(slot as usize);
-    }
-    for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
-        *slot = memory.index_of(*slot);
-    }
-}
-
 /// The cells that one agent's LiDAR has seen so far. One byte per cell holds its kind once it has
 /// been seen; the kinds of all cells are shared by all agents. Pages of cells that were never seen
 /// take no memory where the system commits it on first write.
@@ -342,6 +317,25 @@ impl SensorMemory {
         Self { extent, strides, kinds, seen, votes: Vec::new(), unseen }
     }
 
+    /// Takes back the last scans of this memory, which were cast ahead: the latest first.
+    pub fn take_back(&mut self, scans: impl Iterator<Item = ScanAhead>) {
+        for ScanAhead { free, wall, replaced, .. } in scans {
+            // Marks of the outside may stay: no cell is there.
+            free.iter().chain(&wall).for_each(|&slot| self.seen[slot as usize] = 0);
+            for &slot in &free {
+                self.unseen.forget_free(slot as usize);
+            }
+            for &slot in free.iter().chain(&wall) {
+                let neighbours =
+                    self.strides.iter().flat_map(|stride| [slot as usize - stride, slot as usize + stride]);
+                for neighbour in neighbours.filter(|&neighbour| self.seen[neighbour] == FREE) {
+                    self.unseen.note_free(neighbour);
+                }
+            }
+            self.unseen.restore(replaced);
+        }
+    }
+
     /// The slot of a cell of the map in `kinds` and `seen`.
     fn slot_of(&self, cell: voxels::Cell) -> usize {
         let [x, y, z] = self.strides;
@@ -357,18 +351,26 @@ impl SensorMemory {
     }
 }
 
-/// What a scan from some pose would find, as long as its memory has not seen it before.
-#[derive(Debug, Clone)]
-pub struct Preview {
+/// A scan that was cast ahead.
+#[derive(Debug)]
+pub struct ScanAhead {
     pose: Pose,
-    /// Slots of the cells.
-    slots: Vec<u32>,
+    /// Slots of the new cells.
+    free: Vec<u32>,
+    wall: Vec<u32>,
+    replaced: Option<Replaced>,
 }
 
-impl Preview {
+impl ScanAhead {
     /// The pose it is cast from.
     pub(super) fn pose(&self) -> &Pose {
         &self.pose
+    }
+
+    /// Appends what [`Scanner::scan`] would: the scan is due, and will not be taken back.
+    pub fn report(&self, memory: &SensorMemory, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
+        new_free.extend(self.free.iter().map(|&slot| memory.index_of(slot)));
+        new_wall.extend(self.wall.iter().map(|&slot| memory.index_of(slot)));
     }
 }
 

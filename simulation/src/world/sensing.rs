@@ -37,10 +37,11 @@ impl ExploredShares {
 impl AgentState {
     /// Names the scans that are due next to the sensor; returns whether it casts any ahead.
     fn expect_scans(&self, tick: Tick) -> bool {
-        let Self { body, sensor, next_scan, scan_period_ticks, .. } = self;
+        let Self { body, sensor, next_scan, scan_period_ticks, last_scan, .. } = self;
+        let last = last_scan.map(|(pose, _)| pose);
         match (next_scan, scan_period_ticks) {
             (Some(next), &Some(period_ticks)) if body.is_active() => {
-                sensor.expect(body, next.0.saturating_sub(tick.0), period_ticks)
+                sensor.expect(body, last, next.0.saturating_sub(tick.0), period_ticks)
             }
             _ => false,
         }

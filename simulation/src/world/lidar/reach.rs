@@ -13,7 +13,8 @@
 //!
 //! **What stays known.** Cells are never forgotten, so a group that is not open from a cell of the
 //! body never is from there again. A memory keeps the open groups of each cell that its body has
-//! scanned from, and follows only those the next time. While the body stays in its cell, a group
+//! scanned from, and follows only those the next time. (A scan that was cast ahead may be taken
+//! back, with all that was known by it.) While the body stays in its cell, a group
 //! stays open as long as the unseen cell that opened it, its witness, is unseen; then it is
 //! followed anew.
 //!
@@ -77,6 +78,17 @@ pub(super) struct Unseen {
     /// What is open from there, by octant.
     open: [Open; 8],
 }
+
+/// The rays to cast.
+pub(super) struct OpenBundles {
+    pub(super) bundles: Vec<Range<usize>>,
+    /// What finding them has replaced.
+    pub(super) replaced: Option<Replaced>,
+}
+
+/// A slot of a body's cell, and what was known about scans from there.
+#[derive(Debug)]
+pub(super) struct Replaced(usize, Option<[Groups; 8]>);
 
 /// The open groups of one octant.
 #[derive(Clone, Copy)]
@@ -143,7 +155,7 @@ impl Reach {
         range_cells: f64,
         seen: &[u8],
         unseen: &mut Unseen,
-    ) -> Vec<Range<usize>> {
+    ) -> OpenBundles {
         let mut changed = unseen.changed(self, start.slot(), seen);
         SCRATCH.with_borrow_mut(|scratch| {
             scratch.entering.resize(1 << (3 * (self.offset_bits - 1)), 0);
@@ -155,14 +167,15 @@ impl Reach {
                 }
             }
         });
-        if changed != [0; 8] {
-            unseen.open_from.insert(start.slot(), unseen.open.map(|open| open.groups));
-        }
+        let replaced = (changed != [0; 8]).then(|| {
+            let open = unseen.open.map(|open| open.groups);
+            Replaced(start.slot(), unseen.open_from.insert(start.slot(), open))
+        });
         let mut ranges = Vec::new();
         for (octant, open) in self.octants.iter().zip(&unseen.open) {
             octant.add_bundles(open.groups, &mut ranges);
         }
-        ranges
+        OpenBundles { bundles: ranges, replaced }
     }
 }
 
@@ -181,6 +194,22 @@ impl Unseen {
     /// Notes that a free cell has been seen.
     pub(super) fn note_free(&mut self, slot: usize) {
         self.frontier.note_free(slot);
+    }
+
+    /// Notes that a free cell has not been seen after all. Its neighbours may belong to the
+    /// frontier then.
+    pub(super) fn forget_free(&mut self, slot: usize) {
+        self.frontier.forget_free(slot);
+    }
+
+    /// Takes back what is known since a scan that replaced this.
+    pub(super) fn restore(&mut self, replaced: Option<Replaced>) {
+        match replaced {
+            Some(Replaced(slot, Some(open))) => self.open_from.insert(slot, open),
+            Some(Replaced(slot, None)) => self.open_from.remove(&slot),
+            None => None,
+        };
+        self.slot = None;
     }
 
     /// The groups to be followed for a scan from a slot, by octant.

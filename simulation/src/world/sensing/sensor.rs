@@ -1,8 +1,8 @@
 //! The sensor of one agent. The loop requests its scans; the loop or a helper casts them.
 //!
 //! While no scan is due, helpers cast scans ahead: those that are due next if the task of the body
-//! does not change and nothing is in its way. Each is a [`Preview`], which the scan from that pose
-//! uses and any other one drops, so it changes no result.
+//! does not change and nothing is in its way. When one from another pose becomes due, they are
+//! taken back, so they change no result.
 //!
 //! Invariants: scans are cast in the order in which they became due; nothing waits for a thread
 //! that casts ahead, except a scan that is due.
@@ -15,17 +15,23 @@ use msgs::ids::{AgentId, Tick};
 
 use crate::workers::Workers;
 use crate::world::body::{Body, Pose};
-use crate::world::lidar::{NoisyScan, Preview, Scanner, SensorMemory};
+use crate::world::lidar::{NoisyScan, ScanAhead, Scanner, SensorMemory};
 use crate::world::noise::SensorNoise;
 
-/// Scans of a sensor that are cast ahead. More are rarely due before the agent decides again.
-const AHEAD_MAX: u32 = 4;
+/// Scans that one sensor casts ahead at most. More are rarely due before the agent decides again.
+const AHEAD_MAX: u32 = 10;
+
+/// Scans that all sensors together cast ahead, about: with many agents the helpers have enough to
+/// do, and what they cast too early is taken back.
+const TEAM_AHEAD: u32 = 100;
 
 /// What is common to the LiDARs of all agents.
 #[derive(Debug)]
 pub(in crate::world) struct Lidar {
     pub(in crate::world) scanner: Scanner,
     pub(in crate::world) noise: SensorNoise,
+    /// Scans that each sensor casts ahead at most.
+    ahead_max: u32,
     /// The sensors with scans to cast ahead. Those that have waited longest come first.
     ahead: Mutex<VecDeque<Weak<Shared>>>,
 }
@@ -62,6 +68,8 @@ struct Schedule {
 #[derive(Debug)]
 struct Expected {
     body: Body,
+    /// The pose of the one before the next of them, if there is one.
+    previous: Option<Pose>,
     /// In how many ticks the next of them is due.
     ticks: u64,
     /// In how many ticks each later one is.
@@ -74,8 +82,8 @@ struct Expected {
 #[derive(Debug)]
 pub(in crate::world) struct State {
     pub(in crate::world) memory: SensorMemory,
-    /// By the time at which they are expected.
-    previews: VecDeque<Preview>,
+    /// The scans that were cast ahead, by the time at which they are expected.
+    ahead: VecDeque<ScanAhead>,
 }
 
 /// The results of scans that were not collected yet.
@@ -90,8 +98,10 @@ pub(super) struct Found {
 }
 
 impl Lidar {
-    pub(in crate::world) fn new(scanner: Scanner, noise: SensorNoise) -> Self {
-        Self { scanner, noise, ahead: Mutex::default() }
+    /// Those of this many agents.
+    pub(in crate::world) fn new(scanner: Scanner, noise: SensorNoise, agents: u32) -> Self {
+        let ahead_max = (TEAM_AHEAD / agents.max(1)).clamp(1, AHEAD_MAX);
+        Self { scanner, noise, ahead_max, ahead: Mutex::default() }
     }
 
     fn ahead(&self) -> MutexGuard<'_, VecDeque<Weak<Shared>>> {
@@ -107,7 +117,7 @@ impl Lidar {
 
 impl Sensor {
     pub(in crate::world) fn new(agent: AgentId, lidar: &Arc<Lidar>, memory: SensorMemory) -> Self {
-        let state = Mutex::new(State { memory, previews: VecDeque::new() });
+        let state = Mutex::new(State { memory, ahead: VecDeque::new() });
         let (schedule, is_announced, found) = Default::default();
         Self(Arc::new(Shared { agent, lidar: Arc::clone(lidar), schedule, is_announced, state, found }))
     }
@@ -117,14 +127,15 @@ impl Sensor {
         self.0.schedule().due.push_back((pose, tick));
     }
 
-    /// Names the scans that are due next: in so many ticks, and then one in each period. Returns
-    /// whether any are cast ahead: with noise none are.
-    pub(super) fn expect(&self, body: &Body, ticks: u64, period_ticks: u32) -> bool {
+    /// Names the scans that are due next: in so many ticks, and then one in each period. `last` is
+    /// the pose of the last one. Returns whether any are cast ahead: with noise none are.
+    pub(super) fn expect(&self, body: &Body, last: Option<Pose>, ticks: u64, period_ticks: u32) -> bool {
         if self.0.lidar.noise.affects_scans() {
             return false;
         }
         let (body, period_ticks) = (body.clone(), period_ticks.into());
-        self.0.schedule().expected = Some(Expected { body, ticks, period_ticks, left: AHEAD_MAX });
+        self.0.schedule().expected =
+            Some(Expected { body, previous: last, ticks, period_ticks, left: self.0.lidar.ahead_max });
         true
     }
 
@@ -225,14 +236,16 @@ impl Shared {
         let Some(mut expected) = schedule.expected.take() else { return };
         drop(schedule);
         let is_at_end = expected.body.foresee(expected.ticks, Tick::TICK_S);
+        let pose = *expected.body.pose();
         // A thread that casts now comes from the loop, which is ahead of this one.
         let Ok(mut state) = self.state.try_lock() else { return };
         self.cast_due(&mut state);
-        state.cast_ahead(&self.lidar.scanner, expected.body.pose());
+        if state.cast_ahead(&self.lidar.scanner, expected.previous.as_ref(), &pose) {
+            expected.left -= 1;
+        }
         drop(state);
-        if expected.left > 1 && !is_at_end {
-            let Expected { body, period_ticks, left, .. } = expected;
-            let later = Expected { body, ticks: period_ticks, period_ticks, left: left - 1 };
+        if expected.left > 0 && !is_at_end {
+            let later = Expected { previous: Some(pose), ticks: expected.period_ticks, ..expected };
             // Unless something else is expected by now.
             self.schedule().expected.get_or_insert(later);
         }
@@ -245,28 +258,42 @@ impl State {
         let first = free.len();
         if scan.noise.affects_scans() {
             scanner.scan_noisy(&mut self.memory, pose, scan, free, wall);
-        } else if let Some(preview) = self.take_preview(scanner, pose) {
-            scanner.scan_previewed(&mut self.memory, &preview, free, wall);
+        } else if self.is_ahead(scanner, 0, pose)
+            && let Some(scan) = self.ahead.pop_front()
+        {
+            scan.report(&self.memory, free, wall);
         } else {
+            self.take_back(0);
             scanner.scan(&mut self.memory, pose, free, wall);
         }
         explored.extend_from_slice(&free[first..]);
         ends.push((scan.tick, explored.len()));
     }
 
-    /// The preview from a pose. Those that were expected before it are dropped.
-    fn take_preview(&mut self, scanner: &Scanner, pose: &Pose) -> Option<Preview> {
-        let place = self.previews.iter().position(|preview| scanner.sees_the_same(preview.pose(), pose));
-        let dropped = place.unwrap_or(self.previews.len());
-        self.previews.drain(..dropped);
-        self.previews.pop_front()
+    /// Casts a scan ahead that is expected right after the one from `previous`; returns whether it
+    /// sees anything else.
+    fn cast_ahead(&mut self, scanner: &Scanner, previous: Option<&Pose>, pose: &Pose) -> bool {
+        if previous.is_some_and(|previous| scanner.sees_the_same(previous, pose)) {
+            return false;
+        }
+        let place_of = |pose| self.ahead.iter().position(|scan| scanner.sees_the_same(scan.pose(), pose));
+        let place = previous.and_then(place_of).map_or(0, |previous| previous + 1);
+        if !self.is_ahead(scanner, place, pose) {
+            self.take_back(place);
+            let scan = scanner.scan_ahead(&mut self.memory, pose);
+            self.ahead.push_back(scan);
+        }
+        true
     }
 
-    fn cast_ahead(&mut self, scanner: &Scanner, pose: &Pose) {
-        if !self.previews.iter().any(|preview| scanner.sees_the_same(preview.pose(), pose)) {
-            let preview = scanner.preview(&mut self.memory, pose);
-            self.previews.push_back(preview);
-        }
+    /// Whether the scan at this place was cast ahead, and sees what one from `pose` does.
+    fn is_ahead(&self, scanner: &Scanner, place: usize, pose: &Pose) -> bool {
+        self.ahead.get(place).is_some_and(|scan| scanner.sees_the_same(scan.pose(), pose))
+    }
+
+    /// Takes back the scans that were cast ahead, from this place on.
+    fn take_back(&mut self, place: usize) {
+        self.memory.take_back(self.ahead.drain(place..).rev());
     }
 }
 
@@ -293,7 +320,7 @@ mod tests {
             hall.set(voxels::Cell::new(12, 4, z), Terrain::Wall);
         }
         let scanner = Scanner::new(Pattern::Lattice { rays: 1500 }, 20.0, TAU);
-        let lidar = Arc::new(Lidar::new(scanner, SensorNoise::default()));
+        let lidar = Arc::new(Lidar::new(scanner, SensorNoise::default(), 1));
         Sensor::new(AgentId(0), &lidar, SensorMemory::new(&hall))
     }
 
@@ -310,8 +337,15 @@ mod tests {
         cells
     }
 
-    fn previews(sensor: &Sensor) -> usize {
-        sensor.0.state.lock().unwrap().previews.len()
+    /// Casts all scans ahead that are expected.
+    fn cast_ahead(sensor: &Sensor) {
+        while sensor.0.schedule().expected.is_some() {
+            sensor.0.cast_ahead();
+        }
+    }
+
+    fn scans_ahead(sensor: &Sensor) -> usize {
+        sensor.0.state.lock().unwrap().ahead.len()
     }
 
     #[test]
@@ -320,14 +354,14 @@ mod tests {
         let mut body = Body::at_rest(BodyModel::default(), at(3.5));
         body.set_task(Motion::Path(vec![at(25.5).position]));
         assert_eq!(scanned(&ahead, at(3.5)), scanned(&reference, at(3.5)));
-        assert!(ahead.expect(&body, PERIOD_TICKS.into(), PERIOD_TICKS));
-        (0..10).for_each(|_| ahead.0.cast_ahead());
+        assert!(ahead.expect(&body, Some(at(3.5)), PERIOD_TICKS.into(), PERIOD_TICKS));
+        cast_ahead(&ahead);
         for left in (0..AHEAD_MAX as usize).rev() {
             for _ in 0..PERIOD_TICKS {
                 body.advance(&Obstacles::none(), Tick::TICK_S);
             }
             assert_eq!(scanned(&ahead, *body.pose()), scanned(&reference, *body.pose()));
-            assert_eq!(previews(&ahead), left);
+            assert_eq!(scans_ahead(&ahead), left);
         }
         // Nothing was cast ahead for these.
         for x in [20.5, 5.5] {
@@ -340,11 +374,37 @@ mod tests {
         let [ahead, reference] = [(); 2].map(|()| sensor());
         let mut body = Body::at_rest(BodyModel::default(), at(3.5));
         body.set_task(Motion::Path(vec![at(3.8).position]));
-        assert!(ahead.expect(&body, PERIOD_TICKS.into(), PERIOD_TICKS));
-        (0..10).for_each(|_| ahead.0.cast_ahead());
-        let on_the_way = previews(&ahead);
+        assert!(ahead.expect(&body, Some(at(3.5)), PERIOD_TICKS.into(), PERIOD_TICKS));
+        cast_ahead(&ahead);
+        let on_the_way = scans_ahead(&ahead);
         assert!((1..=AHEAD_MAX as usize).contains(&on_the_way), "up to the end of the task: {on_the_way}");
         assert_eq!(scanned(&ahead, at(9.5)), scanned(&reference, at(9.5)));
-        assert_eq!(previews(&ahead), 0);
+        assert_eq!(scans_ahead(&ahead), 0);
+    }
+
+    #[test]
+    fn scans_on_a_new_way_are_cast_ahead_in_the_place_of_others() {
+        let [ahead, reference] = [(); 2].map(|()| sensor());
+        let mut body = Body::at_rest(BodyModel::default(), at(3.5));
+        for goal in [at(25.5), Pose { position: Point3::new(25.5, 3.5, 3.5), yaw_rad: 0.0 }] {
+            body.set_task(Motion::Path(vec![goal.position]));
+            assert!(ahead.expect(&body, Some(at(3.5)), PERIOD_TICKS.into(), PERIOD_TICKS));
+            cast_ahead(&ahead);
+            assert_eq!(scans_ahead(&ahead), AHEAD_MAX as usize);
+        }
+        let mut left = AHEAD_MAX as usize;
+        let mut last = at(3.5);
+        while left > 0 {
+            for _ in 0..PERIOD_TICKS {
+                body.advance(&Obstacles::none(), Tick::TICK_S);
+            }
+            // The body turns first.
+            if body.pose().position != last.position {
+                last = *body.pose();
+                assert_eq!(scanned(&ahead, last), scanned(&reference, last));
+                left -= 1;
+            }
+            assert_eq!(scans_ahead(&ahead), left);
+        }
     }
 }

@@ -46,9 +46,15 @@ impl Frontier {
     /// Notes that a free cell has been seen.
     pub(in crate::world::lidar) fn note_free(&mut self, slot: usize) {
         let BlockPlace { block, inside } = self.place(slot);
-        let bit = 1 << (inside[0] | inside[1] << 1 | inside[2] << 2);
-        self.free[block] |= bit;
-        self.frontier[block] |= bit;
+        self.free[block] |= bit(inside);
+        self.frontier[block] |= bit(inside);
+    }
+
+    /// Notes that a free cell has not been seen after all.
+    pub(super) fn forget_free(&mut self, slot: usize) {
+        let BlockPlace { block, inside } = self.place(slot);
+        self.free[block] &= !bit(inside);
+        self.frontier[block] &= !bit(inside);
     }
 
     pub(super) fn place(&self, slot: usize) -> BlockPlace {
@@ -77,4 +83,9 @@ impl Frontier {
     pub(super) fn remove(&mut self, block: usize, cells: u8) {
         self.frontier[block] &= !cells;
     }
+}
+
+/// The bit of a cell at this place in its block.
+fn bit(inside: [usize; 3]) -> u8 {
+    1 << (inside[0] | inside[1] << 1 | inside[2] << 2)
 }
