@@ -117,11 +117,14 @@ impl Extent {
     /// outside every map.
     #[inline]
     pub fn cell_of(&self, point: &Point3<f64>) -> Cell {
-        let along = |metres: f64| {
-            let cells = metres / self.cell_m;
-            if cells.is_nan() { i32::MIN } else { floor(cells) }
-        };
-        Cell::new(along(point.x), along(point.y), along(point.z))
+        let [x, y, z] = self.in_cells(point).map(|cells| if cells.is_nan() { i32::MIN } else { floor(cells) });
+        Cell::new(x, y, z)
+    }
+
+    /// The coordinates of a point of the map frame in lengths of a cell.
+    #[inline]
+    pub fn in_cells(&self, point: &Point3<f64>) -> [f64; 3] {
+        [point.x, point.y, point.z].map(|metres| metres / self.cell_m)
     }
 
     /// The centre of a cell in the map frame, in metres.

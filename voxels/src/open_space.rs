@@ -9,6 +9,7 @@
 //! This module follows no changes of the terrain, and says nothing about segments close to walls.
 
 use crate::extent::floor;
+use crate::sight::MARGIN_CELLS;
 use crate::{Cell, Extent, Grid, Terrain};
 
 /// The reaches that are distinguished, cells.
@@ -17,9 +18,6 @@ const REACHES: [i32; 3] = [4, 2, 1];
 /// By how much less than its reach the free space around a cell is used as slack at most, cells:
 /// the rest is the least step along a segment.
 const STEP_CELLS_MIN: f64 = 0.5;
-
-/// By how much a segment stays inside the cube that is free, cells.
-const MARGIN_CELLS: f64 = 1e-6;
 
 /// The cells with free cells around them.
 #[derive(Clone, Debug, PartialEq)]

@@ -23,7 +23,7 @@ use crate::traverse::{walk_segment, walk_stretches};
 use crate::{Cell, Extent, Grid, OpenSpace, Terrain, is_wall_at};
 
 /// By how much a slack stays below what the geometry says, cells.
-const MARGIN_CELLS: f64 = 1e-6;
+pub(crate) const MARGIN_CELLS: f64 = 1e-6;
 
 /// Points with a greater coordinate have no slack, cells.
 const REACH_CELLS: f64 = 4096.0;
@@ -87,7 +87,7 @@ pub fn sight(
     let has_slack = slack_cells_max > 0.0 && is_near(extent, a) && is_near(extent, b);
     let clear = |slack_cells: f64| Sight::Clear { slack_m: (slack_cells - MARGIN_CELLS).max(0.0) * extent.cell_m() };
     if has_slack {
-        let [a, b] = [a, b].map(|point| [point.x, point.y, point.z].map(|metres| metres / extent.cell_m()));
+        let [a, b] = [a, b].map(|point| extent.in_cells(point));
         if let Some(slack_cells) = open_space.slack_cells(a, b, slack_cells_max) {
             return clear(slack_cells);
         }
@@ -116,7 +116,7 @@ pub fn sight(
 }
 
 fn is_near(extent: Extent, point: &Point3<f64>) -> bool {
-    point.iter().all(|metres| (metres / extent.cell_m()).abs() <= REACH_CELLS)
+    extent.in_cells(point).iter().all(|cells| cells.abs() <= REACH_CELLS)
 }
 
 /// Whether all cells are free that come within a distance of a stretch, along each axis.
@@ -188,8 +188,7 @@ impl WallBox {
         let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
         let low = self.low.map(f64::from);
         let high = self.high.map(|cell| f64::from(cell) + 1.0);
-        let from = [a.x, a.y, a.z].map(|metres| metres / extent.cell_m());
-        let to = [b.x, b.y, b.z].map(|metres| metres / extent.cell_m());
+        let [from, to] = [a, b].map(|point| extent.in_cells(point));
         for axis in 0..3 {
             let along = to[axis] - from[axis];
             if along != 0.0 {

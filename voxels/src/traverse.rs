@@ -106,9 +106,8 @@ pub fn walk<B>(
 ) -> ControlFlow<B> {
     let cell_m = extent.cell_m();
     let limit = t_max_m / cell_m;
-    let origin_cells = [origin.x, origin.y, origin.z].map(|metres| metres / cell_m);
     let direction = [direction.x, direction.y, direction.z];
-    let mut ray = Crossings::new(extent.cell_of(origin), origin_cells, direction);
+    let mut ray = Crossings::new(extent.cell_of(origin), extent.in_cells(origin), direction);
     let mut entry = 0.0;
     while extent.contains(ray.cell) {
         visit(ray.cell, entry * cell_m)?;
@@ -146,9 +145,8 @@ pub(crate) fn walk_stretches<B>(
     mut visit: impl FnMut(Cell, [[f64; 3]; 2]) -> ControlFlow<B>,
 ) -> ControlFlow<B> {
     const REACH: f64 = (1 << 29) as f64;
-    let in_cells = |point: &Point3<f64>| [point.x, point.y, point.z].map(|m| m / extent.cell_m());
     let far = |point: &[f64; 3]| !point.iter().all(|cells| cells.abs() <= REACH);
-    let ends = [in_cells(a), in_cells(b)];
+    let ends = [a, b].map(|point| extent.in_cells(point));
     if ends.iter().any(far) {
         return ControlFlow::Continue(());
     }

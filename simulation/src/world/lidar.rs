@@ -244,7 +244,7 @@ impl Scanner {
         let cell_m = memory.extent.cell_m();
         let cell = memory.extent.cell_of(&pose.position);
         let slot = memory.extent.contains(cell).then(|| memory.slot_of(cell))?;
-        let position = [pose.position.x, pose.position.y, pose.position.z].map(|metres| metres / cell_m);
+        let position = memory.extent.in_cells(&pose.position);
         let limit = match self.rays.pattern {
             Pattern::Lattice { .. } => self.range_m / cell_m,
             Pattern::Shell { .. } => 1.0,
