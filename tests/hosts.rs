@@ -16,15 +16,16 @@ use crate::support::recordings::counter;
 use crate::support::runs::{Site, scenario, text};
 
 /// The run of most tests.
-const RUN: [&str; 10] = ["--agents", "4", "--controller", "rbw", "--size", "40", "--seed", "7", "--duration", "120"];
+pub(crate) const RUN: [&str; 10] =
+    ["--agents", "4", "--controller", "rbw", "--size", "40", "--seed", "7", "--duration", "120"];
 
 /// A link that loses, delays and reorders.
-fn bad_link() -> Link {
+pub(crate) fn bad_link() -> Link {
     Link { delay: Duration::from_millis(1), loss: 0.01, reordered: 0.1, outage: None, seed: 20 }
 }
 
 /// A network, unless this machine cannot have one.
-fn network(hosts: usize, link: Link) -> Option<Network> {
+pub(crate) fn network(hosts: usize, link: Link) -> Option<Network> {
     match Network::create(hosts, link) {
         Ok(network) => Some(network),
         Err(NetworkError::Unavailable(reason)) => {
@@ -50,26 +51,33 @@ fn on_host(site: &Site, network: &Network, host: usize, name: &str) -> Command {
     command
 }
 
-/// Writes a file of hosts: the server is host 0, and the agents are on the others.
-fn hosts_file(site: &Site, network: &Network) -> PathBuf {
+/// Writes a file of hosts: the server is host 0, and the agents are on the others, in this
+/// environment.
+fn hosts_file(site: &Site, network: &Network, environment: &str) -> PathBuf {
     let mut file = format!("server = \"{}\"\n", network.address(0));
     for (number, name) in network.hosts().iter().enumerate().skip(1) {
         let command = "[\"ip\", \"netns\", \"exec\", \"{address}\"]";
         write!(file, "[[host]]\nname = \"h{number}\"\naddress = \"{name}\"\ncommand = {command}\n").expect("a text");
+        writeln!(file, "environment = {{ {environment} }}").expect("a text");
     }
     site.file("hosts.toml", file)
 }
 
 /// `maes run --hosts` on host 0.
 fn run_on_hosts(site: &Site, network: &Network, flags: &[&str]) -> Command {
+    run_with_environment(site, network, flags, "")
+}
+
+/// The same, with entries of TOML for the environment of the agents.
+pub(crate) fn run_with_environment(site: &Site, network: &Network, flags: &[&str], environment: &str) -> Command {
     let mut command = on_host(site, network, 0, "maes");
-    command.arg("run").args(flags).arg("--hosts").arg(hosts_file(site, network));
+    command.arg("run").args(flags).arg("--hosts").arg(hosts_file(site, network, environment));
     command.arg("--logs").arg(site.path("logs"));
     command
 }
 
 #[track_caller]
-fn in_memory(site: &Site, flags: &[&str]) -> String {
+pub(crate) fn in_memory(site: &Site, flags: &[&str]) -> String {
     let mut command = site.binary("maes");
     site.start(command.args(["run", "--transport", "memory"]).args(flags)).ended().with_code(0).digest()
 }

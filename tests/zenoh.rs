@@ -6,6 +6,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::Duration;
 
+use crate::hosts;
 use crate::services::FLAGS;
 use crate::support::processes::{Ended, Process, signal};
 use crate::support::recordings::Recording;
@@ -24,13 +25,13 @@ struct Network {
 impl Network {
     fn new() -> Self {
         let site = Site::new();
-        let router = router(&site);
+        let router = router(site.command(python::for_zenoh()), &endpoint(&site));
         Self { site, _router: router }
     }
 
     /// A command with its processes in this network.
     fn over<'a>(&self, command: &'a mut Command) -> &'a mut Command {
-        over_zenoh(&self.site, command)
+        over_zenoh(command, &endpoint(&self.site))
     }
 
     #[track_caller]
@@ -48,16 +49,21 @@ fn port(site: &Site) -> u16 {
     1700 + site.domain().id()
 }
 
-fn router(site: &Site) -> Process {
-    let mut command = site.command(python::for_zenoh());
-    let mut router = Process::start(command.arg(root().join("tests/zenoh_router.py")).arg(port(site).to_string()));
+fn endpoint(site: &Site) -> String {
+    format!("tcp/127.0.0.1:{}", port(site))
+}
+
+/// The router at an endpoint; `python` is the command of the interpreter.
+fn router(mut python: Command, endpoint: &str) -> Process {
+    let mut router = Process::start(python.arg(root().join("tests/zenoh_router.py")).arg(endpoint));
     router.prints("ready");
     router
 }
 
-fn over_zenoh<'a>(site: &Site, command: &'a mut Command) -> &'a mut Command {
-    let endpoint = format!("connect/endpoints=[\"tcp/127.0.0.1:{}\"]", port(site));
-    command.env("RMW_IMPLEMENTATION", "rmw_zenoh_cpp").env("ZENOH_CONFIG_OVERRIDE", endpoint)
+/// A command whose processes connect to the router at this endpoint.
+fn over_zenoh<'a>(command: &'a mut Command, endpoint: &str) -> &'a mut Command {
+    let connect = format!("connect/endpoints=[\"{endpoint}\"]");
+    command.env("RMW_IMPLEMENTATION", "rmw_zenoh_cpp").env("ZENOH_CONFIG_OVERRIDE", connect)
 }
 
 /// The run [`FIVE`] in memory, executed once for all tests.
@@ -129,9 +135,9 @@ fn steps_are_an_action() {
 fn router_may_start_after_the_run() {
     let site = Site::new();
     let flags = ["--agents", "2", "--size", "20", "--duration", "10"];
-    let mut run = site.start(over_zenoh(&site, &mut site.run_sh(&flags)));
+    let mut run = site.start(over_zenoh(&mut site.run_sh(&flags), &endpoint(&site)));
     run.process().says("no Zenoh router is connected");
-    let _router = router(&site);
+    let _router = router(site.command(python::for_zenoh()), &endpoint(&site));
     let ended = run.ended().with_code(0);
     assert_eq!(ended.digest(), site.record(&[&flags[..], &["--transport", "memory"]].concat()).digest());
 }
@@ -142,11 +148,27 @@ fn start_may_wait_for_a_router() {
     let site = Site::new();
     let flags = ["--agents", "2", "--size", "20", "--duration", "10"];
     let mut run_sh = site.run_sh(&flags);
-    over_zenoh(&site, &mut run_sh).env("ZENOH_ROUTER_CHECK_ATTEMPTS", "0").env("MAES_START_LIMIT_S", "1");
+    over_zenoh(&mut run_sh, &endpoint(&site)).env("ZENOH_ROUTER_CHECK_ATTEMPTS", "0").env("MAES_START_LIMIT_S", "1");
     let mut run = site.start(&mut run_sh);
     assert!(!run.process().says_within("waiting for agents", Duration::from_secs(5)), "no endpoints without a router");
-    let _router = router(&site);
+    let _router = router(site.command(python::for_zenoh()), &endpoint(&site));
     run.ended().with_code(0);
+}
+
+/// Three hosts with a router on that of the server, whose clients the agents are.
+#[test]
+fn hosts_meet_at_one_router() {
+    let Some(network) = hosts::network(3, hosts::bad_link()) else { return };
+    let site = Site::new();
+    let endpoint = format!("tcp/{}:7447", network.address(0));
+    let _router = router(network.command(0, python::for_zenoh()), &endpoint);
+    let environment = format!("ZENOH_CONFIG_OVERRIDE = 'mode=\"client\";connect/endpoints=[\"{endpoint}\"]'");
+    let flags = [&hosts::RUN[..], &["--agents-per-process", "2"]].concat();
+    let mut command = hosts::run_with_environment(&site, &network, &flags, &environment);
+    let ended = site.start(over_zenoh(&mut command, &endpoint)).ended().with_code(0);
+    assert_eq!(ended.digest(), hosts::in_memory(&site, &hosts::RUN));
+    let counts = network.counts();
+    assert!(counts.lost > 0 && counts.held_back > 0, "{counts:?}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 """A Zenoh router that stands in for `rmw_zenohd`.
 
-    zenoh_router.py PORT
+    zenoh_router.py ENDPOINT
 
-Listens at this port of 127.0.0.1, introduces its peers to each other, prints `ready`, and serves until
+Listens at an endpoint (`tcp/127.0.0.1:7447`), introduces its peers to each other, prints `ready`, and serves until
 it is killed. Needs the package eclipse-zenoh.
 """
 
@@ -14,7 +14,7 @@ import zenoh
 # What the default configuration of rmw_zenohd sets.
 CONFIG = """{
   mode: "router",
-  listen: { endpoints: ["tcp/127.0.0.1:%s"] },
+  listen: { endpoints: ["%s"] },
   scouting: {
     multicast: { enabled: false },
     gossip: {
