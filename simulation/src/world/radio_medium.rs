@@ -106,10 +106,6 @@ impl Queue {
     /// Unused rate does not accumulate.
     fn send(&mut self, bytes_per_tick: f64) -> Vec<AgentMessage> {
         let mut sent = Vec::new();
-        if self.messages.is_empty() {
-            self.sent = 0.0;
-            return sent;
-        }
         self.sent += bytes_per_tick;
         while let Some(first) = self.messages.front() {
             let bytes = bytes_on_air(first);
