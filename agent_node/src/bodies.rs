@@ -2,8 +2,11 @@
 //!
 //! The server simulates the motion; agents only predict it.
 
+use std::f64::consts::TAU;
+
 pub use msgs::body_model::{BodyKind, BodyModel};
 use msgs::ids::AgentId;
+use nalgebra::Vector3;
 
 /// Time of a straight leg from rest to rest, seconds: including the turn before it, by at most this
 /// angle, if the body turns on the spot.
@@ -17,6 +20,16 @@ pub fn leg_s(body: &BodyModel, length_m: f64, turn_rad: f64) -> f64 {
             go_s + ramp_s(turn_rad, body.turn_rate_max_rad_s, faster, slower)
         }
     }
+}
+
+/// The same for a leg by `by`, in units of `unit_m` metres, of a body with this heading, and the
+/// heading at its end.
+#[must_use]
+pub fn leg_from(body: &BodyModel, yaw_rad: f64, by: &Vector3<f64>, unit_m: f64) -> (f64, f64) {
+    let is_vertical = by.x == 0.0 && by.y == 0.0;
+    let heading_rad = if is_vertical { yaw_rad } else { libm::atan2(by.y, by.x) };
+    let turn_rad = (heading_rad - yaw_rad).abs() % TAU;
+    (leg_s(body, by.norm() * unit_m, turn_rad.min(TAU - turn_rad)), heading_rad)
 }
 
 /// Time from rest to rest over a distance, seconds.

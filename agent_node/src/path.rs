@@ -3,16 +3,18 @@
 //! In reading order: [`Moves`] are the steps of a body of a given size from cell to cell; [`Graph`]
 //! is these moves on a map; [`Search`] finds the cheapest path on a graph; [`Budgeted`] and
 //! [`Background`] define when the result of a search is available; [`straighten`] reduces a path to
-//! waypoints, and [`direct`] says whether no search is needed.
+//! few waypoints and [`quickest`] to those that take the least time, and [`direct`] says whether no
+//! search is needed.
 //!
 //! Invariants: the sphere of the body, moved along any path found here, touches neither wall nor
 //! unexplored cells (except those it touches at the start); costs are integers and every order is
 //! total, so a result depends on the map and the query alone. The absence of a path is a result.
 //!
-//! This module does not consider other bodies, headings or travel times.
+//! This module does not consider other bodies.
 
 mod graph;
 mod legs;
+mod quickest;
 mod search;
 mod sweep;
 #[cfg(test)]
@@ -21,6 +23,7 @@ mod timing;
 
 pub use graph::{Graph, Moves, Neighbours};
 pub use legs::{direct, straighten, straighten_from};
+pub use quickest::quickest;
 pub use search::{Goal, Progress, Search, distances, find, nearest_distances};
 pub use timing::{Background, Budgeted};
 

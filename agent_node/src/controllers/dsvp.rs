@@ -337,7 +337,7 @@ impl Dsvp {
         reached.retain(|&cell| cell != here && !obstacles.occupy(cell));
         reached.shuffle(&mut self.rng);
         reached.into_iter().take(ATTEMPTS).find_map(|cell| {
-            let motion = motion_to(ctx, graph, paths, cell, obstacles)?;
+            let motion = motion_to(ctx, graph, paths, cell, obstacles, self.params.waypoints)?;
             Some((Goal::Evasion { cell }, motion))
         })
     }
@@ -376,7 +376,7 @@ impl Dsvp {
         else {
             return Plan::Nothing;
         };
-        match motion_along(ctx, &Path { cells: branch.cells, cost: 0 }, obstacles) {
+        match motion_along(ctx, &Path { cells: branch.cells, cost: 0 }, obstacles, self.params.waypoints) {
             Some(motion) => {
                 self.direction = vector(end - here).try_normalize(0.0);
                 Plan::Go(Goal::Viewpoint { cell: end, gain: branch.gain }, motion)

@@ -67,7 +67,7 @@ fn pull(path: &Path, map: &ExplorationMap, radius_m: f64, start: [f64; 3]) -> Ve
     points
 }
 
-fn is_clear(map: &ExplorationMap, from: [f64; 3], to: [f64; 3], radius: f64) -> bool {
+pub(super) fn is_clear(map: &ExplorationMap, from: [f64; 3], to: [f64; 3], radius: f64) -> bool {
     let is_inside = |(along, size): (f64, u32)| (0.0..=f64::from(size)).contains(&along);
     from.into_iter().zip(map.extent().size()).all(is_inside) && !touches(from, to, radius, |cell| !is_free(map, cell))
 }

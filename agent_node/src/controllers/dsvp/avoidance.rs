@@ -14,11 +14,20 @@ use crate::abstract_graph::{AbstractGraph, ShortestPaths};
 use crate::command::Motion;
 use crate::navigation::NavigationStatus;
 use crate::observation::Observation;
-use crate::path::{Neighbours, Path, straighten};
+use crate::path::{Neighbours, Path, quickest, straighten};
 
 /// Cells of a path, or edges of the tree, that an agent follows one by one to get clear of other
 /// bodies before it takes straight legs.
 const CLEARING_STEPS_MAX: usize = 4;
+
+/// Which waypoints are taken along a path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Waypoints {
+    /// As few as possible on the shortest path.
+    Fewest,
+    /// Those that take the least time, on that path and beside it.
+    Quickest,
+}
 
 /// The bodies that may block this one.
 pub(super) fn obstacles_near(observation: &Observation, ctx: &Ctx<'_>) -> Obstacles {
@@ -49,15 +58,16 @@ pub(super) fn motion_to(
     paths: &ShortestPaths,
     to: Cell,
     obstacles: &Obstacles,
+    waypoints: Waypoints,
 ) -> Option<Motion> {
     let moves = ctx.graph(Neighbours::TwentySix);
     let path = paths.path(graph, moves, (ctx.cell(), to), &|cell| obstacles.occupy(cell))?;
-    motion_along(ctx, &path, obstacles)
+    motion_along(ctx, &path, obstacles, waypoints)
 }
 
-/// The motion along a path that avoids the other agents: as few legs as possible, after as few
-/// single steps as needed to get clear of them.
-pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles) -> Option<Motion> {
+/// The motion along a path that avoids the other agents, if possible on the wanted waypoints; else
+/// as few legs as possible, after as few single steps as needed to get clear of them.
+pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
     let (map, radius_m) = (ctx.map(), ctx.body().radius_m);
     let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);
     let NavigationStatus::Go(straight) = ctx.follow(path) else { return None };
@@ -67,5 +77,7 @@ pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles) ->
         Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
     };
     let steps_max = CLEARING_STEPS_MAX.min(path.cells.len() - 1);
-    std::iter::once(straight).chain((1..=steps_max).map(after)).find(is_clear)
+    let quickest = (waypoints == Waypoints::Quickest)
+        .then(|| Motion::Path(quickest(path, map, ctx.body(), (&ctx.position(), ctx.yaw_rad()))));
+    quickest.into_iter().chain([straight]).chain((1..=steps_max).map(after)).find(is_clear)
 }

@@ -4,6 +4,7 @@ use msgs::body_model::BodyKind;
 use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
+use super::avoidance::Waypoints;
 use super::team::TeamParams;
 use super::tours::ToursParams;
 use super::tree::{Growth, Legs, Valuation};
@@ -54,6 +55,8 @@ pub struct Params {
     pub hope: f64,
     /// Path length that counts for the stop and the turn before a relocation, metres.
     pub start_m: f64,
+    /// Which waypoints are taken along a path.
+    pub waypoints: Waypoints,
 }
 
 impl Default for Params {
@@ -77,6 +80,7 @@ impl Default for Params {
             share_min: 0.0,
             hope: 0.0,
             start_m: 0.0,
+            waypoints: Waypoints::Fewest,
         }
     }
 }
@@ -95,6 +99,10 @@ impl Params {
         let gain_rays = whole("gain_rays", default.gain_rays, 6, 10_000)?;
         let gain_depth = whole("gain_depth", default.gain_depth, 1, 1000)?;
         let gain_min = whole("gain_min", default.gain_min, 1, 100_000)?;
+        let waypoints = match default.waypoints {
+            Waypoints::Fewest => settings.word("waypoints", &["fewest", "quickest"])? == 1,
+            Waypoints::Quickest => settings.word("waypoints", &["quickest", "fewest"])? == 0,
+        };
         Ok(Self {
             horizon_m: settings.number("horizon_m", default.horizon_m, 1.0, 1000.0)?,
             extension_m: settings.number("extension_m", default.extension_m, 0.1, 1000.0)?,
@@ -120,6 +128,7 @@ impl Params {
             gain_min,
             beside_wall: settings.number("beside_wall", default.beside_wall, 0.0, 1.0)?,
             gain_left: settings.number("gain_left", default.gain_left, 0.0, 1.0)?,
+            waypoints: if waypoints { Waypoints::Quickest } else { Waypoints::Fewest },
             ..default
         })
     }

@@ -54,7 +54,7 @@ impl Dsvp {
             best.truncate(ATTEMPTS);
         }
         for &(_, cell, frontier) in &best {
-            if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles) {
+            if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles, self.params.waypoints) {
                 return Plan::Go(Goal::Frontier { cell, frontier }, motion);
             }
         }
@@ -80,7 +80,7 @@ impl Dsvp {
         }
         let wandering = reached.choose(&mut self.rng).map(|&cell| Goal::Wandering { cell });
         for goal in pursuit.candidates(&observation.contacts, here).take(ATTEMPTS - 1).chain(wandering) {
-            if let Some(motion) = motion_to(ctx, graph, paths, goal.cell(), obstacles) {
+            if let Some(motion) = motion_to(ctx, graph, paths, goal.cell(), obstacles, self.params.waypoints) {
                 return Plan::Go(goal, motion);
             }
         }

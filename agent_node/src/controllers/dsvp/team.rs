@@ -254,14 +254,14 @@ impl Dsvp {
                 |agent: AgentId| pursuit.is_sought(agent, &observation.contacts) && !pursuit.is_absent(agent);
             if let Some((agent, cell)) = team.meeting(&valued, &tours, &is_sought, &world) {
                 while paths.next(graph).is_some() {}
-                if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles) {
+                if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles, self.params.waypoints) {
                     return Plan::Go(Goal::Pursuit { agent, cell }, motion);
                 }
             }
         }
         for &number in tours.of_own.iter().take(ATTEMPTS) {
             let task = &valued[number].task;
-            if let Some(motion) = motion_to(ctx, graph, paths, task.cell, obstacles) {
+            if let Some(motion) = motion_to(ctx, graph, paths, task.cell, obstacles, self.params.waypoints) {
                 return Plan::Go(goal(task, gain_estimator, ctx, self.params.gain_min, least), motion);
             }
         }

@@ -10,15 +10,13 @@
 //! edge is a straight leg on which the body touches only cells known to be free; no two nodes share
 //! a cell.
 
-use std::f64::consts::TAU;
-
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, RngExt};
 use voxels::{Cell, Extent};
 
 use super::gain::GainEstimator;
 use super::obstacles::Obstacles;
-use crate::bodies::{BodyModel, leg_s};
+use crate::bodies::{BodyModel, leg_from};
 use crate::exploration_map::ExplorationMap;
 use crate::path::direct;
 
@@ -54,10 +52,7 @@ impl Legs {
     /// The time of a leg by so many cells, seconds, and the heading at its end; `yaw_rad` is the
     /// heading before it.
     pub(in crate::controllers) fn leg(&self, by: Cell, yaw_rad: f64, cell_m: f64) -> (f64, f64) {
-        let is_vertical = by.x == 0 && by.y == 0;
-        let heading_rad = if is_vertical { yaw_rad } else { libm::atan2(f64::from(by.y), f64::from(by.x)) };
-        let turn_rad = (heading_rad - yaw_rad).abs() % TAU;
-        (leg_s(&self.body, vector(by).norm() * cell_m, turn_rad.min(TAU - turn_rad)), heading_rad)
+        leg_from(&self.body, yaw_rad, &vector(by), cell_m)
     }
 }
 

@@ -3,6 +3,7 @@
 
 use rand_chacha::ChaCha8Rng;
 
+use super::avoidance::Waypoints;
 use super::coordination::Scheme;
 use super::team::TeamParams;
 use super::tours::ToursParams;
@@ -70,7 +71,10 @@ impl Dsvp {
     /// # Errors
     /// If a setting is out of range.
     pub fn with_team(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        let params = Params::from_settings(settings, Params { gain_min: 5, ..Params::default() })?;
+        let params = Params::from_settings(
+            settings,
+            Params { gain_min: 5, waypoints: Waypoints::Quickest, ..Params::default() },
+        )?;
         Ok(Self::with(params, Scheme::Team(TeamParams::from_settings(settings)?), rng))
     }
 }
