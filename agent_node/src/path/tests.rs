@@ -9,6 +9,7 @@ use voxels::{Cell, Extent};
 
 use super::sweep::{centre, clearance, touched};
 use super::*;
+use crate::bodies::BodyModel;
 use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
 
@@ -429,9 +430,15 @@ proptest! {
         };
         let from = [0, 1, 2].map(|axis| centre(start)[axis] + aside[axis]);
         let legs = straighten(&path, &map, radius * cell_m);
-        let legs_from = straighten_from(&Point3::from(from.map(|at| at * cell_m)), &path, &map, radius * cell_m);
+        let from_m = Point3::from(from.map(|at| at * cell_m));
+        let legs_from = straighten_from(&from_m, &path, &map, radius * cell_m);
+        let body = BodyModel { radius_m: radius * cell_m, ..BodyModel::AERIAL };
+        let quickest = quickest(&path, &map, &body, (&from_m, 0.0));
         prop_assert!(legs.len() < path.cells.len() && legs_from.len() <= path.cells.len());
-        for (first, legs) in [(centre(start), legs), (from, legs_from)] {
+        let longest_m = path.length_m(map.extent()) + 0.4 * cell_m;
+        for (first, legs, longest_m) in
+            [(centre(start), legs, longest_m), (from, legs_from, longest_m), (from, quickest, f64::INFINITY)]
+        {
             let mut here = first;
             let mut length_m = 0.0;
             for (place, point) in legs.iter().enumerate() {
@@ -441,7 +448,7 @@ proptest! {
                 length_m += (Point3::from(to) - Point3::from(here)).norm() * cell_m;
                 here = to;
             }
-            prop_assert!(length_m <= path.length_m(map.extent()) + 0.4 * cell_m);
+            prop_assert!(length_m <= longest_m);
             if let Some(last) = legs.last() {
                 prop_assert_eq!(*last, map.extent().centre(goal));
             }
