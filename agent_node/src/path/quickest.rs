@@ -67,6 +67,9 @@ struct Node {
     is_open: bool,
 }
 
+/// The parts of a leg between whose ends its cells are looked at first.
+const PARTS: u32 = 8;
+
 /// The index of the goal among the nodes.
 const GOAL: usize = 0;
 
@@ -118,7 +121,7 @@ impl Legs<'_> {
                     continue;
                 }
                 let (leg_s, yaw_rad) = leg_from(self.body, yaw_rad, &by, self.cell_m);
-                if is_sooner(reached_s + leg_s) && is_clear(self.map, at, node.stop.at, self.radius) {
+                if is_sooner(reached_s + leg_s) && self.is_clear(at, node.stop.at) {
                     let node = &mut nodes[to];
                     (node.reached_s, node.before, node.stop.yaw_rad) = (reached_s + leg_s, from, yaw_rad);
                 }
@@ -136,7 +139,7 @@ impl Legs<'_> {
     fn node(&self, cell: Cell, goal: Cell) -> Node {
         let (at, end) = (centre(cell), centre(goal));
         let away = (Vector3::from(end) - Vector3::from(at)).norm();
-        let rest_s = if is_clear(self.map, at, end, self.radius) {
+        let rest_s = if self.is_clear(at, end) {
             self.least_s(away)
         } else {
             // Two legs take least if one of them is as short as possible.
@@ -144,6 +147,17 @@ impl Legs<'_> {
         };
         let stop = Stop { at, yaw_rad: 0.0 };
         Node { cell, stop, reached_s: f64::INFINITY, before: GOAL, rest_s, is_open: true }
+    }
+
+    /// Whether a leg is clear. Most are not, and pass through a wall at one of a few points.
+    fn is_clear(&self, from: [f64; 3], to: [f64; 3]) -> bool {
+        let is_free_at = |part: u32| {
+            let along = |axis: usize| from[axis] + (to[axis] - from[axis]) * f64::from(part) / f64::from(PARTS);
+            // The map has no negative coordinates.
+            let [x, y, z] = [0, 1, 2].map(|axis| along(axis) as i32);
+            is_free(self.map, Cell::new(x, y, z))
+        };
+        (1..PARTS).all(is_free_at) && is_clear(self.map, from, to, self.radius)
     }
 
     /// The time of a leg of this length in cells without a turn, seconds.
