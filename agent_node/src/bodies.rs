@@ -93,6 +93,15 @@ mod tests {
     }
 
     #[test]
+    fn legs_begin_with_a_turn_unless_they_are_vertical() {
+        let body = BodyModel::SUBMARINE;
+        // Ahead, beside and behind: the same distance, and a turn.
+        let time_s = |x, y| leg_from(&body, 0.0, &Vector3::new(x, y, 0.0), 1.0).0;
+        assert!(time_s(5.0, 0.0) + 2.0 < time_s(0.0, 5.0) && time_s(0.0, 5.0) + 1.0 < time_s(-5.0, 0.0));
+        assert_eq!(leg_from(&body, 0.5, &Vector3::z(), 1.0), (leg_s(&body, 1.0, 0.0), 0.5), "up, without a turn");
+    }
+
+    #[test]
     fn every_agent_has_a_body() {
         let small = BodyModel { radius_m: 0.1, ..BodyModel::SUBMARINE };
         let bodies = Bodies::new(vec![BodyModel::SUBMARINE, small], vec![0, 1]).unwrap();

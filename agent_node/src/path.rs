@@ -3,7 +3,7 @@
 //! In reading order: [`Moves`] are the steps of a body of a given size from cell to cell; [`Graph`]
 //! is these moves on a map; [`Search`] finds the cheapest path on a graph; [`Budgeted`] and
 //! [`Background`] define when the result of a search is available; [`straighten`] reduces a path to
-//! few waypoints and [`quickest`] to those that take the least time, and [`direct`] says whether no
+//! few waypoints and [`quicker`] to those that take the least time, and [`direct`] says whether no
 //! search is needed.
 //!
 //! Invariants: the sphere of the body, moved along any path found here, touches neither wall nor
@@ -23,7 +23,7 @@ mod timing;
 
 pub use graph::{Graph, Moves, Neighbours};
 pub use legs::{direct, straighten, straighten_from};
-pub use quickest::quickest;
+pub use quickest::quicker;
 pub use search::{Goal, Progress, Search, distances, find, nearest_distances};
 pub use timing::{Background, Budgeted};
 

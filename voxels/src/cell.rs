@@ -75,6 +75,12 @@ impl Cell {
         (self.distance_squared(other) as f64).sqrt()
     }
 
+    /// Whether this cell is at most so many cells from another one along each axis.
+    pub fn is_within(self, about: Self, cells: i32) -> bool {
+        let by = self - about;
+        [by.x, by.y, by.z].into_iter().all(|by| by.abs() <= cells)
+    }
+
     /// The 26 cells that share a face, an edge or a corner with this one, in cell order.
     #[inline]
     pub fn neighbours26(self) -> [Cell; 26] {

@@ -8,8 +8,8 @@
 //! Source: P. E. Hart, N. J. Nilsson, B. Raphael, "A Formal Basis for the Heuristic Determination
 //! of Minimum Cost Paths", IEEE Transactions on Systems Science and Cybernetics 4(2), 1968.
 //!
-//! Invariants: every leg is clear; by the prediction the waypoints take no longer than those of
-//! [`straighten_from`]; they depend on the path, the map, the body and its pose alone.
+//! Invariants: every leg is clear; by the prediction the waypoints take less time than those that
+//! are given; they depend on these, the path, the map, the body and its pose alone.
 
 use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::{Point3, Vector3};
@@ -17,7 +17,7 @@ use voxels::Cell;
 
 use super::Path;
 use super::graph::is_free;
-use super::legs::{is_clear, straighten_from};
+use super::legs::is_clear;
 use super::sweep::{centre, clearance, in_cells};
 use crate::bodies::{BodyModel, leg_from, leg_s};
 use crate::exploration_map::ExplorationMap;
@@ -26,26 +26,25 @@ use crate::exploration_map::ExplorationMap;
 /// with the square; a third more shorten no durations.
 const PIECE: usize = 48;
 
-/// Waypoints (metres, frame `map`) to the last cell of a path for a body that is anywhere in its
-/// first cell, with a heading in radians. More than [`PATH_POINTS_MAX`] are cut there.
+/// Waypoints (metres, frame `map`) that take less time than `fewest`, which lead along the path
+/// ([`super::straighten_from`]), if there are any. The body is anywhere in the first cell of the
+/// path, with a heading in radians. More than [`PATH_POINTS_MAX`] are cut there.
 #[must_use]
-pub fn quickest(
+pub fn quicker(
     path: &Path,
+    fewest: &[Point3<f64>],
     map: &ExplorationMap,
     body: &BodyModel,
     (from, yaw_rad): (&Point3<f64>, f64),
-) -> Vec<Point3<f64>> {
-    let fewest = straighten_from(from, path, map, body.radius_m);
+) -> Option<Vec<Point3<f64>>> {
     let cell_m = map.extent().cell_m();
-    let radius = clearance(body.radius_m, cell_m).filter(|_| fewest.len() > 1);
-    let Some(legs) = radius.map(|radius| Legs { map, body, radius, cell_m }) else { return fewest };
+    let radius = clearance(body.radius_m, cell_m).filter(|_| fewest.len() > 1)?;
+    let legs = Legs { map, body, radius, cell_m };
     let start = Stop { at: in_cells((*from).into(), cell_m), yaw_rad };
-    let Some(found) = legs.along(&path.cells, start) else { return fewest };
-    let before = fewest.iter().map(|point| in_cells((*point).into(), cell_m));
-    if legs.duration_s(start, before) <= legs.duration_s(start, found.iter().map(|&cell| centre(cell))) {
-        return fewest;
-    }
-    found.into_iter().take(PATH_POINTS_MAX).map(|cell| map.extent().centre(cell)).collect()
+    let found = legs.along(&path.cells, start)?;
+    let fewest_s = legs.duration_s(start, fewest.iter().map(|point| in_cells((*point).into(), cell_m)));
+    let is_quicker = legs.duration_s(start, found.iter().map(|&cell| centre(cell))) < fewest_s;
+    is_quicker.then(|| found.into_iter().take(PATH_POINTS_MAX).map(|cell| map.extent().centre(cell)).collect())
 }
 
 /// Where a body stops, in units of cells, and its heading there.
@@ -90,7 +89,7 @@ impl Legs<'_> {
         while first + PIECE < path.len() - 1 {
             let piece = &path[first..=first + PIECE];
             // The last cell of the piece that is in or beside this one.
-            let place = |cell: Cell| piece.iter().rposition(|&near| is_beside(near, cell)).unwrap_or(0);
+            let place = |cell: Cell| piece.iter().rposition(|near| near.is_within(cell, 1)).unwrap_or(0);
             let found = self.between(piece, here)?;
             let kept = found.iter().enumerate().take_while(|(leg, (cell, _))| *leg == 0 || place(*cell) <= PIECE / 2);
             let (last, _) = kept.last()?;
@@ -197,11 +196,6 @@ fn ends(map: &ExplorationMap, piece: &[Cell], goal: Cell) -> impl Iterator<Item 
     std::iter::once(goal).chain(cells.into_iter().filter(move |&cell| cell != goal))
 }
 
-/// Whether two cells are the same or share a corner.
-fn is_beside(a: Cell, b: Cell) -> bool {
-    [a.x - b.x, a.y - b.y, a.z - b.z].into_iter().all(|along| along.abs() <= 1)
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -210,7 +204,7 @@ mod tests {
     use super::*;
     use crate::controllers::testing::is_through_free_cells;
     use crate::exploration_map::drawing::drawn;
-    use crate::path::{Goal, Graph, Moves, Neighbours, find};
+    use crate::path::{Goal, Graph, Moves, Neighbours, find, straighten_from};
 
     const BODY: BodyModel = BodyModel::SUBMARINE;
 
@@ -241,7 +235,7 @@ mod tests {
         let path = shortest(&map, Cell::new(1, 3, 0), Cell::new(12, 3, 0)).unwrap();
         let from = map.extent().centre(path.cells[0]);
         let fewest = straighten_from(&from, &path, &map, BODY.radius_m);
-        let quickest = quickest(&path, &map, &BODY, (&from, 0.0));
+        let quickest = quicker(&path, &fewest, &map, &BODY, (&from, 0.0)).unwrap();
         assert_eq!((fewest.len(), quickest.len()), (3, 2), "{fewest:?} {quickest:?}");
         let [fewest_s, quickest_s] = [&fewest, &quickest].map(|points| duration_s(&map, (&from, 0.0), points));
         assert!(quickest_s < fewest_s - 3.0, "{quickest_s} {fewest_s}");
@@ -280,7 +274,7 @@ mod tests {
             let from = extent.centre(path.cells[0]) + Vector3::from(aside);
             prop_assume!(is_through_free_cells(&map, &from, &[from]));
             let fewest = straighten_from(&from, &path, &map, BODY.radius_m);
-            let quickest = quickest(&path, &map, &BODY, (&from, yaw_rad));
+            let quickest = quicker(&path, &fewest, &map, &BODY, (&from, yaw_rad)).unwrap_or_else(|| fewest.clone());
             prop_assert!(is_through_free_cells(&map, &from, &quickest));
             prop_assert_eq!(quickest.last(), fewest.last());
             let [quickest_s, fewest_s] = [&quickest, &fewest].map(|points| duration_s(&map, (&from, yaw_rad), points));

@@ -14,7 +14,7 @@ use crate::abstract_graph::{AbstractGraph, ShortestPaths};
 use crate::command::Motion;
 use crate::navigation::NavigationStatus;
 use crate::observation::Observation;
-use crate::path::{Neighbours, Path, quickest, straighten};
+use crate::path::{Neighbours, Path, quicker, straighten};
 
 /// Cells of a path, or edges of the tree, that an agent follows one by one to get clear of other
 /// bodies before it takes straight legs.
@@ -27,6 +27,16 @@ pub enum Waypoints {
     Fewest,
     /// Those that take the least time, on that path and beside it.
     Quickest,
+}
+
+impl Waypoints {
+    /// The word of the setting.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Fewest => "fewest",
+            Self::Quickest => "quickest",
+        }
+    }
 }
 
 /// The bodies that may block this one.
@@ -77,7 +87,11 @@ pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, wa
         Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
     };
     let steps_max = CLEARING_STEPS_MAX.min(path.cells.len() - 1);
-    let quickest = (waypoints == Waypoints::Quickest)
-        .then(|| Motion::Path(quickest(path, map, ctx.body(), (&ctx.position(), ctx.yaw_rad()))));
-    quickest.into_iter().chain([straight]).chain((1..=steps_max).map(after)).find(is_clear)
+    let quicker = match (waypoints, &straight) {
+        (Waypoints::Quickest, Motion::Path(fewest)) => {
+            quicker(path, fewest, map, ctx.body(), (&ctx.position(), ctx.yaw_rad())).map(Motion::Path)
+        }
+        _ => None,
+    };
+    quicker.into_iter().chain([straight]).chain((1..=steps_max).map(after)).find(is_clear)
 }

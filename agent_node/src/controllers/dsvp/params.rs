@@ -99,10 +99,11 @@ impl Params {
         let gain_rays = whole("gain_rays", default.gain_rays, 6, 10_000)?;
         let gain_depth = whole("gain_depth", default.gain_depth, 1, 1000)?;
         let gain_min = whole("gain_min", default.gain_min, 1, 100_000)?;
-        let waypoints = match default.waypoints {
-            Waypoints::Fewest => settings.word("waypoints", &["fewest", "quickest"])? == 1,
-            Waypoints::Quickest => settings.word("waypoints", &["quickest", "fewest"])? == 0,
+        let choices = match default.waypoints {
+            Waypoints::Fewest => [Waypoints::Fewest, Waypoints::Quickest],
+            Waypoints::Quickest => [Waypoints::Quickest, Waypoints::Fewest],
         };
+        let waypoints = choices[settings.word("waypoints", &choices.map(Waypoints::word))?];
         Ok(Self {
             horizon_m: settings.number("horizon_m", default.horizon_m, 1.0, 1000.0)?,
             extension_m: settings.number("extension_m", default.extension_m, 0.1, 1000.0)?,
@@ -128,7 +129,7 @@ impl Params {
             gain_min,
             beside_wall: settings.number("beside_wall", default.beside_wall, 0.0, 1.0)?,
             gain_left: settings.number("gain_left", default.gain_left, 0.0, 1.0)?,
-            waypoints: if waypoints { Waypoints::Quickest } else { Waypoints::Fewest },
+            waypoints,
             ..default
         })
     }

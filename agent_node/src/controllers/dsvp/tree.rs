@@ -48,14 +48,6 @@ pub(in crate::controllers) struct Legs {
     pub(in crate::controllers) yaw_rad: f64,
 }
 
-impl Legs {
-    /// The time of a leg by so many cells, seconds, and the heading at its end; `yaw_rad` is the
-    /// heading before it.
-    pub(in crate::controllers) fn leg(&self, by: Cell, yaw_rad: f64, cell_m: f64) -> (f64, f64) {
-        leg_from(&self.body, yaw_rad, &vector(by), cell_m)
-    }
-}
-
 /// Parameters of the branch gain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::controllers) struct Valuation {
@@ -133,7 +125,7 @@ impl Tree {
         while let Some((node, parent)) = next.pop_front() {
             is_taken[node] = true;
             let cell = self.nodes[node].cell;
-            if !is_within(cell, root, growth.horizon) || cell == root {
+            if !cell.is_within(root, growth.horizon) || cell == root {
                 continue;
             }
             let cell_m = map.extent().cell_m();
@@ -166,7 +158,7 @@ impl Tree {
         let Some(legs) = growth.legs else { return (0.0, 0.0) };
         let from = &self.nodes[over];
         let yaw_rad = if over == 0 { legs.yaw_rad } else { from.yaw_rad };
-        let (leg_s, heading_rad) = legs.leg(cell - from.cell, yaw_rad, cell_m);
+        let (leg_s, heading_rad) = leg_from(&legs.body, yaw_rad, &vector(cell - from.cell), cell_m);
         (from.time_s + leg_s, heading_rad)
     }
 
@@ -208,7 +200,7 @@ impl Tree {
             let nearest = self.nearest(sample);
             let from = self.nodes[nearest].cell;
             let cell = towards(from, sample, growth.extension, &extent);
-            let is_new = cell != from && is_within(cell, root, growth.horizon) && !self.holds(cell);
+            let is_new = cell != from && cell.is_within(root, growth.horizon) && !self.holds(cell);
             let is_open = |from: Cell| {
                 let from = extent.centre(from);
                 !obstacles.block(&from, &extent.centre(cell)) && direct(map, &from, cell, growth.radius_m)
@@ -300,10 +292,6 @@ impl Tree {
 
 pub(in crate::controllers) fn vector(by: Cell) -> Vector3<f64> {
     Vector3::new(f64::from(by.x), f64::from(by.y), f64::from(by.z))
-}
-
-fn is_within(cell: Cell, about: Cell, horizon: i32) -> bool {
-    [cell.x - about.x, cell.y - about.y, cell.z - about.z].into_iter().all(|by| by.abs() <= horizon)
 }
 
 /// The cell at most `length` cells from one cell towards another.

@@ -5,7 +5,6 @@ use voxels::{Grid, Terrain};
 
 use super::*;
 use crate::bodies::Bodies;
-use crate::bodies::leg_s;
 use crate::exploration_map::CellState;
 
 const CORRIDOR: &str = "\
@@ -131,8 +130,4 @@ fn tree_in_seconds_avoids_turns_and_stops() {
     for node in &tree.nodes[1..] {
         assert_eq!(node.parent, 0, "nothing stands between the root and {:?}", node.cell);
     }
-    // Ahead, beside and behind: the same distance, and a turn.
-    let time_s = |x, y| legs.leg(Cell::new(x, y, 0), 0.0, 1.0).0;
-    assert!(time_s(5, 0) + 2.0 < time_s(0, 5) && time_s(0, 5) + 1.0 < time_s(-5, 0));
-    assert_eq!(legs.leg(Cell::new(0, 0, 1), 0.5, 1.0), (leg_s(&legs.body, 1.0, 0.0), 0.5), "up, without a turn");
 }
