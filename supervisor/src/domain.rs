@@ -36,7 +36,16 @@ pub fn of_environment() -> String {
 /// inherit the lock.
 #[derive(Debug)]
 pub struct DomainLock {
-    _file: File,
+    file: File,
+}
+
+impl Drop for DomainLock {
+    fn drop(&mut self) {
+        // Closing the file would release the lock only with its last copy, and a process that another
+        // thread is starting has one until it executes its program.
+        // If it fails, that later one is the release.
+        let _ = self.file.unlock();
+    }
 }
 
 impl DomainLock {
@@ -65,7 +74,7 @@ impl DomainLock {
             .open(&path);
         let file = opened.map_err(SupervisorError::of(&path))?;
         match file.try_lock() {
-            Ok(()) => Ok(Self { _file: file }),
+            Ok(()) => Ok(Self { file }),
             Err(TryLockError::WouldBlock) => Err(SupervisorError::DomainTaken(domain.to_owned())),
             Err(TryLockError::Error(source)) => Err(SupervisorError::of(&path)(source)),
         }
@@ -121,6 +130,15 @@ mod tests {
         assert!(DomainLock::take_in(&folder, "7").is_ok());
         drop(first);
         assert!(DomainLock::take_in(&folder, name).is_ok());
+    }
+
+    #[test]
+    fn released_lock_is_free_though_a_process_that_starts_has_a_copy_of_its_file() {
+        let place = tempfile::tempdir().unwrap();
+        let lock = DomainLock::take_in(place.path(), "7").unwrap();
+        let _copy = lock.file.try_clone().unwrap();
+        drop(lock);
+        DomainLock::take_in(place.path(), "7").unwrap();
     }
 
     #[test]
