@@ -75,6 +75,8 @@ mod gallery;
 mod mixed_teams;
 /// Radio models, relays and sensor noise.
 mod radios;
+/// Bodies of the server on trajectories of the agents.
+mod trajectories;
 /// Verification and comparison of recordings.
 mod verify;
 

@@ -87,6 +87,7 @@ impl Gossip {
             3 => Motion::Velocity {
                 linear_in_body_m_s: Vector3::new(rng.random_range(-1.0..2.0), 0.3, rng.random_range(-0.5..0.5)),
                 yaw_rate_rad_s: rng.random_range(-1.0..1.0),
+                path: Vec::new(),
             },
             4 | 5 => Motion::Move { pitch_rad: rng.random_range(-1.0..1.0), distance_m: rng.random_range(0.0..8.0) },
             _ => Motion::Keep,

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 pub use msgs::body_model::{BodyKind, BodyModel};
 use msgs::ids::AgentId;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 /// Time of a straight leg from rest to rest, seconds: including the turn before it, by at most this
 /// angle, if the body turns on the spot.
@@ -30,6 +30,24 @@ pub fn leg_from(body: &BodyModel, yaw_rad: f64, by: &Vector3<f64>, unit_m: f64) 
     let heading_rad = if is_vertical { yaw_rad } else { libm::atan2(by.y, by.x) };
     let turn_rad = (heading_rad - yaw_rad).abs() % TAU;
     (leg_s(body, by.norm() * unit_m, turn_rad.min(TAU - turn_rad)), heading_rad)
+}
+
+/// Time along points, with a stop at each, seconds; all in units of `unit_m` metres.
+#[must_use]
+pub fn legs_s(
+    body: &BodyModel,
+    (from, mut yaw_rad): (Point3<f64>, f64),
+    points: impl IntoIterator<Item = Point3<f64>>,
+    unit_m: f64,
+) -> f64 {
+    let mut at = from;
+    let leg_s = |point: Point3<f64>| {
+        let by = point - std::mem::replace(&mut at, point);
+        let (leg_s, heading_rad) = leg_from(body, yaw_rad, &by, unit_m);
+        yaw_rad = heading_rad;
+        leg_s
+    };
+    points.into_iter().map(leg_s).sum()
 }
 
 /// Time from rest to rest over a distance, seconds.

@@ -41,6 +41,9 @@ pub enum Motion {
         linear_in_body_m_s: Vector3<f64>,
         /// Positive to the left.
         yaw_rate_rad_s: f64,
+        /// Where that is to lead, for people: at most 1024 points, metres, frame `map`; it moves
+        /// nothing.
+        path: Vec<Point3<f64>>,
     },
 }
 

@@ -3,8 +3,8 @@
 //! In reading order: [`Moves`] are the steps of a body of a given size from cell to cell; [`Graph`]
 //! is these moves on a map; [`Search`] finds the cheapest path on a graph; [`Budgeted`] and
 //! [`Background`] define when the result of a search is available; [`straighten`] reduces a path to
-//! few waypoints and [`quicker`] to those that take the least time, and [`direct`] says whether no
-//! search is needed.
+//! few waypoints and [`quicker`] to those that take the least time, a [`Trajectory`] leads along
+//! them without a stop, and [`direct`] says whether no search is needed.
 //!
 //! Invariants: the sphere of the body, moved along any path found here, touches neither wall nor
 //! unexplored cells (except those it touches at the start); costs are integers and every order is
@@ -20,12 +20,14 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 mod timing;
+mod trajectory;
 
 pub use graph::{Graph, Moves, Neighbours};
 pub use legs::{direct, straighten, straighten_from};
 pub use quickest::quicker;
 pub use search::{Goal, Progress, Search, distances, find, nearest_distances};
 pub use timing::{Background, Budgeted};
+pub use trajectory::{BodyState, HeldVelocity, Trajectory};
 
 use voxels::{Cell, Extent};
 

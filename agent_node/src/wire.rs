@@ -205,17 +205,19 @@ fn task(motion: Motion) -> maes_msgs::Task {
         Motion::Stop => Task { kind: Task::STOP, ..bare },
         Motion::Move { pitch_rad, distance_m } => Task { kind: Task::MOVE, pitch_rad, distance_m, ..bare },
         Motion::Turn { angle_rad } => Task { kind: Task::TURN, angle_rad, ..bare },
-        Motion::Path(waypoints) => {
-            let message = |point: Point3<f64>| geometry_msgs::Point { x: point.x, y: point.y, z: point.z };
-            Task { kind: Task::PATH, path: waypoints.into_iter().map(message).collect(), ..bare }
-        }
-        Motion::Velocity { linear_in_body_m_s: linear, yaw_rate_rad_s } => Task {
+        Motion::Path(waypoints) => Task { kind: Task::PATH, path: points(waypoints), ..bare },
+        Motion::Velocity { linear_in_body_m_s: linear, yaw_rate_rad_s, path } => Task {
             kind: Task::VELOCITY,
             linear_m_s: geometry_msgs::Vector3 { x: linear.x, y: linear.y, z: linear.z },
             yaw_rate_rad_s,
+            path: points(path),
             ..bare
         },
     }
+}
+
+fn points(path: Vec<Point3<f64>>) -> Vec<geometry_msgs::Point> {
+    path.into_iter().map(|point| geometry_msgs::Point { x: point.x, y: point.y, z: point.z }).collect()
 }
 
 #[cfg(test)]

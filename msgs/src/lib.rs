@@ -1,6 +1,9 @@
 //! What goes over the wire: the messages of the ROS 2 package `maes_msgs`, and those of the
 //! packages that come with ROS 2, as serde structs, and the topics that carry them.
 //!
+//! With them come what both sides compute alike from their fields: signatures, and how a body moves
+//! ([`kinematics`]).
+//!
 //! The list of topics is in [`topics`], and in words in `docs/topics.md` and `docs/ros2.md`.
 //!
 //! The folder of this crate is also the interface package itself: `package.xml`, `CMakeLists.txt`
@@ -21,6 +24,7 @@ pub mod maes_msgs;
 pub mod relay_id;
 
 pub mod body_model;
+pub mod kinematics;
 pub mod scan_request;
 pub mod trigger;
 

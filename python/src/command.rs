@@ -93,6 +93,7 @@ impl PyMotion {
         Ok(Self(Motion::Velocity {
             linear_in_body_m_s: Vector3::new(finite(name, x)?, finite(name, y)?, finite(name, z)?),
             yaw_rate_rad_s: finite("yaw_rate_rad_s", yaw_rate_rad_s)?,
+            path: Vec::new(),
         }))
     }
 

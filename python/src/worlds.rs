@@ -273,6 +273,7 @@ impl Environment {
                 Motion::Velocity {
                     linear_in_body_m_s: Vector3::new(share(0), share(1), share(2)) * body.speed_max_m_s,
                     yaw_rate_rad_s: share(3) * body.turn_rate_max_rad_s,
+                    path: Vec::new(),
                 }
             }
             Actions::Waypoint => {

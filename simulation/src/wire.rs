@@ -185,21 +185,10 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
             angle_rad: within("task.angle_rad", task.angle_rad, -std::f64::consts::TAU, std::f64::consts::TAU)?,
         },
         Task::PATH => {
-            if task.path.is_empty() || task.path.len() > PATH_POINTS_MAX {
-                return Err(format!("task.path has {} waypoints, 1 to {PATH_POINTS_MAX} are allowed", task.path.len()));
+            if task.path.is_empty() {
+                return Err(format!("task.path has 0 waypoints, 1 to {PATH_POINTS_MAX} are allowed"));
             }
-            let waypoints: Result<_, String> = task
-                .path
-                .iter()
-                .map(|point| {
-                    Ok(Point3::new(
-                        coordinate("task.path x", point.x)?,
-                        coordinate("task.path y", point.y)?,
-                        coordinate("task.path z", point.z)?,
-                    ))
-                })
-                .collect();
-            Motion::Path(waypoints?)
+            Motion::Path(waypoints(&task.path)?)
         }
         Task::VELOCITY => Motion::Velocity {
             linear_in_body_m_s: Vector3::new(
@@ -208,9 +197,24 @@ fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
                 coordinate("task.linear_m_s.z", task.linear_m_s.z)?,
             ),
             yaw_rate_rad_s: coordinate("task.yaw_rate_rad_s", task.yaw_rate_rad_s)?,
+            path: waypoints(&task.path)?,
         },
         other => return Err(format!("task.kind = {other}, 0 to 5 are allowed")),
     })
+}
+
+fn waypoints(path: &[geometry_msgs::Point]) -> Result<Vec<Point3<f64>>, String> {
+    if path.len() > PATH_POINTS_MAX {
+        return Err(format!("task.path has {} waypoints, at most {PATH_POINTS_MAX} are allowed", path.len()));
+    }
+    let waypoint = |point: &geometry_msgs::Point| {
+        Ok(Point3::new(
+            coordinate("task.path x", point.x)?,
+            coordinate("task.path y", point.y)?,
+            coordinate("task.path z", point.z)?,
+        ))
+    };
+    path.iter().map(waypoint).collect()
 }
 
 fn agent_messages(parcels: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<AgentMessage>, String> {

@@ -41,9 +41,9 @@ pub struct DomainLock {
 
 impl Drop for DomainLock {
     fn drop(&mut self) {
-        // Closing the file would release the lock only with its last copy, and a process that another
-        // thread is starting has one until it executes its program.
-        // If it fails, that later one is the release.
+        // Closing the file would release the lock only with its last copy, and a process that
+        // another thread is starting has one until it executes its program. If this fails, the lock
+        // is released then.
         let _ = self.file.unlock();
     }
 }

@@ -21,6 +21,7 @@
 
 mod avoidance;
 mod coordination;
+mod driving;
 mod dtw;
 mod expectation;
 mod gain;
@@ -54,8 +55,9 @@ use crate::command::{Command, Motion, ScanRequest, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 use crate::path::{Neighbours, Path};
-use avoidance::{hold, motion_along, motion_to, obstacles_near, path_length_m};
+use avoidance::{Waypoints, hold, motion_along, motion_to, obstacles_near, path_length_m};
 use coordination::{Coordination, Scheme};
+use driving::Driving;
 use gain::{GainEstimator, Likelihood};
 use goal::Goal;
 use obstacles::Obstacles;
@@ -96,6 +98,8 @@ pub struct Dsvp {
     /// Direction of the last branch from its root to its end; unit vector.
     direction: Option<Vector3<f64>>,
     goal: Option<Goal>,
+    /// The trajectory to it that is under way, if it is not on waypoints at which the body stops.
+    driving: Option<Driving>,
     /// Number of known cells at the last plan.
     known_cells: usize,
     /// Whether the present goal was taken although another agent outbids it, for lack of a better
@@ -132,6 +136,7 @@ impl Dsvp {
             tree: None,
             direction: None,
             goal: None,
+            driving: None,
             known_cells: 0,
             is_contested: false,
             waits_until: None,
@@ -255,7 +260,7 @@ impl Dsvp {
         self.at_rest_since = None;
         self.known_cells = ctx.map().free() + ctx.map().wall();
         match plan {
-            Plan::Go(goal, motion) => self.go(goal, motion, observation, ctx),
+            Plan::Go(goal, motion) => self.go(goal, motion, observation, ctx, &obstacles),
             Plan::Blocked => self.resolve_blockage(observation, ctx, &obstacles),
             Plan::Nothing => {
                 self.goal = None;
@@ -267,7 +272,14 @@ impl Dsvp {
         }
     }
 
-    fn go(&mut self, goal: Goal, motion: Motion, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+    fn go(
+        &mut self,
+        goal: Goal,
+        motion: Motion,
+        observation: &Observation,
+        ctx: &Ctx<'_>,
+        obstacles: &Obstacles,
+    ) -> Command {
         self.goal = Some(goal);
         if let Some(WorldModel { graph, coordination, pursuit, .. }) = &mut self.model {
             match goal {
@@ -279,7 +291,12 @@ impl Dsvp {
             }
             self.is_contested = coordination.is_lost(observation.tick);
         }
-        let command = Command::new(motion, self.trigger()).with_info(goal.info());
+        let before = self.driving.take();
+        if let (Waypoints::Passed, Motion::Path(waypoints)) = (self.params.waypoints, &motion) {
+            self.driving = Driving::along(waypoints, before.as_ref(), observation, ctx, obstacles);
+        }
+        let motion = self.driving.as_ref().map_or(motion, |driving| driving.motion(observation.tick));
+        let command = Command::new(motion, self.trigger(observation.tick)).with_info(goal.info());
         self.with_claims(command, observation)
     }
 
@@ -301,12 +318,13 @@ impl Dsvp {
 
     /// The trigger while under way. What an agent sees on the way matters only if it explores, and
     /// whom it meets if it has news.
-    fn trigger(&self) -> Trigger {
+    fn trigger(&self, now: Tick) -> Trigger {
         let events = match self.goal {
             Some(Goal::Pursuit { .. } | Goal::Wandering { .. }) => Events::CONTACTS | Events::PARCEL,
             _ => Events::NEW_CELL,
         };
-        Trigger::TASK_DONE.or(Trigger::on(events)).or(self.scheme.trigger())
+        let under_way = Trigger::TASK_DONE.or(Trigger::on(events)).or(self.scheme.trigger());
+        self.driving.as_ref().map_or(under_way, |driving| under_way.or(driving.trigger(now)))
     }
 
     /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
@@ -315,7 +333,7 @@ impl Dsvp {
         if self.rng.random_bool(0.5)
             && let Some((goal, motion)) = self.evade(ctx, obstacles)
         {
-            return self.go(goal, motion, observation, ctx);
+            return self.go(goal, motion, observation, ctx, obstacles);
         }
         self.goal = None;
         let until = observation.tick.after(self.rng.random_range(1..=BACKOFF_TICKS_MAX));
@@ -418,10 +436,16 @@ impl Dsvp {
             if !self.is_goal_valid(observation, ctx) {
                 return self.plan(observation, ctx);
             }
-            let keep = Command::keep(self.trigger());
+            let motion = self.driving.as_ref().map_or(Motion::Keep, |driving| driving.motion(now));
+            if motion == Motion::Stop {
+                self.driving = None;
+                return Command::new(motion, Trigger::NEXT_TICK);
+            }
+            let keep = Command::new(motion, self.trigger(now));
             let has_met = observation.events & Events::CONTACTS != 0;
             return if has_met { self.with_claims(keep, observation) } else { keep };
         }
+        self.driving = None;
         if let Some(until) = self.waits_until
             && now < until
         {

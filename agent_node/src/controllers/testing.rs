@@ -3,7 +3,8 @@
 //! It is driven in one of two modes. Step by step: [`World::look`], [`World::ask`], and then
 //! [`World::arrive`] or [`World::collide`], which end a motion at once. Or in ticks:
 //! [`World::run`], in which the agent scans before each decision and moves along its waypoints. The
-//! body is a point that moves half a metre in a tick and turns at once, unlike the server's.
+//! body is a point that moves half a metre in a tick and turns at once, unlike the server's; only
+//! velocities are followed as there.
 //!
 //! Invariant: every command of a controller is legal, or the test fails (`legal`).
 
@@ -12,6 +13,7 @@ mod legal;
 use std::collections::VecDeque;
 
 use msgs::ids::{AgentId, Tick};
+use msgs::kinematics::turned;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
@@ -23,6 +25,7 @@ pub(crate) use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::NavigationTask;
 use crate::observation::{Cells, Collision, Contact, Observation, Pose, RunInfo, Surface};
+use crate::path::{BodyState, HeldVelocity};
 
 /// The id of the agent.
 const AGENT: AgentId = AgentId(1);
@@ -72,6 +75,8 @@ pub(crate) struct World {
     /// The next observation. Agents in contact are obstacles when it moves in ticks.
     pub(crate) observation: Observation,
     waypoints: VecDeque<Point3<f64>>,
+    /// The velocity that the body holds, if it does.
+    held: Option<HeldVelocity>,
     trigger: Trigger,
     wants_view: bool,
     /// The texts for people so far.
@@ -131,6 +136,7 @@ impl World {
             map: ExplorationMap::new(extent),
             observation: Observation { pose, ..idle() },
             waypoints: VecDeque::new(),
+            held: None,
             trigger: Trigger::NEXT_TICK,
             wants_view: false,
             said: Vec::new(),
@@ -191,10 +197,17 @@ impl World {
             Motion::Keep => {}
             Motion::Stop => self.ends(),
             motion => {
-                self.ends();
+                let continues = self.held.is_some() && matches!(motion, Motion::Velocity { .. });
+                if !continues {
+                    self.ends();
+                }
                 self.observation.is_active = true;
-                if let Motion::Path(points) = motion {
-                    self.waypoints = points.iter().copied().collect();
+                match motion {
+                    Motion::Path(points) => self.waypoints = points.iter().copied().collect(),
+                    &Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s, .. } => {
+                        self.held = Some(HeldVelocity { linear_in_body_m_s, yaw_rate_rad_s });
+                    }
+                    _ => {}
                 }
             }
         }
@@ -221,8 +234,8 @@ impl World {
         command
     }
 
-    /// Runs for this many ticks, with decisions whenever the trigger fires. Only paths are
-    /// supported.
+    /// Runs for this many ticks, with decisions whenever the trigger fires. Only paths and
+    /// velocities are supported.
     pub(crate) fn run(&mut self, controller: &mut dyn Controller, ticks: u64) {
         let end = self.observation.tick.after(ticks);
         while self.observation.tick < end {
@@ -230,7 +243,7 @@ impl World {
                 self.look();
                 let motion = self.ask(controller).motion;
                 assert!(
-                    matches!(motion, Motion::Keep | Motion::Stop | Motion::Path(_)),
+                    matches!(motion, Motion::Keep | Motion::Stop | Motion::Path(_) | Motion::Velocity { .. }),
                     "this world has no {motion:?}"
                 );
             }
@@ -240,10 +253,23 @@ impl World {
     }
 
     fn advance(&mut self) {
-        let Some(&target) = self.waypoints.front() else { return };
         let here = self.observation.pose.position;
-        let offset = target - here;
-        let next = if offset.norm() <= STEP_M { target } else { here + offset.normalize() * STEP_M };
+        let target = self.waypoints.front().copied();
+        let next = match (&self.held, target) {
+            (Some(held), _) => {
+                let mut state = self.state();
+                state.advance(self.run_info.bodies.of(AGENT), held);
+                self.observation.pose.yaw_rad = state.yaw_rad;
+                self.observation.velocity_m_s = turned(&state.velocity_in_body_m_s, state.yaw_rad);
+                self.observation.yaw_rate_rad_s = state.yaw_rate_rad_s;
+                state.position
+            }
+            (None, Some(target)) => {
+                let offset = target - here;
+                if offset.norm() <= STEP_M { target } else { here + offset.normalize() * STEP_M }
+            }
+            (None, None) => return,
+        };
         let is_hit = |other: &Contact| {
             let (before, after) = ((other.position - here).norm(), (other.position - next).norm());
             after < NEAR_M && after < before
@@ -262,7 +288,7 @@ impl World {
             self.been.push(cell);
             self.observation.events |= Events::NEW_CELL;
         }
-        if next == target {
+        if Some(next) == target {
             self.waypoints.pop_front();
             if self.waypoints.is_empty() {
                 self.observation.is_active = false;
@@ -271,7 +297,21 @@ impl World {
         }
     }
 
+    /// The body in motion.
+    fn state(&self) -> BodyState {
+        let Observation { pose, velocity_m_s, yaw_rate_rad_s, .. } = &self.observation;
+        let velocity_in_body_m_s = turned(velocity_m_s, -pose.yaw_rad);
+        BodyState {
+            velocity_in_body_m_s,
+            yaw_rate_rad_s: *yaw_rate_rad_s,
+            ..BodyState::at_rest(pose.position, pose.yaw_rad)
+        }
+    }
+
     fn ends(&mut self) {
+        self.held = None;
+        self.observation.velocity_m_s = Vector3::zeros();
+        self.observation.yaw_rate_rad_s = 0.0;
         self.waypoints.clear();
         self.observation.is_active = false;
     }

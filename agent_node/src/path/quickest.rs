@@ -19,7 +19,7 @@ use super::Path;
 use super::graph::is_free;
 use super::legs::is_clear;
 use super::sweep::{centre, clearance, in_cells};
-use crate::bodies::{BodyModel, leg_from, leg_s};
+use crate::bodies::{BodyModel, leg_from, leg_s, legs_s};
 use crate::exploration_map::ExplorationMap;
 
 /// Cells of a path that are searched at once; the waypoints of the first half are kept. Costs grow
@@ -166,14 +166,7 @@ impl Legs<'_> {
 
     /// The time of the motion along points, in units of cells, seconds.
     fn duration_s(&self, start: Stop, points: impl Iterator<Item = [f64; 3]>) -> f64 {
-        let mut stop = start;
-        let leg_s = |at: [f64; 3]| {
-            let by = Vector3::from(at) - Vector3::from(stop.at);
-            let (leg_s, yaw_rad) = leg_from(self.body, stop.yaw_rad, &by, self.cell_m);
-            stop = Stop { at, yaw_rad };
-            leg_s
-        };
-        points.map(leg_s).sum()
+        legs_s(self.body, (start.at.into(), start.yaw_rad), points.map(Point3::from), self.cell_m)
     }
 }
 

@@ -108,7 +108,8 @@ fn new_subscriber_waits_for_the_next_tick() {
 #[test]
 fn odometry_pose_is_in_map_and_twist_in_body() {
     let mut world = world();
-    let ahead = Motion::Velocity { linear_in_body_m_s: Vector3::new(0.5, 0.0, 0.0), yaw_rate_rad_s: 0.25 };
+    let ahead =
+        Motion::Velocity { linear_in_body_m_s: Vector3::new(0.5, 0.0, 0.0), yaw_rate_rad_s: 0.25, path: Vec::new() };
     for _ in 0..10 {
         step(&mut world, [(0, ahead.clone())]);
     }

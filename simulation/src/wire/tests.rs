@@ -105,8 +105,9 @@ proptest! {
                 Motion::Path(points) => {
                     prop_assert!(!points.is_empty() && points.iter().all(|point| point.x.abs() <= 1e6));
                 }
-                Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
+                Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s, path } => {
                     prop_assert!(linear_in_body_m_s.x.is_finite() && yaw_rate_rad_s.is_finite());
+                    prop_assert!(path.iter().all(|point| point.x.abs() <= 1e6));
                 }
                 Motion::Keep | Motion::Stop => {}
             }

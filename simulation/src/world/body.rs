@@ -17,14 +17,15 @@ mod aerial;
 mod ramp;
 
 use std::collections::VecDeque;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use msgs::body_model::{BodyKind, BodyModel};
+use msgs::kinematics::{turned, wrapped};
 use nalgebra::{Point3, Vector3};
 
 use super::collision::{Contact, Obstacles, Sphere, Surface};
 use aerial::Flight;
-use ramp::{Ramp, RampLimits, approached};
+use ramp::{Ramp, RampLimits};
 
 /// A leg with less than this to go is finished; 0.001 voxel and 0.001 degree in MAES3D.
 const MOVE_REST_M: f64 = 1e-3;
@@ -69,6 +70,8 @@ pub enum Motion {
         linear_in_body_m_s: Vector3<f64>,
         /// Turn rate, rad/s, positive to the left.
         yaw_rate_rad_s: f64,
+        /// Where that is to lead, for people; metres, frame `map`.
+        path: Vec<Point3<f64>>,
     },
 }
 
@@ -79,7 +82,7 @@ enum Task {
     Turn { sign: f64, ramp: Ramp },
     Path { leg: PathLeg, rest: VecDeque<Point3<f64>> },
     Flight(Flight),
-    Velocity { target_in_body_m_s: Vector3<f64>, target_yaw_rate_rad_s: f64 },
+    Velocity { target_in_body_m_s: Vector3<f64>, target_yaw_rate_rad_s: f64, path: Vec<Point3<f64>> },
 }
 
 /// The active leg of a path: a turn towards `target`, then a straight move.
@@ -159,8 +162,8 @@ impl Body {
         self.task != Task::Idle
     }
 
-    /// The remaining waypoints of the present task, metres, frame `map`: those of a path, or the
-    /// end of a finite move.
+    /// The remaining waypoints of the present task, metres, frame `map`: those of a path, the end
+    /// of a finite move, or where a velocity is said to lead.
     #[must_use]
     pub fn waypoints(&self) -> Vec<Point3<f64>> {
         match &self.task {
@@ -169,7 +172,8 @@ impl Body {
             Task::Move { direction_in_map, ramp } if ramp.rest.is_finite() => {
                 vec![self.pose.position + direction_in_map * ramp.rest]
             }
-            Task::Idle | Task::Move { .. } | Task::Turn { .. } | Task::Velocity { .. } => Vec::new(),
+            Task::Velocity { path, .. } => path.clone(),
+            Task::Idle | Task::Move { .. } | Task::Turn { .. } => Vec::new(),
         }
     }
 
@@ -220,12 +224,15 @@ impl Body {
                     None => Task::Idle,
                 }
             }
-            Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
+            Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s, path } => {
                 if !keeps_velocity {
                     self.stop();
                 }
-                self.task =
-                    Task::Velocity { target_in_body_m_s: linear_in_body_m_s, target_yaw_rate_rad_s: yaw_rate_rad_s };
+                self.task = Task::Velocity {
+                    target_in_body_m_s: linear_in_body_m_s,
+                    target_yaw_rate_rad_s: yaw_rate_rad_s,
+                    path,
+                };
                 return;
             }
         };
@@ -247,7 +254,7 @@ impl Body {
             }
             Task::Path { leg, rest } => self.step_path(leg, rest, obstacles, dt_s),
             Task::Flight(flight) => self.step_flight(flight, obstacles, dt_s),
-            Task::Velocity { target_in_body_m_s, target_yaw_rate_rad_s } => {
+            Task::Velocity { target_in_body_m_s, target_yaw_rate_rad_s, .. } => {
                 let target = (*target_in_body_m_s, *target_yaw_rate_rad_s);
                 match self.model.kind {
                     BodyKind::Submarine => self.step_velocity(target, obstacles, dt_s),
@@ -348,9 +355,9 @@ impl Body {
         obstacles: &Obstacles<'_>,
         dt_s: f64,
     ) -> Moved {
-        let target = self.clamped(Vector3::new(target_in_body_m_s.x, 0.0, target_in_body_m_s.z));
-        let velocity = self.velocity_towards(&self.velocity_in_body_m_s, &target, dt_s);
-        let rate_rad_s = self.rate_towards(target_yaw_rate_rad_s, dt_s);
+        let target = self.model.clamped(Vector3::new(target_in_body_m_s.x, 0.0, target_in_body_m_s.z));
+        let velocity = self.model.velocity_towards(&self.velocity_in_body_m_s, &target, dt_s);
+        let rate_rad_s = self.model.turn_rate_towards(self.yaw_rate_rad_s, target_yaw_rate_rad_s, dt_s);
         let moved = self.translate(turned(&velocity, self.pose.yaw_rad) * dt_s, obstacles, dt_s);
         if !moved.collided {
             self.velocity_in_body_m_s = velocity;
@@ -358,31 +365,6 @@ impl Body {
             self.pose.yaw_rad = wrapped(self.pose.yaw_rad + rate_rad_s * dt_s);
         }
         moved
-    }
-
-    /// The velocity with its magnitude clamped to the maximum speed.
-    fn clamped(&self, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
-        let speed_m_s = velocity_m_s.norm();
-        let limit_m_s = self.model.speed_max_m_s;
-        if speed_m_s > limit_m_s { velocity_m_s * (limit_m_s / speed_m_s) } else { velocity_m_s }
-    }
-
-    /// The velocity one tick after `present` on its way to `target`, within the acceleration
-    /// limits.
-    fn velocity_towards(&self, present: &Vector3<f64>, target: &Vector3<f64>, dt_s: f64) -> Vector3<f64> {
-        approached(present, target, self.model.acceleration_m_s2 * dt_s, self.model.deceleration_m_s2 * dt_s)
-    }
-
-    /// The turn rate one tick later on its way to `target_rad_s`, within the acceleration limits.
-    fn rate_towards(&self, target_rad_s: f64, dt_s: f64) -> f64 {
-        let limit_rad_s = self.model.turn_rate_max_rad_s;
-        approached(
-            &Vector3::new(self.yaw_rate_rad_s, 0.0, 0.0),
-            &Vector3::new(target_rad_s.clamp(-limit_rad_s, limit_rad_s), 0.0, 0.0),
-            self.model.turn_acceleration_rad_s2 * dt_s,
-            self.model.turn_deceleration_rad_s2 * dt_s,
-        )
-        .x
     }
 
     /// Moves the centre by `displacement` (metres, frame `map`) unless something blocks it.
@@ -425,22 +407,6 @@ impl From<Contact> for Collision {
     fn from(contact: Contact) -> Self {
         Self { surface: Surface::of_normal(&contact.normal), with_agent: contact.with_agent }
     }
-}
-
-/// `angle_rad` wrapped into (-pi, pi].
-#[must_use]
-pub fn wrapped(angle_rad: f64) -> f64 {
-    if angle_rad > -PI && angle_rad <= PI {
-        return angle_rad;
-    }
-    let turned = angle_rad - TAU * libm::floor((angle_rad + PI) / TAU);
-    if turned <= -PI { turned + TAU } else { turned }
-}
-
-/// `vector` rotated about the vertical by `yaw_rad`.
-fn turned(vector: &Vector3<f64>, yaw_rad: f64) -> Vector3<f64> {
-    let (sin, cos) = libm::sincos(yaw_rad);
-    Vector3::new(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos, vector.z)
 }
 
 #[cfg(test)]

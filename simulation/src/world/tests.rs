@@ -306,7 +306,7 @@ fn any_motion() -> impl Strategy<Value = Motion> {
         (-TAU..TAU).prop_map(|angle_rad| Motion::Turn { angle_rad }),
         prop::collection::vec(point, 1..5).prop_map(Motion::Path),
         (prop::array::uniform3(-9.0..9.0_f64), -9.0..9.0_f64).prop_map(|(linear, yaw_rate_rad_s)| {
-            Motion::Velocity { linear_in_body_m_s: Vector3::from(linear), yaw_rate_rad_s }
+            Motion::Velocity { linear_in_body_m_s: Vector3::from(linear), yaw_rate_rad_s, path: Vec::new() }
         }),
     ]
 }

@@ -120,7 +120,7 @@ export class AgentLog {
       speedMS: pose.speedMS,
       task: TASKS[kind] ?? "idle",
       path:
-        kind === TaskKind.Path || kind === TaskKind.Move
+        kind === TaskKind.Path || kind === TaskKind.Move || kind === TaskKind.Velocity
           ? this.#remainingPath(effective, timeS, pose.position)
           : [],
       contacts: observation < 0 ? [] : this.#contactsOf(observation),
@@ -249,7 +249,8 @@ export class AgentLog {
   }
 
   #pathOf(command: number, start: Pose): Path {
-    if (this.#command(command, COMMAND.kind) === TaskKind.Path) {
+    // Those of a velocity are where it is to lead.
+    if (this.#command(command, COMMAND.kind) !== TaskKind.Move) {
       const from = command === 0 ? 0 : this.#waypointsEnd.array[command - 1]!;
       return new Path(
         start.position,

@@ -168,6 +168,18 @@ describe("tasks", () => {
     expect(run.agentAt(0, 0.5).path).toEqual(path);
   });
 
+  test("a velocity has the waypoints to which it is to lead", async () => {
+    const path: Vec3[] = [[3.5, 1.5, 1.5]];
+    const run = await runOf([
+      observed(0),
+      make.command(0, 0, { kind: 5, path }),
+      make.poses(50, [[3, 1.5, 1.5]]),
+      make.command(0, 60, { kind: 5 }),
+    ]);
+    expect([0.5, 1.1, 1.3].map((timeS) => run.agentAt(0, timeS).path)).toEqual([path, path, []]);
+    expect(run.agentAt(0, 0.5).task).toBe("velocity");
+  });
+
   test("an unlimited move ends at the next wall, along heading and pitch", async () => {
     const run = await runOf([
       observed(0, { yawRad: Math.PI / 2 }),

@@ -27,6 +27,8 @@ pub enum Waypoints {
     Fewest,
     /// Those that take the least time, on that path and beside it.
     Quickest,
+    /// These, passed without a stop at each where there is a trajectory for it.
+    Passed,
 }
 
 impl Waypoints {
@@ -35,6 +37,7 @@ impl Waypoints {
         match self {
             Self::Fewest => "fewest",
             Self::Quickest => "quickest",
+            Self::Passed => "passed",
         }
     }
 }
@@ -88,7 +91,7 @@ pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, wa
     };
     let steps_max = CLEARING_STEPS_MAX.min(path.cells.len() - 1);
     let quicker = match (waypoints, &straight) {
-        (Waypoints::Quickest, Motion::Path(fewest)) => {
+        (Waypoints::Quickest | Waypoints::Passed, Motion::Path(fewest)) => {
             quicker(path, fewest, map, ctx.body(), (&ctx.position(), ctx.yaw_rad())).map(Motion::Path)
         }
         _ => None,

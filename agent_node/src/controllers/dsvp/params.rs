@@ -100,8 +100,9 @@ impl Params {
         let gain_depth = whole("gain_depth", default.gain_depth, 1, 1000)?;
         let gain_min = whole("gain_min", default.gain_min, 1, 100_000)?;
         let choices = match default.waypoints {
-            Waypoints::Fewest => [Waypoints::Fewest, Waypoints::Quickest],
-            Waypoints::Quickest => [Waypoints::Quickest, Waypoints::Fewest],
+            Waypoints::Fewest => [Waypoints::Fewest, Waypoints::Quickest, Waypoints::Passed],
+            Waypoints::Quickest => [Waypoints::Quickest, Waypoints::Fewest, Waypoints::Passed],
+            Waypoints::Passed => [Waypoints::Passed, Waypoints::Fewest, Waypoints::Quickest],
         };
         let waypoints = choices[settings.word("waypoints", &choices.map(Waypoints::word))?];
         Ok(Self {

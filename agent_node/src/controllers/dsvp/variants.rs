@@ -71,10 +71,8 @@ impl Dsvp {
     /// # Errors
     /// If a setting is out of range.
     pub fn with_team(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        let params = Params::from_settings(
-            settings,
-            Params { gain_min: 5, waypoints: Waypoints::Quickest, ..Params::default() },
-        )?;
+        let params =
+            Params::from_settings(settings, Params { gain_min: 5, waypoints: Waypoints::Passed, ..Params::default() })?;
         Ok(Self::with(params, Scheme::Team(TeamParams::from_settings(settings)?), rng))
     }
 }

@@ -33,16 +33,18 @@ const OTHER_SETTINGS: [(&str, &[&str]); 7] = [
 /// The rules of `msgs/msg/Task.msg` and its like.
 pub(super) fn assert_legal(command: &Command) {
     let is_coordinate = |along: f64| along.abs() <= 1e6;
+    let is_legal_path = |points: &[Point3<f64>]| {
+        points.len() <= PATH_POINTS_MAX && points.iter().all(|point| point.iter().all(|&along| is_coordinate(along)))
+    };
     let is_legal_motion = match &command.motion {
         Motion::Keep | Motion::Stop => true,
         Motion::Move { pitch_rad, distance_m } => pitch_rad.abs() <= FRAC_PI_2 && *distance_m >= 0.0,
         Motion::Turn { angle_rad } => angle_rad.abs() <= TAU,
-        Motion::Path(points) => {
-            (1..=PATH_POINTS_MAX).contains(&points.len())
-                && points.iter().all(|point| point.iter().all(|&along| is_coordinate(along)))
-        }
-        Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s } => {
-            linear_in_body_m_s.iter().all(|&along| is_coordinate(along)) && is_coordinate(*yaw_rate_rad_s)
+        Motion::Path(points) => !points.is_empty() && is_legal_path(points),
+        Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s, path } => {
+            linear_in_body_m_s.iter().all(|&along| is_coordinate(along))
+                && is_coordinate(*yaw_rate_rad_s)
+                && is_legal_path(path)
         }
     };
     assert!(is_legal_motion, "{command:?}");

@@ -12,10 +12,11 @@
 
 use std::collections::VecDeque;
 
+use msgs::kinematics::{approached, turned, wrapped};
 use nalgebra::{Point3, Vector3};
 
-use super::ramp::{Ramp, approached, landing_speed};
-use super::{Body, MOVE_REST_M, Moved, Obstacles, turned, wrapped};
+use super::ramp::{Ramp, landing_speed};
+use super::{Body, MOVE_REST_M, Moved, Obstacles};
 
 /// A path bends where its direction differs by more than this from that at the beginning of a leg,
 /// radians; at 3 m/s that is a change of velocity of 3 mm/s.
@@ -135,15 +136,15 @@ impl Body {
         dt_s: f64,
     ) -> Moved {
         // In the frame `map`, because the body turns while it moves.
-        let target_m_s = turned(&self.clamped(target_in_body_m_s), self.pose.yaw_rad);
+        let target_m_s = turned(&self.model.clamped(target_in_body_m_s), self.pose.yaw_rad);
         let present_m_s = self.velocity_in_map_m_s();
-        let mut velocity_m_s = self.velocity_towards(&present_m_s, &target_m_s, dt_s);
+        let mut velocity_m_s = self.model.velocity_towards(&present_m_s, &target_m_s, dt_s);
         if velocity_m_s.norm() >= EQUALLY_FAST * present_m_s.norm() {
             // A change that does not reduce the speed is limited by the acceleration.
             let limit_m_s = self.model.acceleration_m_s2 * dt_s;
             velocity_m_s = approached(&present_m_s, &target_m_s, limit_m_s, limit_m_s);
         }
-        let rate_rad_s = self.rate_towards(target_yaw_rate_rad_s, dt_s);
+        let rate_rad_s = self.model.turn_rate_towards(self.yaw_rate_rad_s, target_yaw_rate_rad_s, dt_s);
         let moved = self.translate(velocity_m_s * dt_s, obstacles, dt_s);
         if !moved.collided {
             self.set_velocities(velocity_m_s, rate_rad_s, dt_s);
@@ -156,10 +157,10 @@ impl Body {
     fn rate_to_heading(&self, heading_rad: Option<f64>, dt_s: f64) -> f64 {
         let left_rad = heading_rad.map_or(0.0, |heading_rad| wrapped(heading_rad - self.pose.yaw_rad));
         if left_rad.abs() < HEADING_REST_RAD {
-            return self.rate_towards(0.0, dt_s);
+            return self.model.turn_rate_towards(self.yaw_rate_rad_s, 0.0, dt_s);
         }
         let rate_rad_s = landing_speed(left_rad.abs(), self.model.turn_deceleration_rad_s2, dt_s);
-        self.rate_towards(rate_rad_s.copysign(left_rad), dt_s)
+        self.model.turn_rate_towards(self.yaw_rate_rad_s, rate_rad_s.copysign(left_rad), dt_s)
     }
 
     /// Turns the body and stores the velocities of this tick (frame `map`).

@@ -3,8 +3,6 @@
 //!
 //! Units are metres for moves and radians for turns.
 
-use nalgebra::Vector3;
-
 /// A landing ramp ends with no more than this to go, so that rounding does not cost a tick.
 const LANDING_REST: f64 = 1e-9;
 
@@ -72,13 +70,4 @@ pub(super) fn landing_speed(rest: f64, deceleration: f64, dt_s: f64) -> f64 {
     } else {
         (2.0 * deceleration * rest).sqrt()
     }
-}
-
-/// `present` moved towards `target` by at most `faster` if that accelerates, and at most `slower`
-/// if it brakes.
-pub(super) fn approached(present: &Vector3<f64>, target: &Vector3<f64>, faster: f64, slower: f64) -> Vector3<f64> {
-    let change = target - present;
-    let size = change.norm();
-    let limit = if target.norm_squared() >= present.norm_squared() { faster } else { slower };
-    if size <= limit { *target } else { present + change * (limit / size) }
 }

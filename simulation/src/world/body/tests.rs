@@ -144,8 +144,11 @@ fn velocity_is_ramped_held_and_clamped() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
-    let forwards =
-        |x: f64, yaw_rate_rad_s| Motion::Velocity { linear_in_body_m_s: Vector3::new(x, 5.0, 0.0), yaw_rate_rad_s };
+    let forwards = |x: f64, yaw_rate_rad_s| Motion::Velocity {
+        linear_in_body_m_s: Vector3::new(x, 5.0, 0.0),
+        yaw_rate_rad_s,
+        path: Vec::new(),
+    };
     body.set_task(forwards(1.0, 0.0));
     body.advance(&obstacles, DT_S);
     assert!((body.velocity_in_map_m_s().x - 0.01).abs() < 1e-12, "speeds up as it can, and never sideways");
@@ -162,13 +165,4 @@ fn velocity_is_ramped_held_and_clamped() {
     assert!((body.velocity_in_map_m_s().norm() - 1.5).abs() < 1e-12);
     assert!((body.yaw_rate_rad_s() - BodyModel::SUBMARINE.turn_rate_max_rad_s).abs() < 1e-12);
     assert!(body.is_active());
-}
-
-#[test]
-fn angles_are_wrapped_into_one_turn() {
-    for (angle_rad, expected_rad) in
-        [(0.0, 0.0), (PI, PI), (-PI, PI), (3.0 * PI, PI), (TAU, 0.0), (-TAU + 0.5, 0.5), (7.0, 7.0 - TAU)]
-    {
-        assert!((wrapped(angle_rad) - expected_rad).abs() < 1e-12, "{angle_rad}");
-    }
 }

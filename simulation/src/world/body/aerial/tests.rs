@@ -111,12 +111,20 @@ fn a_velocity_may_be_sideways_and_turns_with_the_body() {
     let terrain = space();
     let obstacles = Obstacles::new(&terrain, &[], 0);
     let mut body = body();
-    body.set_task(Motion::Velocity { linear_in_body_m_s: Vector3::new(0.0, 1.0, 0.0), yaw_rate_rad_s: 0.0 });
+    body.set_task(Motion::Velocity {
+        linear_in_body_m_s: Vector3::new(0.0, 1.0, 0.0),
+        yaw_rate_rad_s: 0.0,
+        path: Vec::new(),
+    });
     for _ in 0..50 {
         body.advance(&obstacles, DT_S);
     }
     assert!((body.velocity_in_map_m_s() - Vector3::new(0.0, 1.0, 0.0)).norm() < 1e-12);
-    body.set_task(Motion::Velocity { linear_in_body_m_s: Vector3::new(0.0, 9.0, 0.0), yaw_rate_rad_s: 0.1 });
+    body.set_task(Motion::Velocity {
+        linear_in_body_m_s: Vector3::new(0.0, 9.0, 0.0),
+        yaw_rate_rad_s: 0.1,
+        path: Vec::new(),
+    });
     for _ in 0..150 {
         body.advance(&obstacles, DT_S);
     }
@@ -169,7 +177,11 @@ fn motions() -> impl Strategy<Value = Motion> {
         1 => (-6.2..6.2).prop_map(|angle_rad| Motion::Turn { angle_rad }),
         4 => prop::collection::vec(points(), 1..5).prop_map(Motion::Path),
         3 => (velocity(), -9.0..9.0)
-            .prop_map(|(linear_in_body_m_s, yaw_rate_rad_s)| Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s }),
+            .prop_map(|(linear_in_body_m_s, yaw_rate_rad_s)| Motion::Velocity {
+                linear_in_body_m_s,
+                yaw_rate_rad_s,
+                path: Vec::new()
+            }),
     ]
 }
 
