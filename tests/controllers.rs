@@ -93,7 +93,7 @@ fn agents_meet_on_purpose_only_what_is_out_of_contact() {
         let model = format!("communication.model=\"{model}\"");
         let mut command = site.binary("maes");
         command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
-        command.args(["--agents", "4", "--size", "60", "--seed", "3", "--duration", "120"]);
+        command.args(["--agents", "4", "--size", "80", "--seed", "5", "--duration", "120"]);
         command.args(["--controller", "dsvp-team", "--set", "agents.set.meeting_chance=1", "--set", &model]);
         let outcome = site.record_with(&mut command);
         let recording = Recording::from_bytes(&outcome.bytes);
