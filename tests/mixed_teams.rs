@@ -53,17 +53,32 @@ fn mixed_team_is_the_same_everywhere_and_verifies() {
     assert_ne!(uniform.digest(), over_memory.digest());
 }
 
+/// The bytes of a fork of `parent.mcap`.
+fn fork(site: &Site, name: &str, change: &[&str]) -> Vec<u8> {
+    let file = site.path(name);
+    let of_fork = ["run", "--fork", "parent.mcap", "--at", "20", "--record", text(&file)];
+    maes(site, &[&of_fork[..], change].concat()).with_code(0);
+    std::fs::read(file).expect("there is a recording")
+}
+
+/// Agents get requests again while the commands of the parent are replayed to them, and answer some
+/// of them twice.
+#[test]
+fn late_answers_do_not_change_a_fork() {
+    let site = Site::new();
+    site.file("parent.mcap", &site.record(&flags(&["--transport", "memory"])).bytes);
+    let change = ["--transport", "memory", "--set", "agents.mix=[]"];
+    let prompt = fork(&site, "prompt.mcap", &change);
+    let late = fork(&site, "late.mcap", &[&change[..], &["--chaos-delay-ms", "150"]].concat());
+    assert!(late == prompt, "late answers change the fork");
+}
+
 #[test]
 fn forks_change_the_mix_and_the_others() {
     let site = Site::new();
     let parent = site.record(&flags(&["--transport", "memory"]));
     site.file("parent.mcap", &parent.bytes);
-    let fork = |name: &str, change: &[&str]| {
-        let file = site.path(name);
-        let of_fork = ["run", "--fork", "parent.mcap", "--at", "20", "--record", text(&file)];
-        maes(&site, &[&of_fork[..], change].concat()).with_code(0);
-        std::fs::read(file).expect("there is a recording")
-    };
+    let fork = |name: &str, change: &[&str]| fork(&site, name, change);
     assert!(fork("same.mcap", &["--transport", "memory"]) == parent.bytes, "a fork without a change differs");
     let all_walk = ["--set", "agents.mix=[]"];
     let others_plan = ["--controller", "nearest-frontier"];

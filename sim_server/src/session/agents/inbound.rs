@@ -250,6 +250,8 @@ impl AgentSessions {
             Recall::Complete => {}
             Recall::Retransmit => return Ok(()),
             Recall::Same => {
+                // If it was prompted for again, it comes once more, maybe after the replay.
+                self.last_commands[agent.index()] = Some(command);
                 self.to_prompt.insert(agent);
                 return Ok(());
             }
