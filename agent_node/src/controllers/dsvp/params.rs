@@ -99,11 +99,9 @@ impl Params {
         let gain_rays = whole("gain_rays", default.gain_rays, 6, 10_000)?;
         let gain_depth = whole("gain_depth", default.gain_depth, 1, 1000)?;
         let gain_min = whole("gain_min", default.gain_min, 1, 100_000)?;
-        let choices = match default.waypoints {
-            Waypoints::Fewest => [Waypoints::Fewest, Waypoints::Quickest, Waypoints::Passed],
-            Waypoints::Quickest => [Waypoints::Quickest, Waypoints::Fewest, Waypoints::Passed],
-            Waypoints::Passed => [Waypoints::Passed, Waypoints::Fewest, Waypoints::Quickest],
-        };
+        // The first word is the default.
+        let mut choices = [Waypoints::Fewest, Waypoints::Quickest, Waypoints::Passed];
+        choices.sort_by_key(|&choice| choice != default.waypoints);
         let waypoints = choices[settings.word("waypoints", &choices.map(Waypoints::word))?];
         Ok(Self {
             horizon_m: settings.number("horizon_m", default.horizon_m, 1.0, 1000.0)?,

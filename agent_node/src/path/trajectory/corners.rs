@@ -66,7 +66,7 @@ impl Corner {
         (0..points.len()).map(corner).collect()
     }
 
-    /// How it is passed. A turn takes time, in which the body goes on: the way there is an arc that
+    /// How it is passed. A turn takes time, in which the body moves: the way there is an arc that
     /// begins before the corner and ends as far behind it.
     pub(super) fn passage(&self, body: &BodyModel) -> Passage {
         let (speed, outside) = PASSAGES[self.passage];
