@@ -93,16 +93,34 @@ fn agents_meet_on_purpose_only_what_is_out_of_contact() {
         let model = format!("communication.model=\"{model}\"");
         let mut command = site.binary("maes");
         command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
-        command.args(["--agents", "4", "--size", "80", "--seed", "5", "--duration", "120"]);
-        command.args(["--controller", "dsvp-team", "--set", "agents.set.meeting_chance=1", "--set", &model]);
+        command.args(["--agents", "6", "--size", "100", "--seed", "6", "--duration", "150"]);
+        command.args(["--controller", "dsvp-team", "--set", &model]);
+        command.args(["--set", "agents.set.meeting_chance=1", "--set", "agents.set.meeting_decay_s=600"]);
         let outcome = site.record_with(&mut command);
         let recording = Recording::from_bytes(&outcome.bytes);
         assert!(recording.result().explored < 1.0, "agents that know no frontier look for others in any case");
-        let commands = (0..4).flat_map(|agent| recording.of::<maes_msgs::Command>(&format!("/agent_{agent}/command")));
+        let commands = (0..6).flat_map(|agent| recording.of::<maes_msgs::Command>(&format!("/agent_{agent}/command")));
         commands.filter(|command| command.info.starts_with("with news to agent")).count()
     };
     assert!(meetings("line_of_sight") > 0);
     assert_eq!(meetings("global"), 0, "perfect communication leaves nothing to learn");
+}
+
+#[test]
+fn scans_near_frontiers_only_see_everything_with_fewer_scans() {
+    let site = Site::new();
+    let scans = |scan_m: u32| {
+        let mut command = site.binary("maes");
+        command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
+        command.args(["--agents", "4", "--size", "50", "--seed", "2", "--duration", "1800"]);
+        command.args(["--controller", "dsvp-team", "--set", &format!("agents.set.scan_m={scan_m}")]);
+        let result = Recording::from_bytes(&site.record_with(&mut command).bytes).result();
+        assert!(refusals(&result).is_empty(), "{:?}", refusals(&result));
+        assert_eq!(result.explored, 1.0, "with a distance of {scan_m} m");
+        counter(&result, "scans")
+    };
+    let [always, near] = [0, 3].map(scans);
+    assert!(2 * near < always, "{near} of {always} scans");
 }
 
 /// The figures are in docs/benchmarks.md.

@@ -21,11 +21,13 @@
 //! Beyond that, reports are not validated.
 
 mod around;
+mod cubes;
 mod delta;
 #[cfg(test)]
 pub(crate) mod drawing;
 mod known_blocks;
 mod place;
+mod sight;
 #[cfg(test)]
 mod tests;
 
@@ -257,37 +259,6 @@ impl ExplorationMap {
     /// The indices of all frontiers, ascending.
     pub fn frontiers(&self) -> impl Iterator<Item = u32> + '_ {
         self.frontier.iter().map(|index| index as u32)
-    }
-
-    /// The cells known to be free in a cube of at most 5 cells along each axis whose lowest cell is
-    /// inside the map: one bit each, x first.
-    pub(crate) fn free_in(&self, corner: Cell, side: i32) -> u128 {
-        self.in_rows(corner, side, |start, count| {
-            let row = &self.cells.as_slice()[start..start + count];
-            (0..)
-                .zip(row)
-                .fold(0, |bits, (place, &packed): (u32, _)| bits | u64::from(state_of(packed).is_free()) << place)
-        })
-    }
-
-    /// The frontiers in such a cube.
-    pub(crate) fn frontiers_in(&self, corner: Cell, side: i32) -> u128 {
-        self.in_rows(corner, side, |start, count| self.frontier.run(start, count as u32))
-    }
-
-    /// Puts the bits of the rows of a cube together; `row` gets the first cell of a row and the
-    /// number of its cells that are inside the map.
-    fn in_rows(&self, corner: Cell, side: i32, row: impl Fn(usize, usize) -> u64) -> u128 {
-        let [size_x, size_y, size_z] = self.extent().size().map(u32::cast_signed);
-        let count = side.min(size_x - corner.x) as usize;
-        let mut bits = 0;
-        for z in 0..side.min(size_z - corner.z) {
-            for y in 0..side.min(size_y - corner.y) {
-                let start = ((corner.z + z) * size_y + corner.y + y) * size_x + corner.x;
-                bits |= u128::from(row(start as usize, count)) << ((z * side + y) * side);
-            }
-        }
-        bits
     }
 
     /// Number of frontiers.

@@ -24,12 +24,14 @@ mod coordination;
 mod driving;
 mod dtw;
 mod expectation;
+mod exploration;
 mod gain;
 mod goal;
 mod obstacles;
 mod params;
 mod pursuit;
 mod relocation;
+mod scanning;
 mod team;
 #[cfg(test)]
 mod tests;
@@ -54,8 +56,8 @@ use crate::abstract_graph::{AbstractGraph, ShortestPaths};
 use crate::command::{Command, Motion, ScanRequest, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
-use crate::path::{Neighbours, Path};
-use avoidance::{Waypoints, hold, motion_along, motion_to, obstacles_near, path_length_m};
+use crate::path::Neighbours;
+use avoidance::{Waypoints, hold, motion_to, obstacles_near, path_length_m};
 use coordination::{Coordination, Scheme};
 use driving::Driving;
 use gain::{GainEstimator, Likelihood};
@@ -64,9 +66,10 @@ use obstacles::Obstacles;
 pub use params::Params;
 pub use pursuit::FINISHED_MESSAGE;
 use pursuit::Pursuit;
+use scanning::Scanning;
 pub use tours::TASKS_MESSAGE;
 use tours::Tours;
-use tree::{Tree, vector};
+use tree::Tree;
 
 /// Longest wait after a collision with another agent, ticks: about the time in which the other one
 /// moves away.
@@ -105,6 +108,7 @@ pub struct Dsvp {
     /// Whether the present goal was taken although another agent outbids it, for lack of a better
     /// one.
     is_contested: bool,
+    scanning: Scanning,
     /// Until when it waits at rest because another agent blocked its path.
     waits_until: Option<Tick>,
     /// Since when it has been at rest, waiting for a scan from here.
@@ -139,6 +143,7 @@ impl Dsvp {
             driving: None,
             known_cells: 0,
             is_contested: false,
+            scanning: Scanning::default(),
             waits_until: None,
             at_rest_since: None,
             abandoned: BTreeSet::new(),
@@ -359,49 +364,6 @@ impl Dsvp {
             Some((Goal::Evasion { cell }, motion))
         })
     }
-
-    /// The exploration stage.
-    fn explore(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        let Some(model) = &mut self.model else { return Plan::Nothing };
-        let (map, here) = (ctx.map(), ctx.cell());
-        let growth = self.params.growth(map.extent().cell_m(), ctx.body(), ctx.yaw_rad());
-        let WorldModel { graph, gain_estimator, coordination, .. } = model;
-        let frontiers = local_frontiers(graph, coordination, here, growth.horizon);
-        if frontiers.is_empty() {
-            self.tree = None;
-            return Plan::Nothing;
-        }
-        let ahead = most_ahead(frontiers, here, self.direction, self.params.frontiers as usize, &mut self.rng);
-        let mut tree = match self.tree.take() {
-            Some(tree) => tree.rerooted_at(here, map, &growth),
-            None => Tree::new(here),
-        };
-        tree.grow(map, &growth, &ahead, obstacles, &mut self.rng);
-        if has_gain_left(self.goal, here, map, gain_estimator, self.params.gain_min) {
-            self.unproductive.insert(here);
-        }
-        let (unproductive, share_min) = (&self.unproductive, self.params.share_min);
-        let utility_factor = |cell: Cell, path_m: f64| {
-            if unproductive.contains(&cell) {
-                return 0.0;
-            }
-            let share = coordination.utility_factor(graph, cell, path_m, observation.tick);
-            if share < share_min { 0.0 } else { share }
-        };
-        let branch = tree.best(map, gain_estimator, &self.params.valuation(), self.direction, &utility_factor);
-        self.tree = Some(tree);
-        let Some((branch, end)) = branch.and_then(|branch| branch.cells.last().copied().map(|end| (branch, end)))
-        else {
-            return Plan::Nothing;
-        };
-        match motion_along(ctx, &Path { cells: branch.cells, cost: 0 }, obstacles, self.params.waypoints) {
-            Some(motion) => {
-                self.direction = vector(end - here).try_normalize(0.0);
-                Plan::Go(Goal::Viewpoint { cell: end, gain: branch.gain }, motion)
-            }
-            None => Plan::Blocked,
-        }
-    }
 }
 
 /// The result of a stage.
@@ -420,6 +382,7 @@ impl Controller for Dsvp {
         self.update(observation, ctx);
         let command = self.choose(observation, ctx);
         let command = self.with_tasks(command, observation, ctx);
+        let command = self.scanning.with_request(command, self.params.scan_m, observation, ctx);
         let has_met = observation.events & Events::CONTACTS != 0;
         match &mut self.model {
             Some(WorldModel { pursuit, .. }) => pursuit.with_reports(command, &observation.contacts, has_met),
@@ -480,33 +443,6 @@ fn has_gain_left(
     matches!(goal, Some(Goal::Viewpoint { cell, .. }) if cell == here) && gain_estimator.gain(map, here) >= gain_min
 }
 
-/// For each region within the horizon the frontier nearest to the agent.
-fn local_frontiers(graph: &AbstractGraph, coordination: &Coordination, here: Cell, horizon: i32) -> Vec<Cell> {
-    let nearest = |frontiers: &[Cell]| frontiers.iter().copied().min_by(|a, b| by_distance(here, a, b));
-    let open = graph.near(here, horizon).filter(|(_, region)| coordination.is_open(graph, region.centre));
-    open.filter_map(|(_, region)| nearest(&region.frontiers)).collect()
-}
-
 fn by_distance(here: Cell, a: &Cell, b: &Cell) -> Ordering {
     here.distance(*a).total_cmp(&here.distance(*b)).then(a.cmp(b))
-}
-
-/// The local frontiers most aligned with the direction of travel; random ones if there is no
-/// direction yet.
-fn most_ahead(
-    mut frontiers: Vec<Cell>,
-    here: Cell,
-    direction: Option<Vector3<f64>>,
-    count: usize,
-    rng: &mut ChaCha8Rng,
-) -> Vec<Cell> {
-    match direction {
-        Some(direction) => {
-            let ahead = |cell: &Cell| vector(*cell - here).try_normalize(0.0).map_or(1.0, |to| to.dot(&direction));
-            frontiers.sort_by(|a, b| ahead(b).total_cmp(&ahead(a)).then(a.cmp(b)));
-        }
-        None => frontiers.shuffle(rng),
-    }
-    frontiers.truncate(count);
-    frontiers
 }

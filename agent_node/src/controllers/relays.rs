@@ -7,14 +7,10 @@
 //! In line of sight means that all cells on the straight segment are known to be free. With a
 //! communication model of longer reach, relays are dropped earlier than necessary.
 
-use std::ops::ControlFlow;
-
 use nalgebra::Point3;
-use voxels::walk_segment;
 
 use super::Ctx;
 use super::settings::{SettingError, Settings};
-use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 
 /// Look-ahead distance along the path, cells.
@@ -47,7 +43,7 @@ impl Relays {
             || contacts.iter().map(|contact| contact.position).chain(relays.iter().map(|relay| relay.position));
         let range_m = ctx.run_info().communication_range_m;
         let is_connected = |from: &Point3<f64>| {
-            others().any(|other| (other - from).norm() <= range_m && is_in_sight(ctx.map(), from, &other))
+            others().any(|other| (other - from).norm() <= range_m && ctx.map().is_free_between(from, &other))
         };
         let here = ctx.position();
         let there = along(&here, path, AHEAD_CELLS * ctx.map().extent().cell_m());
@@ -69,15 +65,6 @@ fn along(from: &Point3<f64>, path: &[Point3<f64>], mut length_m: f64) -> Point3<
         here = *next;
     }
     here
-}
-
-fn is_in_sight(map: &ExplorationMap, from: &Point3<f64>, to: &Point3<f64>) -> bool {
-    let is_free = |cell| map.state(cell).is_free();
-    let walk = walk_segment(map.extent(), from, to, |cell| match is_free(cell) {
-        true => ControlFlow::Continue(()),
-        false => ControlFlow::Break(()),
-    });
-    walk.is_continue()
 }
 
 #[cfg(test)]

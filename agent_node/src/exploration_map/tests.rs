@@ -334,3 +334,24 @@ proptest! {
         prop_assert_eq!(map.free_around(cell), free);
     }
 }
+
+proptest! {
+    #[test]
+    fn frontiers_near_a_cell_are_those_within_reach_along_each_axis(
+        size in [1u32..200, 1u32..7, 1u32..7],
+        free in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
+        at in any::<prop::sample::Index>(),
+        reach in prop_oneof![0i32..12, 0i32..200],
+    ) {
+        let extent = Extent::new(size, 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        free.iter().for_each(|cell| map.note_free(&[cell.index(extent.volume()) as u32]));
+        let cell = extent.cell_at(at.index(extent.volume()));
+        let is_near = |frontier: &Cell| {
+            let by = *frontier - cell;
+            [by.x, by.y, by.z].into_iter().all(|by| by.abs() <= reach)
+        };
+        let frontiers = map.frontiers().map(|frontier| extent.cell_at(frontier as usize));
+        prop_assert!(map.frontiers_near(cell, reach).eq(frontiers.filter(is_near)));
+    }
+}

@@ -120,15 +120,6 @@ impl GainEstimator {
         }
     }
 
-    /// The index of a viewpoint, if all its rays lie inside the map.
-    fn index_inside(&self, map: &ExplorationMap, viewpoint: Cell) -> Option<usize> {
-        let extent = map.extent();
-        let reach = self.pattern.reach();
-        let corner = Cell::new(reach, reach, reach);
-        let is_inside = extent.contains(viewpoint - corner) && extent.contains(viewpoint + corner);
-        extent.index(viewpoint).filter(|_| is_inside)
-    }
-
     /// The unexplored cells visible from the centre of a cell, each by its likelihood to be free.
     pub(in crate::controllers) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
         let rays = self.rays(map);
@@ -183,43 +174,46 @@ impl GainEstimator {
     /// Calls `meet` for the unexplored cells that rays meet, ray by ray, nearest first; a ray ends
     /// once that returns false.
     fn along_rays(&self, rays: &Rays, map: &ExplorationMap, viewpoint: Cell, meet: &mut impl FnMut(Met) -> bool) {
-        match self.index_inside(map, viewpoint) {
-            Some(index) => {
-                let state = |at: &RayCell| map.state_at(index.wrapping_add_signed(at.offset as isize));
-                self.follow(rays, viewpoint, state, meet);
+        let extent = map.extent();
+        let Some(index) = extent.index(viewpoint) else { return };
+        let state = |at: &RayCell| map.state_at(index.wrapping_add_signed(at.offset as isize));
+        let mut start = 0;
+        for &end in &rays.ends {
+            let ray = &rays.cells[start..end as usize];
+            start = end as usize;
+            // A ray is straight, so it lies inside the map if its last cell does.
+            if ray.last().is_none_or(|last| extent.contains(viewpoint + last.by)) {
+                self.follow(ray, viewpoint, state, meet);
+            } else {
+                // Cells outside the map are walls.
+                self.follow(ray, viewpoint, |at| map.state(viewpoint + at.by), meet);
             }
-            // Cells outside the map are walls.
-            None => self.follow(rays, viewpoint, |at| map.state(viewpoint + at.by), meet),
         }
     }
 
-    /// The same, with the states of the cells of the rays.
+    /// The same for one ray, with the states of its cells.
     #[inline(always)]
     fn follow(
         &self,
-        rays: &Rays,
+        ray: &[RayCell],
         viewpoint: Cell,
         state: impl Fn(&RayCell) -> CellState,
         meet: &mut impl FnMut(Met) -> bool,
     ) {
-        let mut start = 0;
-        for &end in &rays.ends {
-            let mut unexplored = 0;
-            for at in &rays.cells[start..end as usize] {
-                match state(at) {
-                    CellState::Wall => break,
-                    CellState::Free | CellState::Covered => {}
-                    CellState::Unexplored => {
-                        let cell = viewpoint + at.by;
-                        let is_followed = meet(Met { cell, place: at.place as usize, before: unexplored });
-                        unexplored += 1;
-                        if unexplored == self.depth || !is_followed {
-                            break;
-                        }
+        let mut unexplored = 0;
+        for at in ray {
+            match state(at) {
+                CellState::Wall => break,
+                CellState::Free | CellState::Covered => {}
+                CellState::Unexplored => {
+                    let cell = viewpoint + at.by;
+                    let is_followed = meet(Met { cell, place: at.place as usize, before: unexplored });
+                    unexplored += 1;
+                    if unexplored == self.depth || !is_followed {
+                        break;
                     }
                 }
             }
-            start = end as usize;
         }
     }
 }

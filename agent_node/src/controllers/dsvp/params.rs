@@ -57,6 +57,9 @@ pub struct Params {
     pub start_m: f64,
     /// Which waypoints are taken along a path.
     pub waypoints: Waypoints,
+    /// An agent under way scans only where a frontier is in sight within this distance along each
+    /// axis. 0: it always scans.
+    pub scan_m: f64,
 }
 
 impl Default for Params {
@@ -81,6 +84,7 @@ impl Default for Params {
             hope: 0.0,
             start_m: 0.0,
             waypoints: Waypoints::Fewest,
+            scan_m: 0.0,
         }
     }
 }
@@ -129,6 +133,7 @@ impl Params {
             beside_wall: settings.number("beside_wall", default.beside_wall, 0.0, 1.0)?,
             gain_left: settings.number("gain_left", default.gain_left, 0.0, 1.0)?,
             waypoints,
+            scan_m: settings.number("scan_m", default.scan_m, 0.0, 100.0)?,
             ..default
         })
     }
@@ -192,7 +197,9 @@ impl TeamParams {
     pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
         Ok(Self {
             auction: AuctionParams::from_settings(settings)?,
-            tasks: settings.integer("tasks", 60, 1, 1000)? as usize,
+            regions: settings.integer("regions", 120, 1, 10_000)? as usize,
+            tasks: settings.integer("tasks", 40, 1, 1000)? as usize,
+            aerial_tasks: settings.integer("aerial_tasks", 90, 1, 1000)? as usize,
             expected_min: settings.number("expected_min", 4.0, 0.0, 10_000.0)?,
             exponent: settings.number("exponent", 1.5, 0.0, 10.0)?,
             urgency: settings.number("urgency", 5.0, 0.0, 1000.0)?,
@@ -209,7 +216,9 @@ impl TeamParams {
     pub(super) fn of(self, kind: BodyKind) -> Self {
         match kind {
             BodyKind::Submarine => self,
-            BodyKind::Aerial => Self { urgency: self.aerial_urgency, leg_s: self.aerial_leg_s, ..self },
+            BodyKind::Aerial => {
+                Self { tasks: self.aerial_tasks, urgency: self.aerial_urgency, leg_s: self.aerial_leg_s, ..self }
+            }
         }
     }
 }

@@ -1,13 +1,13 @@
 //! The tour stage: an agent plans tours for the whole team, as far as it knows it, over viewpoints
 //! that see what is behind all frontiers, and follows its own.
 //!
-//! It takes the place of the exploration stage. At each plan the tasks of the map are found anew
-//! ([`viewpoints`]), weighted by the number of free cells that they are expected to show
-//! ([`super::expectation`]) and by the probability that no other agent has seen them in the
-//! meantime ([`sightings`]), and divided among this agent, from where it is, and the others, from
-//! their claimed goals ([`division`]). Claims are exchanged as in the auction, which also settles
-//! conflicts. An agent without a task in that division plans for itself alone; one without any
-//! task at all relocates. If it pays, it first goes to meet another one ([`meetings`]).
+//! It takes the place of the exploration stage. At each plan the tasks of the nearest regions with
+//! frontiers are found anew ([`viewpoints`]), weighted by the number of free cells that they are
+//! expected to show ([`super::expectation`]) and by the probability that no other agent has seen
+//! them in the meantime ([`sightings`]), and divided among this agent, from where it is, and the
+//! others, from their claimed goals ([`division`]). Claims are exchanged as in the auction, which
+//! also settles conflicts. An agent without a task in that division plans for itself alone; one
+//! without any task at all relocates. If it pays, it first goes to meet another one ([`meetings`]).
 //!
 //! Invariants: it goes only where the graph knows a path; it depends on the map, the graph and the
 //! observations alone.
@@ -50,6 +50,8 @@ const NEAR_S: f64 = 10.0;
 pub(super) struct TeamParams {
     /// Those of the claims.
     pub(super) auction: AuctionParams,
+    /// How many regions with frontiers a plan looks at, the nearest ones.
+    pub(super) regions: usize,
     /// Most tasks of a division.
     pub(super) tasks: usize,
     /// Expected free cells from which on a viewpoint is a task.
@@ -60,7 +62,8 @@ pub(super) struct TeamParams {
     pub(super) urgency: f64,
     /// Time of a leg beside its length over the speed: to turn, start, stop and look; seconds.
     pub(super) leg_s: f64,
-    /// The urgency and the time of a leg for aerial bodies, which need not turn.
+    /// The tasks, the urgency and the time of a leg for aerial bodies, which need not turn.
+    pub(super) aerial_tasks: usize,
     pub(super) aerial_urgency: f64,
     pub(super) aerial_leg_s: f64,
     /// How long an agent has a part in divisions after it should have been at its last known goal,
@@ -148,10 +151,15 @@ impl Team {
         let TeamParams { leg_s, urgency, memory_s, .. } = self.params;
         let tasks: Vec<Task> = valued.iter().map(|valued| valued.task).collect();
         let mut between_s = vec![vec![UNREACHABLE_S; tasks.len()]; tasks.len()];
-        // A path is as long as the way back.
-        for (from, task) in tasks.iter().enumerate() {
-            self.lengths.begin(world.graph, task.cell, tasks[from..].iter().map(|task| task.region));
-            for (to, other) in tasks.iter().enumerate().skip(from) {
+        // A path is as long as the way back. The searches from the tasks farthest from here come
+        // first: they cover the map, and those that are left stay among the tasks nearby.
+        let mut farthest_first: Vec<usize> = (0..tasks.len()).collect();
+        farthest_first.sort_by(|&a, &b| valued[b].own_s.total_cmp(&valued[a].own_s).then(a.cmp(&b)));
+        for (done, &from) in farthest_first.iter().enumerate() {
+            let left = &farthest_first[done..];
+            self.lengths.begin(world.graph, tasks[from].cell, left.iter().map(|&to| tasks[to].region));
+            for &to in left {
+                let other = &tasks[to];
                 let length = self.lengths.to(world.graph, other.region);
                 let leg_s = world.leg_s(length, world.speed_m_s, leg_s);
                 between_s[from][to] = leg_s;
@@ -228,7 +236,8 @@ impl Dsvp {
         let mut candidates = Vec::new();
         let mut own_m = BTreeMap::new();
         paths.begin(graph, here);
-        while paths.has_frontiers_left()
+        while candidates.len() < team.params.regions
+            && paths.has_frontiers_left()
             && let Some((id, region, length)) = paths.next(graph)
         {
             let Some(candidate) = Candidate::new(graph, id, region, here, &self.abandoned) else { continue };

@@ -65,8 +65,8 @@ impl Dsvp {
     }
 
     /// The planner with tours for the whole team. Settings: those of [`Dsvp::with_auction`], and
-    /// `tasks`, `expected_min`, `exponent`, `urgency`, `leg_s`, `aerial_urgency`, `aerial_leg_s`,
-    /// `memory_s` (see docs/controllers.md).
+    /// `regions`, `tasks`, `aerial_tasks`, `expected_min`, `exponent`, `urgency`, `leg_s`,
+    /// `aerial_urgency`, `aerial_leg_s`, `memory_s` (see docs/controllers.md).
     ///
     /// # Errors
     /// If a setting is out of range.

@@ -1,12 +1,10 @@
 //! Visits by sight: marks the cells seen from nearby as covered, on the agent's own map.
 
-use std::ops::ControlFlow;
-
-use voxels::{Cell, walk_segment};
+use voxels::Cell;
 
 use super::places::squared;
 use crate::controllers::Ctx;
-use crate::exploration_map::{CellState, ExplorationMap};
+use crate::exploration_map::CellState;
 
 /// Cells farther away than this stay unvisited, whatever the radius in metres: it bounds the cost.
 const REACH_MAX_CELLS: f64 = 24.0;
@@ -25,20 +23,11 @@ pub(crate) fn mark_visited(ctx: &mut Ctx<'_>, radius_m: f64) {
                 let cell = own + offset;
                 if f64::from(squared(offset)) <= radius_cells * radius_cells
                     && ctx.map().state(cell) == CellState::Free
-                    && is_in_sight(ctx.map(), own, cell)
+                    && ctx.map().is_in_sight(own, cell)
                 {
                     ctx.mark_covered(cell);
                 }
             }
         }
     }
-}
-
-/// Whether the line between the centres of two cells crosses only cells known to be free.
-pub(crate) fn is_in_sight(map: &ExplorationMap, one: Cell, other: Cell) -> bool {
-    let extent = map.extent();
-    let end = walk_segment(extent, &extent.centre(one), &extent.centre(other), |cell| {
-        if map.state(cell).is_free() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-    });
-    end.is_continue()
 }

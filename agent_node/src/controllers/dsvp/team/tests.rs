@@ -79,11 +79,13 @@ fn one_viewpoint_is_enough_for_what_it_sees() {
     let layer: Vec<u32> = (0..81).collect();
     map.note_free(&layer);
     let (_, regions) = candidates(&map, Cell::new(0, 0, 0));
+    // The centre of each region sees more than that.
+    const EXPECTED_MIN: f64 = 20.0;
     let of = |regions: &[Candidate]| {
         let mut gain_estimator = GainEstimator::new(100, RANGE_CELLS, 3, Likelihood::new(1.0));
         let mut viewpoints = Viewpoints::new(extent);
-        let tasks = viewpoints.tasks(&map, &mut gain_estimator, regions, &|_| false, 15.0);
-        tasks.iter().filter(|task| task.expected_cells >= 15.0).count()
+        let tasks = viewpoints.tasks(&map, &mut gain_estimator, regions, &|_| false, EXPECTED_MIN);
+        tasks.iter().filter(|task| task.expected_cells >= EXPECTED_MIN).count()
     };
     assert!(regions.len() > 1 && regions.iter().all(|&region| of(&[region]) == 1));
     assert_eq!(of(&regions), 1);
@@ -115,12 +117,14 @@ fn settings_are_checked() {
         let mut settings = Settings::parse(&[setting.to_owned()]).unwrap();
         Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).map(drop)
     };
-    assert!(["tasks=1", "exponent=0", "urgency=0", "memory_s=0"].into_iter().all(|setting| built(setting).is_ok()));
-    assert!(["tasks=0", "exponent=-1", "leg_s=101"].into_iter().all(|setting| built(setting).is_err()));
+    let allowed = ["regions=1", "tasks=1", "exponent=0", "urgency=0", "memory_s=0", "scan_m=0"];
+    assert!(allowed.into_iter().all(|setting| built(setting).is_ok()));
+    let refused = ["regions=0", "tasks=0", "exponent=-1", "leg_s=101", "scan_m=-1"];
+    assert!(refused.into_iter().all(|setting| built(setting).is_err()));
 }
 
 #[test]
-fn explores_with_few_tasks_at_a_time() {
+fn explores_with_one_task_or_region_at_a_time() {
     let rooms = "
 ################
 #......#.......#
@@ -128,17 +132,19 @@ fn explores_with_few_tasks_at_a_time() {
 #..............#
 #......#.......#
 ################";
-    let mut world = SmallWorld::new(rooms.trim_start(), Cell::new(1, 1, 0));
-    let mut settings = Settings::parse(&["tasks=1".to_owned()]).unwrap();
-    let mut controller = Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).unwrap();
-    world.run(&mut controller, 2000);
-    assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
+    for setting in ["tasks=1", "regions=1"] {
+        let mut world = SmallWorld::new(rooms.trim_start(), Cell::new(1, 1, 0));
+        let mut settings = Settings::parse(&[setting.to_owned()]).unwrap();
+        let mut controller = Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).unwrap();
+        world.run(&mut controller, 2000);
+        assert_eq!(world.left(&[CellState::Free, CellState::Covered]), [], "{setting}");
+    }
 }
 
 #[test]
 fn aerial_bodies_have_settings_of_their_own() {
     let texts = ["leg_s=9".to_owned(), "aerial_leg_s=2".to_owned()];
     let params = TeamParams::from_settings(&mut Settings::parse(&texts).unwrap()).unwrap();
-    let of = |kind| (params.of(kind).leg_s, params.of(kind).urgency);
-    assert_eq!([of(BodyKind::Submarine), of(BodyKind::Aerial)], [(9.0, 5.0), (2.0, 0.5)]);
+    let of = |kind| (params.of(kind).leg_s, params.of(kind).urgency, params.of(kind).tasks);
+    assert_eq!([of(BodyKind::Submarine), of(BodyKind::Aerial)], [(9.0, 5.0, 40), (2.0, 0.5, 90)]);
 }

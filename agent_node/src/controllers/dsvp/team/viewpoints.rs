@@ -1,20 +1,20 @@
-//! The tasks of a map: viewpoints that together see what is behind all of its frontiers.
+//! The tasks of a map: viewpoints that together see what is behind the frontiers of some regions.
 //!
-//! Each region with frontiers offers two viewpoints, its frontier nearest to its centre and the
-//! centre. Of all, the one that adds most expected free cells is chosen first, then the one that
-//! adds most to that (greedy set cover), down to a least gain; a region of which nothing is seen by
-//! those chosen is a task of its own, however little it may hide.
+//! Each region with frontiers offers its centre. Of all, the one that adds most expected free cells
+//! is chosen first, then the one that adds most to that (greedy set cover), down to a least gain; a
+//! region of which nothing is seen by those chosen is a task of its own, however little it may
+//! hide.
 //!
 //! Source: C. Cao, H. Zhu, H. Choset, J. Zhang, "TARE: A Hierarchical Framework for Efficiently
 //! Exploring Complex 3D Environments", RSS 2021 (viewpoints that cover all surfaces by a submodular
 //! gain); here for frontiers and by probabilities.
 //!
-//! Invariants: the tasks depend on the map, the graph and the cells to leave out alone, not on when
-//! they were last asked for: what a viewpoint sees is kept only while nothing has changed that it
-//! depends on. This module plans no tours.
+//! Invariant: the tasks depend on the map, the regions and the cells to leave out alone; what is
+//! kept between two plans is memory to use again. This module plans no tours.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
+use std::collections::{BTreeSet, BinaryHeap};
+use std::ops::Range;
 
 use voxels::{Cell, CellSet, Extent};
 
@@ -23,9 +23,6 @@ use super::super::gain::{GainEstimator, WHOLE};
 use super::super::relocation::nearest_viewpoint;
 use crate::abstract_graph::{AbstractGraph, Region, RegionId};
 use crate::exploration_map::{CellState, ExplorationMap};
-
-/// For how many plans a view is kept that none of them asks for.
-const KEPT_PLANS: u64 = 20;
 
 /// A viewpoint to visit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,52 +61,41 @@ impl Candidate {
     }
 }
 
-/// What the viewpoints of one agent see.
-///
-/// A ray passes known cells, which stay what they are unless a report is corrected, and ends in
-/// unexplored ones. So a view depends on its unexplored cells and those around them alone; after a
-/// correction all are looked at anew.
+/// Chooses the tasks of one agent.
 #[derive(Debug)]
 pub(super) struct Viewpoints {
     expectation: Expectation,
     extent: Extent,
-    /// By viewpoint.
-    views: BTreeMap<Cell, View>,
-    /// The number of plans so far.
-    plans: u64,
-    /// The position in the journal and the number of corrections at the last plan.
-    read: usize,
-    corrections: u64,
-    /// The cells that have changed since the last plan, and those around them.
-    changed: CellSet,
+    /// The unexplored cells that the rays of the viewpoints offered meet, viewpoint by viewpoint,
+    /// with their probabilities to be free and seen, in units of 1 / [`WHOLE`].
+    seen: Vec<(u32, u32)>,
+    /// What the tasks chosen see.
     covered: CellSet,
 }
 
-/// What is seen from a viewpoint.
-#[derive(Debug)]
-struct View {
-    /// The unexplored cells that its rays meet, with their probabilities to be free and seen, in
-    /// units of 1 / [`WHOLE`].
-    cells: Vec<(u32, u32)>,
-    /// The sum of these probabilities.
+/// A viewpoint that a region offers.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Offer {
+    /// Sum of the probabilities of the cells that it adds to the tasks chosen before.
     gain: u64,
-    /// The last plan that asked for it.
-    plan: u64,
+    /// The number of its candidate; of equal gains the first one is chosen.
+    number: Reverse<usize>,
+    /// The number of tasks that had been chosen when the gain was computed.
+    as_of: usize,
+    /// The place of its cells in [`Viewpoints::seen`].
+    seen: (usize, usize),
+}
+
+impl Offer {
+    fn seen(&self) -> Range<usize> {
+        self.seen.0..self.seen.1
+    }
 }
 
 impl Viewpoints {
-    /// No viewpoint has been looked at yet.
     pub(super) fn new(extent: Extent) -> Self {
-        Self {
-            expectation: Expectation::new(),
-            extent,
-            views: BTreeMap::new(),
-            plans: 0,
-            read: 0,
-            corrections: 0,
-            changed: CellSet::new(extent.volume()),
-            covered: CellSet::new(extent.volume()),
-        }
+        let covered = CellSet::new(extent.volume());
+        Self { expectation: Expectation::new(), extent, seen: Vec::new(), covered }
     }
 
     /// The tasks of some regions, those that add most first. `is_unproductive` names viewpoints
@@ -122,38 +108,36 @@ impl Viewpoints {
         is_unproductive: &dyn Fn(Cell) -> bool,
         expected_min: f64,
     ) -> Vec<Task> {
-        self.plans += 1;
-        self.note_changes(map);
-        let mut queue = BinaryHeap::new();
-        for (number, candidate) in candidates.iter().enumerate() {
-            for cell in [candidate.cell, candidate.centre] {
-                if !is_unproductive(cell)
-                    && let Some(gain) = self.first_gain(map, gain_estimator, cell)
-                {
-                    queue.push((gain, Reverse((number, cell)), 0));
-                }
+        self.seen.clear();
+        let mut offers = BinaryHeap::new();
+        for (number, &Candidate { centre, .. }) in candidates.iter().enumerate() {
+            if is_unproductive(centre) {
+                continue;
             }
+            let start = self.seen.len();
+            gain_estimator.expected(map, centre, &self.expectation, &mut self.seen);
+            let gain = self.seen[start..].iter().map(|&(_, chance)| u64::from(chance)).sum();
+            offers.push(Offer { gain, number: Reverse(number), as_of: 0, seen: (start, self.seen.len()) });
         }
         self.covered.clear();
         let mut tasks = Vec::new();
         // A gain only falls as others are chosen: one that is up to date and still the greatest is
         // the greatest of all.
-        while let Some((gain, Reverse((number, cell)), as_of)) = queue.pop() {
-            let expected_cells = gain as f64 / f64::from(WHOLE);
+        while let Some(offer) = offers.pop() {
+            let expected_cells = offer.gain as f64 / f64::from(WHOLE);
             if expected_cells < expected_min {
                 break;
             }
-            let seen = &self.views[&cell].cells;
-            if as_of < tasks.len() {
-                let covered = &self.covered;
-                let rest = seen.iter().filter(|&&(index, _)| !covered.contains(index as usize));
-                let gain = rest.map(|&(_, chance)| u64::from(chance)).sum();
-                queue.push((gain, Reverse((number, cell)), tasks.len()));
+            let seen = &self.seen[offer.seen()];
+            if offer.as_of < tasks.len() {
+                let left = seen.iter().filter(|&&(index, _)| !self.covered.contains(index as usize));
+                let gain = left.map(|&(_, chance)| u64::from(chance)).sum();
+                offers.push(Offer { gain, as_of: tasks.len(), ..offer });
                 continue;
             }
             seen.iter().for_each(|&(index, _)| self.covered.insert(index as usize));
-            let Candidate { region, frontier, .. } = candidates[number];
-            tasks.push(Task { region, cell, frontier, expected_cells });
+            let Candidate { region, frontier, centre, .. } = candidates[offer.number.0];
+            tasks.push(Task { region, cell: centre, frontier, expected_cells });
         }
         let chosen: BTreeSet<RegionId> = tasks.iter().map(|task| task.region).collect();
         let left = candidates.iter().filter(|candidate| !chosen.contains(&candidate.region));
@@ -176,41 +160,5 @@ impl Viewpoints {
         let expected_cells = (f64::from(chances) / f64::from(WHOLE)).min(expected_min);
         let Candidate { region, cell, frontier, .. } = *candidate;
         Some(Task { region, cell, frontier, expected_cells })
-    }
-
-    /// The gain of a viewpoint by itself; `None` if it was asked for in this plan already.
-    fn first_gain(&mut self, map: &ExplorationMap, gain_estimator: &mut GainEstimator, cell: Cell) -> Option<u64> {
-        let view = self.views.entry(cell).or_insert_with(|| {
-            let mut cells = Vec::new();
-            gain_estimator.expected(map, cell, &self.expectation, &mut cells);
-            let gain = cells.iter().map(|&(_, chance)| u64::from(chance)).sum();
-            View { cells, gain, plan: 0 }
-        });
-        (std::mem::replace(&mut view.plan, self.plans) != self.plans).then_some(view.gain)
-    }
-
-    /// Notes which cells have changed since the last plan, and forgets what is no longer true.
-    fn note_changes(&mut self, map: &ExplorationMap) {
-        self.changed.clear();
-        if self.corrections != map.corrections() {
-            self.corrections = map.corrections();
-            self.views.clear();
-        }
-        let [size_x, size_y, size_z] = self.extent.size().map(u32::cast_signed);
-        for (cell, _) in map.cells_changed_since(self.read) {
-            let around = |at: i32, size: i32| (at - 1).max(0)..(at + 2).min(size);
-            let row = around(cell.x, size_x);
-            for (z, y) in around(cell.z, size_z).flat_map(|z| around(cell.y, size_y).map(move |y| (z, y))) {
-                if let Some(start) = self.extent.index(Cell::new(row.start, y, z)) {
-                    self.changed.insert_run(start, row.len() as u32);
-                }
-            }
-        }
-        self.read = map.journal_len();
-        let (changed, plans) = (&self.changed, self.plans);
-        self.views.retain(|_, view| {
-            let is_true = || !view.cells.iter().any(|&(index, _)| changed.contains(index as usize));
-            plans - view.plan <= KEPT_PLANS && is_true()
-        });
     }
 }
