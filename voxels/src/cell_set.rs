@@ -7,6 +7,8 @@
 //! Invariants: a bit of `occupied` is set if and only if the word of `words` it stands for is not
 //! 0; `len` is the number of bits set in `words`.
 
+use std::ops::Range;
+
 use crate::bits::{bits, bits_of};
 
 /// A set of cells, one bit each, with one more bit for each 64 of them to find those that are in
@@ -53,26 +55,13 @@ impl CellSet {
 
     /// Adds a cell; panics like a slice if there is no such cell, as all of its functions do.
     pub fn insert(&mut self, cell: usize) {
-        self.insert_bits(cell / 64, bit(cell));
-    }
-
-    /// Adds `count` cells from `start` on; at most 64.
-    pub fn insert_run(&mut self, start: usize, count: u32) {
-        let (word, shift, run) = (start / 64, start % 64, low_bits(count));
-        self.insert_bits(word, run << shift);
-        if shift + count as usize > 64 {
-            self.insert_bits(word + 1, run >> (64 - shift));
-        }
-    }
-
-    fn insert_bits(&mut self, word: usize, bits: u64) {
+        let word = cell / 64;
         // A word that is known to be 0 is not read: the system would provide its page twice.
         let old = if self.is_occupied(word) { self.words[word] } else { 0 };
-        let new = bits & !old;
-        if new != 0 {
-            self.words[word] = old | new;
+        if old & bit(cell) == 0 {
+            self.words[word] = old | bit(cell);
             self.occupied[word / 64] |= bit(word);
-            self.len += new.count_ones() as usize;
+            self.len += 1;
         }
     }
 
@@ -105,6 +94,15 @@ impl CellSet {
     /// The cells in it, ascending.
     pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
         bits_of(&self.occupied).flat_map(|word| bits(self.words[word]).map(move |bit| 64 * word + bit as usize))
+    }
+
+    /// Those of some cells that are in it, ascending.
+    pub fn iter_in(&self, cells: Range<usize>) -> impl Iterator<Item = usize> + '_ {
+        let end = cells.end;
+        cells.step_by(64).flat_map(move |start| {
+            let run = self.run(start, (end - start).min(64) as u32);
+            bits(run).map(move |place| start + place as usize)
+        })
     }
 }
 
@@ -144,13 +142,16 @@ mod tests {
                 prop_assert_eq!(set.contains(cell), is_added);
             }
             for (start, count) in runs {
-                set.insert_run(start, count);
-                model.extend(start..start + count as usize);
+                let cells = start..start + count as usize;
+                cells.clone().for_each(|cell| set.insert(cell));
+                model.extend(cells);
             }
             for start in (0..8900).step_by(97) {
                 let count = start as u32 % 65;
                 let bits = (0..count as usize).fold(0, |bits, by| bits | u64::from(set.contains(start + by)) << by);
                 prop_assert_eq!(set.run(start, count), bits);
+                let cells = start..(start + start % 301).min(9000);
+                prop_assert!(set.iter_in(cells.clone()).eq(model.range(cells).copied()));
             }
             prop_assert_eq!(set.len(), model.len());
             prop_assert!(set.iter().eq(model));

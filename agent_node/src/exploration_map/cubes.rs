@@ -1,11 +1,8 @@
 //! What a map knows of the cells of a cube, row by row instead of cell by cell.
 
-use voxels::{Cell, bits};
+use voxels::Cell;
 
 use super::{ExplorationMap, state_of};
-
-/// Most cells that [`voxels::CellSet::run`] looks at.
-const RUN_CELLS: i32 = 64;
 
 impl ExplorationMap {
     /// The cells known to be free in a cube of at most 5 cells along each axis whose lowest cell is
@@ -46,14 +43,8 @@ impl ExplorationMap {
         let near = |at: i32, size: i32| (at - reach).max(0)..(at + reach + 1).min(size);
         let [along_x, along_y, along_z] = [near(cell.x, size_x), near(cell.y, size_y), near(cell.z, size_z)];
         let rows = along_z.flat_map(move |z| along_y.clone().map(move |y| (z * size_y + y) * size_x));
-        let runs = rows.flat_map(move |row| {
-            let end = along_x.end;
-            let starts = along_x.clone().step_by(RUN_CELLS as usize);
-            starts.map(move |x| ((row + x) as usize, (end - x).min(RUN_CELLS)))
-        });
-        runs.flat_map(move |(start, count)| {
-            let found = self.frontier.run(start, count as u32);
-            bits(found).map(move |place| extent.cell_at(start + place as usize))
-        })
+        let frontiers = rows
+            .flat_map(move |row| self.frontier.iter_in((row + along_x.start) as usize..(row + along_x.end) as usize));
+        frontiers.map(move |index| extent.cell_at(index))
     }
 }

@@ -46,12 +46,12 @@ static SHARED: Mutex<Vec<Weak<Rays>>> = Mutex::new(Vec::new());
 
 impl Pattern {
     /// Half the side of the cube that contains all rays, cells.
-    pub(super) fn reach(self) -> i32 {
+    fn reach(self) -> i32 {
         self.range_cells.ceil().max(1.0) as i32
     }
 
     /// The cube that contains all rays; the viewpoint is its middle.
-    pub(super) fn cube(self) -> Extent {
+    fn cube(self) -> Extent {
         let side = (2 * self.reach() + 1).cast_unsigned();
         Extent::new([side; 3], 1.0).expect("the range is bounded by the settings")
     }
