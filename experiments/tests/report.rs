@@ -218,7 +218,16 @@ fn figures_are_rendered_and_reproducible() {
     }
     let figures: Vec<_> =
         one.keys().filter_map(|name| name.strip_prefix("report/figures/")?.strip_suffix(".png")).collect();
-    for name in ["exploration", "time-to-90", "time-to-99", "time-to-100", "box-explored", "scaling", "communication"] {
+    for name in [
+        "exploration",
+        "time-to-90",
+        "time-to-99",
+        "time-to-100",
+        "box-explored",
+        "scaling",
+        "communication",
+        "data-against-time",
+    ] {
         assert!(figures.contains(&name), "{name} in {figures:?}");
     }
     for name in figures {

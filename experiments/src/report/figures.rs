@@ -5,6 +5,7 @@
 
 mod boxes;
 mod curves;
+mod pareto;
 mod teams;
 mod traffic;
 
@@ -33,6 +34,7 @@ pub(super) fn deterministic(study: &Study) -> Result<Vec<Figure>, StatisticsErro
     figures.extend(boxes::outcome(study)?);
     figures.extend(teams::scaling(study)?);
     figures.extend(traffic::by_kind(study)?);
+    figures.extend(pareto::data_against_time(study)?);
     Ok(figures)
 }
 

@@ -127,22 +127,27 @@ fn shares(runs: &[&RunRecord], kinds: &[u8], unit: Unit) -> Vec<f64> {
     kinds.iter().map(|kind| bytes(kind) as f64 / runs.len() as f64 / unit.bytes).collect()
 }
 
+/// Unit of data in a report.
 #[derive(Debug, Clone, Copy)]
-struct Unit {
-    symbol: &'static str,
+pub(super) struct Unit {
+    pub(super) symbol: &'static str,
     bytes: f64,
 }
 
 impl Unit {
     /// Megabytes if a run delivers one or more.
-    fn of(runs: &[RunRecord]) -> Self {
+    pub(super) fn of(runs: &[RunRecord]) -> Self {
         let most = runs.iter().map(|run| run.row.parcel_bytes).max().unwrap_or(0);
         if most >= 1_000_000 { Self { symbol: "MB", bytes: 1e6 } } else { Self { symbol: "kB", bytes: 1e3 } }
     }
 }
 
 /// The volume delivered in a run, for each variant that has runs under a condition.
-fn totals(study: &Study, condition: &Condition, unit: Unit) -> Result<Vec<(usize, Estimate)>, StatisticsError> {
+pub(super) fn totals(
+    study: &Study,
+    condition: &Condition,
+    unit: Unit,
+) -> Result<Vec<(usize, Estimate)>, StatisticsError> {
     let mut totals = Vec::new();
     for variant in 0..study.variants.len() {
         let runs = study.cell(condition, variant);
