@@ -382,7 +382,7 @@ impl Controller for Dsvp {
         self.update(observation, ctx);
         let command = self.choose(observation, ctx);
         let command = self.with_tasks(command, observation, ctx);
-        let command = self.scanning.with_request(command, self.params.scan_m, observation, ctx);
+        let command = self.scanning.with_request(command, self.params.scan_range, observation, ctx);
         let has_met = observation.events & Events::CONTACTS != 0;
         match &mut self.model {
             Some(WorldModel { pursuit, .. }) => pursuit.with_reports(command, &observation.contacts, has_met),

@@ -40,7 +40,9 @@ impl ExplorationMap {
     pub(crate) fn frontiers_near(&self, cell: Cell, reach: i32) -> impl Iterator<Item = Cell> + '_ {
         let extent = self.extent();
         let [size_x, size_y, size_z] = extent.size().map(u32::cast_signed);
-        let near = |at: i32, size: i32| (at - reach).max(0)..(at + reach + 1).min(size);
+        let near = |at: i32, size: i32| {
+            at.saturating_sub(reach).clamp(0, size)..at.saturating_add(reach).saturating_add(1).clamp(0, size)
+        };
         let [along_x, along_y, along_z] = [near(cell.x, size_x), near(cell.y, size_y), near(cell.z, size_z)];
         let rows = along_z.flat_map(move |z| along_y.clone().map(move |y| (z * size_y + y) * size_x));
         let frontiers = rows

@@ -340,16 +340,22 @@ proptest! {
     fn frontiers_near_a_cell_are_those_within_reach_along_each_axis(
         size in [1u32..200, 1u32..7, 1u32..7],
         free in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
-        at in any::<prop::sample::Index>(),
+        // Inside the map, beyond its edges, and as far as positions that no integer can hold.
+        cell in prop_oneof![
+            2 => (0i32..200, 0i32..7, 0i32..7),
+            1 => (-50i32..250, -50i32..50, -50i32..50),
+            1 => (any::<i32>(), any::<i32>(), any::<i32>()),
+            1 => (any::<i32>(), 0i32..7, 0i32..7),
+        ],
         reach in prop_oneof![0i32..12, 0i32..200],
     ) {
         let extent = Extent::new(size, 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
         free.iter().for_each(|cell| map.note_free(&[cell.index(extent.volume()) as u32]));
-        let cell = extent.cell_at(at.index(extent.volume()));
+        let cell = Cell::new(cell.0, cell.1, cell.2);
         let is_near = |frontier: &Cell| {
-            let by = *frontier - cell;
-            [by.x, by.y, by.z].into_iter().all(|by| by.abs() <= reach)
+            let by = [(frontier.x, cell.x), (frontier.y, cell.y), (frontier.z, cell.z)];
+            by.into_iter().all(|(one, other)| one.abs_diff(other) <= reach.cast_unsigned())
         };
         let frontiers = map.frontiers().map(|frontier| extent.cell_at(frontier as usize));
         prop_assert!(map.frontiers_near(cell, reach).eq(frontiers.filter(is_near)));

@@ -5,6 +5,7 @@ use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
 use super::avoidance::Waypoints;
+use super::scanning::ScanRange;
 use super::team::TeamParams;
 use super::tours::ToursParams;
 use super::tree::{Growth, Legs, Valuation};
@@ -57,9 +58,8 @@ pub struct Params {
     pub start_m: f64,
     /// Which waypoints are taken along a path.
     pub waypoints: Waypoints,
-    /// An agent under way scans only where a frontier is in sight within this distance along each
-    /// axis. 0: it always scans.
-    pub scan_m: f64,
+    /// Where an agent under way scans.
+    pub scan_range: ScanRange,
 }
 
 impl Default for Params {
@@ -84,7 +84,7 @@ impl Default for Params {
             hope: 0.0,
             start_m: 0.0,
             waypoints: Waypoints::Fewest,
-            scan_m: 0.0,
+            scan_range: ScanRange { start_m: 0.0, stop_m: 12.0 },
         }
     }
 }
@@ -133,7 +133,10 @@ impl Params {
             beside_wall: settings.number("beside_wall", default.beside_wall, 0.0, 1.0)?,
             gain_left: settings.number("gain_left", default.gain_left, 0.0, 1.0)?,
             waypoints,
-            scan_m: settings.number("scan_m", default.scan_m, 0.0, 100.0)?,
+            scan_range: ScanRange {
+                start_m: settings.number("scan_start_m", default.scan_range.start_m, 0.0, 100.0)?,
+                stop_m: settings.number("scan_stop_m", default.scan_range.stop_m, 0.0, 100.0)?,
+            },
             ..default
         })
     }

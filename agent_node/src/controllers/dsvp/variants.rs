@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::avoidance::Waypoints;
 use super::coordination::Scheme;
+use super::scanning::ScanRange;
 use super::team::TeamParams;
 use super::tours::ToursParams;
 use super::{Dsvp, Params};
@@ -71,8 +72,10 @@ impl Dsvp {
     /// # Errors
     /// If a setting is out of range.
     pub fn with_team(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
-        let params =
-            Params::from_settings(settings, Params { gain_min: 5, waypoints: Waypoints::Passed, ..Params::default() })?;
+        let default = Params::default();
+        let scan_range = ScanRange { start_m: 1.0, ..default.scan_range };
+        let default = Params { gain_min: 5, waypoints: Waypoints::Passed, scan_range, ..default };
+        let params = Params::from_settings(settings, default)?;
         Ok(Self::with(params, Scheme::Team(TeamParams::from_settings(settings)?), rng))
     }
 }

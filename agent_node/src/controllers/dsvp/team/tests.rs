@@ -117,9 +117,9 @@ fn settings_are_checked() {
         let mut settings = Settings::parse(&[setting.to_owned()]).unwrap();
         Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).map(drop)
     };
-    let allowed = ["regions=1", "tasks=1", "exponent=0", "urgency=0", "memory_s=0", "scan_m=0"];
+    let allowed = ["regions=1", "tasks=1", "exponent=0", "urgency=0", "memory_s=0", "scan_start_m=0", "scan_stop_m=0"];
     assert!(allowed.into_iter().all(|setting| built(setting).is_ok()));
-    let refused = ["regions=0", "tasks=0", "exponent=-1", "leg_s=101", "scan_m=-1"];
+    let refused = ["regions=0", "tasks=0", "exponent=-1", "leg_s=101", "scan_start_m=-1", "scan_stop_m=-1"];
     assert!(refused.into_iter().all(|setting| built(setting).is_err()));
 }
 
