@@ -60,6 +60,8 @@ pub(super) enum Mark {
     Line(usize),
     /// Its colour.
     Box(usize),
+    /// Its colour and shape.
+    Point(usize),
 }
 
 /// The symbol of a legend entry as an image of its own, for a page.
@@ -78,12 +80,26 @@ fn draw_mark(svg: &mut Svg, mark: Mark, place: Area) {
             svg.fill(place, colour(series), 0.35);
             svg.frame(place, &Pen::solid(colour(series), 1.5));
         }
+        Mark::Point(series) => draw_point(svg, series, (left + width / 2.0, middle)),
         Mark::Line(series) => svg.line((left, middle), (left + width, middle), &pen(series)),
         Mark::Band(series) => {
             svg.fill(place, colour(series), 0.2);
             svg.line((left, middle), (left + width, middle), &pen(series));
         }
     }
+}
+
+/// Draws the point of a series: discs in all colours, then squares, diamonds and triangles.
+pub(super) fn draw_point(svg: &mut Svg, series: usize, (x, y): (f64, f64)) {
+    let paint = colour(series);
+    let corners: &[(f64, f64)] = match series / COLOURS.len() % 4 {
+        0 => return svg.disc((x, y), 4.0, paint, 1.0),
+        1 => &[(-3.7, -3.7), (3.7, -3.7), (3.7, 3.7), (-3.7, 3.7)],
+        2 => &[(0.0, -5.2), (5.2, 0.0), (0.0, 5.2), (-5.2, 0.0)],
+        _ => &[(0.0, -5.0), (4.8, 3.6), (-4.8, 3.6)],
+    };
+    let corners: Vec<_> = corners.iter().map(|(right, down)| (x + right, y + down)).collect();
+    svg.polygon(&corners, paint, 1.0);
 }
 
 /// An axis of a panel.

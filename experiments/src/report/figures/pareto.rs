@@ -2,7 +2,7 @@
 
 use super::super::estimates::{Estimate, Times};
 use super::super::metrics::{MILESTONES, Milestone, TimeUnit};
-use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, room_for};
+use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, draw_point, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::{Pen, SOFT};
 use super::super::table::digits_for;
@@ -42,7 +42,7 @@ pub(super) fn data_against_time(study: &Study) -> Result<Option<Figure>, Statist
         Axis::rounded(0.0, places.iter().map(|place| high(of(place))).fold(0.0, f64::max), 5)
     };
     let y_axes: Vec<Axis> = places.iter().map(|places| axis(|place| place.data, places)).collect();
-    let marks = legend(study, Mark::Box);
+    let marks = legend(study, Mark::Point);
     let layout = Layout {
         name: "data-against-time",
         title: TITLE,
@@ -153,7 +153,7 @@ fn draw_place(sheet: &mut Sheet, panel: &Panel, name: &str, place: &Place, (time
         let (low, high) = (panel.at(time.mean, interval.low), panel.at(time.mean, interval.high));
         sheet.svg.line(low, high, &bar);
     }
-    sheet.svg.disc(panel.at(time.mean, data.mean), 4.0, colour(variant), 1.0);
+    draw_point(&mut sheet.svg, variant, panel.at(time.mean, data.mean));
     sheet.svg.end_group();
 }
 
