@@ -77,8 +77,8 @@ impl Cell {
 
     /// Whether this cell is at most so many cells from another one along each axis.
     pub fn is_within(self, about: Self, cells: i32) -> bool {
-        let by = self - about;
-        [by.x, by.y, by.z].into_iter().all(|by| by.abs() <= cells)
+        let along = [(self.x, about.x), (self.y, about.y), (self.z, about.z)];
+        along.into_iter().all(|(one, other)| i64::from(one.abs_diff(other)) <= i64::from(cells))
     }
 
     /// The 26 cells that share a face, an edge or a corner with this one, in cell order.

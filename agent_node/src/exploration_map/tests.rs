@@ -353,10 +353,7 @@ proptest! {
         let mut map = ExplorationMap::new(extent);
         free.iter().for_each(|cell| map.note_free(&[cell.index(extent.volume()) as u32]));
         let cell = Cell::new(cell.0, cell.1, cell.2);
-        let is_near = |frontier: &Cell| {
-            let by = [(frontier.x, cell.x), (frontier.y, cell.y), (frontier.z, cell.z)];
-            by.into_iter().all(|(one, other)| one.abs_diff(other) <= reach.cast_unsigned())
-        };
+        let is_near = |frontier: &Cell| frontier.is_within(cell, reach);
         let frontiers = map.frontiers().map(|frontier| extent.cell_at(frontier as usize));
         prop_assert!(map.frontiers_near(cell, reach).eq(frontiers.filter(is_near)));
     }

@@ -70,11 +70,8 @@ impl Scanning {
         let range_m = if self.is_on { stop_m.max(start_m) } else { start_m };
         let (map, here) = (ctx.map(), ctx.cell());
         let reach = (range_m / map.extent().cell_m()).ceil() as i32;
-        let is_near = |&frontier: &Cell| {
-            let along = [(frontier.x, here.x), (frontier.y, here.y), (frontier.z, here.z)];
-            along.into_iter().all(|(one, other)| one.abs_diff(other) <= reach.cast_unsigned())
-        };
-        let before = self.frontier.into_iter().filter(is_near).filter(|&frontier| map.is_frontier(frontier));
+        let is_near = |frontier: &Cell| frontier.is_within(here, reach) && map.is_frontier(*frontier);
+        let before = self.frontier.into_iter().filter(is_near);
         self.frontier = before.chain(map.frontiers_near(here, reach)).find(|&frontier| map.is_in_sight(here, frontier));
         self.frontier.is_some()
     }
