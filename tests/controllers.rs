@@ -109,18 +109,20 @@ fn agents_meet_on_purpose_only_what_is_out_of_contact() {
 #[test]
 fn scans_near_frontiers_only_see_everything_with_fewer_scans() {
     let site = Site::new();
-    let scans = |start_m: u32| {
+    let scans = |(start_m, stop_m): (u32, u32)| {
         let mut command = site.binary("maes");
         command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
         command.args(["--agents", "4", "--size", "50", "--seed", "2", "--duration", "1800"]);
         command.args(["--controller", "dsvp-team", "--set", &format!("agents.set.scan_start_m={start_m}")]);
+        command.args(["--set", &format!("agents.set.scan_stop_m={stop_m}")]);
         let result = Recording::from_bytes(&site.record_with(&mut command).bytes).result();
         assert!(refusals(&result).is_empty(), "{:?}", refusals(&result));
-        assert_eq!(result.explored, 1.0, "from {start_m} m on");
+        assert_eq!(result.explored, 1.0, "from {start_m} m on, up to {stop_m} m");
         counter(&result, "scans")
     };
-    let [always, near] = [0, 1].map(scans);
-    assert!(4 * near < 3 * always, "{near} of {always} scans");
+    let [always, default, near] = [(0, 12), (1, 12), (3, 3)].map(scans);
+    assert!(2 * near < always, "{near} of {always} scans");
+    assert!(4 * default < 3 * always, "{default} of {always} scans");
 }
 
 /// The figures are in docs/benchmarks.md.

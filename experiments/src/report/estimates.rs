@@ -31,6 +31,11 @@ impl Estimate {
         Ok(Self { mean: mean(xs)?, interval })
     }
 
+    /// The upper end of its interval, or the mean if there is none.
+    pub(super) fn high(self) -> f64 {
+        self.interval.map_or(self.mean, |interval| interval.high)
+    }
+
     /// Converts seconds into this unit.
     pub(super) fn in_unit(self, unit: TimeUnit) -> Self {
         let TimeUnit { seconds, .. } = unit;

@@ -39,7 +39,7 @@ pub(super) fn data_against_time(study: &Study) -> Result<Option<Figure>, Statist
         })
         .collect::<Result<_, _>>()?;
     let axis = |of: fn(&Place) -> Estimate, places: &[Place]| {
-        Axis::rounded(0.0, places.iter().map(|place| high(of(place))).fold(0.0, f64::max), 5)
+        Axis::rounded(0.0, places.iter().map(|place| of(place).high()).fold(0.0, f64::max), 5)
     };
     let y_axes: Vec<Axis> = places.iter().map(|places| axis(|place| place.data, places)).collect();
     let marks = legend(study, Mark::Point);
@@ -155,10 +155,6 @@ fn draw_place(sheet: &mut Sheet, panel: &Panel, name: &str, place: &Place, (time
     }
     draw_point(&mut sheet.svg, variant, panel.at(time.mean, data.mean));
     sheet.svg.end_group();
-}
-
-fn high(estimate: Estimate) -> f64 {
-    estimate.interval.map_or(estimate.mean, |interval| interval.high)
 }
 
 #[cfg(test)]

@@ -151,7 +151,7 @@ fn draw_line(sheet: &mut Sheet, panel: &Panel, study: &Study, variant: usize, po
 
 fn axis_from_zero<'a>(lines: impl IntoIterator<Item = &'a Line>) -> Axis {
     let points = lines.into_iter().flat_map(|line| &line.points);
-    let ends = points.map(|(_, estimate)| estimate.interval.map_or(estimate.mean, |interval| interval.high));
+    let ends = points.map(|(_, estimate)| estimate.high());
     Axis::rounded(0.0, ends.fold(0.0, f64::max), 5)
 }
 

@@ -57,7 +57,7 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
             Some(condition) => totals(study, condition, unit)?,
             None => Vec::new(),
         };
-        let ends = totals.iter().map(|(_, total)| total.interval.map_or(total.mean, |interval| interval.high));
+        let ends = totals.iter().map(|(_, total)| total.high());
         let most = ends.fold(0.0, f64::max);
         let x = Axis::linear(0.0, if most > 0.0 { most * BEYOND } else { 1.0 }, 6);
         let panel = sheet.panel(i, &title, &x, &y);
@@ -88,7 +88,7 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
                 &shares(&study.cell(condition, variant), &kinds, unit),
                 total,
             );
-            let end = total.interval.map_or(total.mean, |interval| interval.high);
+            let end = total.high();
             let (x, y) = panel.at(end, line);
             let text = format!("{:.*} {}", digits_for(total.mean), total.mean, unit.symbol);
             sheet.svg.text((x + 6.0, y + 0.36 * SMALL), &Label::new(&text, SMALL, Anchor::Start));
