@@ -77,23 +77,24 @@ fn with_tables(document: &str) -> String {
 }
 
 fn markdown(table: &Table) -> String {
-    let has_source = table.keys.iter().any(|key| !key.source.is_empty());
-    let (head, rule) = if has_source { (" source |", "---|") } else { ("", "") };
-    let mut text = format!("| key | type, unit | default | allowed | meaning |{head}\n|---|---|---|---|---|{rule}\n");
+    let mut text = "| key | default | allowed | meaning |\n|---|---|---|---|\n".to_owned();
     for key in table.keys {
         let see = if key.see.is_empty() { String::new() } else { format!(" ([{0}]({0}))", key.see) };
         let cells = [
             format!("`{}`", key.name),
-            type_and_unit(key),
             default_text(table, key),
-            key.allowed(),
-            format!("{}{see}", code(key.meaning)),
+            [type_and_unit(key), key.allowed()].join(": ").trim_end_matches(": ").to_owned(),
+            format!("{}{see}{}", code(key.meaning), source(key)),
         ];
-        let source = if has_source { format!(" {} |", key.source) } else { String::new() };
         let row = cells.map(|cell| if cell.is_empty() { " |".to_owned() } else { format!(" {cell} |") }).concat();
-        text.push_str(&format!("|{row}{source}\n"));
+        text.push_str(&format!("|{row}\n"));
     }
     text
+}
+
+/// Where the default comes from, unless it is ours.
+fn source(key: &Key) -> String {
+    if ["", "ours"].contains(&key.source) { String::new() } else { format!("; *{}*", key.source) }
 }
 
 /// A meaning with keys, topics and values set as code.
