@@ -1,5 +1,4 @@
-//! Pages of reference that say the same as the code: the message definitions, and the tables of
-//! topics.
+//! Pages of reference that say the same as the code: the list of messages, and the tables of topics.
 //!
 //! With the environment variable `UPDATE_DOCS` the first test writes its page: `UPDATE_DOCS=1 cargo
 //! test --release -p tests reference_pages`.
@@ -20,10 +19,10 @@ const END: &str = "<!-- end of generated -->";
 #[test]
 fn message_definitions_are_published() {
     let page = root().join("docs/messages.md");
-    let mut definitions = String::new();
+    let mut definitions = "\n".to_owned();
     for file in files("msgs/msg", "msg") {
         let name = file.file_stem().expect("a message has a name").to_string_lossy().into_owned();
-        definitions += &format!("\n## {name}\n\n```text\n{}\n```\n", read(&file).trim_end());
+        definitions += &format!("- [`{name}`](../msgs/msg/{name}.msg): {}\n", purpose(&read(&file)));
     }
     let present = read(&page);
     let (before, rest) = present.split_once(BEGIN).expect("the page has the mark of its beginning");
@@ -34,6 +33,15 @@ fn message_definitions_are_published() {
     }
     let hint = "run UPDATE_DOCS=1 cargo test --release -p tests reference_pages";
     assert!(read(&page) == expected, "docs/messages.md does not have what is in msgs/msg: {hint}");
+}
+
+/// The first sentence of a message definition, which says what the message is.
+fn purpose(definition: &str) -> String {
+    let comment: Vec<&str> = definition.lines().map_while(|line| line.strip_prefix("# ")).collect();
+    let comment = comment.join(" ");
+    let sentence = comment.split_once(". ").map_or(comment.trim_end_matches('.'), |(first, _)| first);
+    assert!(!sentence.is_empty(), "a message definition begins with what the message is: {definition}");
+    sentence.to_owned()
 }
 
 /// The agent of the topics in the tables.
