@@ -3,8 +3,8 @@
  *
  * Each cell is predicted by a majority vote of its neighbours at x - 1, y - 1 and z - 1; outside is
  * wall. Wrong predictions are rare where all three agree, so agreeing and differing neighbourhoods
- * have separate run lengths, each an exponential Golomb code (`docs/maps.md`). Lengths and checksum
- * are checked before cells are allocated.
+ * have separate run lengths, each an exponential Golomb code (`voxels/src/packed.rs`). Lengths and
+ * checksum are checked before cells are allocated.
  */
 
 import { crc32Final, crc32Init, crc32Update } from "@foxglove/crc";
