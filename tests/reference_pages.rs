@@ -1,4 +1,5 @@
-//! Pages of reference that say the same as the code: the list of messages, and the tables of topics.
+//! Pages of reference that say the same as the code: the list of messages, and the tables of
+//! topics.
 //!
 //! With the environment variable `UPDATE_DOCS` the first test writes its page: `UPDATE_DOCS=1 cargo
 //! test --release -p tests reference_pages`.

@@ -19,32 +19,43 @@ const END: &str = "<!-- end of generated -->";
 /// The heading of the options that have none.
 const OPTIONS: &str = "Options";
 
+/// The heading of the flags that set keys of the scenario.
+const KEYS: &str = "Keys of the scenario";
+
 /// Titles of what is each command's own, and written in full.
 const OF_COMMANDS: [&str; 2] = ["arguments", "options"];
 
-/// A table of options, which several commands may share.
-type Group = (String, String);
+/// What the page has already, with the command under which it has it.
+#[derive(Default)]
+struct Written {
+    /// By the title and the items of a list of options.
+    lists: BTreeMap<(String, String), String>,
+    /// By the item of one option.
+    items: BTreeMap<String, String>,
+}
 
-/// A command with its options, and the commands below it. `written` has the groups of options that
-/// the page has already, with the command that it has them of.
-fn write_command(page: &mut String, command: &mut Command, written: &mut BTreeMap<Group, String>) {
+/// A command with its options, and the commands below it. What several commands share is written
+/// once, and named by the others.
+fn write_command(page: &mut String, command: &mut Command, written: &mut Written) {
     let name = command.get_bin_name().unwrap_or(command.get_name()).to_owned();
     let usage = command.render_usage().to_string();
     let usage = usage.trim_start_matches("Usage: ").lines().map(str::trim).collect::<Vec<_>>().join(" ");
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
-    write!(page, "\n## {name}\n\n{}\n\nUsage: `{usage}`\n", wrapped(&format!("{about}.")))
-        .expect("a text takes everything");
+    write!(page, "\n## {name}\n\n{}\n", wrapped(&format!("{about}."))).expect("a text takes everything");
+    // Without what is required a usage says nothing that the lists do not say.
+    if usage.contains('<') {
+        write!(page, "\nUsage: `{usage}`\n").expect("a text takes everything");
+    }
     for heading in headings(command) {
-        let arguments = shown(command).filter(|arg| heading_of(arg) == heading);
-        let rows: String = arguments.map(row).collect();
+        let arguments: Vec<&Arg> = shown(command).filter(|arg| heading_of(arg) == heading).collect();
+        let items: String = arguments.iter().map(|arg| item(arg)).collect();
         let title = heading.to_lowercase();
-        let of = written.entry((heading, rows.clone())).or_insert_with(|| name.clone());
-        let group = if *of == name || OF_COMMANDS.contains(&title.as_str()) {
-            format!("\n| {title} | |\n|---|---|\n{rows}")
+        let of = written.lists.entry((heading, items)).or_insert_with(|| name.clone());
+        if *of == name || OF_COMMANDS.contains(&title.as_str()) {
+            page.push_str(&list(&title, &arguments, &name, &mut written.items));
         } else {
-            format!("\nFurther options: *{title}*, as of [`{of}`](#{}).\n", of.replace(' ', "-"))
-        };
-        page.push_str(&group);
+            write!(page, "\nFurther options: *{title}*, as of {}.\n", link(of)).expect("a text takes everything");
+        }
     }
     for below in command.get_subcommands_mut() {
         if !below.is_hide_set() && below.get_name() != "help" {
@@ -53,15 +64,40 @@ fn write_command(page: &mut String, command: &mut Command, written: &mut BTreeMa
     }
 }
 
-/// A paragraph in lines of at most 100 columns.
+/// The items of some arguments, and the names of those options that the page has already.
+fn list(title: &str, arguments: &[&Arg], name: &str, written: &mut BTreeMap<String, String>) -> String {
+    let mut items = String::new();
+    let mut elsewhere: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for arg in arguments {
+        let of = written.entry(item(arg)).or_insert_with(|| name.to_owned());
+        match arg.get_long() {
+            Some(long) if of != name => elsewhere.entry(of.clone()).or_default().push(format!("`--{long}`")),
+            _ => items.push_str(&item(arg)),
+        }
+    }
+    let mut text = if items.is_empty() { String::new() } else { format!("\n*{title}*\n\n{items}") };
+    for (of, names) in elsewhere {
+        write!(text, "\n{}\n", wrapped(&format!("As of {}: {}.", link(&of), names.join(", "))))
+            .expect("a text takes everything");
+    }
+    text
+}
+
+/// A link to the part of the page that describes a command.
+fn link(command: &str) -> String {
+    format!("[`{command}`](#{})", command.replace(' ', "-"))
+}
+
+/// A paragraph, or an item of a list, in lines of at most 100 columns.
 fn wrapped(text: &str) -> String {
+    let indent = if text.starts_with("- ") { "  " } else { "" };
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {
         let line = lines.last_mut().expect("it begins with a line");
         match (line.is_empty(), line.chars().count() + 1 + word.chars().count() <= 100) {
             (true, _) => line.push_str(word),
             (false, true) => *line += &format!(" {word}"),
-            (false, false) => lines.push(word.to_owned()),
+            (false, false) => lines.push(format!("{indent}{word}")),
         }
     }
     lines.join("\n")
@@ -89,8 +125,8 @@ fn headings(command: &Command) -> Vec<String> {
     found
 }
 
-/// A row of a table: how the argument is written, and what it means.
-fn row(arg: &Arg) -> String {
+/// An item of a list: how the argument is written, and what it means.
+fn item(arg: &Arg) -> String {
     let names = arg.get_value_names().unwrap_or_default().iter().map(ToString::to_string).collect::<Vec<_>>().join(" ");
     let takes_value = arg.get_action().takes_values();
     let is_optional = arg.get_num_args().is_some_and(|range| range.min_values() == 0);
@@ -103,20 +139,27 @@ fn row(arg: &Arg) -> String {
     let flag = flag.into_iter().flatten().collect::<Vec<_>>().join(", ");
     let written = if flag.is_empty() { names } else { format!("{flag} {value}") };
     let mut meaning = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
-    let values: Vec<String> =
-        arg.get_possible_values().iter().filter(|value| !value.is_hide_set()).map(one_of).collect();
+    let values: Vec<String> = arg
+        .get_possible_values()
+        .iter()
+        .filter(|value| !value.is_hide_set())
+        .map(|value| format!("`{}`", value.get_name()))
+        .collect();
     let is_boolean = values == ["`true`", "`false`"];
     if takes_value && !values.is_empty() && !is_boolean && !arg.is_hide_possible_values_set() {
-        write!(meaning, ". One of {}", values.join("; ")).expect("a text takes everything");
+        write!(meaning, ". One of {}", values.join(", ")).expect("a text takes everything");
     }
     let defaults: Vec<String> =
         arg.get_default_values().iter().map(|value| format!("`{}`", value.to_string_lossy())).collect();
     if takes_value && !defaults.is_empty() {
         write!(meaning, " [default: {}]", defaults.join(" ")).expect("a text takes everything");
     }
+    if heading_of(arg) == KEYS {
+        // What a key means is in docs/scenario.md.
+        meaning = meaning.split_once(": ").map_or(meaning.clone(), |(keys, _)| keys.to_owned());
+    }
     let words: Vec<String> = meaning.split_whitespace().map(linked).collect();
-    let meaning = words.join(" ").replace('|', "\\|");
-    format!("| `{}` | {meaning} |\n", written.trim().replace('|', "\\|"))
+    wrapped(&format!("- `{}`: {}", written.trim(), words.join(" "))) + "\n"
 }
 
 /// A word, with a link if it is the name of a page.
@@ -128,24 +171,12 @@ fn linked(word: &str) -> String {
     }
 }
 
-/// A value that an option may have.
-fn one_of(value: &clap::builder::PossibleValue) -> String {
-    match value.get_help() {
-        Some(help) => format!("`{}` ({help})", value.get_name()),
-        None => format!("`{}`", value.get_name()),
-    }
-}
-
 #[test]
 fn reference_lists_the_commands() {
     let mut program = Cli::command();
     program.build();
-    let mut generated = "\n| command | |\n|---|---|\n".to_owned();
-    for command in program.get_subcommands().filter(|command| !command.is_hide_set() && command.get_name() != "help") {
-        let (name, about) = (command.get_name(), command.get_about().map(ToString::to_string).unwrap_or_default());
-        writeln!(generated, "| [`maes {name}`](#maes-{name}) | {about} |").expect("a text takes everything");
-    }
-    let mut written = BTreeMap::new();
+    let mut generated = String::new();
+    let mut written = Written::default();
     for command in program.get_subcommands_mut() {
         if !command.is_hide_set() && command.get_name() != "help" {
             write_command(&mut generated, command, &mut written);
