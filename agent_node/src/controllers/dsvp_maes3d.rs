@@ -5,7 +5,7 @@
 //! destination, and the agent goes to the node with the highest gain. **Relocation.** Otherwise it
 //! goes to a frontier of its list; once the list is empty it never moves again.
 //!
-//! Reproduced although hardly intended (docs/reference-differences.md lists it as well):
+//! Reproduced although hardly intended (docs/reference-differences.md names the main ones):
 //! - the direction of exploration, by which the attracting frontiers are chosen, is always y;
 //! - frontiers that are not chosen are appended to the list at each stage, even if they are on it;
 //! - of a sample only the cell at the end is checked, which must be free and not covered; cells
