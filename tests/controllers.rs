@@ -4,7 +4,6 @@
 use std::process::Command;
 
 use agent_node::controllers::NAMES;
-use msgs::maes_msgs;
 
 use crate::support::recordings::{Recording, counter, refusals};
 use crate::support::root;
@@ -84,26 +83,6 @@ fn every_controller_explores_every_kind_of_map() {
             assert_sound(&run(name, map), &format!("{name} {}", map.join(" ")));
         }
     }
-}
-
-#[test]
-fn agents_meet_on_purpose_only_what_is_out_of_contact() {
-    let site = Site::new();
-    let meetings = |model: &str| {
-        let model = format!("communication.model=\"{model}\"");
-        let mut command = site.binary("maes");
-        command.args(["run", "--transport", "memory"]).arg(scenario("default.toml"));
-        command.args(["--agents", "6", "--size", "100", "--seed", "6", "--duration", "150"]);
-        command.args(["--controller", "dsvp-team", "--set", &model]);
-        command.args(["--set", "agents.set.meeting_chance=1", "--set", "agents.set.meeting_decay_s=600"]);
-        let outcome = site.record_with(&mut command);
-        let recording = Recording::from_bytes(&outcome.bytes);
-        assert!(recording.result().explored < 1.0, "agents that know no frontier look for others in any case");
-        let commands = (0..6).flat_map(|agent| recording.of::<maes_msgs::Command>(&format!("/agent_{agent}/command")));
-        commands.filter(|command| command.info.starts_with("with news to agent")).count()
-    };
-    assert!(meetings("line_of_sight") > 0);
-    assert_eq!(meetings("global"), 0, "perfect communication leaves nothing to learn");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use agent_node::controllers::{self, Controller, NAMES};
+use agent_node::observation::RunInfo;
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use experiments::in_memory::AgentsEnd;
 use mcap::{Attachment, MessageStream, WriteOptions};
@@ -164,7 +165,8 @@ fn ended_early(site: &Site, on_agent_loss: OnAgentLoss, leaves: fn(u32, &AtomicB
 }
 
 fn rbw(agent: AgentId) -> Box<dyn Controller> {
-    controllers::build("rbw", &[], agent, 7).expect("there is such a controller")
+    let run_info = RunInfo { agents_seed: 7, ..RunInfo::smallest() };
+    controllers::build("rbw", &[], agent, &run_info).expect("there is such a controller")
 }
 
 #[test]

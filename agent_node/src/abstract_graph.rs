@@ -17,7 +17,6 @@
 mod block;
 mod path_lengths;
 mod shortest_paths;
-mod voronoi;
 
 #[cfg(test)]
 mod tests;
@@ -31,7 +30,6 @@ pub use block::BLOCK_CELLS;
 use block::{CELLS, Cells, Side, connected, middle, offset, place_of, places};
 pub use path_lengths::PathLengths;
 pub use shortest_paths::ShortestPaths;
-pub use voronoi::Voronoi;
 
 /// A region: its block in the upper 24 bits (the largest map has 205^3 blocks), and its number
 /// within the block in the lower 8.
@@ -176,24 +174,10 @@ impl AbstractGraph {
         Some(RegionId::new(block, self.label_at(block, offset).checked_sub(1)?))
     }
 
-    /// The region that lists a frontier: the one that contains it, or, if the body does not fit
-    /// there, the first one of its block.
-    #[must_use]
-    pub fn region_listing(&self, frontier: Cell) -> Option<RegionId> {
-        let (block, offset) = self.locate(frontier)?;
-        self.blocks[block as usize].as_ref()?;
-        Some(RegionId::new(block, self.label_at(block, offset).saturating_sub(1)))
-    }
-
     /// The number of regions with frontiers.
     #[must_use]
     pub fn regions_with_frontiers(&self) -> usize {
         self.regions_with_frontiers
-    }
-
-    /// The regions that adjoin a region.
-    pub fn adjacent(&self, region: RegionId) -> impl Iterator<Item = RegionId> {
-        self.get(region).into_iter().flat_map(|region| region.edges.iter().map(|edge| edge.to))
     }
 
     /// A region, unless it no longer exists.

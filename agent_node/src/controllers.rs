@@ -35,7 +35,7 @@ use msgs::ids::AgentId;
 use rand_chacha::ChaCha8Rng;
 
 use crate::command::Command;
-use crate::observation::Observation;
+use crate::observation::{Observation, RunInfo};
 pub use ctx::Ctx;
 pub use registry::{ControllerError, Registry, RegistryError};
 use settings::{Setting, SettingError, Settings};
@@ -68,10 +68,23 @@ pub trait Controller: Send {
 /// Why a controller cannot continue.
 pub type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Takes the settings of a controller and builds it for one agent, with the random stream of that
-/// agent.
+/// What the controller of an agent is built from, beside its settings.
+#[derive(Debug)]
+pub struct Setup<'r> {
+    /// The id of the agent.
+    pub agent: AgentId,
+    /// The static information on the run.
+    pub run_info: &'r RunInfo,
+    /// The random stream of the agent.
+    pub rng: ChaCha8Rng,
+}
+
+/// Takes the settings of a controller and builds it for one agent.
+///
+/// It also serves to check settings, with the setup of [`RunInfo::smallest`]: which settings are
+/// legal must not depend on the run.
 pub type Construct =
-    &'static (dyn Fn(&mut Settings, ChaCha8Rng) -> Result<Box<dyn Controller>, SettingError> + Send + Sync);
+    &'static (dyn Fn(&mut Settings, Setup<'_>) -> Result<Box<dyn Controller>, SettingError> + Send + Sync);
 
 /// An entry of the registry.
 pub struct Registration {
@@ -91,19 +104,19 @@ pub const REGISTRY: &[Registration] = &[
         name: "rbw",
         description: "random ballistic walk: straight on, and off in a random direction at each obstacle",
         stream: "rbw",
-        construct: &|settings, rng| Ok(Box::new(rbw::Rbw::new(settings, rng)?)),
+        construct: &|settings, setup| Ok(Box::new(rbw::Rbw::new(settings, setup.rng)?)),
     },
     Registration {
         name: "rbw-maes3d",
         description: "random ballistic walk as coded in MAES3D",
         stream: "rbw-maes3d",
-        construct: &|_, rng| Ok(Box::new(rbw_maes3d::RbwMaes3d::new(rng))),
+        construct: &|_, setup| Ok(Box::new(rbw_maes3d::RbwMaes3d::new(setup.rng))),
     },
     Registration {
         name: "lvd",
         description: "local Voronoi decomposition: visits what is nearer to it than to the agents in contact",
         stream: "lvd",
-        construct: &|settings, rng| Ok(Box::new(lvd::Lvd::new(settings, rng)?)),
+        construct: &|settings, setup| Ok(Box::new(lvd::Lvd::new(settings, setup.rng)?)),
     },
     Registration {
         name: "lvd-maes3d",
@@ -115,55 +128,37 @@ pub const REGISTRY: &[Registration] = &[
         name: "dsvp",
         description: "dual-stage viewpoint planner: most gain within a horizon, else the nearest frontier",
         stream: "dsvp",
-        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::new(settings, rng)?)),
+        construct: &|settings, setup| Ok(Box::new(dsvp::alone(settings, setup)?)),
     },
     Registration {
         name: "dsvp-maes3d",
         description: "dual-stage viewpoint planner as coded in MAES3D, slips included",
         stream: "dsvp-maes3d",
-        construct: &|_, rng| Ok(Box::new(dsvp_maes3d::DsvpMaes3d::new(rng))),
+        construct: &|_, setup| Ok(Box::new(dsvp_maes3d::DsvpMaes3d::new(setup.rng))),
     },
     Registration {
         name: "dsvp-auction",
         description: "dual-stage viewpoint planner with an auction: agents bid for goals and claim them",
         stream: "dsvp",
-        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_auction(settings, rng)?)),
-    },
-    Registration {
-        name: "dsvp-tours",
-        description: "dual-stage viewpoint planner with tours: agents share the frontiers out when they meet",
-        stream: "dsvp",
-        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_tours(settings, rng)?)),
-    },
-    Registration {
-        name: "dsvp-voronoi",
-        description: "dual-stage viewpoint planner with Voronoi regions: agents keep to what they reach first",
-        stream: "dsvp",
-        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_voronoi(settings, rng)?)),
-    },
-    Registration {
-        name: "dsvp-swift",
-        description: "dual-stage viewpoint planner in seconds: an auction of goals by the time they take",
-        stream: "dsvp",
-        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_time(settings, rng)?)),
+        construct: &|settings, setup| Ok(Box::new(dsvp::with_auction(settings, setup)?)),
     },
     Registration {
         name: "dsvp-team",
         description: "viewpoint planner with tours for the whole team over all that is left to see",
         stream: "dsvp",
-        construct: &|settings, rng| Ok(Box::new(dsvp::Dsvp::with_team(settings, rng)?)),
+        construct: &|settings, setup| Ok(Box::new(dsvp::with_team(settings, setup)?)),
     },
     Registration {
         name: "nearest-frontier",
         description: "greedy exploration: by the shortest path to the nearest frontier of its map",
         stream: "nearest-frontier",
-        construct: &|settings, rng| Ok(Box::new(nearest_frontier::NearestFrontier::new(settings, rng)?)),
+        construct: &|settings, setup| Ok(Box::new(nearest_frontier::NearestFrontier::new(settings, setup.rng)?)),
     },
     Registration {
         name: "boustrophedon",
         description: "coverage: sweeps the free space in straight lines until every cell is covered",
         stream: "boustrophedon",
-        construct: &|settings, rng| Ok(Box::new(boustrophedon::Boustrophedon::new(settings, rng)?)),
+        construct: &|settings, setup| Ok(Box::new(boustrophedon::Boustrophedon::new(settings, setup.rng)?)),
     },
 ];
 
@@ -196,7 +191,7 @@ impl Registration {
     /// If the controller refuses its own defaults.
     #[must_use]
     pub fn settings(&self) -> Vec<Setting> {
-        let (_, settings) = self.build(&[], AgentId(0), 0).expect("defaults are in range");
+        let (_, settings) = self.build(&[], AgentId(0), &RunInfo::smallest()).expect("defaults are in range");
         settings
     }
 
@@ -204,11 +199,11 @@ impl Registration {
         &self,
         settings: &[String],
         agent: AgentId,
-        agents_seed: u64,
+        run_info: &RunInfo,
     ) -> Result<(Box<dyn Controller>, Vec<Setting>), SettingError> {
         let mut settings = Settings::parse(settings)?;
-        let rng = random_streams::stream(agents_seed, agent.0.into(), self.stream);
-        let controller = (self.construct)(&mut settings, rng)?;
+        let rng = random_streams::stream(run_info.agents_seed, agent.0.into(), self.stream);
+        let controller = (self.construct)(&mut settings, Setup { agent, run_info, rng })?;
         Ok((controller, settings.finish()?))
     }
 }
@@ -238,9 +233,9 @@ pub fn build(
     name: &str,
     settings: &[String],
     agent: AgentId,
-    agents_seed: u64,
+    run_info: &RunInfo,
 ) -> Result<Box<dyn Controller>, ControllerError> {
-    Registry::BUILT_IN.build(name, settings, agent, agents_seed)
+    Registry::BUILT_IN.build(name, settings, agent, run_info)
 }
 
 #[cfg(test)]
@@ -270,12 +265,13 @@ mod tests {
                 name: "zigzag",
                 description: "zigzag: straight on, and a turn to a random side at each obstacle",
                 stream: "zigzag",
-                construct: &|settings, rng| Ok(Box::new(zigzag::Zigzag::new(settings, rng)?)),
+                construct: &|settings, setup| Ok(Box::new(zigzag::Zigzag::new(settings, setup.rng)?)),
             },
         ];
         let registry = Registry::with(WITH_EXAMPLE).unwrap();
-        assert!(registry.build("zigzag", &["turn_rad=2.5".to_owned()], AgentId(0), 1).is_ok());
-        let refused = registry.build("zigzag", &["turn_rad=4".to_owned()], AgentId(0), 1).err().unwrap();
+        assert!(registry.build("zigzag", &["turn_rad=2.5".to_owned()], AgentId(0), &RunInfo::smallest()).is_ok());
+        let refused =
+            registry.build("zigzag", &["turn_rad=4".to_owned()], AgentId(0), &RunInfo::smallest()).err().unwrap();
         assert!(refused.to_string().contains("turn_rad = 4"), "{refused}");
     }
 
@@ -285,6 +281,11 @@ mod tests {
         let known = NAMES.join(", ");
         assert_eq!(refused("rwb", &[]), format!("controller rwb: unknown; known are {known}; did you mean `rbw`?"));
         assert!(refused("dspv", &[]).ends_with("; did you mean `dsvp`?"));
+        for deleted in ["dsvp-tours", "dsvp-voronoi", "dsvp-swift"] {
+            assert!(refused(deleted, &[]).starts_with(&format!("controller {deleted}: unknown; known are {known}")));
+        }
+        let meetings = refused("dsvp-team", &["meeting_chance=0.5".to_owned()]);
+        assert!(meetings.starts_with("controller dsvp-team: setting `meeting_chance`: unknown; known are "));
         assert_eq!(refused("astar", &[]), format!("controller astar: unknown; known are {known}"));
         assert_eq!(
             refused("rbw", &["speed=1".to_owned()]),

@@ -209,7 +209,7 @@ impl<T: ServerTransport> Host<T> {
                 let reason = format!("this run has agents 0 to {}", run_info.agents.saturating_sub(1));
                 return Err(RunError::Refused { agent: id, reason });
             }
-            let mut controller = options.registry.build(name, &settings, id, run_info.agents_seed)?;
+            let mut controller = options.registry.build(name, &settings, id, &run_info)?;
             if let Some(times) = &options.decision_times {
                 controller = times.of(controller);
             }

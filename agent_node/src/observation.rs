@@ -8,7 +8,7 @@ use msgs::shared_bytes::SharedBytes;
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
-use crate::bodies::Bodies;
+use crate::bodies::{Bodies, BodyModel};
 
 /// The static information on a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -154,6 +154,29 @@ pub struct Observation {
 }
 
 impl RunInfo {
+    /// The smallest run: one agent in a map of one cell, with everything unlimited and off. The
+    /// settings of a controller are checked without a run, and so with this one.
+    ///
+    /// # Panics
+    /// Never: a map of one cell is legal.
+    #[must_use]
+    pub fn smallest() -> Self {
+        Self {
+            duration: Tick::ZERO,
+            extent: Extent::new([1; 3], 1.0).expect("a map of one cell is legal"),
+            agents: 1,
+            agents_seed: 0,
+            controller: String::new(),
+            settings: Vec::new(),
+            bodies: Bodies::new(vec![BodyModel::SUBMARINE], vec![0]).expect("the agent has the only body"),
+            lidar_range_m: f64::INFINITY,
+            lidar_period_ticks: 1,
+            communication_range_m: f64::INFINITY,
+            relays_per_agent: 0,
+            share_period_ticks: 0,
+        }
+    }
+
     /// The controller with its settings, as the agents that run it are labelled.
     #[must_use]
     pub fn controller_label(&self) -> String {

@@ -93,11 +93,12 @@ mod tests {
     use super::*;
     use crate::controllers::build;
     use crate::controllers::testing::{World, idle};
+    use crate::observation::RunInfo;
 
     #[test]
     fn decisions_are_timed_and_unchanged() {
         let times = DecisionTimes::default();
-        let walk = || build("rbw", &[], AgentId(0), 7).unwrap();
+        let walk = || build("rbw", &[], AgentId(0), &RunInfo::smallest()).unwrap();
         let (mut plain, mut timed) = (walk(), times.of(walk()));
         let mut world = World::empty();
         for decisions in 1..4 {

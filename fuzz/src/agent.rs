@@ -46,7 +46,7 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         ..Scenario::default()
     };
     let run_info = wire::run_info(&scenario, OWN).expect("a legal scenario");
-    let controller = controllers::build(name, &[], OWN, 5).expect("there is such a controller");
+    let controller = controllers::build(name, &[], OWN, &run_info).expect("there is such a controller");
     let mut agent = Agent::new(OWN, run_info, controller);
     let mut tick = 0;
     for _ in 0..PARTS_MAX {

@@ -48,8 +48,7 @@ impl ControllerFactory for BuiltInControllers {
         let name = words.next().unwrap_or_default();
         let settings: Vec<String> = words.map(str::to_owned).collect();
         let run_info = wire::run_info(announced, agent).map_err(|error| error.to_string())?;
-        let controller =
-            controllers::build(name, &settings, agent, run_info.agents_seed).map_err(|error| error.to_string())?;
+        let controller = controllers::build(name, &settings, agent, &run_info).map_err(|error| error.to_string())?;
         let successors = Registry::BUILT_IN.successors(agent, runs == run_info.controller_label(), None);
         Ok(Box::new(BuiltInReplica(Agent::new(agent, run_info, controller).with_successors(successors))))
     }

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use agent_node::command::{Command, Trigger};
 use agent_node::controllers::settings::{SettingError, Settings};
-use agent_node::controllers::{Controller, Ctx, Failure, Registration, Registry};
+use agent_node::controllers::{Controller, Ctx, Failure, Registration, Registry, Setup};
 use agent_node::observation::Observation;
 use msgs::ids::Tick;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
@@ -141,9 +141,9 @@ fn registration(class: &Bound<'_, PyType>) -> PyResult<Registration> {
     }
     let class = class.clone().unbind();
     let name = leaked(name);
-    let construct = move |given: &mut Settings, rng: ChaCha8Rng| {
+    let construct = move |given: &mut Settings, setup: Setup<'_>| {
         let taken = take(&settings, given)?;
-        Ok(Box::new(Bridge::new(&class, &taken, rng)) as Box<dyn Controller>)
+        Ok(Box::new(Bridge::new(&class, &taken, setup.rng)) as Box<dyn Controller>)
     };
     Ok(Registration {
         name,

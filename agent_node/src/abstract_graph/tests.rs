@@ -76,31 +76,6 @@ fn unreachable_regions_are_not_visited() {
     assert!(graph.region_of(Cell::new(11, 1, 0)).is_some_and(|far| !reached.contains_key(&far)));
 }
 
-#[test]
-fn voronoi_regions_end_halfway_and_adjoin() {
-    let world = rooms();
-    let mut map = ExplorationMap::new(world.extent());
-    reveal(&mut map, &world, |_| false);
-    let mut graph = AbstractGraph::new(map.extent(), RADIUS_M);
-    graph.update(Graph::new(&map, &moves()));
-    let region = |x, y| graph.region_of(Cell::new(x, y, 0)).unwrap();
-    let mut voronoi = Voronoi::default();
-    voronoi.decompose(&graph, [(0, region(1, 7)), (1, region(11, 7)), (2, region(1, 1))]);
-    assert_eq!(voronoi.nearest(&graph, region(1, 1)), Some((2, 0.0)));
-    assert_eq!(voronoi.nearest(&graph, region(11, 1)).unwrap().0, 1);
-    let mut paths = ShortestPaths::default();
-    let shortest = |paths: &mut ShortestPaths, from, to| lengths(paths, &graph, from)[&to];
-    let borders = voronoi.borders(&graph);
-    for (&(a, b), &length) in &borders {
-        let places = [Cell::new(1, 7, 0), Cell::new(11, 7, 0), Cell::new(1, 1, 0)];
-        let straight = shortest(&mut paths, places[a as usize], graph.region_of(places[b as usize]).unwrap());
-        assert!(length >= straight - 0.01, "{a}, {b}: {length}, {straight}");
-    }
-    assert!(borders.contains_key(&(0, 2)), "{borders:?}");
-    voronoi.decompose(&graph, []);
-    assert_eq!(voronoi.nearest(&graph, region(1, 1)), None);
-}
-
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(0u8..4, 11 * 9 * 8)
 }

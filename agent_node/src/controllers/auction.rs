@@ -166,11 +166,6 @@ impl Auction {
         bytes
     }
 
-    /// Cost of a frontier that another agent will reach sooner, metres of path.
-    pub fn trespass_m(&self) -> f64 {
-        self.params.trespass_m
-    }
-
     /// Where this agent expects the others, by agent: at their claimed goals once they are there,
     /// and those in contact that claim none where they are. A claim whose lease has ended says
     /// nothing.

@@ -35,10 +35,8 @@ mod scanning;
 mod team;
 #[cfg(test)]
 mod tests;
-mod tours;
 mod tree;
 mod variants;
-mod voronoi;
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -51,14 +49,14 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
-use super::{Controller, Ctx};
+use super::{Controller, Ctx, Setup};
 use crate::abstract_graph::{AbstractGraph, ShortestPaths};
 use crate::command::{Command, Motion, ScanRequest, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 use crate::path::Neighbours;
 use avoidance::{Waypoints, hold, motion_to, obstacles_near, path_length_m};
-use coordination::{Coordination, Scheme};
+use coordination::Coordination;
 use driving::Driving;
 use gain::{GainEstimator, Likelihood};
 use goal::Goal;
@@ -67,9 +65,8 @@ pub use params::Params;
 pub use pursuit::FINISHED_MESSAGE;
 use pursuit::Pursuit;
 use scanning::Scanning;
-pub use tours::TASKS_MESSAGE;
-use tours::Tours;
 use tree::Tree;
+pub use variants::{alone, with_auction, with_team};
 
 /// Longest wait after a collision with another agent, ticks: about the time in which the other one
 /// moves away.
@@ -88,14 +85,16 @@ const ATTEMPTS: usize = 3;
 /// Greatest length of an evasive path, cells.
 const EVASION_CELLS_MAX: f64 = 15.0;
 
-/// The planner of one agent.
+/// The planner of one agent, with its way to coordinate.
 #[derive(Debug)]
-pub struct Dsvp {
+struct Dsvp<C> {
     params: Params,
-    scheme: Scheme,
+    coordination: C,
     rng: ChaCha8Rng,
-    /// Built at the first observation, when the extent of the map is known.
-    model: Option<WorldModel>,
+    graph: AbstractGraph,
+    paths: ShortestPaths,
+    gain_estimator: GainEstimator,
+    pursuit: Pursuit,
     /// The last local tree.
     tree: Option<Tree>,
     /// Direction of the last branch from its root to its end; unit vector.
@@ -119,24 +118,22 @@ pub struct Dsvp {
     unproductive: BTreeSet<Cell>,
 }
 
-/// The planner's own data derived from the map.
-#[derive(Debug)]
-struct WorldModel {
-    graph: AbstractGraph,
-    paths: ShortestPaths,
-    gain_estimator: GainEstimator,
-    coordination: Coordination,
-    pursuit: Pursuit,
-}
-
-impl Dsvp {
+impl<C: Coordination> Dsvp<C> {
     /// The planner before its first observation.
-    fn with(params: Params, scheme: Scheme, rng: ChaCha8Rng) -> Self {
+    fn new(params: Params, coordination: C, setup: Setup<'_>) -> Self {
+        let Setup { agent, run_info, rng } = setup;
+        let extent = run_info.extent;
+        let Params { gain_range_m, gain_rays, gain_depth, beside_wall, .. } = params;
+        let range_m = gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m());
+        let range_cells = range_m / extent.cell_m();
         Self {
             params,
-            scheme,
+            coordination,
             rng,
-            model: None,
+            graph: AbstractGraph::new(extent, run_info.bodies.of(agent).radius_m),
+            paths: ShortestPaths::default(),
+            gain_estimator: GainEstimator::new(gain_rays, range_cells, gain_depth, Likelihood::new(beside_wall)),
+            pursuit: Pursuit::new(agent, run_info.agents),
             tree: None,
             direction: None,
             goal: None,
@@ -151,85 +148,34 @@ impl Dsvp {
         }
     }
 
-    /// Updates the derived data: claims received, last known positions.
-    fn update(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) {
+    /// Takes what an observation says about the other agents: claims, last known positions.
+    fn receive(&mut self, observation: &Observation, ctx: &Ctx<'_>) {
         let run_info = ctx.run_info();
-        let extent = run_info.extent;
-        let Params { gain_range_m, gain_rays, gain_depth, beside_wall, .. } = self.params;
-        let scheme = self.scheme;
-        let model = self.model.get_or_insert_with(|| {
-            let range_m = gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m());
-            let range_cells = range_m / extent.cell_m();
-            WorldModel {
-                graph: AbstractGraph::new(extent, ctx.body().radius_m),
-                paths: ShortestPaths::default(),
-                gain_estimator: GainEstimator::new(gain_rays, range_cells, gain_depth, Likelihood::new(beside_wall)),
-                coordination: scheme.begin(ctx),
-                pursuit: Pursuit::new(ctx.agent(), run_info.agents),
-            }
-        });
-        model.coordination.receive(observation, run_info.agents);
-        model.pursuit.receive(observation, extent);
+        self.coordination.receive(observation, run_info.agents);
+        self.pursuit.receive(observation, run_info.extent);
     }
 
     /// Brings the abstract graph up to date with the map. Most decisions do not need it: it does
     /// not depend on how often it was updated.
     fn update_graph(&mut self, ctx: &Ctx<'_>) {
-        if let Some(model) = &mut self.model {
-            model.graph.update(ctx.graph(Neighbours::TwentySix));
-        }
-    }
-
-    fn tours(&self) -> Option<&Tours> {
-        match &self.model {
-            Some(WorldModel { coordination: Coordination::Tours(_, tours), .. }) => Some(tours),
-            _ => None,
-        }
-    }
-
-    /// Brings the tours up to date with the map, if there are any; the graph must be.
-    pub(super) fn update_tours(&mut self, observation: &Observation, ctx: &Ctx<'_>) {
-        if let Some(WorldModel { graph, paths, coordination: Coordination::Tours(_, tours), .. }) = &mut self.model {
-            let place = (ctx.cell(), &observation.contacts[..]);
-            let likelihood = Likelihood::new(self.params.beside_wall);
-            tours.update((ctx.map(), graph, paths), place, (&self.abandoned, likelihood), observation.tick);
-        }
-    }
-
-    /// Adds the messages of the tours to a command, if there are any, and proposes a division of
-    /// tasks if one is due.
-    fn with_tasks(&mut self, mut command: Command, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let (here, contacts, now) = (ctx.cell(), &observation.contacts[..], observation.tick);
-        if self.tours().is_some_and(|tours| tours.is_meeting_due(contacts, now)) {
-            self.update_graph(ctx);
-            self.update_tours(observation, ctx);
-            if let Some(WorldModel { graph, paths, coordination: Coordination::Tours(_, tours), .. }) = &mut self.model
-            {
-                tours.negotiate((graph, paths), (here, contacts), now);
-            }
-        }
-        if let Some(WorldModel { coordination: Coordination::Tours(_, tours), .. }) = &mut self.model {
-            command.messages.extend(tours.messages(contacts, now));
-        }
-        command
+        self.graph.update(ctx.graph(Neighbours::TwentySix));
     }
 
     /// Whether the present goal is still worth pursuing.
     fn is_goal_valid(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> bool {
-        let Some(model) = &mut self.model else { return false };
-        if !self.is_contested && model.coordination.is_lost(observation.tick) {
+        if !self.is_contested && self.coordination.is_outbid(observation.tick) {
             return false;
         }
         match self.goal {
             Some(Goal::Viewpoint { cell, gain }) => {
-                let left = model.gain_estimator.gain(ctx.map(), cell);
+                let left = self.gain_estimator.gain(ctx.map(), cell);
                 left >= self.params.gain_min && f64::from(left) >= self.params.gain_left * f64::from(gain)
             }
             Some(Goal::Frontier { frontier, .. }) => ctx.map().is_frontier(frontier),
             Some(Goal::Pursuit { agent, .. }) => {
-                model.pursuit.is_sought(agent, &observation.contacts) && !self.has_map_changed(ctx.map())
+                self.pursuit.is_sought(agent, &observation.contacts) && !self.has_map_changed(ctx.map())
             }
-            Some(Goal::Wandering { .. }) => !model.pursuit.have_all_finished() && !self.has_map_changed(ctx.map()),
+            Some(Goal::Wandering { .. }) => !self.pursuit.have_all_finished() && !self.has_map_changed(ctx.map()),
             Some(Goal::Evasion { .. }) => true,
             None => false,
         }
@@ -244,18 +190,8 @@ impl Dsvp {
     /// invalid.
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.update_graph(ctx);
-        if self.tours().is_some_and(Tours::explores_own) {
-            self.update_tours(observation, ctx);
-        }
-        if let Some(WorldModel { graph, coordination, .. }) = &mut self.model {
-            coordination.share_out(graph, ctx.cell(), observation);
-        }
         let obstacles = obstacles_near(observation, ctx);
-        let first = match self.scheme {
-            Scheme::Team(_) => self.tour(observation, ctx, &obstacles),
-            _ => self.explore(observation, ctx, &obstacles),
-        };
-        let plan = match first {
+        let plan = match C::first_stage(self, observation, ctx, &obstacles) {
             Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
                 Plan::Nothing => self.pursue(observation, ctx, &obstacles),
                 plan => plan,
@@ -270,7 +206,7 @@ impl Dsvp {
             Plan::Nothing => {
                 self.goal = None;
                 let trigger = Trigger::at(observation.tick.after(IDLE_TICKS));
-                let has_finished = self.model.as_ref().is_some_and(|model| model.pursuit.have_all_finished());
+                let has_finished = self.pursuit.have_all_finished();
                 Command::new(hold(observation), trigger.or(Trigger::on(Events::CONTACTS | Events::PARCEL)))
                     .with_info(if has_finished { "nothing left to do" } else { "waiting for news" })
             }
@@ -286,39 +222,21 @@ impl Dsvp {
         obstacles: &Obstacles,
     ) -> Command {
         self.goal = Some(goal);
-        if let Some(WorldModel { graph, coordination, pursuit, .. }) = &mut self.model {
-            match goal {
-                Goal::Viewpoint { cell, .. } | Goal::Frontier { cell, .. } => {
-                    pursuit.report(false, observation.tick);
-                    coordination.claim(graph, cell, path_length_m(&ctx.position(), &motion), observation.tick);
-                }
-                _ => coordination.withdraw(),
+        match goal {
+            Goal::Viewpoint { cell, .. } | Goal::Frontier { cell, .. } => {
+                self.pursuit.report(false, observation.tick);
+                self.coordination.claim(cell, path_length_m(&ctx.position(), &motion), observation.tick);
             }
-            self.is_contested = coordination.is_lost(observation.tick);
+            _ => self.coordination.withdraw(),
         }
+        self.is_contested = self.coordination.is_outbid(observation.tick);
         let before = self.driving.take();
         if let (Waypoints::Passed, Motion::Path(waypoints)) = (self.params.waypoints, &motion) {
             self.driving = Driving::along(waypoints, before.as_ref(), observation, ctx, obstacles);
         }
         let motion = self.driving.as_ref().map_or(motion, |driving| driving.motion(observation.tick));
         let command = Command::new(motion, self.trigger(observation.tick)).with_info(goal.info());
-        self.with_claims(command, observation)
-    }
-
-    /// Adds the claims for the agents in contact to a command, if there is an auction.
-    fn with_claims(&self, command: Command, observation: &Observation) -> Command {
-        match &self.model {
-            Some(model) => model.coordination.with_claims(command, observation),
-            None => command,
-        }
-    }
-
-    /// The events at which an agent at rest replies to messages at once.
-    fn message_trigger(&self) -> Trigger {
-        match self.scheme {
-            Scheme::Tours(_) => Trigger::on(Events::CONTACTS | Events::PARCEL),
-            Scheme::Alone | Scheme::Auction(_) | Scheme::Voronoi(..) | Scheme::Team(_) => Trigger::on(0),
-        }
+        self.coordination.with_claims(command, observation)
     }
 
     /// The trigger while under way. What an agent sees on the way matters only if it explores, and
@@ -328,7 +246,7 @@ impl Dsvp {
             Some(Goal::Pursuit { .. } | Goal::Wandering { .. }) => Events::CONTACTS | Events::PARCEL,
             _ => Events::NEW_CELL,
         };
-        let under_way = Trigger::TASK_DONE.or(Trigger::on(events)).or(self.scheme.trigger());
+        let under_way = Trigger::TASK_DONE.or(Trigger::on(events)).or(self.coordination.trigger());
         self.driving.as_ref().map_or(under_way, |driving| under_way.or(driving.trigger(now)))
     }
 
@@ -343,12 +261,12 @@ impl Dsvp {
         self.goal = None;
         let until = observation.tick.after(self.rng.random_range(1..=BACKOFF_TICKS_MAX));
         self.waits_until = Some(until);
-        Command::new(hold(observation), Trigger::at(until).or(self.message_trigger())).with_info("gives way")
+        Command::new(hold(observation), Trigger::at(until)).with_info("gives way")
     }
 
     /// To a random region nearby.
     fn evade(&mut self, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Option<(Goal, Motion)> {
-        let WorldModel { graph, paths, .. } = self.model.as_mut()?;
+        let Self { graph, paths, .. } = self;
         let here = ctx.cell();
         paths.begin(graph, here);
         let mut reached = Vec::new();
@@ -377,22 +295,18 @@ enum Plan {
     Nothing,
 }
 
-impl Controller for Dsvp {
+impl<C: Coordination> Controller for Dsvp<C> {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        self.update(observation, ctx);
+        self.receive(observation, ctx);
         let command = self.choose(observation, ctx);
-        let command = self.with_tasks(command, observation, ctx);
         let command = self.scanning.with_request(command, self.params.scan_range, observation, ctx);
         let has_met = observation.events & Events::CONTACTS != 0;
-        match &mut self.model {
-            Some(WorldModel { pursuit, .. }) => pursuit.with_reports(command, &observation.contacts, has_met),
-            None => command,
-        }
+        self.pursuit.with_reports(command, &observation.contacts, has_met)
     }
 }
 
-impl Dsvp {
-    /// The reply, without the messages of the tours.
+impl<C: Coordination> Dsvp<C> {
+    /// The reply, without scans that are left out and without reports.
     fn choose(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
         if observation.is_active {
@@ -406,13 +320,13 @@ impl Dsvp {
             }
             let keep = Command::new(motion, self.trigger(now));
             let has_met = observation.events & Events::CONTACTS != 0;
-            return if has_met { self.with_claims(keep, observation) } else { keep };
+            return if has_met { self.coordination.with_claims(keep, observation) } else { keep };
         }
         self.driving = None;
         if let Some(until) = self.waits_until
             && now < until
         {
-            return Command::keep(Trigger::at(until).or(self.message_trigger()));
+            return Command::keep(Trigger::at(until));
         }
         let has_waited = self.waits_until.take().is_some();
         if !has_waited && observation.collision.is_some_and(|collision| collision.with_agent) {

@@ -11,6 +11,7 @@ use super::settings::{Setting, SettingError};
 use super::suggestion::did_you_mean;
 use super::{Controller, REGISTRY, Registration};
 use crate::agent::Successors;
+use crate::observation::RunInfo;
 use crate::stopwatch::DecisionTimes;
 
 /// Controllers by name.
@@ -89,7 +90,7 @@ impl Registry {
     /// # Errors
     /// If the name or a setting is unknown, or a value is out of range.
     pub fn resolve_settings(self, name: &str, settings: &[String]) -> Result<Vec<Setting>, ControllerError> {
-        self.build_with_settings(name, settings, AgentId(0), 0).map(|(_, settings)| settings)
+        self.build_with_settings(name, settings, AgentId(0), &RunInfo::smallest()).map(|(_, settings)| settings)
     }
 
     /// Builds a controller by name, with settings `KEY=VALUE`, for one agent of a run.
@@ -101,9 +102,9 @@ impl Registry {
         name: &str,
         settings: &[String],
         agent: AgentId,
-        agents_seed: u64,
+        run_info: &RunInfo,
     ) -> Result<Box<dyn Controller>, ControllerError> {
-        self.build_with_settings(name, settings, agent, agents_seed).map(|(controller, _)| controller)
+        self.build_with_settings(name, settings, agent, run_info).map(|(controller, _)| controller)
     }
 
     /// How the controller of an agent is replaced when the scenario asks for another one. An agent
@@ -114,7 +115,7 @@ impl Registry {
             if !follows_scenario {
                 return Ok(None);
             }
-            let controller = self.build(&run_info.controller, &run_info.settings, agent, run_info.agents_seed)?;
+            let controller = self.build(&run_info.controller, &run_info.settings, agent, run_info)?;
             Ok(Some(match &times {
                 Some(times) => times.of(controller),
                 None => controller,
@@ -127,7 +128,7 @@ impl Registry {
         name: &str,
         settings: &[String],
         agent: AgentId,
-        agents_seed: u64,
+        run_info: &RunInfo,
     ) -> Result<(Box<dyn Controller>, Vec<Setting>), ControllerError> {
         let unknown = || {
             let known = self.registrations().map(|registration| registration.name).collect();
@@ -135,7 +136,7 @@ impl Registry {
         };
         let registration = self.registrations().find(|registration| registration.name == name).ok_or_else(unknown)?;
         registration
-            .build(settings, agent, agents_seed)
+            .build(settings, agent, run_info)
             .map_err(|source| ControllerError::Setting { name: name.to_owned(), source })
     }
 
@@ -163,14 +164,19 @@ mod tests {
         name: "own",
         description: "a controller of a program",
         stream: "own",
-        construct: &|settings, rng| {
+        construct: &|settings, setup| {
             settings.number("turn_rad", 2.0, 0.0, 3.0)?;
-            Ok(Box::new(RbwMaes3d::new(rng)))
+            Ok(Box::new(RbwMaes3d::new(setup.rng)))
         },
     }];
 
     const fn named(name: &'static str) -> Registration {
-        Registration { name, description: "", stream: "", construct: &|_, rng| Ok(Box::new(RbwMaes3d::new(rng))) }
+        Registration {
+            name,
+            description: "",
+            stream: "",
+            construct: &|_, setup| Ok(Box::new(RbwMaes3d::new(setup.rng))),
+        }
     }
 
     #[test]

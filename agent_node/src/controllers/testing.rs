@@ -18,7 +18,7 @@ use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
-use super::{Controller, Ctx};
+use super::{Controller, Ctx, Setup};
 use crate::bodies::{Bodies, BodyKind, BodyModel};
 use crate::command::{Command, Motion, Trigger};
 pub(crate) use crate::exploration_map::drawing::drawn;
@@ -144,6 +144,11 @@ impl World {
             collisions: 0,
             been: vec![start],
         }
+    }
+
+    /// What a controller of the agent is built from.
+    pub(crate) fn setup(&self) -> Setup<'_> {
+        Setup { agent: AGENT, run_info: &self.run_info, rng: random_streams::stream(1, 0, "test") }
     }
 
     /// All free cells in line of sight, and the walls beside them.

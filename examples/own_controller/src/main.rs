@@ -36,9 +36,9 @@ static CONTROLLERS: &[Registration] = &[Registration {
     name: "zigzag",
     description: "zigzag: straight on, and a turn to a random side at each obstacle",
     stream: "zigzag",
-    construct: &|settings, rng| {
+    construct: &|settings, setup| {
         let turn_rad = settings.number("turn_rad", 2.0, 0.1, 3.0)?;
-        Ok(Box::new(Zigzag { rng, turn_rad }))
+        Ok(Box::new(Zigzag { rng: setup.rng, turn_rad }))
     },
 }];
 

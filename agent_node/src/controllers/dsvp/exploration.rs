@@ -2,7 +2,7 @@
 //! local frontiers ahead, and follows the branch with the highest gain.
 //!
 //! Source: Zhu et al., IROS 2021 (see `tree.rs`). It goes to no viewpoint from which a scan did not
-//! show what was expected, and to none of which other agents leave too little.
+//! show what was expected.
 
 use nalgebra::Vector3;
 use rand::seq::SliceRandom;
@@ -14,20 +14,19 @@ use super::coordination::Coordination;
 use super::goal::Goal;
 use super::obstacles::Obstacles;
 use super::tree::{Tree, vector};
-use super::{Dsvp, Plan, WorldModel, by_distance, has_gain_left};
+use super::{Dsvp, Plan, by_distance, has_gain_left};
 use crate::abstract_graph::AbstractGraph;
 use crate::controllers::Ctx;
 use crate::observation::Observation;
 use crate::path::Path;
 
-impl Dsvp {
+impl<C: Coordination> Dsvp<C> {
     /// The exploration stage.
     pub(super) fn explore(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        let Some(model) = &mut self.model else { return Plan::Nothing };
+        let Self { graph, gain_estimator, coordination, unproductive, .. } = self;
         let (map, here) = (ctx.map(), ctx.cell());
-        let growth = self.params.growth(map.extent().cell_m(), ctx.body(), ctx.yaw_rad());
-        let WorldModel { graph, gain_estimator, coordination, .. } = model;
-        let frontiers = local_frontiers(graph, coordination, here, growth.horizon);
+        let growth = self.params.growth(map.extent().cell_m(), ctx.body());
+        let frontiers = local_frontiers(graph, here, growth.horizon);
         if frontiers.is_empty() {
             self.tree = None;
             return Plan::Nothing;
@@ -39,15 +38,10 @@ impl Dsvp {
         };
         tree.grow(map, &growth, &ahead, obstacles, &mut self.rng);
         if has_gain_left(self.goal, here, map, gain_estimator, self.params.gain_min) {
-            self.unproductive.insert(here);
+            unproductive.insert(here);
         }
-        let (unproductive, share_min) = (&self.unproductive, self.params.share_min);
         let utility_factor = |cell: Cell, path_m: f64| {
-            if unproductive.contains(&cell) {
-                return 0.0;
-            }
-            let share = coordination.utility_factor(graph, cell, path_m, observation.tick);
-            if share < share_min { 0.0 } else { share }
+            if unproductive.contains(&cell) { 0.0 } else { coordination.utility_factor(cell, path_m, observation.tick) }
         };
         let branch = tree.best(map, gain_estimator, &self.params.valuation(), self.direction, &utility_factor);
         self.tree = Some(tree);
@@ -66,10 +60,9 @@ impl Dsvp {
 }
 
 /// For each region within the horizon the frontier nearest to the agent.
-fn local_frontiers(graph: &AbstractGraph, coordination: &Coordination, here: Cell, horizon: i32) -> Vec<Cell> {
+fn local_frontiers(graph: &AbstractGraph, here: Cell, horizon: i32) -> Vec<Cell> {
     let nearest = |frontiers: &[Cell]| frontiers.iter().copied().min_by(|a, b| by_distance(here, a, b));
-    let open = graph.near(here, horizon).filter(|(_, region)| coordination.is_open(graph, region.centre));
-    open.filter_map(|(_, region)| nearest(&region.frontiers)).collect()
+    graph.near(here, horizon).filter_map(|(_, region)| nearest(&region.frontiers)).collect()
 }
 
 /// The local frontiers most aligned with the direction of travel; random ones if there is no

@@ -1,14 +1,12 @@
 //! The parameters of DSVP with their defaults and sources.
 
 use msgs::body_model::BodyKind;
-use msgs::ids::Tick;
 
 use super::super::settings::{SettingError, Settings};
 use super::avoidance::Waypoints;
 use super::scanning::ScanRange;
 use super::team::TeamParams;
-use super::tours::ToursParams;
-use super::tree::{Growth, Legs, Valuation};
+use super::tree::{Growth, Valuation};
 use crate::bodies::BodyModel;
 use crate::controllers::auction::AuctionParams;
 
@@ -46,16 +44,6 @@ pub struct Params {
     pub beside_wall: f64,
     /// A viewpoint is dropped once its gain has fallen below this share of its gain when chosen.
     pub gain_left: f64,
-    /// Discount of a gain with the time until it is seen, per second, turns and stops included; 0:
-    /// gains are discounted by path length.
-    pub lambda_time_per_s: f64,
-    /// Viewpoints of which others leave less than this share count as having no gain.
-    pub share_min: f64,
-    /// How much the relocation stage prefers frontiers that probably hide free cells: the exponent
-    /// of that probability, by which costs are divided.
-    pub hope: f64,
-    /// Path length that counts for the stop and the turn before a relocation, metres.
-    pub start_m: f64,
     /// Which waypoints are taken along a path.
     pub waypoints: Waypoints,
     /// Where an agent under way scans.
@@ -79,10 +67,6 @@ impl Default for Params {
             gain_min: 3,
             beside_wall: 1.0,
             gain_left: 0.1,
-            lambda_time_per_s: 0.0,
-            share_min: 0.0,
-            hope: 0.0,
-            start_m: 0.0,
             waypoints: Waypoints::Fewest,
             scan_range: ScanRange { start_m: 0.0, stop_m: 12.0 },
         }
@@ -137,26 +121,10 @@ impl Params {
                 start_m: settings.number("scan_start_m", default.scan_range.start_m, 0.0, 100.0)?,
                 stop_m: settings.number("scan_stop_m", default.scan_range.stop_m, 0.0, 100.0)?,
             },
-            ..default
         })
     }
 
-    /// Takes the parameters of planners that count seconds from settings of the same names as well.
-    ///
-    /// # Errors
-    /// If a value is out of range.
-    pub fn with_time(settings: &mut Settings, default: Self) -> Result<Self, SettingError> {
-        let base = Self::from_settings(settings, default)?;
-        Ok(Self {
-            lambda_time_per_s: settings.number("lambda_time_per_s", default.lambda_time_per_s, 0.0, 100.0)?,
-            share_min: settings.number("share_min", default.share_min, 0.0, 1.0)?,
-            hope: settings.number("hope", default.hope, 0.0, 10.0)?,
-            start_m: settings.number("start_m", default.start_m, 0.0, 1000.0)?,
-            ..base
-        })
-    }
-
-    pub(super) fn growth(&self, cell_m: f64, body: &BodyModel, yaw_rad: f64) -> Growth {
+    pub(super) fn growth(&self, cell_m: f64, body: &BodyModel) -> Growth {
         Growth {
             horizon: (self.horizon_m / cell_m).round().max(1.0) as i32,
             extension: (self.extension_m / cell_m).max(1.0),
@@ -164,34 +132,15 @@ impl Params {
             bias: self.bias,
             jitter: (self.jitter_m / cell_m).round() as i32,
             radius_m: body.radius_m,
-            legs: (self.lambda_time_per_s > 0.0).then_some(Legs { body: *body, yaw_rad }),
         }
     }
 
     pub(super) fn valuation(&self) -> Valuation {
         Valuation {
-            lambda_time: self.lambda_time_per_s,
             lambda_distance: self.lambda_distance_per_m,
             lambda_direction: self.lambda_direction_per_m,
             gain_min: self.gain_min,
         }
-    }
-}
-
-impl ToursParams {
-    /// Takes the parameters from settings of the same names, times in seconds; `explores` and
-    /// `relocates` choose the parts that are active.
-    pub(super) fn from_settings(settings: &mut Settings) -> Result<Self, SettingError> {
-        Ok(Self {
-            auction: AuctionParams::from_settings(settings)?,
-            visit_s: settings.number("visit_s", 3.0, 0.0, 600.0)?,
-            cut_s: settings.number("cut_s", 3.0, 0.0, 600.0)?,
-            meeting_ticks: (settings.number("meeting_s", 3.0, 0.1, 600.0)? / Tick::TICK_S).round() as u64,
-            promising_min: settings.number("promising_min", 3.0, 0.0, 10_000.0)?,
-            remnant_m: settings.number("remnant_m", 50.0, 0.0, 10_000.0)?,
-            explores_own: settings.word("explores", &["all", "own"])? == 1,
-            follows_tour: settings.word("relocates", &["least-cost", "tour"])? == 1,
-        })
     }
 }
 
@@ -210,8 +159,6 @@ impl TeamParams {
             aerial_urgency: settings.number("aerial_urgency", 0.5, 0.0, 1000.0)?,
             aerial_leg_s: settings.number("aerial_leg_s", 4.0, 0.0, 100.0)?,
             memory_s: settings.number("memory_s", 60.0, 0.0, 10_000.0)?,
-            meeting_chance: settings.number("meeting_chance", 0.0, 0.0, 1.0)?,
-            meeting_decay_s: settings.number("meeting_decay_s", 60.0, 1.0, 10_000.0)?,
         })
     }
 

@@ -138,11 +138,6 @@ impl Pursuit {
         }
     }
 
-    /// Whether an agent was not at its last known position when this one was there.
-    pub(super) fn is_absent(&self, agent: AgentId) -> bool {
-        self.last_known.get(agent.index()).is_some_and(|known| known.is_some_and(|known| known.is_absent))
-    }
-
     /// Whether an agent is out of contact and may have something left to explore.
     pub(super) fn is_sought(&self, agent: AgentId, contacts: &[Contact]) -> bool {
         let is_in_contact = contacts.binary_search_by_key(&agent, |contact| contact.agent).is_ok();

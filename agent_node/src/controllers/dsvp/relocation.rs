@@ -6,27 +6,20 @@ use std::collections::BTreeSet;
 use rand::seq::IndexedRandom;
 
 use super::avoidance::motion_to;
-use super::gain::{Likelihood, WHOLE};
+use super::coordination::Coordination;
 use super::goal::Goal;
 use super::obstacles::Obstacles;
-use super::{ATTEMPTS, Dsvp, Plan, WorldModel, by_distance};
+use super::{ATTEMPTS, Dsvp, Plan, by_distance};
 use crate::abstract_graph::{AbstractGraph, Region, RegionId};
 use crate::controllers::Ctx;
-use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::Observation;
 use voxels::Cell;
 
-/// How often an unexplored cell beside a frontier is free, without a known wall beside it, and by
-/// which factor each known wall beside it lowers that; measured, see docs/controllers.md.
-const FREE_IN_THE_OPEN: f64 = 0.72;
-const BESIDE_WALL: f64 = 0.17;
-
-impl Dsvp {
+impl<C: Coordination> Dsvp<C> {
     /// The relocation stage: to the nearest frontier, or to the one of least cost beside
     /// the goals of others.
     pub(super) fn relocate(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        self.update_tours(observation, ctx);
-        let Some(WorldModel { graph, paths, coordination, .. }) = &mut self.model else { return Plan::Nothing };
+        let Self { graph, paths, coordination, .. } = self;
         let here = ctx.cell();
         let cell_m = ctx.map().extent().cell_m();
         // The cheapest candidates so far: cost, viewpoint, frontier.
@@ -47,9 +40,7 @@ impl Dsvp {
                 self.abandoned.extend(region.frontiers.iter().filter(seen_from_here));
                 continue;
             }
-            let penalty_m = coordination.penalty_m((id, cell), path_m, observation);
-            let hope = if self.params.hope > 0.0 { hope(ctx.map(), &region.frontiers, self.params.hope) } else { 1.0 };
-            best.push(((path_m + penalty_m + self.params.start_m) / hope, cell, frontier));
+            best.push((path_m + coordination.penalty_m(cell, path_m, observation), cell, frontier));
             best.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
             best.truncate(ATTEMPTS);
         }
@@ -65,7 +56,7 @@ impl Dsvp {
     /// those that may have something left to explore; once all have been tried, to a random region,
     /// which also clears the way of those that explore. The team rests when all have nothing left.
     pub(super) fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        let Some(WorldModel { graph, paths, pursuit, .. }) = &mut self.model else { return Plan::Nothing };
+        let Self { graph, paths, pursuit, .. } = self;
         let here = ctx.cell();
         pursuit.report(graph.region_of(here).is_some(), observation.tick);
         let are_all_in_contact = observation.contacts.len() + 1 >= ctx.run_info().agents as usize;
@@ -86,20 +77,6 @@ impl Dsvp {
         }
         Plan::Blocked
     }
-}
-
-/// The probability that one of the unexplored cells beside some frontiers is free, to a power.
-fn hope(map: &ExplorationMap, frontiers: &[Cell], exponent: f64) -> f64 {
-    let likelihood = Likelihood::new(BESIDE_WALL);
-    let mut none = 1.0;
-    for &frontier in frontiers {
-        for beside in frontier.neighbours6() {
-            if map.state(beside) == CellState::Unexplored {
-                none *= 1.0 - FREE_IN_THE_OPEN * f64::from(likelihood.of(map, beside)) / f64::from(WHOLE);
-            }
-        }
-    }
-    libm::pow(1.0 - none, exponent).max(1e-3)
 }
 
 /// The frontier of a region nearest to a cell, without those left out, and its viewpoint.

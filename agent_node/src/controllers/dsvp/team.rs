@@ -7,31 +7,31 @@
 //! them in the meantime ([`sightings`]), and divided among this agent, from where it is, and the
 //! others, from their claimed goals ([`division`]). Claims are exchanged as in the auction, which
 //! also settles conflicts. An agent without a task in that division plans for itself alone; one
-//! without any task at all relocates. If it pays, it first goes to meet another one ([`meetings`]).
+//! without any task at all relocates.
 //!
 //! Invariants: it goes only where the graph knows a path; it depends on the map, the graph and the
 //! observations alone.
 
 mod division;
-mod meetings;
 mod sightings;
 mod viewpoints;
 
 use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
-use voxels::{Cell, Extent};
+use voxels::Cell;
 
 use super::avoidance::motion_to;
 use super::coordination::Coordination;
 use super::gain::GainEstimator;
 use super::goal::Goal;
 use super::obstacles::Obstacles;
-use super::{ATTEMPTS, Dsvp, Plan, WorldModel, has_gain_left};
+use super::{ATTEMPTS, Dsvp, Plan, has_gain_left};
 use crate::abstract_graph::{AbstractGraph, PathLengths, RegionId};
+use crate::command::{Command, Trigger};
 use crate::controllers::Ctx;
-use crate::controllers::auction::AuctionParams;
-use crate::observation::Observation;
+use crate::controllers::auction::{Auction, AuctionParams};
+use crate::observation::{Observation, RunInfo};
 use division::Division;
 use sightings::{Prospect, Sighting, Sightings};
 use viewpoints::{Candidate, Task, Viewpoints};
@@ -69,17 +69,13 @@ pub(super) struct TeamParams {
     /// How long an agent has a part in divisions after it should have been at its last known goal,
     /// seconds.
     pub(super) memory_s: f64,
-    /// The probability that an agent which has just left is met where it is expected; 0: no agent
-    /// is met on purpose.
-    pub(super) meeting_chance: f64,
-    /// Time out of contact in which that falls to 1/e, seconds.
-    pub(super) meeting_decay_s: f64,
 }
 
 /// What an agent knows about the team and the tasks.
 #[derive(Debug)]
 pub(super) struct Team {
     params: TeamParams,
+    auction: Auction,
     viewpoints: Viewpoints,
     sightings: Sightings,
     lengths: PathLengths,
@@ -106,10 +102,15 @@ fn arrivals_s(valued: &[Valued], sighting: usize) -> Vec<f64> {
 }
 
 impl Team {
-    /// Nothing is known yet.
-    pub(super) fn new(params: TeamParams, extent: Extent) -> Self {
-        let viewpoints = Viewpoints::new(extent);
-        Self { params, viewpoints, sightings: Sightings::default(), lengths: PathLengths::default() }
+    /// That of an agent of a run, which knows nothing yet.
+    pub(super) fn new(params: TeamParams, agent: AgentId, run_info: &RunInfo) -> Self {
+        Self {
+            params: params.of(run_info.bodies.of(agent).kind),
+            auction: Auction::new(params.auction, &run_info.bodies, agent, run_info.extent),
+            viewpoints: Viewpoints::new(run_info.extent),
+            sightings: Sightings::default(),
+            lengths: PathLengths::default(),
+        }
     }
 
     /// The tasks that are worth most for their time, with the times to them.
@@ -145,9 +146,9 @@ impl Team {
         valued
     }
 
-    /// The tours of the team over some tasks. That of this agent, if it is empty in the division,
-    /// is its own tour over all of them.
-    fn tours(&mut self, valued: &[Valued], world: &World<'_>) -> Tours {
+    /// The tour of this agent over some tasks: its part in the division among the team, or, if that
+    /// is empty, a tour over all of them.
+    fn own_tour(&mut self, valued: &[Valued], world: &World<'_>) -> Vec<usize> {
         let TeamParams { leg_s, urgency, memory_s, .. } = self.params;
         let tasks: Vec<Task> = valued.iter().map(|valued| valued.task).collect();
         let mut between_s = vec![vec![UNREACHABLE_S; tasks.len()]; tasks.len()];
@@ -171,42 +172,17 @@ impl Team {
         let own: Vec<f64> = valued.iter().map(|valued| valued.own_s).collect();
         let takes_part = |sighting: &Sighting| seconds(world.now) - sighting.free_s < memory_s;
         let others = self.sightings.iter().enumerate().filter(|(_, (_, sighting))| takes_part(sighting));
-        let others: Vec<usize> = others.map(|(other, _)| other).collect();
-        let arrivals_s = others.iter().map(|&other| arrivals_s(valued, other));
+        let arrivals_s = others.map(|(other, _)| arrivals_s(valued, other));
         let first_s = std::iter::once(own.clone()).chain(arrivals_s).collect();
         let division = Division { first_s, between_s: &between_s, weights: &weights, urgency };
-        let mut tours = division.tours().into_iter();
-        let mut of_own = tours.next().unwrap_or_default();
-        if of_own.is_empty() {
-            of_own = Division { first_s: vec![own.clone()], ..division }.tours().swap_remove(0);
-        }
-        Tours { of_own, of_others: others.into_iter().zip(tours).collect(), own_s: own, between_s }
-    }
-}
-
-/// The tours of the team over some tasks.
-struct Tours {
-    of_own: Vec<usize>,
-    /// By number of the sighting.
-    of_others: Vec<(usize, Vec<usize>)>,
-    /// By task, the time for this agent to get there, seconds.
-    own_s: Vec<f64>,
-    /// Duration from task to task, seconds.
-    between_s: Vec<Vec<f64>>,
-}
-
-impl Tours {
-    /// That of another agent, by the number of its sighting; empty if it has no part in the
-    /// division.
-    fn of(&self, number: usize) -> &[usize] {
-        self.of_others.iter().find(|(other, _)| *other == number).map_or(&[], |(_, tour)| tour)
+        let tour = division.tours().swap_remove(0);
+        if tour.is_empty() { Division { first_s: vec![own], ..division }.tours().swap_remove(0) } else { tour }
     }
 }
 
 /// What a plan starts from.
 struct World<'g> {
     graph: &'g AbstractGraph,
-    here: Cell,
     cell_m: f64,
     speed_m_s: f64,
     now: Tick,
@@ -219,20 +195,30 @@ impl World<'_> {
     }
 }
 
-impl Dsvp {
+impl Coordination for Team {
+    fn trigger(&self) -> Trigger {
+        Coordination::trigger(&self.auction)
+    }
+
+    fn receive(&mut self, observation: &Observation, agents: u32) {
+        Coordination::receive(&mut self.auction, observation, agents);
+    }
+
     /// The tour stage: to the first task of the own tour that can be reached.
-    pub(super) fn tour(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        let Some(WorldModel { graph, paths, gain_estimator, coordination, pursuit, .. }) = &mut self.model else {
-            return Plan::Nothing;
-        };
-        let Coordination::Team(auction, team) = coordination else { return Plan::Nothing };
+    fn first_stage(
+        planner: &mut Dsvp<Self>,
+        observation: &Observation,
+        ctx: &mut Ctx<'_>,
+        obstacles: &Obstacles,
+    ) -> Plan {
+        let Dsvp { params, graph, paths, gain_estimator, coordination: team, unproductive, abandoned, .. } = planner;
         let (map, here, now) = (ctx.map(), ctx.cell(), observation.tick);
-        if has_gain_left(self.goal, here, map, gain_estimator, self.params.gain_min) {
-            self.unproductive.insert(here);
+        if has_gain_left(planner.goal, here, map, gain_estimator, params.gain_min) {
+            unproductive.insert(here);
         }
-        team.sightings.update(auction, observation);
+        team.sightings.update(&team.auction, observation);
         let cell_m = map.extent().cell_m();
-        let world = World { graph, here, cell_m, speed_m_s: auction.own_speed_m_s(), now };
+        let world = World { graph, cell_m, speed_m_s: team.auction.own_speed_m_s(), now };
         let mut candidates = Vec::new();
         let mut own_m = BTreeMap::new();
         paths.begin(graph, here);
@@ -240,15 +226,14 @@ impl Dsvp {
             && paths.has_frontiers_left()
             && let Some((id, region, length)) = paths.next(graph)
         {
-            let Some(candidate) = Candidate::new(graph, id, region, here, &self.abandoned) else { continue };
+            let Some(candidate) = Candidate::new(graph, id, region, here, abandoned) else { continue };
             if candidate.cell == here {
-                self.abandoned.insert(candidate.frontier);
+                abandoned.insert(candidate.frontier);
                 continue;
             }
             candidates.push(candidate);
             own_m.insert(id, length * cell_m);
         }
-        let unproductive = &self.unproductive;
         let is_unproductive = |cell: Cell| cell == here || unproductive.contains(&cell);
         let least = team.params.expected_min;
         let tasks = team.viewpoints.tasks(map, gain_estimator, &candidates, &is_unproductive, least);
@@ -256,25 +241,37 @@ impl Dsvp {
             return Plan::Nothing;
         }
         let valued = team.valued(tasks, &own_m, &world);
-        let tours = team.tours(&valued, &world);
-        if team.params.meeting_chance > 0.0 {
-            pursuit.arrive(self.goal, here);
-            let is_sought =
-                |agent: AgentId| pursuit.is_sought(agent, &observation.contacts) && !pursuit.is_absent(agent);
-            if let Some((agent, cell)) = team.meeting(&valued, &tours, &is_sought, &world) {
-                while paths.next(graph).is_some() {}
-                if let Some(motion) = motion_to(ctx, graph, paths, cell, obstacles, self.params.waypoints) {
-                    return Plan::Go(Goal::Pursuit { agent, cell }, motion);
-                }
-            }
-        }
-        for &number in tours.of_own.iter().take(ATTEMPTS) {
+        for number in team.own_tour(&valued, &world).into_iter().take(ATTEMPTS) {
             let task = &valued[number].task;
-            if let Some(motion) = motion_to(ctx, graph, paths, task.cell, obstacles, self.params.waypoints) {
-                return Plan::Go(goal(task, gain_estimator, ctx, self.params.gain_min, least), motion);
+            if let Some(motion) = motion_to(ctx, graph, paths, task.cell, obstacles, params.waypoints) {
+                return Plan::Go(goal(task, gain_estimator, ctx, params.gain_min, least), motion);
             }
         }
         Plan::Blocked
+    }
+
+    fn is_outbid(&self, now: Tick) -> bool {
+        self.auction.is_outbid(now)
+    }
+
+    fn claim(&mut self, goal: Cell, path_m: f64, now: Tick) {
+        self.auction.claim(goal, path_m, now);
+    }
+
+    fn withdraw(&mut self) {
+        self.auction.withdraw();
+    }
+
+    fn utility_factor(&self, viewpoint: Cell, path_m: f64, now: Tick) -> f64 {
+        self.auction.utility_factor(viewpoint, path_m, now)
+    }
+
+    fn penalty_m(&self, viewpoint: Cell, path_m: f64, observation: &Observation) -> f64 {
+        Coordination::penalty_m(&self.auction, viewpoint, path_m, observation)
+    }
+
+    fn with_claims(&self, command: Command, observation: &Observation) -> Command {
+        self.auction.with_claims(command, observation)
     }
 }
 

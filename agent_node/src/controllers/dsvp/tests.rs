@@ -2,37 +2,17 @@ use msgs::ids::AgentId;
 use nalgebra::Point3;
 
 use super::super::testing::World;
+use super::coordination::Alone;
 use super::*;
 use crate::controllers::settings::Settings;
 use crate::exploration_map::{CellState, Delta};
 use crate::observation::{Contact, ReceivedMessage};
 
-fn planner(settings: &[&str]) -> Dsvp {
+/// A planner that leaves others out of account, with these settings.
+fn planner(world: &World, settings: &[&str]) -> Dsvp<Alone> {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::new(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
-}
-
-fn bidder(agent: u32) -> Dsvp {
-    Dsvp::with_auction(&mut Settings::default(), random_streams::stream(1, agent.into(), "test")).unwrap()
-}
-
-fn tourist(settings: &[&str]) -> Dsvp {
-    let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::with_tours(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
-}
-
-fn neighbour(settings: &[&str]) -> Dsvp {
-    let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::with_voronoi(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
-}
-
-fn planner_of_a_team() -> Dsvp {
-    Dsvp::with_team(&mut Settings::default(), random_streams::stream(1, 0, "test")).unwrap()
-}
-
-fn swift(settings: &[&str]) -> Dsvp {
-    let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::with_time(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
+    let params = Params::from_settings(&mut Settings::parse(&settings).unwrap(), Params::default()).unwrap();
+    Dsvp::new(params, Alone, world.setup())
 }
 
 const CORRIDOR: &str = "
@@ -85,18 +65,15 @@ fn explores_small_worlds_completely() {
         ("two rooms", ROOMS, low),
         ("pit", PIT, Cell::new(1, 1, 3)),
     ] {
-        for (kind, mut controller) in [
-            ("dsvp", planner(&[])),
-            ("dsvp-auction", bidder(0)),
-            ("dsvp-tours", tourist(&[])),
-            ("dsvp-voronoi", neighbour(&[])),
-            ("dsvp-swift", swift(&[])),
-            ("dsvp-team", planner_of_a_team()),
-            ("dsvp-swift by hope", swift(&["hope=2", "start_m=5", "share_min=0.5", "beside_wall=0.17"])),
-            ("dsvp-tours by tours alone", tourist(&["explores=own", "relocates=tour"])),
-        ] {
+        for kind in ["dsvp", "dsvp-auction", "dsvp-team"] {
             let mut world = World::new(drawing.trim_start(), start);
-            world.run(&mut controller, 2000);
+            let settings = &mut Settings::default();
+            let mut controller: Box<dyn Controller> = match kind {
+                "dsvp" => Box::new(alone(settings, world.setup()).unwrap()),
+                "dsvp-auction" => Box::new(with_auction(settings, world.setup()).unwrap()),
+                _ => Box::new(with_team(settings, world.setup()).unwrap()),
+            };
+            world.run(controller.as_mut(), 2000);
             let left = world.left(&[CellState::Free, CellState::Covered]);
             assert!(left.is_empty(), "{kind}, {name}: {left:?}, {:?}", world.said);
         }
@@ -107,7 +84,7 @@ fn explores_small_worlds_completely() {
 fn relocates_without_gain_nearby() {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     // No viewpoint has such a gain.
-    let mut controller = planner(&["gain_min=1000"]);
+    let mut controller = planner(&world, &["gain_min=1000"]);
     world.run(&mut controller, 2000);
     assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
     let is_relocation = |said: &String| said.starts_with("relocation");
@@ -116,24 +93,11 @@ fn relocates_without_gain_nearby() {
 }
 
 #[test]
-fn relocation_goes_where_free_cells_are_likely() {
-    // The dead end on the left is nearer than the open space on the right.
-    let drawing = "##########????\n?.........????\n##########????";
-    let said = |settings: &[&str]| {
-        let mut world = World::known(drawing, Cell::new(3, 1, 0));
-        world.observation.scan_tick = Some(world.observation.tick);
-        world.ask(&mut swift(&[settings, &["gain_min=1000"]].concat())).info
-    };
-    assert_eq!(said(&[]), "relocation to (1, 1, 0)");
-    assert_eq!(said(&["hope=1", "start_m=5"]), "relocation to (9, 1, 0)");
-}
-
-#[test]
 fn abandoned_frontier_is_explored_after_a_map_update() {
     // The sensor does not reveal the rest of the corridor.
     let mut world = World::known("......??????", Cell::new(5, 0, 0));
     let extent = world.map.extent();
-    let mut controller = planner(&[]);
+    let mut controller = planner(&world, &[]);
     let mut ask = |world: &mut World| {
         world.observation.tick = world.observation.tick.next();
         world.observation.scan_tick = Some(world.observation.tick);
@@ -155,7 +119,7 @@ fn unproductive_viewpoint_is_not_chosen_again() {
     let cell = Cell::new(4, 0, 0);
     let mut world = World::known("????.????", cell);
     world.observation.scan_tick = Some(world.observation.tick);
-    let mut blind = Dsvp { goal: Some(Goal::Viewpoint { cell, gain: 9 }), ..planner(&["gain_min=1"]) };
+    let mut blind = Dsvp { goal: Some(Goal::Viewpoint { cell, gain: 9 }), ..planner(&world, &["gain_min=1"]) };
     world.ask(&mut blind);
     assert!(blind.unproductive.contains(&cell));
 }
@@ -165,7 +129,7 @@ fn pursues_the_last_contact_and_then_wanders() {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     let met_at = Point3::new(13.5, 4.5, 0.5);
     world.observation.contacts = vec![Contact { agent: AgentId(2), position: met_at }];
-    let mut controller = planner(&[]);
+    let mut controller = planner(&world, &[]);
     world.ask(&mut controller);
     world.observation.contacts.clear();
     world.run(&mut controller, 2000);
@@ -179,7 +143,7 @@ fn pursues_the_last_contact_and_then_wanders() {
 /// the texts for people, and whether the agent sent reports to that contact.
 fn after_contact_with(finished: &[u32]) -> (Vec<String>, bool) {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
-    let mut controller = planner(&[]);
+    let mut controller = planner(&world, &[]);
     world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(13.5, 4.5, 0.5) }];
     world.run(&mut controller, 500);
     world.said.clear();
@@ -217,7 +181,7 @@ fn team_with_nothing_left_rests() {
 fn mutual_blockage_is_resolved() {
     let mut world = World::new(CORRIDOR.trim_start(), Cell::new(4, 1, 0));
     world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(6.5, 1.5, 0.5) }];
-    let mut controller = planner(&[]);
+    let mut controller = planner(&world, &[]);
     world.run(&mut controller, 400);
     assert!(world.said.iter().any(|said| said == "gives way"), "{:?}", world.said);
     assert!(world.said.iter().any(|said| said.starts_with("out of the way")), "{:?}", world.said);

@@ -16,7 +16,6 @@ use voxels::{Cell, Extent};
 
 use super::gain::GainEstimator;
 use super::obstacles::Obstacles;
-use crate::bodies::{BodyModel, leg_from};
 use crate::exploration_map::ExplorationMap;
 use crate::path::direct;
 
@@ -35,25 +34,11 @@ pub(in crate::controllers) struct Growth {
     pub(in crate::controllers) jitter: i32,
     /// Radius of the body, metres.
     pub(in crate::controllers) radius_m: f64,
-    /// The body, if the tree counts seconds: then the parent of a node is the one from which it is
-    /// reached soonest.
-    pub(in crate::controllers) legs: Option<Legs>,
-}
-
-/// A body that is about to leave the root.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::controllers) struct Legs {
-    pub(in crate::controllers) body: BodyModel,
-    /// Its heading at the root.
-    pub(in crate::controllers) yaw_rad: f64,
 }
 
 /// Parameters of the branch gain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::controllers) struct Valuation {
-    /// Discount per second until a node is reached, for trees that count seconds; the others have
-    /// the next one.
-    pub(in crate::controllers) lambda_time: f64,
     /// Discount per metre of path to a node.
     pub(in crate::controllers) lambda_distance: f64,
     /// Discount per metre of DTW distance between a branch and the last direction.
@@ -68,9 +53,6 @@ struct Node {
     parent: usize,
     /// Path length from the root, cells.
     length: f64,
-    /// Time from the root, seconds, and the heading on arrival; 0 in trees that count metres.
-    time_s: f64,
-    yaw_rad: f64,
 }
 
 /// A branch with a gain.
@@ -91,7 +73,7 @@ pub(in crate::controllers) struct Tree {
 impl Tree {
     /// The tree that is only a root.
     pub(in crate::controllers) fn new(root: Cell) -> Self {
-        Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0, time_s: 0.0, yaw_rad: 0.0 }] }
+        Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }] }
     }
 
     /// The tree re-rooted at a new cell: the component within the horizon that is connected to it,
@@ -128,15 +110,7 @@ impl Tree {
             if !cell.is_within(root, growth.horizon) || cell == root {
                 continue;
             }
-            let cell_m = map.extent().cell_m();
-            let parent = match growth.legs {
-                Some(_) => {
-                    let is_open = |from: Cell| direct(map, &map.extent().centre(from), cell, growth.radius_m);
-                    moved.soonest(cell, parent, &is_open, growth, cell_m)
-                }
-                None => parent,
-            };
-            let number = moved.add(cell, parent, growth, cell_m);
+            let number = moved.add(cell, parent);
             next.extend(beside[node].iter().filter(|&&node| !is_taken[node]).map(|&node| (node, number)));
         }
         moved
@@ -146,35 +120,11 @@ impl Tree {
         self.nodes[0].cell
     }
 
-    fn add(&mut self, cell: Cell, parent: usize, growth: &Growth, cell_m: f64) -> usize {
+    /// Adds a node, and returns its number.
+    fn add(&mut self, cell: Cell, parent: usize) -> usize {
         let length = self.nodes[parent].length + self.nodes[parent].cell.distance(cell);
-        let (time_s, yaw_rad) = self.arrival(cell, parent, growth, cell_m);
-        self.nodes.push(Node { cell, parent, length, time_s, yaw_rad });
+        self.nodes.push(Node { cell, parent, length });
         self.nodes.len() - 1
-    }
-
-    /// When and with which heading a cell is reached over a node.
-    fn arrival(&self, cell: Cell, over: usize, growth: &Growth, cell_m: f64) -> (f64, f64) {
-        let Some(legs) = growth.legs else { return (0.0, 0.0) };
-        let from = &self.nodes[over];
-        let yaw_rad = if over == 0 { legs.yaw_rad } else { from.yaw_rad };
-        let (leg_s, heading_rad) = leg_from(&legs.body, yaw_rad, &vector(cell - from.cell), cell_m);
-        (from.time_s + leg_s, heading_rad)
-    }
-
-    /// The node on the path to `nearest` over which a cell is reached soonest on a straight leg.
-    fn soonest(
-        &self,
-        cell: Cell,
-        nearest: usize,
-        is_open: &dyn Fn(Cell) -> bool,
-        growth: &Growth,
-        cell_m: f64,
-    ) -> usize {
-        let path = std::iter::successors(Some(nearest), |&node| (node != 0).then(|| self.nodes[node].parent));
-        let open = path.filter(|&node| node == nearest || is_open(self.nodes[node].cell));
-        let arrival_s = |&node: &usize| self.arrival(cell, node, growth, cell_m).0;
-        open.min_by(|a, b| arrival_s(a).total_cmp(&arrival_s(b))).unwrap_or(nearest)
     }
 
     /// Grows the tree by random samples, some of them near `frontiers`, with clearance to other
@@ -201,17 +151,12 @@ impl Tree {
             let from = self.nodes[nearest].cell;
             let cell = towards(from, sample, growth.extension, &extent);
             let is_new = cell != from && cell.is_within(root, growth.horizon) && !self.holds(cell);
-            let is_open = |from: Cell| {
+            let is_open = || {
                 let from = extent.centre(from);
                 !obstacles.block(&from, &extent.centre(cell)) && direct(map, &from, cell, growth.radius_m)
             };
-            if is_new && is_open(from) {
-                let cell_m = extent.cell_m();
-                let parent = match growth.legs {
-                    Some(_) => self.soonest(cell, nearest, &is_open, growth, cell_m),
-                    None => nearest,
-                };
-                self.add(cell, parent, growth, cell_m);
+            if is_new && is_open() {
+                self.add(cell, nearest);
             }
         }
     }
@@ -247,11 +192,7 @@ impl Tree {
             } else {
                 f64::from(gain) * utility_factor(node.cell, node.length * cell_m)
             };
-            let exponent = if valuation.lambda_time > 0.0 {
-                -valuation.lambda_time * node.time_s
-            } else {
-                -valuation.lambda_distance * node.length * cell_m
-            };
+            let exponent = -valuation.lambda_distance * node.length * cell_m;
             sums[number] = sums[node.parent] + counts * libm::exp(exponent);
             if counts == 0.0 {
                 continue;

@@ -14,14 +14,15 @@ use voxels::{Cell, Extent, Grid, Terrain};
 use super::{AGENT, World};
 use crate::command::{Command, Motion, ScanRequest};
 use crate::controllers::{NAMES, build};
-use crate::observation::{Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, Surface};
+use crate::observation::{
+    Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
+};
 
 /// Size of the world of the observations, cells.
 const SIZE: [u32; 3] = [6, 5, 6];
 
 /// Settings with other decisions than the defaults.
-const OTHER_SETTINGS: [(&str, &[&str]); 7] = [
-    ("dsvp-tours", &["explores=own", "relocates=tour", "promising_min=0"]),
+const OTHER_SETTINGS: [(&str, &[&str]); 6] = [
     ("nearest-frontier", &["relays=on"]),
     ("lvd", &["search_time=budgeted", "search_cells_per_tick=1"]),
     ("lvd", &["search_time=background", "search_ticks=3", "visit_radius_m=1"]),
@@ -144,11 +145,12 @@ proptest! {
         let extent = Extent::new(SIZE, 1.0).unwrap();
         for (name, settings) in NAMES.into_iter().map(|name| (name, &[][..])).chain(OTHER_SETTINGS) {
             let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-            let mut controller = build(name, &settings, AGENT, seed).unwrap();
             let mut world = World::of(Grid::new(extent, Terrain::Free), Cell::default());
             if is_aerial {
                 world = world.aerial();
             }
+            let run_info = RunInfo { agents_seed: seed, ..world.run_info.clone() };
+            let mut controller = build(name, &settings, AGENT, &run_info).unwrap();
             for observation in &observations {
                 world.map.note_free(&observation.seen.free);
                 world.map.note_wall(&observation.seen.wall);

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use agent_node::controllers::auction::CLAIMS_MESSAGE;
-use agent_node::controllers::dsvp::{FINISHED_MESSAGE, TASKS_MESSAGE};
+use agent_node::controllers::dsvp::FINISHED_MESSAGE;
 use agent_node::sharing::MAP_MESSAGE;
 
 use super::super::estimates::{Estimate, RESAMPLES};
@@ -168,7 +168,6 @@ fn kind_name(kind: u8) -> String {
     match kind {
         MAP_MESSAGE => format!("maps (kind {kind})"),
         CLAIMS_MESSAGE => format!("claims (kind {kind})"),
-        TASKS_MESSAGE => format!("tasks (kind {kind})"),
         FINISHED_MESSAGE => format!("nothing left (kind {kind})"),
         other => format!("kind {other}"),
     }

@@ -157,7 +157,7 @@ impl Division<'_> {
 
 /// The tasks of a tour with the times at which they are reached, by the times to each task as the
 /// first one and the durations from task to task; seconds.
-pub(super) fn timed(
+fn timed(
     tour: impl Iterator<Item = usize>,
     first_s: &[f64],
     between_s: &[Vec<f64>],
