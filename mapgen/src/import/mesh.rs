@@ -6,12 +6,16 @@
 //! no hole, or they differ, the generalised winding number decides ([`winding`]). Triangles are
 //! turned to face outwards together before ([`orientation`]).
 //!
-//! **Surface.** A triangle touches a cell if a part of it lies in the cell, the lower faces of
-//! which belong to it.
+//! **Ties.** Centres on a face count as if all of them were moved a little the same way
+//! ([`crossings`]); so a mesh that is made of cells comes back as these cells, wherever they lie.
+//!
+//! **Surface.** A triangle touches a cell if a part of it with an area lies in the cell, the lower
+//! faces of which belong to it.
 //!
 //! The work is counted, not timed: a file that needs more steps than allowed is refused.
 
 mod crossings;
+mod lattice;
 mod orientation;
 mod touch;
 mod winding;
@@ -38,6 +42,10 @@ const OPENINGS_SHOWN: usize = 3;
 
 /// Distance of a winding number from one half within which the lines decide.
 const UNDECIDED: f64 = 1e-6;
+
+/// Where winding numbers are taken: this far from a centre along x, y and z, in lengths of cells,
+/// as a small picture of the step that decides ties.
+const STEP: [f64; 3] = [1.0 / (1 << 10) as f64, 1.0 / (1 << 15) as f64, 1.0 / (1 << 20) as f64];
 
 /// Vertices, and triangles of the numbers of three of them.
 #[derive(Default)]
@@ -102,6 +110,7 @@ pub(super) fn map_up(spec: &ImportSpec, mesh: &Mesh, up: Up, notes: Vec<Note>) -
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
     let mut triangles = mesh.sound(units);
+    lattice::put_on(&mut triangles);
     let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
     let frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
@@ -135,8 +144,9 @@ pub(super) fn map_up(spec: &ImportSpec, mesh: &Mesh, up: Up, notes: Vec<Note>) -
             } else {
                 decided += 1;
                 let cell = extent.cell_at(index);
-                let centre = [cell.x, cell.y, cell.z].map(|along| f64::from(along) + 0.5);
-                let turns = winding.get_or_insert_with(|| Winding::new(&triangles)).at(centre, &mut work)?.abs();
+                let at = [cell.x, cell.y, cell.z];
+                let point = [0, 1, 2].map(|axis| f64::from(at[axis]) + 0.5 + STEP[axis]);
+                let turns = winding.get_or_insert_with(|| Winding::new(&triangles)).at(point, &mut work)?.abs();
                 if (turns - 0.5).abs() < UNDECIDED { votes.majority(index) } else { turns > 0.5 }
             };
             if is_inside {
