@@ -341,7 +341,7 @@ fn advice_names_options_of_the_format_only() {
             if report.contains(&format!("map.import.{}", flag.replace('-', "_")))
                 || report.contains("shorter cells (map.cell_m)")
             {
-                let refused = scratch.map(&format!("check @{file} --{option}")).unwrap_err();
+                let refused = scratch.map(&format!("check @{file} --{option}")).err().unwrap_or_default();
                 assert!(!refused.contains("is not an option") && !refused.contains("asked for"), "{file}: {refused}");
             }
         }
