@@ -243,6 +243,7 @@ impl Keys {
 /// The keys of a file: flat YAML, as the map server and its tools write it.
 fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
     let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut image = None;
     let mut resolution_m = None;
     let mut origin: Option<Vec<f64>> = None;

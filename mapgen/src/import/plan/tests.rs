@@ -154,6 +154,13 @@ fn transparent_pixels_are_those_of_the_map_server() {
 }
 
 #[test]
+fn byte_order_mark_and_other_line_ends_change_nothing() {
+    let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
+    let plain = yaml(KEYS, image).read().unwrap();
+    assert_eq!(yaml(&format!("\u{feff}{}", KEYS.replace('\n', "\r\n")), image).read().unwrap(), plain);
+}
+
+#[test]
 fn an_open_map_gets_a_layer_that_its_origin_takes_into_account() {
     let imported = yaml(KEYS, b"P2 1 1 255 254").read().unwrap();
     assert_eq!(imported.terrain.extent().size(), [3, 3, 54]);
