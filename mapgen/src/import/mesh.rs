@@ -83,6 +83,15 @@ impl Mesh {
         self.triangles.extend(corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]));
     }
 
+    /// Adds a strip of triangles between three vertices in a row each, of which every other one
+    /// goes round the other way.
+    pub(super) fn add_strip(&mut self, corners: &[u32]) {
+        for (number, triangle) in corners.windows(3).enumerate() {
+            let [a, b, c] = [triangle[0], triangle[1], triangle[2]];
+            self.triangles.push(if number % 2 == 0 { [a, b, c] } else { [b, a, c] });
+        }
+    }
+
     /// The lengths of the sides of the box around all vertices, in units of the file.
     fn spans(&self) -> [f64; 3] {
         let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());
