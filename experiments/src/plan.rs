@@ -323,6 +323,11 @@ fn planned_run(
 /// See [`PlannedRun::id`].
 fn id(scenario: &Scenario, files: &RunFiles) -> String {
     let mut hasher = blake3::Hasher::new();
+    // The map file is among the hashes, whatever its name.
+    let mut scenario = scenario.clone().without_map_file();
+    if files.maps > 0 {
+        scenario.map.cell_m = None;
+    }
     hasher.update(scenario.identity().as_bytes()).update(&[0]).update(BUILD.as_bytes());
     for hash in &files.hashes {
         hasher.update(&[0]).update(hash.as_bytes());
@@ -332,11 +337,14 @@ fn id(scenario: &Scenario, files: &RunFiles) -> String {
 
 /// See [`PlannedRun::map`].
 fn map_id(scenario: &Scenario, files: &RunFiles) -> String {
-    let mut map = scenario.map.clone();
+    let mut map = scenario.clone().without_map_file().map;
     let hashes = &files.hashes[..files.maps];
     // A file makes the same map with every seed and under every name; a generator depends on the
     // seed, whether the map has one of its own or not.
-    (map.file, map.seed) = (None, hashes.is_empty().then_some(scenario.map_seed()));
+    map.seed = hashes.is_empty().then_some(scenario.map_seed());
+    if !hashes.is_empty() {
+        map.cell_m = None;
+    }
     let mut hasher = blake3::Hasher::new();
     hasher.update(toml::to_string(&map).expect("a section has plain values").as_bytes());
     for hash in hashes {

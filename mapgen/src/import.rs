@@ -130,6 +130,12 @@ impl ImportSpec {
         if self.layers.is_empty() { MapFormat::of(Path::new(&self.file)) } else { Ok(MapFormat::Stack) }
     }
 
+    /// The names of the import options that files of this format have; none of an unknown one.
+    #[must_use]
+    pub fn options_of_format(&self) -> &'static [&'static str] {
+        self.format().map_or(&[], MapFormat::options)
+    }
+
     /// Allows at least `cells`, the size of a map that is known from elsewhere.
     #[must_use]
     pub fn allowing(self, cells: usize) -> Self {

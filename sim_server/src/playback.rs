@@ -61,6 +61,7 @@ pub struct Playback<'a> {
     ending: Option<Ending>,
     /// Join messages, by agent.
     joins: BTreeMap<AgentId, Join>,
+    first_digest: Option<Digest>,
 }
 
 /// The recorded inputs of a tick.
@@ -82,7 +83,7 @@ impl<'a> Playback<'a> {
     pub fn new(recording: &'a Recording) -> Result<Self, PlaybackError> {
         let mut horizon = Horizon::Open(Tick::ZERO);
         let mut joins = BTreeMap::new();
-        let mut reason = None;
+        let (mut reason, mut first_digest) = (None, None);
         // Observations of the last tick.
         let mut observations: Vec<Message> = Vec::new();
         let mut all = recording.messages();
@@ -95,6 +96,11 @@ impl<'a> Playback<'a> {
                 horizon = Horizon::Ended(tick);
             } else if let Horizon::Open(last) = &mut horizon {
                 *last = tick.max(*last);
+            }
+            if tick == Tick::ZERO && message.channel.topic == topics::digest().name {
+                let digest: maes_msgs::Digest =
+                    message.decode().map_err(|source| unreadable(recording, &message, source))?;
+                first_digest.get_or_insert(Digest(digest.digest));
             }
             if let Some((agent, "join")) = message.of_agent() {
                 let join = message.decode().map_err(|source| unreadable(recording, &message, source))?;
@@ -120,13 +126,19 @@ impl<'a> Playback<'a> {
         let ending = reason.map(|reason| Ending { reason, is_mid_tick });
         let mut messages = recording.messages();
         let next = messages.next();
-        Ok(Self { file: recording.file().to_owned(), messages, next, horizon, fork: None, ending, joins })
+        Ok(Self { file: recording.file().to_owned(), messages, next, horizon, fork: None, ending, joins, first_digest })
     }
 
     /// The inputs before a tick alone: from there on, a fork goes another way.
     #[must_use]
     pub fn until(self, tick: Tick) -> Self {
         Self { fork: Some(tick), ..self }
+    }
+
+    /// The digest at the start of tick 0, if recorded.
+    #[must_use]
+    pub fn first_digest(&self) -> Option<Digest> {
+        self.first_digest
     }
 
     /// How the recording ends.

@@ -136,11 +136,15 @@ pub fn run(
         Mode::Resume(playback) => (true, Some(playback), None),
         Mode::Verify(playback, checker) => (false, Some(playback), Some(checker)),
     };
+    let mut engine = Engine::new(scenario, world)?;
+    if let Some(first) = playback.as_ref().and_then(Playback::first_digest) {
+        engine.continue_chain_of(first);
+    }
     let begun = transport.now();
     let mut session = Session {
         scenario,
         external: scenario.driven(),
-        engine: Engine::new(scenario, world)?,
+        engine,
         sessions: AgentSessions::new(
             start,
             agents::with_external(&policy, &scenario.unsigned()),

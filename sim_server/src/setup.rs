@@ -159,10 +159,15 @@ pub fn load_recorded(
     overrides: &[Override],
 ) -> Result<Scenario, SetupError> {
     let text = recording.scenario();
-    let scenario = match file {
+    let mut scenario = match file {
         Some(file) => load(file, overrides)?,
         None => Scenario::parse(recording.file(), &text, overrides)?,
     };
+    let recorded = Scenario::parse(recording.file(), &text, &[])?;
+    if is_same_map_elsewhere(recording, &recorded, &scenario)? {
+        // The recording keeps the name that it has.
+        (scenario.map.file, scenario.map.import) = (recorded.map.file, recorded.map.import);
+    }
     let identity = scenario.identity();
     if identity != *text {
         let lines = text.lines().zip(identity.lines()).find(|(before, now)| before != now);
@@ -170,6 +175,21 @@ pub fn load_recorded(
         return Err(SetupError::OtherScenario { file: recording.file().to_owned(), what });
     }
     Ok(scenario)
+}
+
+/// Whether a scenario names the map of a recording by another file, or reads it with other options.
+fn is_same_map_elsewhere(recording: &Recording, recorded: &Scenario, scenario: &Scenario) -> Result<bool, SetupError> {
+    let source = |scenario: &Scenario| (scenario.map.file.clone(), scenario.map.import);
+    let are_files = [recorded, scenario].iter().all(|scenario| scenario.map.kind == MapKind::File);
+    if !are_files || source(recorded) == source(scenario) {
+        return Ok(false);
+    }
+    let here = generate_map(scenario)?.terrain;
+    let there = match attached_map(recording, recorded) {
+        Some(import) => imported(import, recorded)?.terrain,
+        None => return Err(SetupError::NoMap { file: recording.file().to_owned() }),
+    };
+    Ok(here == there)
 }
 
 /// The scenario of a fork of a recorded run at a tick: `[execution]` and `[views]` as overridden,

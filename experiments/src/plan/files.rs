@@ -35,7 +35,9 @@ pub(super) fn is_folder(text: &str) -> bool {
 /// What is known of a file.
 #[derive(Debug, Clone)]
 struct Content {
+    /// Of the bytes; of a map, of its cells and their length.
     hash: blake3::Hash,
+    is_map: bool,
     /// Of a map.
     cells: u64,
     /// A second file that it needs, relative to its folder: the picture of a `map.yaml`.
@@ -47,7 +49,8 @@ struct Content {
 pub(super) struct Files {
     /// What relative paths start from.
     folder: PathBuf,
-    contents: BTreeMap<PathBuf, Content>,
+    /// By path, and of a map by what it is read with.
+    contents: BTreeMap<(PathBuf, String), Content>,
 }
 
 /// The files of a run.
@@ -81,19 +84,23 @@ impl Files {
     pub(super) fn of(&mut self, scenario: &Scenario) -> Result<RunFiles, Unreadable> {
         let mut files = RunFiles::default();
         if let (MapKind::File, Some(map)) = (scenario.map.kind, &scenario.map.file) {
-            let content = self.content("map.file", map, |file| read_map(file, scenario))?;
+            let how = format!("{:?} {:?}", scenario.map.import, scenario.map.cell_m);
+            let content = self.content("map.file", map, how, |file| read_map(file, scenario))?;
             files.hashes.push(content.hash);
             files.map_cells = Some(content.cells);
             if let Some(named) = content.companion {
                 let path = map.parent().unwrap_or(Path::new("")).join(named);
-                files.hashes.push(self.content("map.file", &path, read_any)?.hash);
+                let companion = self.content("map.file", &path, String::new(), read_any)?;
+                if !content.is_map {
+                    files.hashes.push(companion.hash);
+                }
             }
         }
         files.maps = files.hashes.len();
         for (place, word) in scenario.agents.command.iter().enumerate() {
             let is_file = if place == 0 { word.contains('/') } else { self.folder.join(word).is_file() };
             if is_file {
-                files.hashes.push(self.content("agents.command", Path::new(word), read_any)?.hash);
+                files.hashes.push(self.content("agents.command", Path::new(word), String::new(), read_any)?.hash);
             }
         }
         Ok(files)
@@ -103,21 +110,23 @@ impl Files {
         &mut self,
         key: &'static str,
         path: &Path,
+        how: String,
         read: impl FnOnce(&Path) -> io::Result<Content>,
     ) -> Result<Content, Unreadable> {
-        if let Some(content) = self.contents.get(path) {
+        let key_of_content = (path.to_owned(), how);
+        if let Some(content) = self.contents.get(&key_of_content) {
             return Ok(content.clone());
         }
         let unreadable = |source| Unreadable { key, path: path.to_owned(), source };
         let content = read(&self.folder.join(path)).map_err(unreadable)?;
-        self.contents.insert(path.to_owned(), content.clone());
+        self.contents.insert(key_of_content, content.clone());
         Ok(content)
     }
 
     /// What a plan needs to be copied with.
     pub(super) fn into_inputs(self, folder_key: Option<String>) -> Inputs {
         let (absolute, relative): (BTreeSet<_>, BTreeSet<_>) =
-            self.contents.into_keys().partition(|path| path.is_absolute());
+            self.contents.into_keys().map(|(path, _)| path).partition(|path| path.is_absolute());
         let levels = relative.iter().map(|path| levels_above(path)).max().unwrap_or(0);
         let copies = folder_key.unwrap_or_else(|| format!("{FOLDER}{}", LEVEL.repeat(levels)));
         Inputs { folder: self.folder, copies, relative, absolute }
@@ -205,11 +214,18 @@ fn read_map(file: &Path, scenario: &Scenario) -> io::Result<Content> {
         return Err(io::Error::new(ErrorKind::InvalidInput, reason));
     }
     let import = ImportSpec { options: scenario.map.import, ..map_file::load(file)? };
-    let (hash, companion) = (blake3::hash(&import.bytes), import.names());
+    let (of_bytes, companion) = (blake3::hash(&import.bytes), import.names());
+    let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
+    let imported = import.read().map(|map| map.terrain);
+    let cells = imported.as_ref().map_or(1, |terrain| terrain.extent().volume() as u64);
     // What is no map fails when it is run, with the reason.
-    let extent = ImportSpec { cell_m: scenario.map.cell_m, ..import }.read().map(|map| map.terrain.extent().size());
-    let cells = extent.map_or(1, |size| size.into_iter().map(u64::from).product());
-    Ok(Content { hash, cells, companion })
+    let Ok(map) = imported.and_then(|terrain| mapgen::repair(&import.file, terrain, 0)) else {
+        return Ok(Content { hash: of_bytes, is_map: false, cells, companion });
+    };
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(mapgen::terrain_hash(&map.terrain).as_bytes());
+    hasher.update(&map.terrain.extent().cell_m().to_bits().to_le_bytes());
+    Ok(Content { hash: hasher.finalize(), is_map: true, cells, companion })
 }
 
 fn read_any(file: &Path) -> io::Result<Content> {
@@ -219,7 +235,7 @@ fn read_any(file: &Path) -> io::Result<Content> {
     }
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(&mut reader)?;
-    Ok(Content { hash: hasher.finalize(), cells: 1, companion: None })
+    Ok(Content { hash: hasher.finalize(), is_map: false, cells: 1, companion: None })
 }
 
 #[cfg(test)]
@@ -227,12 +243,13 @@ mod tests {
     use super::*;
     use crate::plan::Plan;
 
-    const MAP: &str = "#####\n#...#\n#####\n";
+    const MAP: &str = "#####\n#####\n#####\n\n#####\n#...#\n#####\n\n#####\n#####\n#####\n";
 
     /// A folder `plans` with a plan, and a map and a program beside it.
     fn site() -> tempfile::TempDir {
         let site = tempfile::tempdir().unwrap();
-        for (name, text) in [("maps/a.txt", MAP), ("plans/b.txt", MAP), ("plans/own.py", "pass")] {
+        let other = MAP.replace("...", "..#");
+        for (name, text) in [("maps/a.txt", MAP), ("plans/b.txt", &other), ("plans/own.py", "pass")] {
             let file = site.path().join(name);
             fs::create_dir_all(file.parent().unwrap()).unwrap();
             fs::write(file, text).unwrap();
@@ -276,8 +293,37 @@ mod tests {
         fs::write(site.path().join("plans/own.py"), "pass # changed").unwrap();
         let with_other_program = ids();
         assert!(before.is_disjoint(&with_other_program));
-        fs::write(site.path().join("maps/a.txt"), MAP.replace("...", "..#")).unwrap();
+        fs::write(site.path().join("maps/a.txt"), MAP.replace("...", ".##")).unwrap();
         assert_eq!(with_other_program.intersection(&ids()).count(), 2, "only the runs on that map change");
+    }
+
+    #[test]
+    fn run_ids_do_not_depend_on_the_name_of_a_map() {
+        let site = site();
+        let maps = site.path().join("maps");
+        let map = voxels::Grid::from_text(MAP).unwrap();
+        fs::write(maps.join("plain.m3dm"), voxels::m3dm::write(&map).unwrap()).unwrap();
+        fs::write(maps.join("packed.m3dm"), voxels::packed::write(&map)).unwrap();
+        let absolute = maps.join("a.txt").display().to_string();
+        let run = |file: &str, key: &str| {
+            let text =
+                TEXT.replace("\"../maps/a.txt\", \"b.txt\"", &format!("{file:?}")).replace(", cell_m = 1.0", key);
+            let run = plan(site.path(), "plans", &text).runs.remove(0);
+            (run.id, run.map)
+        };
+        let here = run("../maps/a.txt", ", cell_m = 1.0");
+        for file in
+            ["../maps/./a.txt", "../plans/../maps/a.txt", &absolute, "../maps/plain.m3dm", "../maps/packed.m3dm"]
+        {
+            assert_eq!(run(file, ", cell_m = 1.0"), here, "{file}");
+        }
+        assert_eq!(run("../maps/packed.m3dm", ""), here);
+        for other in [run("b.txt", ", cell_m = 1.0"), run("../maps/a.txt", ", cell_m = 2.0")] {
+            assert!(other.0 != here.0 && other.1 != here.1);
+        }
+        let twice = TEXT.replace("\"b.txt\"]", "\"../maps/plain.m3dm\"]");
+        let error = Plan::parse("p.toml", &twice, &site.path().join("plans")).unwrap_err().to_string();
+        assert!(error.contains("two combinations are the same run"), "{error}");
     }
 
     #[test]

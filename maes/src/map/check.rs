@@ -43,8 +43,16 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     if !imported.stores_cell_m && args.cell_m.is_none() {
         advice.push("give the length of a cell: map.cell_m (--cell-m)".to_owned());
     }
-    leaks(&mut report, &imported.terrain, &mut advice)?;
-    parts(&mut report, &free_components(&imported.terrain), extent, &mut advice)?;
+    let has_option = |name: &str| spec.options_of_format().contains(&name);
+    if leaks(&mut report, &imported.terrain)? {
+        let kept = "; map.import.margin_cells keeps free space of a mesh or cloud";
+        let kept = if has_option("margin_cells") { kept } else { "" };
+        advice.push(format!("a run closes the outermost layer{kept}"));
+    }
+    if parts(&mut report, &free_components(&imported.terrain), extent)? {
+        let kept = if has_option("free_from") { "; map.import.free_from keeps another one" } else { "" };
+        advice.push(format!("a run keeps the largest part of free space only{kept}"));
+    }
 
     let terrain = repair(&spec.file, imported.terrain, 0)?.terrain;
     let free = mapgen::free_cells(&terrain);
@@ -70,7 +78,13 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
             format!("body.radius_m = {} reaches {share:.1} %", in_millimetres(radius_m))
         } else {
             let share = 100.0 * body(half_m).reached;
-            format!("a body of half a cell reaches {share:.1} %: shorter cells (map.cell_m) tell narrow passages apart")
+            // Only what is made of points and triangles can be divided into shorter cells.
+            let remedy = if has_option("scale") {
+                "shorter cells (map.cell_m) tell narrow passages apart"
+            } else {
+                "a file with shorter cells would tell narrow passages apart"
+            };
+            format!("a body of half a cell reaches {share:.1} %: {remedy}")
         });
     }
     starts(&mut report, &terrain, args, &mut advice)?;
@@ -106,11 +120,12 @@ impl Body {
     }
 }
 
-/// Free cells in the outermost layer, by side.
-fn leaks(report: &mut Report<'_>, terrain: &Grid<Terrain>, advice: &mut Vec<String>) -> Result<(), MapCliError> {
+/// Free cells in the outermost layer, by side. Returns whether there are any.
+fn leaks(report: &mut Report<'_>, terrain: &Grid<Terrain>) -> Result<bool, MapCliError> {
     let open = close_shell(&mut terrain.clone(), 1);
     if open == 0 {
-        return report.line("leaks", "none: the shell is closed");
+        report.line("leaks", "none: the shell is closed")?;
+        return Ok(false);
     }
     let extent = terrain.extent();
     let last = extent.size().map(|cells| cells as i32 - 1);
@@ -132,19 +147,12 @@ fn leaks(report: &mut Report<'_>, terrain: &Grid<Terrain>, advice: &mut Vec<Stri
         }
     }
     report.line("leaks", format_args!("{open} free cells in the outermost layer: {}", found.join(", ")))?;
-    advice.push(
-        "a run closes the outermost layer; map.import.margin_cells keeps free space of a mesh or cloud".to_owned(),
-    );
-    Ok(())
+    Ok(true)
 }
 
-/// The connected parts of free space, the largest first.
-fn parts(
-    report: &mut Report<'_>,
-    components: &Components,
-    extent: Extent,
-    advice: &mut Vec<String>,
-) -> Result<(), MapCliError> {
+/// The connected parts of free space, the largest first. Returns whether the others are more than a
+/// trifle.
+fn parts(report: &mut Report<'_>, components: &Components, extent: Extent) -> Result<bool, MapCliError> {
     let mut order: Vec<usize> = (0..components.sizes.len()).collect();
     order.sort_by_key(|&part| std::cmp::Reverse(components.sizes[part]));
     let all: usize = components.sizes.iter().sum();
@@ -158,11 +166,7 @@ fn parts(
         .collect();
     report.line("parts", format_args!("{}: {}", order.len(), shown.join(", ")))?;
     let largest = order.first().map_or(0, |&part| components.sizes[part]);
-    if (largest as f64) < ENOUGH * all as f64 {
-        advice
-            .push("a run keeps the largest part of free space only; map.import.free_from keeps another one".to_owned());
-    }
-    Ok(())
+    Ok((largest as f64) < ENOUGH * all as f64)
 }
 
 /// The narrowest passages.

@@ -327,6 +327,32 @@ fn check_says_what_a_body_can_do() {
 }
 
 #[test]
+fn advice_names_options_of_the_format_only() {
+    let scratch = Scratch::new();
+    // Two rooms that are not connected, and a floor that is open at its sides.
+    scratch.write("map.pgm", "P2 7 3 255 0 0 0 0 0 0 0 0 254 254 0 254 254 0 254 0 0 0 0 0 0");
+    scratch.write("map.yaml", "image: map.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\n");
+    scratch.write("rooms.xyz", "0 0 0\n4 0 0\n0 4 0\n4 4 4\n");
+    scratch.write("open.txt", OPEN);
+    for file in ["map.yaml", "map.pgm", "rooms.xyz", "open.txt"] {
+        let report = scratch.map(&format!("check @{file} --radius-m 0.9")).unwrap_or_default();
+        for option in ["free-from 1,1,1", "margin-cells 1", "cell-m 0.125"] {
+            let flag = option.split(' ').next().unwrap();
+            if report.contains(&format!("map.import.{}", flag.replace('-', "_")))
+                || report.contains("shorter cells (map.cell_m)")
+            {
+                let refused = scratch.map(&format!("check @{file} --{option}")).err().unwrap_or_default();
+                assert!(!refused.contains("is not an option") && !refused.contains("asked for"), "{file}: {refused}");
+            }
+        }
+    }
+    let report = scratch.map("check @map.yaml --radius-m 0.9").unwrap();
+    assert!(report.contains("a run keeps the largest part of free space only\n"), "{report}");
+    let report = scratch.map("check @open.txt").unwrap();
+    assert!(report.contains("a run closes the outermost layer\n"), "{report}");
+}
+
+#[test]
 fn a_folder_of_pictures_is_a_map() {
     let scratch = Scratch::new();
     fs::create_dir(scratch.path("scan")).unwrap();

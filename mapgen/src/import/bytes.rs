@@ -5,6 +5,9 @@ use super::FormatError;
 /// Longest piece of a file that an error repeats, in bytes.
 const SHOWN_MAX: usize = 40;
 
+/// What some editors and programs put before a text in UTF-8.
+pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// The rest of a file from a position on.
 pub(super) struct Bytes<'a> {
     bytes: &'a [u8],
@@ -51,8 +54,12 @@ impl<'a> Bytes<'a> {
         Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
     }
 
-    /// The next line, without its end, and its number from 1; `None` at the end.
+    /// The next line, without its end and without a byte order mark at the start of the file, and
+    /// its number from 1; `None` at the end.
     pub(super) fn line(&mut self) -> Option<(usize, &'a [u8])> {
+        if self.at == 0 && self.bytes.starts_with(BYTE_ORDER_MARK) {
+            self.at = BYTE_ORDER_MARK.len();
+        }
         let rest = self.rest();
         if rest.is_empty() {
             return None;

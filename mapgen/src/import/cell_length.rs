@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use voxels::Extent;
 
 use super::MapFormat;
+use super::bytes::BYTE_ORDER_MARK;
 
 /// What stands before the number.
 const KEY: &str = "cell_m = ";
@@ -28,6 +29,7 @@ pub(super) fn of(format: MapFormat, bytes: &[u8]) -> Option<f64> {
         MapFormat::Stl => STL_TITLE,
         _ => return None,
     };
+    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
     let beginning = String::from_utf8_lossy(&bytes[..bytes.len().min(searched)]);
     let (before, after) = beginning.split_once(KEY)?;
     let is_placed = match format {
@@ -72,5 +74,6 @@ mod tests {
         }
         assert_eq!(skip("cell_m = 2\n##\n"), "\n##\n");
         assert_eq!(skip("##\n"), "##\n");
+        assert_eq!(of(MapFormat::Text, "\u{feff}cell_m = 2\n##\n".as_bytes()), Some(2.0));
     }
 }

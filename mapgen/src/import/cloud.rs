@@ -64,11 +64,16 @@ pub(super) fn map_with(
 ) -> Result<Imported, FormatError> {
     let units = Units::new(spec)?;
     let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());
-    let finite = || points.iter().map(|&point| units.cells(point)).filter(is_finite);
     let asked = spec.options.sensor.map(Sensors::One);
     let sensors = asked.as_ref().unwrap_or(sensors);
+    // Drivers write rays that met nothing as points at 0 0 0, or where the sensor is.
+    let at_zero = points.iter().filter(|point| **point == [0.0; 3]).count();
+    let is_return =
+        |number: usize, point: [f64; 3]| (at_zero < 2 || point != [0.0; 3]) && sensors.of(number) != Some(point);
+    let returns = || points.iter().copied().enumerate().filter(|&(number, point)| is_return(number, point));
+    let finite = || returns().map(|(_, point)| units.cells(point)).filter(is_finite);
     let rays = || {
-        let ends = points.iter().enumerate().filter_map(|(number, &point)| Some((sensors.of(number)?, point)));
+        let ends = returns().filter_map(|(number, point)| Some((sensors.of(number)?, point)));
         ends.map(|(from, to)| [from, to].map(|end| units.cells(end))).filter(|ray| ray.iter().all(is_finite))
     };
     let all = finite().chain(rays().map(|[sensor, _]| sensor));
@@ -96,7 +101,8 @@ pub(super) fn map_with(
         used += 1;
         hit += u64::from(terrain.set(frame.cell(place), Terrain::Wall) == Some(Terrain::Free));
     }
-    let dropped = points.len() - used;
+    let without_return = points.len() - returns().count();
+    let dropped = points.len() - used - without_return;
     let becomes = if unknown == Terrain::Wall { "wall" } else { "free" };
     let rays = rays().count();
     let space = match sensors {
@@ -104,6 +110,11 @@ pub(super) fn map_with(
         _ => format!("cells on {rays} ways from the sensor to points; all others are unknown and become {becomes}"),
     };
     notes.push(Note::new("points", format!("{used} in {hit} cells, {dropped} dropped because they are not finite")));
+    if without_return > 0 {
+        let text =
+            format!("{without_return} points dropped, which lie at 0 0 0 or at their sensor: rays that met nothing");
+        notes.push(Note::new("no return", text));
+    }
     notes.push(Note::new("free space", space));
     notes.push(frame.note());
     notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| frame.cell_of_place(place))?);

@@ -343,6 +343,7 @@ impl MapFormat {
             Self::M3dm => with_cells_of(m3dm::read(bytes)?, spec),
             Self::Text => {
                 let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
+                let text = text.strip_prefix('\u{feff}').unwrap_or(text);
                 // Places in errors count the line of the length.
                 let map = cell_length::skip(text);
                 with_cells_of(Grid::from_text(&map)?, spec)

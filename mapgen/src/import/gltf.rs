@@ -1,15 +1,16 @@
 //! Scenes of meshes in glTF 2.0: `.glb` in one piece, and `.gltf` with its data inside.
 //!
 //! The nodes of the scene place meshes of triangles; materials, skins and animations are ignored.
-//! The axis y points upwards, as the format has it, save in files of trimesh, which writes
-//! coordinates as they are; `up` overrides both. Sparse and compressed data are refused.
+//! The axis y points upwards, as the format has it, save in files of [`AS_GIVEN`], which write
+//! coordinates as they are; `up` overrides both. Sparse and compressed data are refused, and so is
+//! an extension that a file requires and that may change the shape of its meshes.
 
 use std::borrow::Cow;
 
 use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use super::bytes::Bytes;
+use super::bytes::{Bytes, shown};
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, Note};
@@ -30,6 +31,23 @@ const F32: u32 = 5126;
 const TRIANGLES: u32 = 4;
 const STRIP: u32 = 5;
 const FAN: u32 = 6;
+
+/// Writers, by a part of `asset.generator`, that leave coordinates as they are in memory, whatever
+/// their axes: trimesh (5.2) and Open3D (0.20), as files of theirs show.
+const AS_GIVEN: [&str; 2] = ["trimesh", "Open3D"];
+
+/// Beginnings of the names of extensions that change looks and not shapes.
+const OF_LOOKS: [&str; 9] = [
+    "KHR_materials_",
+    "KHR_texture_",
+    "KHR_lights_",
+    "KHR_xmp",
+    "KHR_animation_",
+    "EXT_texture_",
+    "EXT_lights_",
+    "MSFT_texture_",
+    "ADOBE_materials_",
+];
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
@@ -54,6 +72,8 @@ struct Document<'a> {
     views: Vec<View>,
     #[serde(default, borrow)]
     buffers: Vec<Buffer<'a>>,
+    #[serde(default, rename = "extensionsRequired")]
+    required: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -71,6 +91,29 @@ struct Node {
     translation: Option<[f64; 3]>,
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
+    #[serde(default)]
+    extensions: ExtensionsOfNode,
+}
+
+#[derive(Default, Deserialize)]
+struct ExtensionsOfNode {
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    instancing: Option<Instancing>,
+}
+
+/// Copies of the mesh of a node.
+#[derive(Deserialize)]
+struct Instancing {
+    attributes: Places,
+}
+
+/// The accessors of the places of copies.
+#[derive(Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+struct Places {
+    translation: Option<usize>,
+    rotation: Option<usize>,
+    scale: Option<usize>,
 }
 
 #[derive(Deserialize)]
@@ -150,6 +193,14 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         let reason = error.to_string();
         FormatError::line(error.line(), reason.split(" at line").next().unwrap_or_default().escape_debug().to_string())
     })?;
+    let is_known = |name: &str| {
+        ["EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression"].contains(&name)
+            || OF_LOOKS.iter().any(|beginning| name.starts_with(beginning))
+    };
+    if let Some(name) = document.required.iter().find(|name| !is_known(name)) {
+        let name = shown(name.as_bytes());
+        return Err(fault("extensionsRequired", format_args!("{name} is not read; save the scene without it")));
+    }
     let buffers: Vec<Cow<'_, [u8]>> = document
         .buffers
         .iter()
@@ -183,23 +234,22 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         }
         let here = above * node.matrix();
         if let Some(number) = node.mesh {
-            placed += 1;
-            reader.add(number, &here, &mut mesh)?;
+            let copies = match &node.extensions.instancing {
+                Some(instancing) => reader.copies(&name, &instancing.attributes)?,
+                None => vec![Matrix4::identity()],
+            };
+            for copy in copies {
+                placed += 1;
+                reader.add(number, &(here * copy), &mut mesh)?;
+            }
         }
         open.extend(node.children.iter().rev().map(|&child| (child, here, depth + 1)));
     }
-    let is_as_given = document.asset.generator.contains("trimesh");
-    let (up, by) = match (spec.options.up, is_as_given) {
-        (Some(up), _) => (up, "by the option up"),
-        (None, true) => (Up::Z, "as trimesh writes it; the option up changes that"),
-        (None, false) => (Up::Y, "as glTF has it; the option up changes that"),
-    };
-    let axis = if up == Up::Z { "z" } else { "y" };
-    let notes = vec![
-        Note::new("scene", format!("{placed} mesh(es) put into it, which come out as their union")),
-        Note::new("up", format!("{axis}, {by}")),
-    ];
-    mesh::map_up(spec, &mesh, up, notes)
+    let notes = vec![Note::new("scene", format!("{placed} mesh(es) put into it, which come out as their union"))];
+    match AS_GIVEN.into_iter().find(|&writer| document.asset.generator.contains(writer)) {
+        Some(writer) => mesh::map_up(spec, &mesh, (Up::Z, &format!("as {writer} writes it")), notes),
+        None => mesh::map_up(spec, &mesh, (Up::Y, "as glTF has it"), notes),
+    }
 }
 
 /// The document, and the binary data of a file in one piece.
@@ -257,12 +307,16 @@ impl Node {
         if let Some(matrix) = &self.matrix {
             return Matrix4::from_column_slice(matrix.as_slice());
         }
-        let [x, y, z, w] = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-        let translation = Translation3::from(Vector3::from(self.translation.unwrap_or_default()));
-        let scale = Vector3::from(self.scale.unwrap_or([1.0; 3]));
-        translation.to_homogeneous() * rotation.to_homogeneous() * Matrix4::new_nonuniform_scaling(&scale)
+        let rotation = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+        placed(self.translation.unwrap_or_default(), rotation, self.scale.unwrap_or([1.0; 3]))
     }
+}
+
+/// Scales, turns by a quaternion (x, y, z, w), then moves.
+fn placed(translation: [f64; 3], [x, y, z, w]: [f64; 4], scale: [f64; 3]) -> Matrix4<f64> {
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    let translation = Translation3::from(Vector3::from(translation));
+    translation.to_homogeneous() * rotation.to_homogeneous() * Matrix4::new_nonuniform_scaling(&Vector3::from(scale))
 }
 
 struct Reader<'a> {
@@ -321,13 +375,38 @@ impl Reader<'_> {
         Ok(())
     }
 
+    /// The places of the copies of the mesh of a node.
+    fn copies(&self, node: &str, places: &Places) -> Result<Vec<Matrix4<f64>>, FormatError> {
+        let read = |accessor: Option<usize>, kind: &str| -> Result<Option<Vec<[f64; 4]>>, FormatError> {
+            let Some(accessor) = accessor else { return Ok(None) };
+            let mut values = Vec::new();
+            self.each(accessor, kind, &[F32], |numbers| {
+                values.push(numbers.map(|number| f64::from(f32::from_le_bytes(number))));
+            })?;
+            Ok(Some(values))
+        };
+        let translation = read(places.translation, "VEC3")?;
+        let rotation = read(places.rotation, "VEC4")?;
+        let scale = read(places.scale, "VEC3")?;
+        let mut counts = [&translation, &rotation, &scale].into_iter().flatten().map(Vec::len);
+        let count = counts.next().unwrap_or(0);
+        if counts.any(|other| other != count) {
+            return Err(fault(node, "its instances have different numbers of translations, rotations and scales"));
+        }
+        let three = |values: &Option<Vec<[f64; 4]>>, at: usize, otherwise: f64| {
+            values.as_ref().map_or([otherwise; 3], |values| [values[at][0], values[at][1], values[at][2]])
+        };
+        let turned = |at: usize| rotation.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation[at]);
+        Ok((0..count).map(|at| placed(three(&translation, at, 0.0), turned(at), three(&scale, at, 1.0))).collect())
+    }
+
     /// Visits the numbers of each element of an accessor, in four bytes each.
     fn each(
         &self,
         number: usize,
         kind: &str,
         components: &[u32],
-        mut visit: impl FnMut([[u8; 4]; 3]),
+        mut visit: impl FnMut([[u8; 4]; 4]),
     ) -> Result<(), FormatError> {
         let place = format!("accessors[{number}]");
         let wrong = |reason: &str| fault(&place, reason);
@@ -354,7 +433,11 @@ impl Reader<'_> {
             U16 => 2,
             _ => 4,
         };
-        let numbers = if kind == "VEC3" { 3 } else { 1 };
+        let numbers = match kind {
+            "VEC4" => 4,
+            "VEC3" => 3,
+            _ => 1,
+        };
         let stride = view.stride.unwrap_or(width * numbers);
         if stride < width * numbers {
             return Err(wrong("its elements overlap"));
@@ -367,7 +450,7 @@ impl Reader<'_> {
             return Err(wrong(&format!("{} elements do not fit into its {} bytes", accessor.count, data.len())));
         }
         for element in 0..accessor.count {
-            let mut values = [[0; 4]; 3];
+            let mut values = [[0; 4]; 4];
             for (at, value) in values.iter_mut().enumerate().take(numbers) {
                 let from = element * stride + at * width;
                 value[..width].copy_from_slice(&data[from..from + width]);

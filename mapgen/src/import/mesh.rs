@@ -6,12 +6,16 @@
 //! no hole, or they differ, the generalised winding number decides ([`winding`]). Triangles are
 //! turned to face outwards together before ([`orientation`]).
 //!
-//! **Surface.** A triangle touches a cell if a part of it lies in the cell, the lower faces of
-//! which belong to it.
+//! **Ties.** Centres on a face count as if all of them were moved a little the same way
+//! ([`crossings`]); so a mesh that is made of cells comes back as these cells, wherever they lie.
+//!
+//! **Surface.** A triangle touches a cell if a part of it with an area lies in the cell, the lower
+//! faces of which belong to it.
 //!
 //! The work is counted, not timed: a file that needs more steps than allowed is refused.
 
 mod crossings;
+mod lattice;
 mod orientation;
 mod touch;
 mod winding;
@@ -38,6 +42,14 @@ const OPENINGS_SHOWN: usize = 3;
 
 /// Distance of a winding number from one half within which the lines decide.
 const UNDECIDED: f64 = 1e-6;
+
+/// How many times shorter than the others the side along y is of a mesh that probably has y
+/// upwards.
+const FLAT_Y: f64 = 2.0;
+
+/// Where winding numbers are taken: this far from a centre along x, y and z, in lengths of cells,
+/// as a small picture of the step that decides ties.
+const STEP: [f64; 3] = [1.0 / (1 << 10) as f64, 1.0 / (1 << 15) as f64, 1.0 / (1 << 20) as f64];
 
 /// Vertices, and triangles of the numbers of three of them.
 #[derive(Default)]
@@ -71,6 +83,22 @@ impl Mesh {
         self.triangles.extend(corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]));
     }
 
+    /// Adds a strip of triangles between three vertices in a row each, of which every other one
+    /// goes round the other way.
+    pub(super) fn add_strip(&mut self, corners: &[u32]) {
+        for (number, triangle) in corners.windows(3).enumerate() {
+            let [a, b, c] = [triangle[0], triangle[1], triangle[2]];
+            self.triangles.push(if number % 2 == 0 { [a, b, c] } else { [b, a, c] });
+        }
+    }
+
+    /// The lengths of the sides of the box around all vertices, in units of the file.
+    fn spans(&self) -> [f64; 3] {
+        let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());
+        let bounds = Bounds::of(self.vertices.iter().copied().filter(is_finite));
+        bounds.map_or([0.0; 3], |Bounds { low, high }| [0, 1, 2].map(|axis| high[axis] - low[axis]))
+    }
+
     /// The triangles that have an area, in lengths of cells.
     fn sound(&self, units: Units) -> Vec<Triangle> {
         let in_cells = |triangle: &[u32; 3]| triangle.map(|vertex| units.cells(self.vertices[vertex as usize]));
@@ -89,19 +117,33 @@ impl Mesh {
 /// # Errors
 /// If it has no triangle, or too many, too many cells, or takes too much work.
 pub(super) fn map(spec: &ImportSpec, mesh: &Mesh, notes: Vec<Note>) -> Result<Imported, FormatError> {
-    map_up(spec, mesh, spec.options.up.unwrap_or(Up::Z), notes)
+    let [x, y, z] = mesh.spans();
+    let advice =
+        if FLAT_Y * y <= x.min(z) { "; y is by far the shortest side: y, if the file has it upwards" } else { "" };
+    map_up(spec, mesh, (Up::Z, &format!("as the format leaves it open{advice}")), notes)
 }
 
-/// As [`map`], with the axis of the file that points upwards.
+/// As [`map`], with the axis that points upwards unless the option says otherwise, and why.
 ///
 /// # Errors
 /// See [`map`].
-pub(super) fn map_up(spec: &ImportSpec, mesh: &Mesh, up: Up, notes: Vec<Note>) -> Result<Imported, FormatError> {
+pub(super) fn map_up(
+    spec: &ImportSpec,
+    mesh: &Mesh,
+    (up, reason): (Up, &str),
+    mut notes: Vec<Note>,
+) -> Result<Imported, FormatError> {
     mesh.check_count()?;
+    let (up, reason) = match spec.options.up {
+        Some(up) => (up, "by the option up".to_owned()),
+        None => (up, format!("{reason}; the option up changes that")),
+    };
+    notes.push(Note::new("up", format!("{}, {reason}", if up == Up::Z { "z" } else { "y" })));
     let units = Units::new(spec)?.with_up(up);
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
     let mut triangles = mesh.sound(units);
+    lattice::put_on(&mut triangles);
     let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
     let frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
@@ -135,8 +177,9 @@ pub(super) fn map_up(spec: &ImportSpec, mesh: &Mesh, up: Up, notes: Vec<Note>) -
             } else {
                 decided += 1;
                 let cell = extent.cell_at(index);
-                let centre = [cell.x, cell.y, cell.z].map(|along| f64::from(along) + 0.5);
-                let turns = winding.get_or_insert_with(|| Winding::new(&triangles)).at(centre, &mut work)?.abs();
+                let at = [cell.x, cell.y, cell.z];
+                let point = [0, 1, 2].map(|axis| f64::from(at[axis]) + 0.5 + STEP[axis]);
+                let turns = winding.get_or_insert_with(|| Winding::new(&triangles)).at(point, &mut work)?.abs();
                 if (turns - 0.5).abs() < UNDECIDED { votes.majority(index) } else { turns > 0.5 }
             };
             if is_inside {

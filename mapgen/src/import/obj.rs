@@ -3,6 +3,7 @@
 
 use super::bytes::{Bytes, number, shown, three, words};
 use super::mesh::{self, Mesh};
+use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, Note};
 
 /// A map of an OBJ file.
@@ -35,7 +36,23 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         }
     }
     let note = (groups > 0).then(|| Note::new("groups", format!("{groups}, which come out as their union")));
-    mesh::map(spec, &mesh, note.into_iter().collect())
+    let notes = note.into_iter().collect();
+    match writer_of_y(&spec.bytes) {
+        Some(writer) => mesh::map_up(spec, &mesh, (Up::Y, &format!("as {writer} writes it by default")), notes),
+        None => mesh::map(spec, &mesh, notes),
+    }
+}
+
+/// The program that has written a file, by its first line, if it has y upwards unless its user
+/// changes that: Blender, from the exporter in Python (`# Blender v2.79 ... OBJ File`) to that of
+/// 3.3 and later (`# Blender 3.4.1`).
+fn writer_of_y(bytes: &[u8]) -> Option<String> {
+    let (_, first) = Bytes::new(bytes).line()?;
+    let mut words = words(first.strip_prefix(b"#")?);
+    (words.next() == Some(b"Blender")).then(|| match words.next().map(shown) {
+        Some(version) => format!("Blender {}", version.trim_matches('"')),
+        None => "Blender".to_owned(),
+    })
 }
 
 /// The vertex of a corner such as `7`, `7/1/3` or, counted from the last one, `-2`.
@@ -54,6 +71,27 @@ fn corner(line: usize, word: &[u8], vertices: usize) -> Result<u32, FormatError>
 mod tests {
     use super::*;
     use crate::import::{ImportOptions, Kind};
+
+    #[test]
+    fn axis_upwards_is_that_of_the_writer() {
+        let up = |first: &str, [x, y, z]: [i32; 3], option| {
+            let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+            let corner = |at: i32| format!("v {} {} {}\n", (at & 1) * x, (at >> 1 & 1) * y, (at >> 2) * z);
+            let text = format!("{first}\n{}{faces}", (0..8).map(corner).collect::<String>());
+            let options = ImportOptions { up: option, ..ImportOptions::default() };
+            let imported = read(&ImportSpec { options, ..ImportSpec::new("a.obj", text.into_bytes()) }).unwrap();
+            let note = imported.notes.iter().find(|note| note.name == "up").unwrap().text.clone();
+            (imported.terrain.extent().size(), note)
+        };
+        for (first, writer) in [("# Blender 3.4.1", "3.4.1"), ("# Blender v2.79 (sub 0) OBJ File: ''", "v2.79")] {
+            let note = format!("y, as Blender {writer} writes it by default; the option up changes that");
+            assert_eq!(up(first, [6, 4, 5], None), ([8, 7, 6], note));
+        }
+        assert_eq!(up("# Blender 3.4.1", [6, 4, 5], Some(Up::Z)), ([8, 6, 7], "z, by the option up".to_owned()));
+        let open = "z, as the format leaves it open";
+        assert_eq!(up("# walls", [6, 4, 5], None).1, format!("{open}; the option up changes that"));
+        assert!(up("# a hall", [24, 5, 10], None).1.contains("y is by far the shortest side"));
+    }
 
     #[test]
     fn faces_name_vertices_from_the_first_and_from_the_last() {

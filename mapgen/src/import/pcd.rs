@@ -1,8 +1,8 @@
 //! Point clouds of the Point Cloud Library (PCD 0.7): ascii, binary and binary_compressed.
 //!
-//! The fields x, y and z are used, of any numeric type, and as the position of the sensor
-//! VIEWPOINT, unless it is the origin of the file, which stands for none. Compressed data are LZF,
-//! field by field.
+//! The fields x, y and z are used, of any numeric type, and as the position of the sensor the
+//! fields vp_x, vp_y and vp_z of each point, or VIEWPOINT, unless it is the origin of the file,
+//! which stands for none. Compressed data are LZF, field by field.
 
 use super::bytes::{Bytes, number, shown, three, words};
 use super::cloud::{self, Sensors};
@@ -13,6 +13,10 @@ const STRIDE_MAX: usize = 1 << 16;
 
 /// Bytes that three bytes of LZF can expand to: the longest repetition.
 const LZF_GROWTH: usize = 264;
+
+/// Fields of a point, and of where it was seen from.
+const AXES: [&str; 3] = ["x", "y", "z"];
+const SEEN_FROM: [&str; 3] = ["vp_x", "vp_y", "vp_z"];
 
 /// Type of a field.
 #[derive(Clone, Copy)]
@@ -62,14 +66,25 @@ struct Coordinate {
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut bytes = Bytes::new(&spec.bytes);
     let header = header(&mut bytes)?;
-    let points = match header.data {
-        Data::Ascii => ascii(&mut bytes, &header)?,
-        Data::Binary => binary(&mut bytes, &header)?,
-        Data::Compressed => compressed(&mut bytes, &header)?,
+    let mut wanted: Vec<Coordinate> = header.coordinates(1, AXES)?.into();
+    let seen_from = header.coordinates(1, SEEN_FROM).ok();
+    wanted.extend(seen_from.into_iter().flatten());
+    let read = match header.data {
+        Data::Ascii => ascii(&mut bytes, &header, &wanted)?,
+        Data::Binary => binary(&mut bytes, &header, &wanted)?,
+        Data::Compressed => compressed(&mut bytes, &header, &wanted)?,
     };
+    let three = |values: &[f64]| [values[0], values[1], values[2]];
+    let points: Vec<[f64; 3]> = read.chunks_exact(wanted.len()).map(three).collect();
     let left = bytes.rest().len();
     let notes = (left > 0).then(|| Note::new("ignored", format!("{left} bytes after the last point")));
-    let sensors = if header.viewpoint == [0.0; 3] { Sensors::None } else { Sensors::One(header.viewpoint) };
+    let sensors = if wanted.len() > 3 {
+        Sensors::Each(read.chunks_exact(wanted.len()).map(|values| three(&values[3..])).collect())
+    } else if header.viewpoint == [0.0; 3] {
+        Sensors::None
+    } else {
+        Sensors::One(header.viewpoint)
+    };
     cloud::map(spec, &points, &sensors, notes.into_iter().collect())
 }
 
@@ -138,7 +153,7 @@ fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
                 if header.stride() > STRIDE_MAX {
                     return Err(FormatError::line(at, format!("a point has more than {STRIDE_MAX} bytes")));
                 }
-                header.coordinates(at)?;
+                header.coordinates(at, AXES)?;
                 return Ok(header);
             }
             _ => return Err(FormatError::line(at, format!("{} is no key of a PCD header", shown(key)))),
@@ -160,12 +175,12 @@ impl Header {
         self.fields.iter().map(|field| field.size * field.count).sum()
     }
 
-    /// The positions of x, y and z.
-    fn coordinates(&self, line: usize) -> Result<[Coordinate; 3], FormatError> {
-        let find = |name: u8| {
-            let field = self.fields.iter().position(|field| field.name == [name]).ok_or_else(|| {
-                FormatError::line(line, format!("there is no field {:?} in FIELDS", char::from(name)))
-            })?;
+    /// The positions of three fields.
+    fn coordinates(&self, line: usize, names: [&str; 3]) -> Result<[Coordinate; 3], FormatError> {
+        let find = |name: &str| {
+            let field = self.fields.iter().position(|field| field.name == name.as_bytes());
+            let missing = || FormatError::line(line, format!("there is no field '{name}' in FIELDS"));
+            let field = field.ok_or_else(missing)?;
             let before = &self.fields[..field];
             let values = before.iter().map(|field| field.count).sum();
             let bytes = before.iter().map(|field| field.size * field.count).sum();
@@ -178,42 +193,43 @@ impl Header {
             }
             Ok(Coordinate { field, values, bytes })
         };
-        Ok([find(b'x')?, find(b'y')?, find(b'z')?])
+        Ok([find(names[0])?, find(names[1])?, find(names[2])?])
     }
 }
 
-fn ascii(bytes: &mut Bytes<'_>, header: &Header) -> Result<Vec<[f64; 3]>, FormatError> {
-    let coordinates = header.coordinates(1)?;
-    let mut points = Vec::new();
-    while points.len() < header.points {
+/// The wanted values of each point, one after the other.
+fn ascii(bytes: &mut Bytes<'_>, header: &Header, wanted: &[Coordinate]) -> Result<Vec<f64>, FormatError> {
+    let mut read = Vec::new();
+    let mut points = 0;
+    while points < header.points {
         let Some((line, text)) = bytes.line() else {
-            let reason = format!("the file ends here after {} of {} points", points.len(), header.points);
+            let reason = format!("the file ends here after {points} of {} points", header.points);
             return Err(FormatError::byte(bytes.at(), reason));
         };
         if text.is_empty() {
             continue;
         }
         let values: Vec<&[u8]> = words(text).collect();
-        let mut point = [0.0; 3];
-        for (along, coordinate) in point.iter_mut().zip(&coordinates) {
-            *along = number(line, values.get(coordinate.values).copied(), "a coordinate")?;
+        for coordinate in wanted {
+            read.push(number(line, values.get(coordinate.values).copied(), "a coordinate")?);
         }
-        points.push(point);
+        points += 1;
     }
-    Ok(points)
+    Ok(read)
 }
 
-fn binary(bytes: &mut Bytes<'_>, header: &Header) -> Result<Vec<[f64; 3]>, FormatError> {
+/// See [`ascii`].
+fn binary(bytes: &mut Bytes<'_>, header: &Header, wanted: &[Coordinate]) -> Result<Vec<f64>, FormatError> {
     let stride = header.stride();
     let length = header.points.saturating_mul(stride);
     let data = bytes.take(length, &format!("data of {} points", header.points))?;
-    let coordinates = header.coordinates(1)?;
     let value =
         |point: &[u8], coordinate: &Coordinate| value(&point[coordinate.bytes..], &header.fields[coordinate.field]);
-    Ok(data.chunks_exact(stride).map(|point| coordinates.each_ref().map(|one| value(point, one))).collect())
+    Ok(data.chunks_exact(stride).flat_map(|point| wanted.iter().map(move |one| value(point, one))).collect())
 }
 
-fn compressed(bytes: &mut Bytes<'_>, header: &Header) -> Result<Vec<[f64; 3]>, FormatError> {
+/// See [`ascii`].
+fn compressed(bytes: &mut Bytes<'_>, header: &Header, wanted: &[Coordinate]) -> Result<Vec<f64>, FormatError> {
     let at = bytes.at();
     let packed = bytes.u32("the length of compressed data")? as usize;
     let length = bytes.u32("the length of the data")? as usize;
@@ -224,14 +240,14 @@ fn compressed(bytes: &mut Bytes<'_>, header: &Header) -> Result<Vec<[f64; 3]>, F
     }
     let start = bytes.at();
     let data = unpack(bytes.take(packed, "the compressed data")?, length, start)?;
-    let coordinates = header.coordinates(1)?;
     // All values of a field stand together.
     let value = |point: usize, coordinate: &Coordinate| {
         let field = &header.fields[coordinate.field];
         let first = coordinate.bytes * header.points;
         value(&data[first + point * field.size * field.count..], field)
     };
-    Ok((0..header.points).map(|point| coordinates.each_ref().map(|one| value(point, one))).collect())
+    let value = &value;
+    Ok((0..header.points).flat_map(|point| wanted.iter().map(move |one| value(point, one))).collect())
 }
 
 /// The number that bytes begin with.
@@ -336,6 +352,17 @@ mod tests {
         assert_eq!(text(&ascii), format!("{wall}\n#####\n#..##\n#...#\n##..#\n#####\n\n{wall}"));
         assert_eq!(ascii, binary);
         assert_eq!(ascii, compressed);
+    }
+
+    #[test]
+    fn points_may_say_where_they_were_seen_from() {
+        let header = "FIELDS x y z vp_x vp_y vp_z\nVIEWPOINT 9 9 9 1 0 0 0\nPOINTS 2\nDATA ascii\n";
+        let seen =
+            read(&spec(format!("{header}0.5 0.5 0.5 4.5 0.5 0.5\n0.5 2.5 0.5 3.5 2.5 0.5\n").into_bytes())).unwrap();
+        let free = |x: i32, y: i32| seen.terrain.get(voxels::Cell::new(x, y, 1)) == Some(&voxels::Terrain::Free);
+        // Cells 1 to 4 in the first row, 1 to 3 in the other one, after a layer of wall.
+        let row = |y: i32| (0..7).map(|x| if free(x, y) { '.' } else { '#' }).collect::<String>();
+        assert_eq!([row(1), row(2), row(3)], ["##....#", "#######", "##...##"]);
     }
 
     #[test]

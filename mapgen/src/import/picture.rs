@@ -22,8 +22,26 @@ pub(super) struct Picture {
     pub(super) height: u32,
     /// The largest brightness.
     pub(super) maximum: u32,
-    /// Brightness by pixel, row by row; `None` where it is transparent.
-    pub(super) pixels: Vec<Option<u32>>,
+    /// Whether the file has a channel, or a colour, for transparency.
+    pub(super) has_alpha: bool,
+    /// The pixels, row by row.
+    pub(super) pixels: Vec<Pixel>,
+}
+
+/// A pixel, in parts of the largest brightness.
+#[derive(Clone, Copy)]
+pub(super) struct Pixel {
+    /// The mean of its colours.
+    pub(super) brightness: f32,
+    /// 0 if it is transparent, the largest brightness if it is opaque.
+    pub(super) alpha: f32,
+}
+
+impl Pixel {
+    /// Whether it is more opaque than transparent and at least this bright.
+    pub(super) fn is_bright(self, least: f64, maximum: u32) -> bool {
+        f64::from(self.alpha) * 2.0 > f64::from(maximum) && f64::from(self.brightness) >= least
+    }
 }
 
 impl Picture {
@@ -57,16 +75,14 @@ fn png(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
     let mut data = vec![0; length];
     let info = reader.next_frame(&mut data).map_err(fault)?;
     let channels = info.color_type.samples();
+    let has_alpha = matches!(channels, 2 | 4);
     let pixel = |samples: &[u8]| {
-        let (colours, alpha) = match channels {
-            2 | 4 => samples.split_at(channels - 1),
-            _ => (samples, [255].as_slice()),
-        };
-        let sum: u32 = colours.iter().map(|&colour| u32::from(colour)).sum();
-        (alpha[0] >= 128).then_some(sum / colours.len() as u32)
+        let (colours, alpha) = if has_alpha { samples.split_at(channels - 1) } else { (samples, [255].as_slice()) };
+        let sum: u16 = colours.iter().map(|&colour| u16::from(colour)).sum();
+        Pixel { brightness: f32::from(sum) / colours.len() as f32, alpha: f32::from(alpha[0]) }
     };
     let pixels = data[..info.buffer_size()].chunks_exact(channels).map(pixel).collect();
-    Ok(Picture { width, height, maximum: 255, pixels })
+    Ok(Picture { width, height, maximum: 255, has_alpha, pixels })
 }
 
 fn pgm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
@@ -91,15 +107,17 @@ fn pgm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
         if room < pixels {
             return Err(FormatError::byte(bytes.len(), format!("the file ends here, {pixels} pixels do not fit in")));
         }
-        (0..pixels).map(|_| tokens.number("a pixel", maximum).map(Some)).collect::<Result<Vec<_>, _>>()?
+        (0..pixels).map(|_| tokens.number("a pixel", maximum)).collect::<Result<Vec<_>, _>>()?
     } else {
         raster(bytes, tokens.at + 1, pixels, maximum)?
     };
-    Ok(Picture { width, height, maximum, pixels })
+    // Numbers of 16 bits have their place in 24.
+    let opaque = |brightness| Pixel { brightness: brightness as f32, alpha: maximum as f32 };
+    Ok(Picture { width, height, maximum, has_alpha: false, pixels: pixels.into_iter().map(opaque).collect() })
 }
 
 /// The pixels of a binary file, of one byte or, beyond 255, two.
-fn raster(bytes: &[u8], start: usize, pixels: usize, maximum: u32) -> Result<Vec<Option<u32>>, FormatError> {
+fn raster(bytes: &[u8], start: usize, pixels: usize, maximum: u32) -> Result<Vec<u32>, FormatError> {
     let width = if maximum > 255 { 2 } else { 1 };
     let expected = start + pixels * width;
     let Some(data) = bytes.get(start..expected) else {
@@ -112,7 +130,7 @@ fn raster(bytes: &[u8], start: usize, pixels: usize, maximum: u32) -> Result<Vec
             let reason = format!("a pixel is {}, allowed is 0 to {maximum}", brightness[place]);
             Err(FormatError::byte(start + place * width, reason))
         }
-        None => Ok(brightness.into_iter().map(Some).collect()),
+        None => Ok(brightness),
     }
 }
 

@@ -9,7 +9,7 @@ use voxels::{Cell, Extent, Terrain};
 
 use super::bytes::shown;
 use super::options::{HEIGHT_CELLS, Kind, THRESHOLD};
-use super::picture::Picture;
+use super::picture::{Picture, Pixel};
 use super::{FormatError, ImportSpec, Imported, Note, new_grid, surrounded};
 
 /// Height of a map of the map server, metres, unless an option gives it in cells: that of a room.
@@ -17,6 +17,11 @@ const HEIGHT_M: f64 = 2.5;
 
 /// Largest height of a plan, cells.
 const HEIGHT_CELLS_MAX: u32 = 1022;
+
+/// The brightness, of 255, that the map server's `map_saver` writes for unknown cells of trinary
+/// maps (ROS 1 and nav2's `map_io.cpp`), beside thresholds that do not always tell it from free
+/// ones: nav2 writes `free_thresh: 0.25`, and the occupancy of this grey is 0.196.
+const GREY_OF_UNKNOWN: f64 = 205.0;
 
 /// What a pixel says.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -36,9 +41,9 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let picture = Picture::read(&spec.bytes, |size| extent(size).map(|_| ()))?;
     let threshold = spec.options.threshold.unwrap_or(THRESHOLD);
     let least = threshold * f64::from(picture.maximum);
-    let ground = |pixel: &Option<u32>| match pixel {
-        Some(brightness) if f64::from(*brightness) >= least => Ground::Free,
-        _ => Ground::Occupied,
+    let ground = |pixel: &Pixel| match pixel.is_bright(least, picture.maximum) {
+        true => Ground::Free,
+        false => Ground::Occupied,
     };
     let ground: Vec<Ground> = picture.pixels.iter().map(ground).collect();
     let free = ground.iter().filter(|&&pixel| pixel == Ground::Free).count();
@@ -142,7 +147,7 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
     };
     let picture = Picture::read(picture, |size| extent(size).map(|_| ()))
         .map_err(|reason| FormatError::Companion { file: shown(keys.image.as_bytes()), reason: reason.to_string() })?;
-    let ground: Vec<Ground> = picture.pixels.iter().map(|pixel| keys.ground(*pixel, picture.maximum)).collect();
+    let ground: Vec<Ground> = picture.pixels.iter().map(|&pixel| keys.ground(pixel, &picture)).collect();
     let count = |wanted: Ground| ground.iter().filter(|&&pixel| pixel == wanted).count();
     let unknown = spec.options.unknown.unwrap_or(Kind::Wall);
     let (unknown, becomes) = match unknown {
@@ -155,7 +160,9 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
         count(Ground::Free),
         count(Ground::Unknown)
     );
-    let notes = vec![Note::new("pixels", text), Note::new("height", format!("{height} cells from floor to ceiling"))];
+    let mut notes = vec![Note::new("pixels", text)];
+    notes.extend(keys.note_of_grey(&picture));
+    notes.push(Note::new("height", format!("{height} cells from floor to ceiling")));
     let plan = Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell, ground };
     let closed = plan.extent;
     let mut imported = plan.map(spec, unknown, notes)?;
@@ -173,16 +180,36 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
 }
 
 impl Keys {
-    /// What a pixel says, as the map server reads it; a transparent one is unknown.
-    fn ground(&self, pixel: Option<u32>, maximum: u32) -> Ground {
-        let Some(brightness) = pixel else { return Ground::Unknown };
-        let shade = f64::from(brightness) / f64::from(maximum);
+    /// What a pixel says, as the map server reads it, save for the grey of unknown cells.
+    fn ground(&self, pixel: Pixel, picture: &Picture) -> Ground {
+        if self.is_grey_of_unknown(pixel, picture) { Ground::Unknown } else { self.by_thresholds(pixel, picture) }
+    }
+
+    /// Whether a pixel has the grey that `map_saver` writes for unknown cells, or its negative in a
+    /// negated picture.
+    fn is_grey_of_unknown(&self, pixel: Pixel, picture: &Picture) -> bool {
+        let maximum = f64::from(picture.maximum);
+        let brightness = f64::from(pixel.brightness);
+        let brightness = if self.negate { maximum - brightness } else { brightness };
+        self.mode == Mode::Trinary && brightness * 255.0 == GREY_OF_UNKNOWN * maximum
+    }
+
+    /// What a pixel says by the thresholds.
+    fn by_thresholds(&self, pixel: Pixel, picture: &Picture) -> Ground {
+        let [brightness, alpha] =
+            [pixel.brightness, pixel.alpha].map(|part| f64::from(part) / f64::from(picture.maximum));
+        let occupied = |shade: f64| if self.negate { shade } else { 1.0 - shade };
         let occupied = match self.mode {
-            // Values of 0 to 100 are the occupancy itself, others are unknown.
-            Mode::Raw if brightness > 100 => return Ground::Unknown,
-            Mode::Raw => f64::from(brightness) / 100.0,
-            _ if self.negate => shade,
-            _ => 1.0 - shade,
+            // Transparency counts as one more colour.
+            Mode::Trinary if picture.has_alpha => occupied((3.0 * brightness + alpha) / 4.0),
+            Mode::Trinary => occupied(brightness),
+            Mode::Scale if alpha < 1.0 => return Ground::Unknown,
+            Mode::Scale => occupied(brightness),
+            // Values of 0 to 100 are the occupancy itself, others are unknown, and nothing is negated.
+            Mode::Raw => match libm::round(brightness * 255.0) {
+                percent if percent <= 100.0 => percent / 100.0,
+                _ => return Ground::Unknown,
+            },
         };
         if occupied > self.occupied_thresh {
             Ground::Occupied
@@ -192,11 +219,31 @@ impl Keys {
             Ground::Unknown
         }
     }
+
+    /// A note on pixels of the grey of unknown cells that the thresholds take for something else.
+    fn note_of_grey(&self, picture: &Picture) -> Option<Note> {
+        let greys = picture.pixels.iter().filter(|&&pixel| self.is_grey_of_unknown(pixel, picture));
+        let grounds = greys.map(|&pixel| self.by_thresholds(pixel, picture));
+        let (mut count, mut becomes) = (0, "free");
+        for ground in grounds.filter(|&ground| ground != Ground::Unknown) {
+            count += 1;
+            if ground == Ground::Occupied {
+                becomes = "occupied";
+            }
+        }
+        let grey = if self.negate { 255.0 - GREY_OF_UNKNOWN } else { GREY_OF_UNKNOWN };
+        let text = format!(
+            "{count} pixels of grey {grey}, which map_saver writes for unknown cells; the thresholds alone would make \
+             them {becomes}, and do with mode: scale"
+        );
+        (count > 0).then(|| Note::new("unknown", text))
+    }
 }
 
 /// The keys of a file: flat YAML, as the map server and its tools write it.
 fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
     let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut image = None;
     let mut resolution_m = None;
     let mut origin: Option<Vec<f64>> = None;

@@ -2,8 +2,9 @@
 //! order.
 //!
 //! Of the element `vertex`, the properties x, y and z are used, of the element `face` the list
-//! `vertex_indices` or `vertex_index`. A file with faces is a mesh, one without a point cloud.
-//! Other elements are skipped.
+//! `vertex_indices` or `vertex_index`, and of the element `tristrips` likewise the strips of
+//! triangles, between which stands -1. A file with faces or strips is a mesh, one without a point
+//! cloud. Other elements are skipped.
 
 use super::bytes::{Bytes, number, shown, words};
 use super::cloud::{self, Sensors};
@@ -53,21 +54,25 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let at = bytes.at();
     let place = |name: &[u8]| elements.iter().position(|element| element.name == name);
     let vertices = place(b"vertex").ok_or_else(|| FormatError::byte(at, "there is no element vertex in the header"))?;
-    let faces = place(b"face").filter(|&faces| elements[faces].count > 0);
+    let with_lists = [b"face".as_slice(), b"tristrips"].into_iter().filter_map(place);
+    let faces: Vec<(usize, usize)> = with_lists
+        .filter(|&faces| elements[faces].count > 0)
+        .map(|faces| corners_of(&elements[faces], at).map(|list| (faces, list)))
+        .collect::<Result<_, _>>()?;
+    let list_of = |number: usize| faces.iter().find(|&&(faces, _)| faces == number).map(|&(_, list)| list);
     let coordinates = positions(&elements[vertices], ["x", "y", "z"], at)?;
     let seen_from = positions(&elements[vertices], ["vp_x", "vp_y", "vp_z"], at).ok();
     let mut from = Vec::new();
-    let corners = faces.map(|faces| corners_of(&elements[faces], at)).transpose()?;
-    if faces.is_some_and(|faces| faces < vertices) {
+    if faces.iter().any(|&(faces, _)| faces < vertices) {
         return Err(FormatError::byte(at, "the element face comes before the element vertex"));
     }
-    let last = faces.unwrap_or(vertices);
+    let last = faces.iter().map(|&(faces, _)| faces).max().unwrap_or(vertices);
 
     let mut mesh = Mesh::default();
     for (number, element) in elements[..=last].iter().enumerate() {
         // An element without properties takes no bytes, however many there are of it.
         let count = if element.properties.is_empty() { 0 } else { element.count };
-        let list = corners.filter(|_| Some(number) == faces);
+        let list = list_of(number);
         for place in 0..count {
             let at = bytes.at();
             let mut items = Vec::new();
@@ -75,20 +80,25 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             if number == vertices {
                 mesh.vertices.push(coordinates.map(|property| values[property]));
                 from.extend(seen_from.map(|seen_from| seen_from.map(|property| values[property])));
+            } else if list.is_some() && element.name == b"tristrips" {
+                for strip in items.split(|&item| item == -1.0).filter(|strip| !strip.is_empty()) {
+                    mesh.add_strip(&corners_in(strip, mesh.vertices.len(), at)?);
+                    mesh.check_count()?;
+                }
             } else if list.is_some() {
                 mesh.add_polygon(&corners_in(&items, mesh.vertices.len(), at)?);
                 mesh.check_count()?;
             }
         }
     }
-    let used = |number: usize| number == vertices || Some(number) == faces;
+    let used = |number: usize| number == vertices || list_of(number).is_some();
     let ignored = elements.iter().enumerate().filter(|&(number, element)| !used(number) && element.count > 0);
     let notes = ignored.map(|(_, element)| {
         let text = format!("{} elements {}", element.count, String::from_utf8_lossy(&element.name).escape_debug());
         Note::new("ignored", text)
     });
     let given = |names: [&str; 2]| spec.options.given().find(|name| names.contains(name));
-    if faces.is_some() {
+    if !faces.is_empty() {
         if let Some(name) = given(["sensor", "unknown"]) {
             return Err(FormatError::HasFaces { name });
         }
@@ -118,7 +128,8 @@ fn corners_of(face: &Element, at: usize) -> Result<usize, FormatError> {
     let is_corners = |property: &Property| {
         property.length.is_some() && matches!(property.name.as_slice(), b"vertex_indices" | b"vertex_index")
     };
-    let missing = || FormatError::byte(at, "the element face has no list vertex_indices");
+    let name = String::from_utf8_lossy(&face.name).into_owned();
+    let missing = || FormatError::byte(at, format!("the element {name} has no list vertex_indices"));
     face.properties.iter().position(is_corners).ok_or_else(missing)
 }
 
@@ -280,6 +291,21 @@ fn value(bytes: &mut Bytes<'_>, order: Order, number: Number) -> Result<f64, For
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn strips_of_triangles_are_a_mesh() {
+        // A tetrahedron as one strip of all four corners and the first two again, and as two strips.
+        let read = |lists: &str| {
+            let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                          element tristrips 1\nproperty list int int vertex_indices\nend_header\n";
+            let text = format!("{header}0 0 0\n9 0 0\n0 9 0\n0 0 9\n{lists}\n");
+            let imported = read(&ImportSpec::new("a.ply", text.into_bytes())).unwrap();
+            (crate::free_cells(&imported.terrain), imported.notes[0].text.clone())
+        };
+        let one = read("6 0 1 2 3 0 1");
+        assert!(one.1.starts_with("4 triangles in 1 part(s), 0 dropped"), "{}", one.1);
+        assert_eq!(read("10 0 1 2 3 -1 2 3 0 1 -1"), one);
+    }
     use crate::ImportOptions;
 
     const ELEMENTS: &str = "element camera 1\nproperty list uchar short at\nelement vertex 2\nproperty double x\n\

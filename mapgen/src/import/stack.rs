@@ -55,7 +55,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         let rows = picture.pixels.chunks_exact(extent.size()[0] as usize).rev();
         for (y, row) in rows.enumerate() {
             for (x, pixel) in row.iter().enumerate() {
-                if pixel.is_some_and(|brightness| f64::from(brightness) >= least) {
+                if pixel.is_bright(least, picture.maximum) {
                     terrain.set(Cell::new(x as i32, y as i32, z as i32), Terrain::Free);
                 }
             }

@@ -51,6 +51,10 @@ mod tests {
         assert_eq!(terrain.extent().size(), [5, 5, 3]);
         assert_eq!(crate::free_cells(&terrain), 9 - 3);
         let error = read(&ImportSpec::new("a.xyz", "1 2 3\n4 5\n".into())).unwrap_err().to_string();
+        let marked = format!("\u{feff}{}", text.split_once('\n').unwrap().1);
+        assert_eq!(read(&ImportSpec::new("a.xyz", marked.into())).unwrap().terrain, terrain);
+        let only = |text: &str| read(&ImportSpec::new("a.xyz", text.into())).unwrap().terrain.extent().size();
+        assert_eq!(only("\u{feff}0.5 0.5 0.5\n4.5 0.5 0.5\n"), [7, 3, 3], "the first line counts");
         assert_eq!(error, "line 2: \"4 5\" does not begin with three numbers");
     }
 }

@@ -24,7 +24,7 @@ use crate::playback::RecordedTick;
 use crate::setup;
 use msgs::trigger::Trigger;
 use simulation::digest::{Chain, Digest};
-use simulation::scenario::{Scenario, ScheduledEvent};
+use simulation::scenario::{MapKind, Scenario, ScheduledEvent};
 use simulation::wire::{self, Change};
 use simulation::workers::Workers;
 use simulation::world::body::Pose;
@@ -123,6 +123,19 @@ impl<'a> Engine<'a> {
         if !self.world.is_settled() {
             let shares = self.world.settle();
             self.chain.resolve(&shares);
+        }
+    }
+
+    /// Begins the digest as the build of a recording did, whose first digest is `recorded`: earlier
+    /// ones had the name of a map file in it. Call it before the first tick.
+    pub(super) fn continue_chain_of(&mut self, recorded: Digest) {
+        if self.scenario.map.kind != MapKind::File || self.digest() == recorded {
+            return;
+        }
+        let identity = self.scenario.initial_identity_with_map_file();
+        let mut earlier = Chain::new(&identity, &self.world, Arc::clone(&self.workers));
+        if earlier.digest() == recorded {
+            self.chain = earlier;
         }
     }
 
@@ -325,4 +338,35 @@ impl<'a> Engine<'a> {
 
 pub(super) fn counter(name: &str, value: u64) -> Counter {
     Counter { name: name.to_owned(), value }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chain_continues_that_of_an_earlier_build() {
+        let folder = tempfile::tempdir().unwrap();
+        let hall = "#####\n#####\n#####\n#####\n#####\n";
+        let room = "#####\n#...#\n#...#\n#...#\n#####\n";
+        let file = folder.path().join("hall.txt");
+        std::fs::write(&file, [hall, room, room, room, hall].join("\n")).unwrap();
+        let text = format!(
+            "seed = 1\nduration_s = 1.0\nmap = {{ kind = \"file\", file = {:?}, cell_m = 1.0 }}\nagents = {{ count = 1 }}\n",
+            file.display().to_string()
+        );
+        let scenario = Scenario::parse("s.toml", &text, &[]).unwrap();
+        let engine = || Engine::new(&scenario, setup::build(&scenario).unwrap().0).unwrap();
+        let now = engine().digest();
+        let (mut continued, identity) = (engine(), scenario.initial_identity_with_map_file());
+        let mut earlier = Chain::new(&identity, &continued.world, Arc::clone(&continued.workers));
+        assert_ne!(earlier.digest(), now);
+        continued.continue_chain_of(earlier.digest());
+        assert_eq!(continued.digest(), earlier.digest());
+        for recorded in [now, Digest([7; 32])] {
+            let mut other = engine();
+            other.continue_chain_of(recorded);
+            assert_eq!(other.digest(), now);
+        }
+    }
 }

@@ -107,3 +107,33 @@ fn what_does_not_fit_the_cells_of_the_file_is_refused() {
     let missing = scenario(&folder, "nowhere.m3dm", "", "").unwrap();
     assert!(build(&missing).unwrap_err().to_string().contains("nowhere.m3dm: No such file"));
 }
+
+/// A recording keeps the name of its map file, and accepts each other file with the same map.
+#[test]
+fn recorded_map_may_have_another_name() {
+    let folder = folder();
+    let recorded = scenario(&folder, "packed.m3dm", "", SMALL_BODY).unwrap();
+    let (world, _) = build(&recorded).unwrap();
+    let file = folder.path().join("run.mcap");
+    record(&file, &recorded, &world).unwrap().finish().unwrap();
+    let recording = Recording::open(&file).unwrap();
+
+    std::fs::rename(folder.path().join("packed.m3dm"), folder.path().join("moved.m3dm")).unwrap();
+    assert_eq!(load_recorded(&recording, None, &[]).unwrap().identity(), recorded.identity());
+    rebuild(&recording, &recorded).unwrap();
+    let load = |map: &str, keys: &str| {
+        scenario(&folder, map, keys, SMALL_BODY).unwrap();
+        load_recorded(&recording, Some(&folder.path().join("s.toml")), &[])
+    };
+    for (map, keys) in
+        [("moved.m3dm", ""), ("./moved.m3dm", "import = { cells_max = 999 }"), ("plain.m3dm", "cell_m = 0.5")]
+    {
+        assert_eq!(load(map, keys).unwrap().identity(), recorded.identity(), "{map}");
+    }
+    std::fs::write(folder.path().join("other.txt"), "cell_m = 0.5\n###\n###\n###\n\n###\n#.#\n###\n\n###\n###\n###\n")
+        .unwrap();
+    let other = load("other.txt", "").unwrap_err().to_string();
+    assert!(other.contains("the scenario of a recorded run stays as it is") && other.contains("other.txt"), "{other}");
+    let missing = load("packed.m3dm", "cell_m = 0.5").unwrap();
+    assert_eq!(missing.identity(), recorded.identity(), "the map is in the recording");
+}

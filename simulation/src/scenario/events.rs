@@ -13,6 +13,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use mapgen::ImportOptions;
 use msgs::ids::{AgentId, Tick};
 use serde::{Deserialize, Serialize};
 
@@ -161,15 +162,31 @@ fn changeable_keys() -> String {
 }
 
 impl Scenario {
-    /// What the digest of a run begins with: the identity without events, each of which enters the
-    /// digest at its tick.
+    /// What the digest of a run begins with, beside the hash of its map: the identity without
+    /// events, each of which enters the digest at its tick, and without the name of a map file and
+    /// how it was read, because the cells identify the map.
     #[must_use]
     pub fn initial_identity(&self) -> String {
-        if self.event.is_empty() { self.identity() } else { self.without_events().identity() }
+        self.without_events().without_map_file().identity()
+    }
+
+    /// What the digest of a run with a map file began with in builds whose digests held the name of
+    /// the file. It differs from [`Self::initial_identity`] for map files only.
+    #[must_use]
+    pub fn initial_identity_with_map_file(&self) -> String {
+        self.without_events().identity()
     }
 
     fn without_events(&self) -> Self {
         Self { event: Vec::new(), ..self.clone() }
+    }
+
+    /// The scenario without the name of its map file and the options it is read with.
+    #[must_use]
+    pub fn without_map_file(mut self) -> Self {
+        self.map.file = None;
+        self.map.import = ImportOptions::default();
+        self
     }
 
     /// The agents that are not in the world at the start.

@@ -23,6 +23,60 @@ fn data_inside_the_document_are_read() {
     assert_eq!(crate::free_cells(&imported.terrain), 9 - 3);
 }
 
+/// A cube of two units in a file of `generator`, with more keys of its node and of the file. The
+/// buffer ends with three places of copies.
+fn cube(generator: &str, node: &str, rest: &str) -> Imported {
+    let corner = |at: u32| [at & 1, at >> 1 & 1, at >> 2].map(|along| (2 * along) as f32);
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).flatten();
+    let copies = [[0.0f32, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]];
+    let numbers = triangles.map(corner).chain(copies).flatten();
+    let data: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+    let document = format!(
+        r#"{{"asset":{{"generator":"{generator}"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0{node}}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"type":"VEC3","count":36}},
+        {{"bufferView":0,"byteOffset":432,"componentType":5126,"type":"VEC3","count":3}}],
+        "bufferViews":[{{"buffer":0,"byteLength":468}}],"buffers":[{{"byteLength":468}}]{rest}}}"#
+    );
+    let chunk = |kind: &[u8; 4], bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes(), &kind[..], bytes].concat();
+    let chunks = [chunk(b"JSON", document.as_bytes()), chunk(b"BIN\0", &data)].concat();
+    let glb = [b"glTF\x02\0\0\0".as_slice(), &(chunks.len() as u32 + 12).to_le_bytes(), &chunks].concat();
+    read(&ImportSpec::new("a.glb", glb)).unwrap()
+}
+
+#[test]
+fn copies_of_a_mesh_are_read() {
+    let node = r#","extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":1}}}"#;
+    let imported = cube("hand-made", node, r#","extensionsRequired":["EXT_mesh_gpu_instancing"]"#);
+    // Along x, and along the file's y, which is our z.
+    assert_eq!(imported.terrain.extent().size(), [9, 4, 9]);
+    assert_eq!(voxels::free_components(&imported.terrain).sizes.len(), 1);
+    let filled = imported.notes.iter().find(|note| note.name == "fill").unwrap();
+    assert!(filled.text.starts_with("solid: 24 cells inside"), "{}", filled.text);
+    assert_eq!(imported.notes.iter().find(|note| note.name == "scene").unwrap().text.split(' ').next(), Some("3"));
+}
+
+#[test]
+fn required_extensions_are_read_or_refused_by_name() {
+    cube("hand-made", "", r#","extensionsRequired":["KHR_materials_unlit"]"#);
+    let refused = refuse(br#"{"extensionsRequired":["KHR_materials_unlit","EXT_meshopt_compression"]}"#);
+    let expected = "extensionsRequired: \"EXT_meshopt_compression\" is not read; save the scene without it";
+    assert_eq!(refused, expected);
+}
+
+#[test]
+fn writers_that_leave_coordinates_as_they_are_have_z_upwards() {
+    for (generator, up) in [
+        ("Open3D", "z, as Open3D writes it; the option up changes that"),
+        ("https://github.com/mikedh/trimesh", "z, as trimesh writes it; the option up changes that"),
+        ("Khronos glTF Blender I/O v3.4", "y, as glTF has it; the option up changes that"),
+    ] {
+        let imported = cube(generator, "", "");
+        assert_eq!(imported.notes.iter().find(|note| note.name == "up").unwrap().text, up);
+    }
+}
+
 #[test]
 fn errors_name_the_entry() {
     assert_eq!(refuse(b"{"), "line 1: EOF while parsing an object");

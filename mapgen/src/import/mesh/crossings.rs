@@ -4,13 +4,19 @@
 //! where it leaves; between the two it is inside as often as solids overlap there. At the end of a
 //! line that has come through no hole nothing is left, and it has a vote in each of its cells.
 //!
-//! Two triangles that share an edge are intersected with the same arithmetic along it, and the sign
-//! follows from the order of the intersections, so that a line along an edge counts once.
+//! Corners lie on a lattice of whole units ([`super::lattice`]), so that integers decide which
+//! triangles a line meets and on which side of a centre, without rounding. A centre on a triangle,
+//! and a line through an edge or a corner, count as if all centres were moved by the same
+//! infinitely small step along +x, by a still smaller one along +y, and by the smallest along +z
+//! (simulation of simplicity; H. Edelsbrunner, E. P. Mücke, 1990). So a line meets one of the two
+//! triangles at an edge, lines along all axes agree on each centre, and faces through centres give
+//! the cells that the same faces give a little beside them.
 
 use voxels::{Extent, Grid};
 
 use super::super::{FormatError, ImportSpec, new_grid};
-use super::{Triangle, Work, normal};
+use super::lattice::{self, UNIT};
+use super::{Triangle, Work};
 
 /// Votes of the lines through each cell.
 pub(super) struct Votes {
@@ -53,7 +59,7 @@ pub(super) fn votes(
     let stride = [1, size[0], size[0] * size[1]];
     let mut holes = [0; 3];
     for axis in 0..3 {
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let (u, v) = OTHERS[axis];
         let turns = turns.as_mut_slice();
         for triangle in triangles {
             cross(triangle, axis, size, work, |index, turn| turns[index] = turns[index].saturating_add(turn))?;
@@ -86,38 +92,44 @@ fn cross(
     work: &mut Work,
     mut met: impl FnMut(usize, i16),
 ) -> Result<(), FormatError> {
-    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-    let (corner, normal) = (triangle[0], normal(triangle));
-    let range = |along: usize| {
-        let of = triangle.map(|corner| corner[along]);
-        (of[0].min(of[1]).min(of[2]), of[0].max(of[1]).max(of[2]))
-    };
-    let (depth_min, depth_max) = range(axis);
-    let (low, high) = range(v);
-    for row in centres(low, high, size[v]) {
-        let at_v = row as f64 + 0.5;
-        let (mut up, mut down) = (None, None);
+    // The step along u is infinitely larger than that along v.
+    let (u, v) = OTHERS[axis];
+    let corners = lattice::units(triangle);
+    let normal = lattice::normal(&corners);
+    if normal[axis] == 0 {
+        return Ok(());
+    }
+    // Out of the solid where the normal points along the line.
+    let turn = if normal[axis] > 0 { -1 } else { 1 };
+    // The step from a centre on the triangle leads beyond it if it leads to the side to which the
+    // line goes: the normal's first part that is not 0 decides.
+    let steps_beyond = normal.iter().find(|&&along| along != 0).is_some_and(|&first| (first > 0) == (normal[axis] > 0));
+    let start = corners[0];
+    let along_v = corners.map(|corner| corner[v]);
+    let (low, high) = along_v.iter().fold((i64::MAX, i64::MIN), |(low, high), &at| (low.min(at), high.max(at)));
+    let clamped = |first: i64, size: usize| first.clamp(0, size as i64) as usize;
+    for row in clamped(first_centre(low, 1), size[v])..clamped(first_centre(high, 1), size[v]) {
+        let at_v = centre(row);
+        // The row meets two edges, in whose lower ends it may lie.
+        let (mut first, mut end) = (i64::MAX, i64::MIN);
         for edge in [[0, 1], [1, 2], [2, 0]] {
-            let [from, to] = edge.map(|corner| triangle[corner]);
-            let rises = from[v] <= to[v];
-            let (a, b) = if rises { (from, to) } else { (to, from) };
+            let [a, b] = edge.map(|corner| corners[corner]);
+            let (a, b) = if a[v] <= b[v] { (a, b) } else { (b, a) };
             if a[v] <= at_v && at_v < b[v] {
-                let end = a[u] + (at_v - a[v]) * (b[u] - a[u]) / (b[v] - a[v]);
-                *(if rises { &mut up } else { &mut down }) = Some(end);
+                let rise = b[v] - a[v];
+                let column = first_centre(a[u] * rise + (at_v - a[v]) * (b[u] - a[u]), rise);
+                (first, end) = (first.min(column), end.max(column));
             }
         }
-        let (Some(up), Some(down)) = (up, down) else { continue };
-        // Seen against the axis, the corners of a triangle that faces the viewer go round to the
-        // left.
-        let turn = if up > down { -1 } else { 1 };
-        let columns = centres(up.min(down), up.max(down), size[u]);
+        let columns = clamped(first, size[u])..clamped(end.max(first), size[u]);
         work.spend(1 + columns.len())?;
+        // Where the line meets the triangle, less half a cell, as a fraction of cells.
+        let denominator = i128::from(normal[axis]) * i128::from(UNIT);
+        let along_row = i128::from(start[axis] - UNIT / 2) * i128::from(normal[axis])
+            - i128::from(normal[v]) * i128::from(at_v - start[v]);
         for column in columns {
-            let at_u = column as f64 + 0.5;
-            let slope = normal[u] * (at_u - corner[u]) + normal[v] * (at_v - corner[v]);
-            // A triangle parallel to the line has any depth between its ends; so has NaN.
-            let depth = (corner[axis] - slope / normal[axis]).max(depth_min).min(depth_max);
-            let cell = libm::floor(depth + 0.5).max(0.0) as usize;
+            let numerator = along_row - i128::from(normal[u]) * i128::from(centre(column) - start[u]);
+            let cell = first_cell(numerator, denominator, steps_beyond).max(0) as usize;
             if cell < size[axis] {
                 let mut at = [0; 3];
                 (at[axis], at[u], at[v]) = (cell, column, row);
@@ -128,8 +140,34 @@ fn cross(
     Ok(())
 }
 
-/// The cells of a line of `size` whose centres lie from `low` on, and before `high`.
-fn centres(low: f64, high: f64, size: usize) -> std::ops::Range<usize> {
-    let first = |from: f64| (libm::ceil(from - 0.5).max(0.0) as usize).min(size);
-    first(low)..first(high)
+/// The axes across an axis, the one with the larger step first.
+const OTHERS: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
+
+/// Distance of a quotient from a whole number beyond which 64 bits tell it from that number: the
+/// quotients are below 2^11, and their rounding errors below 2^-40.
+const CLEAR: f64 = 1e-9;
+
+/// The centre of a cell along an axis, units.
+fn centre(cell: usize) -> i64 {
+    cell as i64 * UNIT + UNIT / 2
+}
+
+/// The first cell along an axis with a centre from `at / over` units on; `over` is positive.
+fn first_centre(at: i64, over: i64) -> i64 {
+    let (numerator, denominator) = (at - UNIT / 2 * over, UNIT * over);
+    let quotient = numerator.div_euclid(denominator);
+    quotient + i64::from(numerator.rem_euclid(denominator) > 0)
+}
+
+/// The first whole number beyond a fraction, which itself is beyond if `is_beyond`.
+fn first_cell(numerator: i128, denominator: i128, is_beyond: bool) -> i64 {
+    let quotient = numerator as f64 / denominator as f64;
+    let near = libm::round(quotient);
+    if (quotient - near).abs() > CLEAR {
+        return libm::ceil(quotient) as i64;
+    }
+    let difference = numerator - near as i128 * denominator;
+    let is_above = (difference > 0) == (denominator > 0);
+    let is_near_beyond = if difference == 0 { is_beyond } else { !is_above };
+    near as i64 + i64::from(!is_near_beyond)
 }

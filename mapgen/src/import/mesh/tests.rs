@@ -1,7 +1,7 @@
 use super::*;
 use crate::{ImportOptions, free_cells};
 use proptest::prelude::*;
-use voxels::Cell;
+use voxels::{Cell, Grid};
 
 /// Two triangles for each side of a box.
 fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
@@ -116,7 +116,100 @@ fn ball(centre: [f64; 3], radius: f64) -> Mesh {
     mesh
 }
 
+/// The surface of cells of a lattice as two triangles for each face between a cell and none, whose
+/// diagonals `diagonals` chooses; `place` gives the corners of the lattice their places.
+fn surface(cells: &Grid<bool>, diagonals: &[bool], place: impl Fn([i32; 3]) -> [f64; 3]) -> Mesh {
+    let has = |[x, y, z]: [i32; 3]| cells.get(Cell::new(x, y, z)) == Some(&true);
+    let mut mesh = Mesh::default();
+    let mut faces = 0;
+    for (cell, _) in cells.iter().filter(|&(_, &is_solid)| is_solid) {
+        let here = [cell.x, cell.y, cell.z];
+        for (axis, side) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1)]) {
+            let mut beside = here;
+            beside[axis] += 2 * side - 1;
+            if has(beside) {
+                continue;
+            }
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            let mut corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[at_u, at_v]| {
+                let mut corner = here;
+                (corner[axis], corner[u], corner[v]) = (here[axis] + side, here[u] + at_u, here[v] + at_v);
+                place(corner)
+            });
+            if side == 0 {
+                corners.reverse();
+            }
+            if diagonals[faces % diagonals.len()] {
+                corners.rotate_left(1);
+            }
+            faces += 1;
+            let [a, b, c, d] = corners;
+            mesh.add([a, b, c]);
+            mesh.add([a, c, d]);
+        }
+    }
+    mesh
+}
+
+/// The wall of a map, by the place of its cells in the file's lattice of cells.
+fn walls(imported: &Imported, cell_m: f64) -> std::collections::BTreeSet<[i32; 3]> {
+    let low = imported.origin_m.unwrap().map(|along| libm::round(along / cell_m) as i32);
+    let last = imported.terrain.extent().size().map(|cells| cells as i32 - 1);
+    let inner = |at: [i32; 3]| (0..3).all(|axis| (1..last[axis]).contains(&at[axis]));
+    let walls = imported.terrain.iter().filter(|&(_, &here)| here == Terrain::Wall);
+    let walls = walls.map(|(cell, _)| [cell.x, cell.y, cell.z]).filter(|&at| inner(at));
+    walls.map(|at| [0, 1, 2].map(|axis| at[axis] + low[axis])).collect()
+}
+
+#[test]
+fn faces_through_centres_are_no_walls() {
+    let cave = read(&cuboid([-6.5, -4.5, -3.5], [6.5, 4.5, 3.5]), options(Fill::Solid, Kind::Free));
+    assert_eq!(free_cells(&cave.terrain), 13 * 9 * 7);
+    assert_eq!(note(&cave, "fill"), Some("solid: 819 cells inside become free, 0 cells decided by winding number"));
+    // Without its lid the same, by winding numbers.
+    let mut open = cuboid([-6.5, -4.5, -3.5], [6.5, 4.5, 3.5]);
+    open.triangles.truncate(11);
+    assert_eq!(free_cells(&read(&open, options(Fill::Solid, Kind::Free)).terrain), 13 * 9 * 7);
+}
+
 proptest! {
+    #[test]
+    fn a_mesh_of_cells_comes_back_as_these_cells(
+        solid in prop::collection::vec(prop::bool::weighted(0.6), 60),
+        diagonals in prop::collection::vec(any::<bool>(), 1..50),
+        halves in prop::array::uniform3(-40i32..40),
+        offset in prop::sample::select(vec![0.0, 0.25, 0.375, -0.001]),
+        cell_m in prop::sample::select(vec![1.0, 0.1, 0.2, 0.3, 0.05, 2.5, 1.0 / 3.0, 1e-3, 120.0]),
+        is_single in any::<bool>(),
+        fill in prop::sample::select(vec![Fill::Solid, Fill::Shell]),
+    ) {
+        prop_assume!(solid.iter().any(|&is_solid| is_solid));
+        let cells = Grid::from_vec(voxels::Extent::new([4, 3, 5], 1.0).unwrap(), solid).unwrap();
+        let place = |corner: [i32; 3]| [0, 1, 2].map(|axis| {
+            let along = (f64::from(corner[axis]) + f64::from(halves[axis]) / 2.0 + offset) * cell_m;
+            if is_single { f64::from(along as f32) } else { along }
+        });
+        let mesh = surface(&cells, &diagonals, place);
+        let spec = ImportSpec { cell_m: Some(cell_m), options: options(fill, Kind::Wall), ..ImportSpec::new("a.obj", Vec::new()) };
+        let imported = map(&spec, &mesh, Vec::new()).unwrap();
+        // A centre between two cells of the lattice lies in the upper one.
+        let shift = |axis: usize| libm::ceil(f64::from(halves[axis]) / 2.0 + offset - 0.5) as i32;
+        let expected: std::collections::BTreeSet<[i32; 3]> = cells
+            .iter()
+            .filter(|&(_, &is_solid)| is_solid)
+            .map(|(cell, _)| [cell.x + shift(0), cell.y + shift(1), cell.z + shift(2)])
+            .collect();
+        if fill == Fill::Solid {
+            prop_assert_eq!(walls(&imported, cell_m), expected);
+            prop_assert!(note(&imported, "fill").unwrap().ends_with(" 0 cells decided by winding number"));
+        } else {
+            // Whatever the diagonals and the numbers, the same cells.
+            let plain = surface(&cells, &[false], |corner| [0, 1, 2].map(|axis| f64::from(corner[axis]) + f64::from(halves[axis]) / 2.0 + offset));
+            let spec = ImportSpec { cell_m: Some(1.0), ..spec };
+            prop_assert_eq!(walls(&imported, cell_m), walls(&map(&spec, &plain, Vec::new()).unwrap(), 1.0));
+        }
+    }
+
     #[test]
     fn a_closed_ball_has_no_holes_and_its_cells(
         centre in prop::array::uniform3(-2.0f64..2.0), radius in 2.0f64..6.0,

@@ -1,5 +1,5 @@
-//! The cells that a triangle touches: a part of it lies in the cell, the lower faces of which
-//! belong to it.
+//! The cells that a triangle touches: a part of it with an area lies in the cell, the lower faces
+//! of which belong to it.
 
 use voxels::Cell;
 
@@ -9,6 +9,10 @@ use super::{Triangle, Work};
 
 /// Steps of work for a column of cells: its part of the triangle is cut out.
 const COLUMN_STEPS: usize = 32;
+
+/// Depth to which a triangle may lie in a cell without touching it, in lengths of cells: more than
+/// the rounding errors of cuts, and less than a unit of the lattice of corners.
+const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
 
 /// Visits each cell that a triangle touches.
 ///
@@ -35,8 +39,8 @@ fn cells(polygon: &[[f64; 3]], axis: usize) -> std::ops::RangeInclusive<i32> {
     let Some(Bounds { low, high }) = Bounds::of(polygon.iter().copied()) else {
         return std::ops::RangeInclusive::new(1, 0);
     };
-    let first = libm::floor(low[axis]);
-    first as i32..=first.max(libm::ceil(high[axis]) - 1.0) as i32
+    let first = libm::floor(low[axis] + ROUNDING);
+    first as i32..=first.max(libm::ceil(high[axis] - ROUNDING) - 1.0) as i32
 }
 
 /// The part of a convex polygon that lies in the cells with the coordinate `at` along an axis,

@@ -77,15 +77,87 @@ fn thresholds_negation_and_modes_are_those_of_the_map_server() {
         imported.notes[0].text.contains(" 1 free")
     };
     assert!(free(KEYS, 206) && !free(KEYS, 205));
-    assert!(free(&KEYS.replace("0.196", "0.25"), 205));
+    assert!(free(&KEYS.replace("0.196", "0.25"), 206));
     let negated = "image: m\nresolution: 1\norigin:\n- 0\n- 0.5\n- 0\nnegate: 1\n";
     let counts = |text: &str, pixel: u32| {
         let image = format!("P2 3 3 255 255 255 255 255 {pixel} 255 255 255 255");
         yaml(text, image.as_bytes()).read().unwrap().notes[0].text.clone()
     };
     assert!(counts(negated, 3).starts_with("8 occupied, 1 free, 0 unknown"));
+    // Values of raw maps are not negated.
     assert!(counts(&format!("{negated}mode: raw\n"), 0).starts_with("0 occupied, 1 free, 8 unknown"));
     assert!(counts(&format!("{negated}mode: raw\n"), 100).starts_with("1 occupied, 0 free, 8 unknown"));
+}
+
+/// What `map_saver` of nav2 writes: unknown around a room with black walls.
+fn saved(maximum: u32, is_negated: bool) -> Vec<u8> {
+    let drawn = "?????? ?####? ?#..#? ?#..#? ?####? ??????";
+    let grey = |character| match character {
+        '?' => 205,
+        '#' => 0,
+        _ => 254,
+    };
+    let pixel = |character| if is_negated { 255 - grey(character) } else { grey(character) } * maximum / 255;
+    let pixels: Vec<String> =
+        drawn.chars().filter(|&character| character != ' ').map(|character| pixel(character).to_string()).collect();
+    format!("P2 6 6 {maximum} {}", pixels.join(" ")).into_bytes()
+}
+
+#[test]
+fn grey_of_map_saver_is_unknown_whatever_the_thresholds() {
+    let keys = "image: m\nresolution: 1\norigin: [0, 0, 0]\noccupied_thresh: 0.65\n";
+    for (thresh, is_told) in
+        [("free_thresh: 0.196\n", false), ("free_thresh: 0.25\n", true), ("free_thresh: 0.3\n", true), ("", true)]
+    {
+        for (maximum, is_negated) in [(255, false), (255, true), (65535, false), (510, true)] {
+            let text = format!("{keys}{thresh}negate: {}\n", u8::from(is_negated));
+            let imported = yaml(&text, &saved(maximum, is_negated)).read().unwrap();
+            assert_eq!(imported.notes[0].text, "12 occupied, 4 free, 20 unknown, which become wall", "{text}");
+            let grey = if is_negated { 50 } else { 205 };
+            let told = format!(
+                "20 pixels of grey {grey}, which map_saver writes for unknown cells; the thresholds alone would make \
+                 them free, and do with mode: scale"
+            );
+            let note = imported.notes.iter().find(|note| note.name == "unknown").map(|note| note.text.clone());
+            // The negative of 205 has an occupancy of 0.19608, too.
+            assert_eq!(note, is_told.then_some(told), "{text}");
+        }
+    }
+    // In scale mode this grey is an occupancy of a fifth, in raw mode no occupancy.
+    let read = |mode: &str| {
+        let text = format!("{keys}free_thresh: 0.25\nnegate: 0\nmode: {mode}\n");
+        yaml(&text, &saved(255, false)).read().unwrap().notes[0].text.clone()
+    };
+    assert!(read("scale").starts_with("12 occupied, 24 free, 0 unknown"), "{}", read("scale"));
+    assert!(read("raw").starts_with("0 occupied, 12 free, 24 unknown"), "{}", read("raw"));
+}
+
+/// Transparency as nav2 reads it: one more colour in trinary mode, unknown in scale mode, nothing
+/// in raw mode.
+#[test]
+fn transparent_pixels_are_those_of_the_map_server() {
+    let pixels = [[254, 255], [254, 0], [0, 255], [0, 0], [205, 255], [205, 0], [100, 254], [3, 255], [0, 127]];
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 3, 3);
+    encoder.set_color(png::ColorType::GrayscaleAlpha);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(pixels.as_flattened()).unwrap();
+    writer.finish().unwrap();
+    let read = |text: &str| {
+        let imported = yaml(&format!("{KEYS}{text}"), &bytes).read().unwrap();
+        imported.notes[0].text.split(", which").next().unwrap().to_owned()
+    };
+    // Occupancies of 0.003, 0.253, 0.75, 1, grey, grey, 0.46, 0.741 and 0.876.
+    assert_eq!(read(""), "4 occupied, 1 free, 4 unknown");
+    assert_eq!(read("mode: scale\n"), "2 occupied, 1 free, 6 unknown");
+    assert_eq!(read("mode: raw\n"), "1 occupied, 4 free, 4 unknown");
+}
+
+#[test]
+fn byte_order_mark_and_other_line_ends_change_nothing() {
+    let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
+    let plain = yaml(KEYS, image).read().unwrap();
+    assert_eq!(yaml(&format!("\u{feff}{}", KEYS.replace('\n', "\r\n")), image).read().unwrap(), plain);
 }
 
 #[test]

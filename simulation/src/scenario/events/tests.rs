@@ -31,6 +31,23 @@ fn events_leave_the_beginning_of_a_run_as_it_is() {
 }
 
 #[test]
+fn name_of_a_map_file_is_no_part_of_the_beginning_of_a_run() {
+    let of = |map: &str| {
+        let text =
+            format!("seed = 7\nduration_s = 60.0\nagents = {{ count = 1 }}\nmap = {{ kind = \"file\", {map} }}\n");
+        Scenario::parse("s.toml", &text, &[]).unwrap()
+    };
+    let one = of("file = \"m.m3dm\", cell_m = 0.5");
+    let other = of("file = \"./m.m3dm\", cell_m = 0.5, import = { cells_max = 9 }");
+    assert_eq!(one.initial_identity(), other.initial_identity());
+    assert_ne!(one.initial_identity_with_map_file(), other.initial_identity_with_map_file());
+    assert!(one.identity().contains("file = \"m.m3dm\""), "a recording names the file");
+    assert_ne!(one.initial_identity(), of("file = \"m.m3dm\", cell_m = 1.0").initial_identity());
+    let generated = scenario("");
+    assert_eq!(generated.initial_identity_with_map_file(), generated.initial_identity());
+}
+
+#[test]
 fn schedule_has_each_event_with_what_holds_from_then_on() {
     let scenario = scenario(
         "{ kind = \"join\", at_s = 0.5, agent = 2 }, { kind = \"radio_off\", at_s = 1.0, agent = 0 }, \
