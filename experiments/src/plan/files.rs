@@ -13,7 +13,7 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
-use mapgen::ImportSpec;
+use map_files::ImportSpec;
 use sim_server::map_file;
 use simulation::scenario::{MapKind, Scenario};
 
