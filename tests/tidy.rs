@@ -12,19 +12,64 @@ use simulation::scenario::Scenario;
 use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
-/// The crates whose code is delivered.
-pub(crate) const CRATES: [&str; 11] = [
+/// The crates whose code is delivered, each below those that use it.
+pub(crate) const CRATES: [&str; 12] = [
     "voxels",
     "random_streams",
     "msgs",
     "ros_node",
     "mapgen",
+    "map_files",
     "simulation",
     "sim_server",
     "agent_node",
     "supervisor",
     "experiments",
     "maes",
+];
+
+/// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
+const USES: [(&str, &[&str]); 12] = [
+    ("voxels", &[]),
+    ("random_streams", &[]),
+    ("msgs", &[]),
+    ("ros_node", &["msgs"]),
+    ("mapgen", &["random_streams", "voxels"]),
+    ("map_files", &["mapgen", "voxels"]),
+    ("simulation", &["mapgen", "msgs", "random_streams", "voxels"]),
+    ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "voxels"]),
+    ("agent_node", &["msgs", "random_streams", "ros_node", "voxels"]),
+    ("supervisor", &["msgs", "sim_server", "simulation"]),
+    (
+        "experiments",
+        &[
+            "agent_node",
+            "map_files",
+            "mapgen",
+            "msgs",
+            "random_streams",
+            "ros_node",
+            "sim_server",
+            "simulation",
+            "supervisor",
+            "voxels",
+        ],
+    ),
+    (
+        "maes",
+        &[
+            "agent_node",
+            "experiments",
+            "map_files",
+            "mapgen",
+            "msgs",
+            "ros_node",
+            "sim_server",
+            "simulation",
+            "supervisor",
+            "voxels",
+        ],
+    ),
 ];
 
 /// Most lines of a file without its tests.
@@ -93,30 +138,25 @@ fn dependencies(of: &str, flags: &[&str]) -> BTreeSet<String> {
 
 #[test]
 fn dependencies_point_one_way() {
-    let without_features = ["--no-default-features"];
-    let ours = |of: &str, flags: &[&str]| -> Vec<String> {
-        let all = dependencies(of, flags);
-        all.into_iter().filter(|name| CRATES.contains(&name.as_str())).collect()
-    };
-    for leaf in ["voxels", "random_streams", "msgs"] {
-        assert_eq!(ours(leaf, &[]), [""; 0], "{leaf}");
+    assert_eq!(USES.map(|(of, _)| of), CRATES);
+    for (place, (of, expected)) in USES.into_iter().enumerate() {
+        let manifest: toml::Table = read(&root().join(of).join("Cargo.toml")).parse().expect("a manifest is TOML");
+        let named = manifest.get("dependencies").and_then(toml::Value::as_table).expect("a table of dependencies");
+        let ours: Vec<&str> = named.keys().map(String::as_str).filter(|name| CRATES.contains(name)).collect();
+        assert_eq!(ours, expected, "{of}");
+        assert!(ours.iter().all(|name| CRATES[..place].contains(name)), "{of} names only crates below it");
     }
-    assert_eq!(ours("ros_node", &[]), ["msgs"]);
-    assert_eq!(ours("mapgen", &[]), ["random_streams", "voxels"]);
-    let core = ["mapgen", "msgs", "random_streams", "simulation", "voxels"];
-    assert_eq!(
-        ours("simulation", &[]),
-        core.map(str::to_owned).into_iter().filter(|name| name != "simulation").collect::<Vec<_>>()
-    );
-    assert_eq!(ours("sim_server", &without_features), core);
-    assert_eq!(ours("sim_server", &[]), ["mapgen", "msgs", "random_streams", "ros_node", "simulation", "voxels"]);
-    assert_eq!(ours("supervisor", &[]), ["mapgen", "msgs", "random_streams", "sim_server", "simulation", "voxels"]);
-    let without_maes = CRATES.into_iter().filter(|name| !["experiments", "maes"].contains(name));
-    let mut below: Vec<String> = without_maes.map(str::to_owned).collect();
-    below.sort();
-    assert_eq!(ours("experiments", &[]), below);
-    assert_eq!(ours("agent_node", &without_features), ["msgs", "random_streams", "voxels"]);
-    assert_eq!(ours("agent_node", &[]), ["msgs", "random_streams", "ros_node", "voxels"]);
+}
+
+#[test]
+fn pure_core_links_no_decoder() {
+    for of in ["mapgen", "simulation"] {
+        let linked = dependencies(of, &[]);
+        for decoder in ["png", "laz", "serde_json", "mcap", "map_files"] {
+            assert!(!linked.contains(decoder), "{of} links {decoder}");
+        }
+    }
+    assert!(dependencies("map_files", &[]).contains("png"));
 }
 
 #[test]
@@ -136,7 +176,7 @@ fn only_binaries_depend_on_the_ros_client() {
         assert!(knows(binary, &[]), "{binary} talks ROS 2");
         assert!(!knows(binary, &["--no-default-features"]), "the feature `ros` of {binary} can be left out");
     }
-    for pure in ["voxels", "msgs", "mapgen", "simulation"] {
+    for pure in ["voxels", "msgs", "mapgen", "map_files", "simulation"] {
         assert!(!knows(pure, &[]), "{pure} has no ROS client");
     }
     assert!(knows("ros_node", &[]));
@@ -169,6 +209,7 @@ fn pure_modules_use_no_system_interface() {
         ("voxels", &[""][..]),
         ("random_streams", &[""]),
         ("mapgen", &[""]),
+        ("map_files", &[""]),
         ("simulation", &[""]),
         ("sim_server", &["control", "replay"]),
         ("agent_node", &["agent", "controllers", "exploration_map", "command", "observation", "wire", "map_markers"]),

@@ -1,7 +1,8 @@
 //! Targets of foreign map formats and the packed one: what is read is a map, and writing and
 //! reading it gives the same map.
 
-use mapgen::{Fill, ImportOptions, ImportSpec, Kind, MapFormat};
+use map_files::{ImportSpec, export};
+use mapgen::{Fill, ImportOptions, Kind};
 use voxels::{Grid, Terrain, packed as format};
 
 /// Most cells of a map in ordinary tests, which take many inputs; libFuzzer runs with the limits of
@@ -19,7 +20,7 @@ pub(crate) fn packed(bytes: &[u8]) {
 /// An OctoMap tree: writing and reading it gives the same map.
 pub(crate) fn octomap(bytes: &[u8]) {
     if let Some(terrain) = read("fuzz.bt", bytes, ImportOptions::default()) {
-        let again = MapFormat::OctoMap.write(&terrain, false).expect("trees are written");
+        let again = export::octomap(&terrain);
         assert_eq!(read("fuzz.bt", &again, ImportOptions::default()), Some(terrain));
     }
     read("fuzz.bt", bytes, ImportOptions { unknown: Some(Kind::Free), ..ImportOptions::default() });

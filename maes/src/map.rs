@@ -18,7 +18,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use voxels::{Extent, close_shell, free_components};
 
-use mapgen::{self, Built, ImportOptions, ImportSpec, Imported, MapReport, Note};
+use map_files::{ImportSpec, Imported, Note};
+use mapgen::{self, Built, ImportOptions, MapReport};
 
 pub(crate) use error::MapCliError;
 use output::{Encoding, Output, write_file};

@@ -4,13 +4,14 @@
 //! cell, and all free cells connected through faces. The terrain depends on spec, extent and seed
 //! alone. Generation always terminates: a request that cannot be met is an error.
 //!
-//! There are no files, no clock and no source of seeds here.
+//! Maps from elsewhere, read by the crate `map_files`, get the same form by [`repair`]; the options
+//! of their import are [`ImportOptions`], as part of a scenario. There are no files, no clock and no
+//! source of seeds here.
 
 #![warn(missing_docs)]
 
 pub mod building;
-pub mod export;
-pub mod import;
+pub mod import_options;
 pub mod mine;
 pub mod noise;
 mod smoothing;
@@ -21,10 +22,10 @@ use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use voxels::{Extent, Grid, Pockets, STRETCH_BYTES, Terrain, free_stretches, keep_largest_component};
+use voxels::{Extent, Grid, Pockets, STRETCH_BYTES, Terrain, close_shell, free_stretches, keep_largest_component};
 
 pub use building::{BuildingSpec, Built, Entrance};
-pub use import::{Fill, FormatError, ImportOptions, ImportSpec, Imported, Kind, MapFormat, Note, repair};
+pub use import_options::{Fill, ImportOptions, Kind};
 pub use mine::MineSpec;
 pub use noise::NoiseSpec;
 pub use spheres::SpheresSpec;
@@ -157,18 +158,10 @@ pub enum MapError {
     /// Noise or smoothing has left nothing free.
     #[error("the map has no free cell left after smoothing; change its fill, radii or smoothing")]
     Empty,
-    /// A map file cannot be read.
-    #[error("{file}: {reason}")]
-    Import {
-        /// The file.
-        file: String,
-        /// The fault, with its position.
-        reason: FormatError,
-    },
-    /// A map file is solid.
+    /// A map from elsewhere is solid.
     #[error("{file}: the map has no free cell inside its outermost layer")]
     ImportEmpty {
-        /// The file.
+        /// The name of the map, such as its file.
         file: String,
     },
 }
@@ -207,6 +200,26 @@ pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMa
         return Err(MapError::Empty);
     }
     Ok(GeneratedMap { entrances, ..described(terrain, seed, pockets, (carved, built), shell_cells_closed) })
+}
+
+/// Layers of wall that an imported map gets on every side.
+const SHELL_LAYERS: u32 = 1;
+
+/// Repairs a map from elsewhere: closes its shell and keeps its largest cave. `file` is the name for
+/// the error, `seed` for the report.
+///
+/// MAES3D announces this repair and does not perform it (docs/reference-model.md, "Repairs of a
+/// map").
+///
+/// # Errors
+/// [`MapError::Memory`]; [`MapError::ImportEmpty`] if nothing free is left.
+pub fn repair(file: &str, mut terrain: Grid<Terrain>, seed: u64) -> Result<GeneratedMap, MapError> {
+    let shell_cells_closed = close_shell(&mut terrain, SHELL_LAYERS);
+    let pockets = keep_largest(&mut terrain)?;
+    if pockets.kept_cells == 0 {
+        return Err(MapError::ImportEmpty { file: file.to_owned() });
+    }
+    Ok(described(terrain, seed, pockets, (None, None), shell_cells_closed))
 }
 
 /// A finished map with its report.

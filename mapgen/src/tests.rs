@@ -6,12 +6,8 @@ fn extent(size: [u32; 3]) -> Extent {
     Extent::new(size, 1.0).unwrap()
 }
 
-fn import(file: &str, text: &str) -> ImportSpec {
-    ImportSpec::new(file, text.as_bytes().to_vec())
-}
-
-fn repaired(spec: &ImportSpec) -> Result<GeneratedMap, MapError> {
-    repair(&spec.file, spec.read()?.terrain, 9)
+fn repaired(file: &str, text: &str) -> Result<GeneratedMap, MapError> {
+    repair(file, Grid::from_text(text).unwrap(), 9)
 }
 
 /// Everything that is promised of every map.
@@ -161,33 +157,20 @@ fn parameters_outside_their_range_are_named() {
 fn a_map_without_free_cells_is_an_error() {
     let solid = MapSpec::Noise(NoiseSpec { fill: 1.0, smoothing: 0 });
     assert_eq!(generate(&solid, extent([9; 3]), 1), Err(MapError::Empty));
-    let shell_only = import("open.txt", "...\n.#.\n...\n");
     let empty = MapError::ImportEmpty { file: "open.txt".to_owned() };
-    assert_eq!(repaired(&shell_only), Err(empty));
+    assert_eq!(repaired("open.txt", "...\n.#.\n...\n"), Err(empty));
 }
 
 #[test]
 fn an_imported_map_is_closed_and_connected() {
     let walls = "#####\n#####\n#####\n#####\n";
-    let spec = import("cave.TXT", &format!("{walls}\n##.##\n#.#.#\n..#.#\n#####\n\n{walls}"));
-    let map = repaired(&spec).unwrap();
+    let map = repaired("cave.txt", &format!("{walls}\n##.##\n#.#.#\n..#.#\n#####\n\n{walls}")).unwrap();
     assert_sound(&map, 1);
     // Two caves of two cells within the shell: the right one and the left one, which comes first in
     // index order.
     assert_eq!(map.terrain.to_text(), format!("{walls}\n#####\n#.###\n#.###\n#####\n\n{walls}"));
     let MapReport { shell_cells_closed, pockets_removed, pocket_cells_removed, .. } = map.report;
     assert_eq!((shell_cells_closed, pockets_removed, pocket_cells_removed), (2, 1, 2));
-}
-
-#[test]
-fn an_import_that_does_not_fit_names_the_file() {
-    let message = |spec: ImportSpec| spec.read().unwrap_err().to_string();
-    let known = "known are .m3dm, .txt, .bt, .pcd, .ply, .obj, .stl, .gltf, .glb, .vox, .pgm, .png, .yaml, .ot, .xyz, .las and .laz";
-    assert_eq!(message(import("a.bmp", "")), format!("a.bmp: the file's extension is \"bmp\", {known}"));
-    assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
-    assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));
-    assert!(message(import("a.txt", "..\n.x\n")).starts_with("a.txt: line 2, column 2: 'x'"));
-    assert_eq!(message(ImportSpec::new("b.txt", vec![b'.', 0xff])), "b.txt: byte 1: not UTF-8 text");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use mapgen::{ImportSpec, MapFormat};
+use map_files::{ImportSpec, MapWriter};
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
@@ -51,8 +51,8 @@ impl PyMap {
 
     /// The bytes of a map file with this ending, such as "m3dm", "obj" or "stl".
     fn encode<'py>(&self, py: Python<'py>, ending: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let format = MapFormat::of(&PathBuf::from(format!("map.{ending}"))).map_err(bad_input)?;
-        let bytes = py.detach(|| format.write(&self.terrain, false)).map_err(bad_input)?;
+        let writer = MapWriter::of(&PathBuf::from(format!("map.{ending}"))).map_err(bad_input)?;
+        let bytes = py.detach(|| writer.write(&self.terrain)).map_err(bad_input)?;
         Ok(PyBytes::new(py, &bytes))
     }
 

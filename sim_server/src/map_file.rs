@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use mapgen::ImportSpec;
+use map_files::ImportSpec;
 
 use crate::input_file::{self, MAP_BYTES_MAX};
 

@@ -15,7 +15,8 @@ use crate::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
 use crate::map_file;
 use crate::recorder::{self, Document, RecordError, RecorderQueue, RunRecorder};
 use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
-use mapgen::{self, GeneratedMap, ImportSpec, MapError, MapFormat, MapReport, MapSpec};
+use map_files::{ImportError, ImportSpec, MapReader};
+use mapgen::{self, GeneratedMap, MapError, MapReport, MapSpec};
 use simulation::digest::Digest;
 use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Override, Scenario, ScenarioError};
 use simulation::world::lidar::{Pattern, Scanner};
@@ -88,13 +89,21 @@ pub enum SetupError {
         /// The recording.
         file: String,
     },
-    /// The map cannot be generated or imported.
+    /// The map cannot be generated or repaired.
     #[error("{table}: {source}")]
     Map {
         /// Table or key of the scenario at fault.
         table: &'static str,
-        /// The error of the generator or importer.
+        /// The error of the generator.
         source: MapError,
+    },
+    /// The map cannot be imported.
+    #[error("{table}: {source}")]
+    Import {
+        /// Key of the scenario at fault.
+        table: &'static str,
+        /// The error of the importer.
+        source: ImportError,
     },
     /// There is no room for the team.
     #[error(transparent)]
@@ -138,7 +147,7 @@ pub fn parse(file: &str, text: &str, overrides: &[Override]) -> Result<Scenario,
 pub fn resolve(mut scenario: Scenario, origins: &Origins<'_>) -> Result<Scenario, SetupError> {
     if scenario.map.cell_m.is_none() {
         let stored = scenario.map.path().and_then(|map| {
-            let stores = MapFormat::of(&map).is_ok_and(MapFormat::may_store_cell_m);
+            let stores = MapReader::of(&map).is_ok_and(MapReader::may_store_cell_m);
             let bytes = if stores { input_file::read(&map, MAP_BYTES_MAX).ok()? } else { return None };
             ImportSpec::new(map.display().to_string(), bytes).stored_cell_m()
         });
@@ -346,7 +355,7 @@ pub fn recorded_map(recording: &Recording, scenario: &Scenario) -> Result<Option
     };
     let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
     let table = "the map of the recording";
-    Ok(Some(import.read().map_err(|source| SetupError::Map { table, source })?.terrain))
+    Ok(Some(import.read().map_err(|source| SetupError::Import { table, source })?.terrain))
 }
 
 /// The map of a scenario, generated or read from its file.
@@ -383,23 +392,28 @@ fn generator(scenario: &Scenario) -> Option<MapSpec> {
 
 fn imported(import: ImportSpec, scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
-    let terrain = import.read().map_err(map_error(scenario))?.terrain;
+    let table = table(scenario);
+    let terrain = import.read().map_err(|source| SetupError::Import { table, source })?.terrain;
     mapgen::repair(&import.file, terrain, scenario.map_seed()).map_err(map_error(scenario))
 }
 
 /// Adds the table or key of the scenario to an error.
 fn map_error(scenario: &Scenario) -> impl Fn(MapError) -> SetupError {
-    let kind = scenario.map.kind;
+    let table = table(scenario);
     move |source| {
-        let table = match (&source, kind) {
-            (MapError::SideTooShort { .. } | MapError::Memory { .. }, _) => "map.size",
-            (_, MapKind::Spheres) => "map.spheres",
-            (_, MapKind::Noise) => "map.noise",
-            (_, MapKind::Building) => "map.building",
-            (_, MapKind::Mine) => "map.mine",
-            (_, MapKind::File) => "map.file",
-        };
-        SetupError::Map { table, source }
+        let is_about_size = matches!(source, MapError::SideTooShort { .. } | MapError::Memory { .. });
+        SetupError::Map { table: if is_about_size { "map.size" } else { table }, source }
+    }
+}
+
+/// The table or key of the scenario that its map comes from.
+fn table(scenario: &Scenario) -> &'static str {
+    match scenario.map.kind {
+        MapKind::Spheres => "map.spheres",
+        MapKind::Noise => "map.noise",
+        MapKind::Building => "map.building",
+        MapKind::Mine => "map.mine",
+        MapKind::File => "map.file",
     }
 }
 

@@ -21,7 +21,7 @@ pub mod team;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use mapgen::FormatError;
+use mapgen::import_options::OptionError;
 use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::BODIES_MAX;
@@ -249,12 +249,8 @@ impl Scenario {
             (1.0..=1e10).contains(&ticks) && (ticks - libm::round(ticks)).abs() < 1e-6,
             "expected a multiple of 0.02 s, 0.02 to 2e8",
         )?;
-        match self.map.import.check() {
-            Ok(()) => {}
-            Err(FormatError::Option { name, value, allowed }) => {
-                checker.require(&format!("map.import.{name}"), value, false, &format!("expected {allowed}"))?;
-            }
-            Err(error) => checker.require("map.import", error, false, "see docs/maps.md")?,
+        if let Err(OptionError { name, value, allowed }) = self.map.import.check() {
+            checker.require(&format!("map.import.{name}"), value, false, &format!("expected {allowed}"))?;
         }
         self.check_map_source(&checker)?;
         self.agents.check(&checker)?;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use experiments::in_process::{self, AgentOptions};
-use mapgen::MapFormat;
+use map_files::export;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
 use msgs::maes_msgs::JoinReply;
@@ -40,9 +40,9 @@ fn main() {
     seed("m3dm", "small", &[0b0000_0100, 0b0000_0100, 0b0001_1010, 0b0010_1010]);
     seed("m3dm", "text", b"#..\n.#.\n\n..#\n###\n");
     seed("packed", "cave", &packed::write(world.terrain()));
-    for (target, format) in [("bt", MapFormat::OctoMap), ("obj", MapFormat::Obj), ("stl", MapFormat::Stl)] {
-        seed(target, "cave", &format.write(world.terrain(), false).expect("the format is written"));
-    }
+    seed("bt", "cave", &export::octomap(world.terrain()));
+    seed("obj", "cave", &export::obj(world.terrain()));
+    seed("stl", "cave", &export::stl(world.terrain()));
     for (target, name, bytes) in small_maps() {
         seed(target, name, &bytes);
     }

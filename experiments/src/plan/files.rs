@@ -13,7 +13,7 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Component, Path, PathBuf};
 
-use mapgen::ImportSpec;
+use map_files::ImportSpec;
 use sim_server::map_file;
 use simulation::scenario::{MapKind, Scenario};
 
@@ -216,10 +216,10 @@ fn read_map(file: &Path, scenario: &Scenario) -> io::Result<Content> {
     let import = ImportSpec { options: scenario.map.import, ..map_file::load(file)? };
     let (of_bytes, companion) = (blake3::hash(&import.bytes), import.names());
     let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
-    let imported = import.read().map(|map| map.terrain);
+    let imported = import.read().ok().map(|map| map.terrain);
     let cells = imported.as_ref().map_or(1, |terrain| terrain.extent().volume() as u64);
     // What is no map fails when it is run, with the reason.
-    let Ok(map) = imported.and_then(|terrain| mapgen::repair(&import.file, terrain, 0)) else {
+    let Some(map) = imported.and_then(|terrain| mapgen::repair(&import.file, terrain, 0).ok()) else {
         return Ok(Content { hash: of_bytes, is_map: false, cells, companion });
     };
     let mut hasher = blake3::Hasher::new();

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use thiserror::Error;
 use voxels::ExtentError;
 
-use mapgen::{FormatError, MapError};
+use map_files::{FormatError, ImportError};
+use mapgen::MapError;
 
 /// Why a map command failed; always one line.
 #[derive(Debug, Error)]
@@ -38,9 +39,12 @@ pub(crate) enum MapCliError {
     /// The size or the cell length is not usable.
     #[error(transparent)]
     Extent(#[from] ExtentError),
-    /// No map can be made from the options or the file.
+    /// No map can be made from the options.
     #[error(transparent)]
     Map(#[from] MapError),
+    /// No map can be made from the file.
+    #[error(transparent)]
+    Import(#[from] ImportError),
     /// An option that the chosen kind of map does not have.
     #[error("--{option} is not an option of --kind {kind}, which has {has}")]
     NotForKind {

@@ -5,10 +5,10 @@ use std::io::Write;
 use std::path::Path;
 
 use clap::Args;
-use voxels::{Grid, Terrain, m3dm};
+use voxels::{Grid, Terrain, m3dm, packed};
 
-use mapgen::MapFormat;
-use mapgen::export::floor_plan;
+use map_files::MapWriter;
+use map_files::export::floor_plan;
 
 use super::MapCliError;
 
@@ -32,25 +32,24 @@ pub(crate) struct Encoding {
 /// A file to write, checked before there is a map.
 pub(super) struct Output<'a> {
     file: &'a Path,
-    format: MapFormat,
+    writer: &'static MapWriter,
     encoding: Encoding,
 }
 
 impl<'a> Output<'a> {
     pub(super) fn new(file: &'a Path, encoding: Encoding) -> Result<Self, MapCliError> {
         let in_output = |reason| MapCliError::Format { file: file.to_path_buf(), reason };
-        let format = MapFormat::of(file).map_err(in_output)?;
-        format.check().map_err(in_output)?;
-        for (option, is_given, of) in [
-            ("--rle", encoding.rle, MapFormat::M3dm),
-            ("--plain", encoding.plain, MapFormat::M3dm),
-            ("--origin", encoding.origin.is_some(), MapFormat::Yaml),
+        let writer = MapWriter::of(file).map_err(in_output)?;
+        for (option, is_given, format) in [
+            ("--rle", encoding.rle, "m3dm"),
+            ("--plain", encoding.plain, "m3dm"),
+            ("--origin", encoding.origin.is_some(), "yaml"),
         ] {
-            if is_given && format != of {
-                return Err(MapCliError::NotForOutput { file: file.to_path_buf(), option, format: of.extension() });
+            if is_given && writer.extension != format {
+                return Err(MapCliError::NotForOutput { file: file.to_path_buf(), option, format });
             }
         }
-        Ok(Self { file, format, encoding })
+        Ok(Self { file, writer, encoding })
     }
 
     /// Writes the map, whose lowest corner has this place and turn in the file that it comes from;
@@ -62,7 +61,7 @@ impl<'a> Output<'a> {
     ) -> Result<Vec<(&'static str, String)>, MapCliError> {
         let in_output = |reason| MapCliError::Format { file: self.file.to_path_buf(), reason };
         let cell_m = terrain.extent().cell_m();
-        if self.format == MapFormat::Yaml {
+        if self.writer.extension == "yaml" {
             let [x, y, yaw] = self.encoding.origin.unwrap_or(origin);
             let image = self.file.with_extension("pgm");
             let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -79,7 +78,9 @@ impl<'a> Output<'a> {
             let lost = format!("the file does not hold the length of cells: read it with --cell-m {cell_m}");
             return Ok(if cell_m == 1.0 { Vec::new() } else { vec![("plain", lost)] });
         }
-        write_file(self.file, &self.format.write(terrain, self.encoding.rle).map_err(in_output)?)?;
+        let packed = self.encoding.rle.then(|| Ok(packed::write(terrain)));
+        let bytes = packed.unwrap_or_else(|| self.writer.write(terrain)).map_err(in_output)?;
+        write_file(self.file, &bytes)?;
         Ok(Vec::new())
     }
 }

@@ -1,0 +1,228 @@
+//! Export of maps: OctoMap's binary tree, and meshes of the walls' surface.
+//!
+//! Content is returned as bytes; no file is written.
+
+mod surface;
+
+use std::fmt::Write;
+use std::path::Path;
+
+use voxels::{Cell, Grid, Terrain, m3dm, packed};
+
+use super::{FormatError, MapReader, cell_length};
+use surface::rectangles;
+
+/// A writer of a file format. A new format is one, and its line in [`WRITERS`].
+#[derive(Debug)]
+pub struct MapWriter {
+    /// The extension of its files, without the dot.
+    pub extension: &'static str,
+    write: fn(&Grid<Terrain>) -> Result<Vec<u8>, FormatError>,
+}
+
+/// All formats that are written.
+pub const WRITERS: &[MapWriter] = &[
+    MapWriter { extension: "m3dm", write: m3dm_file },
+    MapWriter { extension: "txt", write: text_file },
+    MapWriter { extension: "bt", write: |terrain| Ok(octomap(terrain)) },
+    MapWriter { extension: "obj", write: |terrain| Ok(obj(terrain)) },
+    MapWriter { extension: "stl", write: |terrain| Ok(stl(terrain)) },
+    MapWriter { extension: "yaml", write: |_| Err(FormatError::TwoFiles) },
+];
+
+impl MapWriter {
+    /// The writer of a file by the extension of its name, ignoring case.
+    ///
+    /// # Errors
+    /// [`FormatError::Extension`] if it is unknown; [`FormatError::NotWritten`] if files with it are
+    /// only read.
+    pub fn of(file: &Path) -> Result<&'static Self, FormatError> {
+        let extension = MapReader::of(file)?.extension_of(file);
+        let writer = WRITERS.iter().find(|writer| writer.extension == extension);
+        writer.ok_or(FormatError::NotWritten { extension })
+    }
+
+    /// The bytes of a file, with the length of its cells.
+    ///
+    /// # Errors
+    /// If the format takes two files ([`floor_plan`]), or if the memory for a text cannot be had.
+    pub fn write(&self, terrain: &Grid<Terrain>) -> Result<Vec<u8>, FormatError> {
+        (self.write)(terrain)
+    }
+}
+
+/// A plain file, or a packed one where a plain one cannot hold the map: if it has more than 127
+/// cells along an axis, or if its cells are not 1 m long.
+fn m3dm_file(terrain: &Grid<Terrain>) -> Result<Vec<u8>, FormatError> {
+    let plain = if terrain.extent().cell_m() == 1.0 { m3dm::write(terrain).ok() } else { None };
+    Ok(plain.unwrap_or_else(|| packed::write(terrain)))
+}
+
+/// A text file with the length of its cells.
+fn text_file(terrain: &Grid<Terrain>) -> Result<Vec<u8>, FormatError> {
+    let mut text = cell_length::line(terrain.extent());
+    text.try_reserve_exact(terrain.text_bytes()).map_err(|_| FormatError::Memory(terrain.as_slice().len()))?;
+    terrain.append_text(&mut text);
+    Ok(text.into_bytes())
+}
+
+/// Levels of a tree below its root.
+const DEPTH: u32 = 16;
+
+/// Brightness of free and occupied pixels, as the map server saves them.
+const PLAN_FREE: u8 = 254;
+const PLAN_OCCUPIED: u8 = 0;
+
+/// Lengths in the header of a binary STL file.
+const STL_TITLE: usize = 80;
+
+/// A binary tree of OctoMap with all cells of the map; its origin is the lowest corner of the map.
+#[must_use]
+pub fn octomap(terrain: &Grid<Terrain>) -> Vec<u8> {
+    let mut tree = Tree { terrain, nodes: Vec::new(), count: 1 };
+    let middle = -(1 << (DEPTH - 1));
+    let root = tree.add(Cell::new(middle, middle, middle), 1 << DEPTH);
+    debug_assert!(root == Child::Inner, "a map is a small part of a tree");
+    let header = format!(
+        "# Octomap OcTree binary file\nid OcTree\nsize {}\nres {}\ndata\n",
+        tree.count,
+        terrain.extent().cell_m()
+    );
+    [header.into_bytes(), tree.nodes].concat()
+}
+
+/// The state of a child of a node, as its two bits.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Child {
+    Unknown = 0,
+    Free = 1,
+    Occupied = 2,
+    Inner = 3,
+}
+
+struct Tree<'a> {
+    terrain: &'a Grid<Terrain>,
+    /// Two bytes for each node that has children, before those of its children.
+    nodes: Vec<u8>,
+    /// Nodes and leaves.
+    count: usize,
+}
+
+impl Tree<'_> {
+    /// Adds the cube of cells with this lowest corner, unless all of it is the same.
+    fn add(&mut self, corner: Cell, edge: i32) -> Child {
+        let size = self.terrain.extent().size().map(|cells| cells as i32);
+        let low = [corner.x, corner.y, corner.z];
+        if (0..3).any(|axis| low[axis] >= size[axis] || low[axis] + edge <= 0) {
+            return Child::Unknown;
+        }
+        if edge == 1 {
+            return match self.terrain.get(corner) {
+                Some(Terrain::Free) => Child::Free,
+                Some(Terrain::Wall) => Child::Occupied,
+                None => Child::Unknown,
+            };
+        }
+        let (start, count) = (self.nodes.len(), self.count);
+        self.nodes.extend([0; 2]);
+        let half = edge / 2;
+        let children: [Child; 8] = std::array::from_fn(|number| {
+            let up = |axis: usize| if number >> axis & 1 == 1 { half } else { 0 };
+            self.add(Cell::new(corner.x + up(0), corner.y + up(1), corner.z + up(2)), half)
+        });
+        if children[0] != Child::Inner && children.iter().all(|&child| child == children[0]) {
+            self.nodes.truncate(start);
+            self.count = count;
+            return children[0];
+        }
+        self.count += children.iter().filter(|&&child| child != Child::Unknown).count();
+        let bits = children.iter().rev().fold(0u16, |bits, &child| bits << 2 | child as u16);
+        self.nodes[start..start + 2].copy_from_slice(&bits.to_le_bytes());
+        Child::Inner
+    }
+}
+
+/// A map of ROS 2's map server.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FloorPlan {
+    /// The `map.yaml`.
+    pub yaml: Vec<u8>,
+    /// The picture that it names, a binary PGM.
+    pub image: Vec<u8>,
+    /// The layer of cells that it shows.
+    pub layer: u32,
+}
+
+/// The layer of a map with most free cells, the lowest of several, as a map of ROS 2's map server.
+/// `image` is the name of its picture, `origin` the place of the map's lowest corner (x and y in
+/// metres) with the turn about it in radians.
+#[must_use]
+pub fn floor_plan(terrain: &Grid<Terrain>, image: &str, [x, y, yaw]: [f64; 3]) -> FloorPlan {
+    let [size_x, size_y, _] = terrain.extent().size();
+    let layer_cells = size_x as usize * size_y as usize;
+    let free = |layer: &[Terrain]| layer.iter().filter(|&&cell| cell == Terrain::Free).count();
+    let layers = terrain.as_slice().chunks(layer_cells).enumerate();
+    let lowest = |(number, layer): &(usize, &[Terrain])| (free(layer), std::cmp::Reverse(*number));
+    let (layer, cells) = layers.max_by_key(lowest).unwrap_or_default();
+    let mut picture = format!("P5\n{size_x} {size_y}\n255\n").into_bytes();
+    for row in cells.chunks(size_x as usize).rev() {
+        picture.extend(row.iter().map(|&cell| if cell == Terrain::Free { PLAN_FREE } else { PLAN_OCCUPIED }));
+    }
+    let cell_m = terrain.extent().cell_m();
+    let yaml = format!(
+        "image: {image:?}\nmode: trinary\nresolution: {cell_m:?}\norigin: [{x:?}, {y:?}, {yaw:?}]\nnegate: 0\n\
+         occupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    );
+    FloorPlan { yaml: yaml.into_bytes(), image: picture, layer: layer as u32 }
+}
+
+/// The surface of the walls as a mesh in Wavefront's format, in metres; its normals point into free
+/// space.
+#[must_use]
+pub fn obj(terrain: &Grid<Terrain>) -> Vec<u8> {
+    let cell_m = terrain.extent().cell_m();
+    let mut vertices = std::collections::BTreeMap::new();
+    let mut faces = String::new();
+    let mut text = format!("# the surface between wall and free cells, in metres, z up, cell_m = {cell_m:?}\n");
+    for rectangle in rectangles(terrain) {
+        faces.push('f');
+        for corner in rectangle.corners() {
+            let next = vertices.len() + 1;
+            let number = *vertices.entry(corner).or_insert_with(|| {
+                let [x, y, z] = corner.map(|along| f64::from(along) * cell_m);
+                // Writing to a string cannot fail.
+                let _ = writeln!(text, "v {x} {y} {z}");
+                next
+            });
+            let _ = write!(faces, " {number}");
+        }
+        faces.push('\n');
+    }
+    text.push_str(&faces);
+    text.into_bytes()
+}
+
+/// The same as a binary STL file.
+#[must_use]
+pub fn stl(terrain: &Grid<Terrain>) -> Vec<u8> {
+    let cell_m = terrain.extent().cell_m();
+    let mut bytes = format!("the surface of walls, in metres, z up, cell_m = {cell_m:?}").into_bytes();
+    bytes.resize(STL_TITLE, b' ');
+    bytes.extend([0; 4]);
+    let mut count = 0u32;
+    for rectangle in rectangles(terrain) {
+        let [a, b, c, d] = rectangle.corners().map(|corner| corner.map(|along| (f64::from(along) * cell_m) as f32));
+        for corners in [[a, b, c], [a, c, d]] {
+            let normal = rectangle.normal().map(|along| along as f32);
+            let numbers = normal.into_iter().chain(corners.into_iter().flatten());
+            bytes.extend(numbers.flat_map(f32::to_le_bytes));
+            bytes.extend([0; 2]);
+            count += 1;
+        }
+    }
+    bytes[STL_TITLE..STL_TITLE + 4].copy_from_slice(&count.to_le_bytes());
+    bytes
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,275 @@
+//! The registry of the file formats that are read, and the errors of all formats.
+
+use std::fmt::{self, Display};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+use voxels::{ExtentError, M3dmError, PackedError, TextError};
+
+use mapgen::import_options::OptionError;
+
+use super::export::WRITERS;
+use super::{ImportSpec, Imported, gltf, las, m3dm, obj, octomap, pcd, plan, ply, stl, text, vox, xyz};
+
+/// A reader of a file format. A new format is a module with one, and its line in [`READERS`].
+#[derive(Debug)]
+pub struct MapReader {
+    /// What its files are, in a few words.
+    pub name: &'static str,
+    /// The extensions of its files, without the dot.
+    pub extensions: &'static [&'static str],
+    /// The import options that its files have.
+    pub options: &'static [&'static str],
+    /// The terrain that a file describes, unrepaired.
+    pub(super) read: fn(&ImportSpec) -> Result<Imported, FormatError>,
+    /// The cell length of a file, metres, without its cells being read; `None` where files of the
+    /// format contain none.
+    pub(super) stored_cell_m: Option<fn(&[u8]) -> Option<f64>>,
+    /// The file that a file needs, relative to its folder.
+    pub(super) companion: Option<fn(&[u8]) -> Option<PathBuf>>,
+}
+
+/// All formats of single files that are read.
+pub const READERS: &[MapReader] = &[
+    m3dm::READER,
+    text::READER,
+    octomap::READER,
+    pcd::READER,
+    ply::READER,
+    obj::READER,
+    stl::READER,
+    gltf::READER,
+    vox::READER,
+    plan::READER,
+    plan::YAML_READER,
+    xyz::READER,
+    las::READER,
+];
+
+/// A position in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// A byte offset, from 0.
+    Byte(usize),
+    /// A line number, from 1.
+    Line(usize),
+}
+
+impl Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(at) => write!(f, "byte {at}"),
+            Self::Line(number) => write!(f, "line {number}"),
+        }
+    }
+}
+
+/// The reason why bytes are not a map, or why a map cannot be written.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum FormatError {
+    /// The extension of the file's name is missing or unknown.
+    #[error("the file's extension is {}, known are {}", if_any(.0), listed(READERS.iter().flat_map(|reader| reader.extensions).copied()))]
+    Extension(String),
+    /// A file that another one names cannot be used.
+    #[error("image {file}: {reason}")]
+    Companion {
+        /// The file, quoted.
+        file: String,
+        /// The reason.
+        reason: String,
+    },
+    /// A floor plan has a file of its own for its picture.
+    #[error("a map.yaml is written with its picture, in two files")]
+    TwoFiles,
+    /// A format that is only read.
+    #[error("files of extension {extension:?} are not written, only {}", listed(WRITERS.iter().map(|writer| writer.extension)))]
+    NotWritten {
+        /// Its extension.
+        extension: &'static str,
+    },
+    /// Malformed M3DM, or a map too large for it.
+    #[error(transparent)]
+    M3dm(#[from] M3dmError),
+    /// Malformed packed M3DM.
+    #[error(transparent)]
+    Packed(#[from] PackedError),
+    /// Not UTF-8.
+    #[error("byte {0}: not UTF-8 text")]
+    Utf8(usize),
+    /// Malformed text map.
+    #[error(transparent)]
+    Text(#[from] TextError),
+    /// Malformed content of another format.
+    #[error("{place}: {reason}")]
+    Content {
+        /// The position of the fault.
+        place: Place,
+        /// The fault, and what is allowed.
+        reason: String,
+    },
+    /// Malformed content of a document.
+    #[error("{place}: {reason}")]
+    Entry {
+        /// The entry of the document.
+        place: String,
+        /// The fault, and what is allowed.
+        reason: String,
+    },
+    /// The file is well formed and contains nothing to make a map of.
+    #[error("the file has no {0}")]
+    Nothing(&'static str),
+    /// The size in the file is not a legal extent.
+    #[error(transparent)]
+    Extent(ExtentError),
+    /// The content of the file does not fit into a map.
+    #[error("{reason}, with cells of {cell_m} m; choose longer ones")]
+    Box {
+        /// The axis that is too long.
+        reason: ExtentError,
+        /// Length of a cell, metres.
+        cell_m: f64,
+    },
+    /// The map has more cells than its reader allows.
+    #[error(
+        "the map has {cells} cells, allowed are {cells_max}; choose longer cells, or raise map.import.cells_max \
+         (--cells-max)"
+    )]
+    TooManyCells {
+        /// Cells of the map.
+        cells: usize,
+        /// Largest number of cells allowed.
+        cells_max: usize,
+    },
+    /// A mesh has more triangles than any may have.
+    #[error("the mesh has more than {triangles_max} triangles; simplify it, or take a part of it")]
+    TooManyTriangles {
+        /// Largest number of triangles allowed.
+        triangles_max: usize,
+    },
+    /// The import takes more work than allowed.
+    #[error(
+        "the file takes more than {steps_max} steps of work; choose longer cells, or raise map.import.steps_max \
+         (--steps-max)"
+    )]
+    TooMuchWork {
+        /// Largest number of steps allowed.
+        steps_max: u64,
+    },
+    /// The system has not enough memory.
+    #[error("a map of {0} cells takes more memory than can be had")]
+    Memory(usize),
+    /// The cells of the file have another length than the requested one.
+    #[error("the file has cells of {stored} m, asked for are cells of {asked} m; leave cell_m out, or let them agree")]
+    CellLength {
+        /// Cell length of the file, metres.
+        stored: f64,
+        /// Requested cell length, metres.
+        asked: f64,
+    },
+    /// An option has an illegal value.
+    #[error(transparent)]
+    Option(#[from] OptionError),
+    /// An option that the format does not have.
+    #[error("{name} is not an option for .{extension} files, which have {}", some(.has))]
+    NoOption {
+        /// The option.
+        name: &'static str,
+        /// Extension of the format.
+        extension: &'static str,
+        /// Its options.
+        has: &'static [&'static str],
+    },
+    /// An option for meshes, with a file of points.
+    #[error("{name} is an option for meshes, and the file has no faces, only points")]
+    NoFaces {
+        /// The option.
+        name: &'static str,
+    },
+    /// An option for points, with a file of a mesh.
+    #[error("{name} is an option for point clouds, and the file has faces; leave it out, or remove the faces")]
+    HasFaces {
+        /// The option.
+        name: &'static str,
+    },
+    /// A picture of a folder cannot be used.
+    #[error("{file}: {reason}")]
+    Layer {
+        /// The picture, quoted.
+        file: String,
+        /// The reason.
+        reason: String,
+    },
+    /// The position given as free is wall or outside.
+    #[error(
+        "free_from = {},{},{} lies {}, expected a place in a free cell",
+        .place[0], .place[1], .place[2], if *.is_outside { "outside the map" } else { "in wall" }
+    )]
+    FreeFrom {
+        /// In coordinates of the file, in its units.
+        place: [f64; 3],
+        /// Whether it is outside the map.
+        is_outside: bool,
+    },
+}
+
+impl FormatError {
+    /// An error at a byte.
+    pub(super) fn byte(at: usize, reason: impl Into<String>) -> Self {
+        Self::Content { place: Place::Byte(at), reason: reason.into() }
+    }
+
+    /// An error in a line.
+    pub(super) fn line(number: usize, reason: impl Into<String>) -> Self {
+        Self::Content { place: Place::Line(number), reason: reason.into() }
+    }
+}
+
+impl MapReader {
+    /// A reader of files that need no others and contain no cell length.
+    pub(super) const fn new(
+        name: &'static str,
+        extensions: &'static [&'static str],
+        options: &'static [&'static str],
+        read: fn(&ImportSpec) -> Result<Imported, FormatError>,
+    ) -> Self {
+        Self { name, extensions, options, read, stored_cell_m: None, companion: None }
+    }
+
+    /// The reader of a file by the extension of its name, ignoring case.
+    ///
+    /// # Errors
+    /// [`FormatError::Extension`], which lists the known extensions.
+    pub fn of(file: &Path) -> Result<&'static Self, FormatError> {
+        let extension = file.extension().unwrap_or_default().to_string_lossy();
+        let reads = |reader: &&Self| reader.extensions.iter().any(|known| extension.eq_ignore_ascii_case(known));
+        READERS.iter().find(reads).ok_or_else(|| FormatError::Extension(extension.into_owned()))
+    }
+
+    /// Whether files of this format may contain a cell length.
+    #[must_use]
+    pub fn may_store_cell_m(&self) -> bool {
+        self.stored_cell_m.is_some()
+    }
+
+    /// The extension that a file of this format has.
+    pub(super) fn extension_of(&self, file: &Path) -> &'static str {
+        let extension = file.extension().unwrap_or_default();
+        let known = self.extensions.iter().find(|known| extension.eq_ignore_ascii_case(known));
+        known.unwrap_or(&self.extensions[0])
+    }
+}
+
+/// Extensions as a text.
+fn listed(extensions: impl Iterator<Item = &'static str>) -> String {
+    let mut known: Vec<String> = extensions.map(|extension| format!(".{extension}")).collect();
+    let last = known.pop().unwrap_or_default();
+    format!("{} and {last}", known.join(", "))
+}
+
+fn if_any(extension: &str) -> String {
+    if extension.is_empty() { "missing".to_owned() } else { format!("{extension:?}") }
+}
+
+fn some(options: &[&str]) -> String {
+    if options.is_empty() { "none".to_owned() } else { options.join(", ") }
+}

@@ -1,0 +1,468 @@
+//! Scenes of meshes in glTF 2.0: `.glb` in one piece, and `.gltf` with its data inside.
+//!
+//! The nodes of the scene place meshes of triangles; materials, skins and animations are ignored.
+//! The axis y points upwards, as the format has it, save in files of [`AS_GIVEN`], which write
+//! coordinates as they are; `up` overrides both. Sparse and compressed data are refused, and so is
+//! an extension that a file requires and that may change the shape of its meshes.
+
+use std::borrow::Cow;
+
+use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::Deserialize;
+
+use super::bytes::{Bytes, shown};
+use super::mesh::{self, Mesh};
+use super::options::Up;
+use super::{FormatError, ImportSpec, Imported, MapReader, Note};
+
+/// A scene of meshes, as text or binary.
+pub(super) const READER: MapReader = MapReader::new("scene of glTF", &["gltf", "glb"], mesh::OPTIONS, read);
+
+/// Largest document: each of its bytes may become some fifty in memory.
+const DOCUMENT_BYTES_MAX: usize = 1 << 24;
+
+/// Most nodes on the way from a scene to a mesh.
+const DEPTH_MAX: usize = 256;
+
+/// Types of the numbers of an accessor.
+const U8: u32 = 5121;
+const U16: u32 = 5123;
+const U32: u32 = 5125;
+const F32: u32 = 5126;
+
+/// Kinds of primitives that consist of triangles.
+const TRIANGLES: u32 = 4;
+const STRIP: u32 = 5;
+const FAN: u32 = 6;
+
+/// Writers, by a part of `asset.generator`, that leave coordinates as they are in memory, whatever
+/// their axes: trimesh (5.2) and Open3D (0.20), as files of theirs show.
+const AS_GIVEN: [&str; 2] = ["trimesh", "Open3D"];
+
+/// Beginnings of the names of extensions that change looks and not shapes.
+const OF_LOOKS: [&str; 9] = [
+    "KHR_materials_",
+    "KHR_texture_",
+    "KHR_lights_",
+    "KHR_xmp",
+    "KHR_animation_",
+    "EXT_texture_",
+    "EXT_lights_",
+    "MSFT_texture_",
+    "ADOBE_materials_",
+];
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Asset {
+    generator: String,
+}
+
+#[derive(Deserialize)]
+struct Document<'a> {
+    #[serde(default)]
+    asset: Asset,
+    scene: Option<usize>,
+    #[serde(default)]
+    scenes: Vec<Scene>,
+    #[serde(default)]
+    nodes: Vec<Node>,
+    #[serde(default)]
+    meshes: Vec<MeshOfScene>,
+    #[serde(default)]
+    accessors: Vec<Accessor>,
+    #[serde(default, rename = "bufferViews")]
+    views: Vec<View>,
+    #[serde(default, borrow)]
+    buffers: Vec<Buffer<'a>>,
+    #[serde(default, rename = "extensionsRequired")]
+    required: Vec<String>,
+}
+
+#[derive(Deserialize)]
+struct Scene {
+    #[serde(default)]
+    nodes: Vec<usize>,
+}
+
+#[derive(Deserialize)]
+struct Node {
+    #[serde(default)]
+    children: Vec<usize>,
+    mesh: Option<usize>,
+    matrix: Option<Box<[f64; 16]>>,
+    translation: Option<[f64; 3]>,
+    rotation: Option<[f64; 4]>,
+    scale: Option<[f64; 3]>,
+    #[serde(default)]
+    extensions: ExtensionsOfNode,
+}
+
+#[derive(Default, Deserialize)]
+struct ExtensionsOfNode {
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    instancing: Option<Instancing>,
+}
+
+/// Copies of the mesh of a node.
+#[derive(Deserialize)]
+struct Instancing {
+    attributes: Places,
+}
+
+/// The accessors of the places of copies.
+#[derive(Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+struct Places {
+    translation: Option<usize>,
+    rotation: Option<usize>,
+    scale: Option<usize>,
+}
+
+#[derive(Deserialize)]
+struct MeshOfScene {
+    #[serde(default)]
+    primitives: Vec<Primitive>,
+}
+
+#[derive(Deserialize)]
+struct Primitive {
+    attributes: Attributes,
+    indices: Option<usize>,
+    mode: Option<u32>,
+    #[serde(default)]
+    extensions: Extensions,
+}
+
+#[derive(Default, Deserialize)]
+struct Extensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    draco: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct Attributes {
+    #[serde(rename = "POSITION")]
+    position: Option<usize>,
+}
+
+#[derive(Deserialize)]
+struct Accessor {
+    #[serde(rename = "bufferView")]
+    view: Option<usize>,
+    #[serde(default, rename = "byteOffset")]
+    offset: usize,
+    #[serde(rename = "componentType")]
+    component: u32,
+    count: usize,
+    #[serde(rename = "type")]
+    kind: String,
+    sparse: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct View {
+    buffer: usize,
+    #[serde(default, rename = "byteOffset")]
+    offset: usize,
+    #[serde(rename = "byteLength")]
+    length: usize,
+    #[serde(rename = "byteStride")]
+    stride: Option<usize>,
+}
+
+#[derive(Deserialize)]
+struct Buffer<'a> {
+    #[serde(default, borrow)]
+    uri: Option<Cow<'a, str>>,
+}
+
+/// A fault in the document, by the place in it.
+fn fault(place: impl std::fmt::Display, reason: impl std::fmt::Display) -> FormatError {
+    FormatError::Entry { place: place.to_string(), reason: reason.to_string() }
+}
+
+/// A map of a glTF file.
+///
+/// # Errors
+/// If the file is malformed or has what is not read, or its meshes do not fit into a map.
+pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let (text, binary) = pieces(&spec.bytes)?;
+    if text.len() > DOCUMENT_BYTES_MAX {
+        let reason = format!("a document of {} bytes, allowed are {DOCUMENT_BYTES_MAX}; save it as .glb", text.len());
+        return Err(FormatError::byte(0, reason));
+    }
+    let document: Document<'_> = serde_json::from_slice(text).map_err(|error| {
+        let reason = error.to_string();
+        FormatError::line(error.line(), reason.split(" at line").next().unwrap_or_default().escape_debug().to_string())
+    })?;
+    let is_known = |name: &str| {
+        ["EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression"].contains(&name)
+            || OF_LOOKS.iter().any(|beginning| name.starts_with(beginning))
+    };
+    if let Some(name) = document.required.iter().find(|name| !is_known(name)) {
+        let name = shown(name.as_bytes());
+        return Err(fault("extensionsRequired", format_args!("{name} is not read; save the scene without it")));
+    }
+    let buffers: Vec<Cow<'_, [u8]>> = document
+        .buffers
+        .iter()
+        .enumerate()
+        .map(|(number, buffer)| match (&buffer.uri, binary) {
+            (None, Some(binary)) if number == 0 => Ok(Cow::Borrowed(binary)),
+            (Some(uri), _) => data(number, uri).map(Cow::Owned),
+            (None, _) => Err(fault(format_args!("buffers[{number}]"), "there are no data")),
+        })
+        .collect::<Result<_, _>>()?;
+    let reader = Reader { document: &document, buffers };
+    let mut mesh = Mesh::default();
+    let scene = document.scenes.get(document.scene.unwrap_or(0));
+    let roots: Vec<usize> = scene.map_or_else(|| (0..document.nodes.len()).collect(), |scene| scene.nodes.clone());
+    let mut placed = 0u64;
+    let mut seen = vec![false; document.nodes.len()];
+    let mut open: Vec<(usize, Matrix4<f64>, usize)> =
+        roots.into_iter().rev().map(|root| (root, Matrix4::identity(), 0)).collect();
+    while let Some((number, above, depth)) = open.pop() {
+        let name = format!("nodes[{number}]");
+        let node = document.nodes.get(number).ok_or_else(|| fault(&name, "there is no such node"))?;
+        // The nodes of a scene are trees; without a scene the children are no roots.
+        if std::mem::replace(&mut seen[number], true) {
+            if scene.is_none() {
+                continue;
+            }
+            return Err(fault(&name, "a node has two parents"));
+        }
+        if depth > DEPTH_MAX {
+            return Err(fault(&name, format_args!("it lies deeper than {DEPTH_MAX} nodes")));
+        }
+        let here = above * node.matrix();
+        if let Some(number) = node.mesh {
+            let copies = match &node.extensions.instancing {
+                Some(instancing) => reader.copies(&name, &instancing.attributes)?,
+                None => vec![Matrix4::identity()],
+            };
+            for copy in copies {
+                placed += 1;
+                reader.add(number, &(here * copy), &mut mesh)?;
+            }
+        }
+        open.extend(node.children.iter().rev().map(|&child| (child, here, depth + 1)));
+    }
+    let notes = vec![Note::new("scene", format!("{placed} mesh(es) put into it, which come out as their union"))];
+    match AS_GIVEN.into_iter().find(|&writer| document.asset.generator.contains(writer)) {
+        Some(writer) => mesh::map_up(spec, &mesh, (Up::Z, &format!("as {writer} writes it")), notes),
+        None => mesh::map_up(spec, &mesh, (Up::Y, "as glTF has it"), notes),
+    }
+}
+
+/// The document, and the binary data of a file in one piece.
+fn pieces(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatError> {
+    if !bytes.starts_with(b"glTF") {
+        return Ok((bytes, None));
+    }
+    let mut file = Bytes::new(bytes);
+    file.take(4, "the mark")?;
+    let version = file.u32("the version")?;
+    if version != 2 {
+        return Err(FormatError::byte(4, format!("the version is {version}, allowed is 2")));
+    }
+    file.u32("the length")?;
+    let mut chunk = |what: &str| {
+        let length = file.u32("the length of a chunk")?;
+        let kind = file.u32("the type of a chunk")?;
+        Ok::<_, FormatError>((kind, file.take(length as usize, what)?, file.rest().is_empty()))
+    };
+    let (_, text, is_last) = chunk("the document")?;
+    let binary = if is_last { None } else { Some(chunk("the binary data")?.1) };
+    Ok((text, binary))
+}
+
+/// The bytes of a data URI.
+fn data(number: usize, uri: &str) -> Result<Vec<u8>, FormatError> {
+    let place = || format!("buffers[{number}].uri");
+    let Some(text) = uri.strip_prefix("data:").and_then(|rest| rest.split_once(";base64,")) else {
+        return Err(fault(place(), "the data are in another file; save the scene as .glb, in one piece"));
+    };
+    let mut bytes = Vec::with_capacity(text.1.len() / 4 * 3);
+    let (mut bits, mut count) = (0u32, 0);
+    for character in text.1.bytes().take_while(|&character| character != b'=') {
+        let six = match character {
+            b'A'..=b'Z' => character - b'A',
+            b'a'..=b'z' => character - b'a' + 26,
+            b'0'..=b'9' => character - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return Err(fault(place(), "it is not base64")),
+        };
+        bits = bits << 6 | u32::from(six);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+        }
+    }
+    Ok(bytes)
+}
+
+impl Node {
+    /// From its own coordinates to those of its parent.
+    fn matrix(&self) -> Matrix4<f64> {
+        if let Some(matrix) = &self.matrix {
+            return Matrix4::from_column_slice(matrix.as_slice());
+        }
+        let rotation = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+        placed(self.translation.unwrap_or_default(), rotation, self.scale.unwrap_or([1.0; 3]))
+    }
+}
+
+/// Scales, turns by a quaternion (x, y, z, w), then moves.
+fn placed(translation: [f64; 3], [x, y, z, w]: [f64; 4], scale: [f64; 3]) -> Matrix4<f64> {
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    let translation = Translation3::from(Vector3::from(translation));
+    translation.to_homogeneous() * rotation.to_homogeneous() * Matrix4::new_nonuniform_scaling(&Vector3::from(scale))
+}
+
+struct Reader<'a> {
+    document: &'a Document<'a>,
+    buffers: Vec<Cow<'a, [u8]>>,
+}
+
+impl Reader<'_> {
+    /// Adds a mesh of the document at its place.
+    fn add(&self, number: usize, here: &Matrix4<f64>, mesh: &mut Mesh) -> Result<(), FormatError> {
+        let of_document = self.document.meshes.get(number);
+        let of_document =
+            of_document.ok_or_else(|| fault(format_args!("meshes[{number}]"), "there is no such mesh"))?;
+        // A mirrored solid would face inwards.
+        let is_mirrored = here.fixed_view::<3, 3>(0, 0).determinant() < 0.0;
+        for (index, primitive) in of_document.primitives.iter().enumerate() {
+            let place = format!("meshes[{number}].primitives[{index}]");
+            if primitive.extensions.draco.is_some() {
+                return Err(fault(place, "it is compressed with Draco; save the scene without compression"));
+            }
+            let mode = primitive.mode.unwrap_or(TRIANGLES);
+            if !matches!(mode, TRIANGLES | STRIP | FAN) {
+                continue;
+            }
+            let position = primitive.attributes.position;
+            let position = position.ok_or_else(|| fault(&place, "it has no POSITION"))?;
+            let first = mesh.vertices.len();
+            self.each(position, "VEC3", &[F32], |numbers| {
+                let [x, y, z] = [0, 1, 2].map(|axis| f64::from(f32::from_le_bytes(numbers[axis])));
+                let at = here * nalgebra::Vector4::new(x, y, z, 1.0);
+                mesh.vertices.push([at.x, at.y, at.z]);
+            })?;
+            let count = mesh.vertices.len() - first;
+            let mut corners: Vec<u32> = Vec::new();
+            match primitive.indices {
+                Some(indices) => self.each(indices, "SCALAR", &[U8, U16, U32], |numbers| {
+                    corners.push(u32::from_le_bytes(numbers[0]));
+                })?,
+                None => corners.extend(0..count as u32),
+            }
+            if let Some(corner) = corners.iter().find(|&&corner| corner as usize >= count) {
+                return Err(fault(place, format_args!("it has the corner {corner}, and {count} vertices")));
+            }
+            let triangles = if mode == TRIANGLES { corners.len() / 3 } else { corners.len().saturating_sub(2) };
+            for triangle in 0..triangles {
+                let [a, b, c] = match mode {
+                    TRIANGLES => [3 * triangle, 3 * triangle + 1, 3 * triangle + 2],
+                    STRIP => [triangle, triangle + 1 + triangle % 2, triangle + 2 - triangle % 2],
+                    _ => [0, triangle + 1, triangle + 2],
+                };
+                let [b, c] = if is_mirrored { [c, b] } else { [b, c] };
+                mesh.triangles.push([a, b, c].map(|corner| first as u32 + corners[corner]));
+            }
+            mesh.check_count()?;
+        }
+        Ok(())
+    }
+
+    /// The places of the copies of the mesh of a node.
+    fn copies(&self, node: &str, places: &Places) -> Result<Vec<Matrix4<f64>>, FormatError> {
+        let read = |accessor: Option<usize>, kind: &str| -> Result<Option<Vec<[f64; 4]>>, FormatError> {
+            let Some(accessor) = accessor else { return Ok(None) };
+            let mut values = Vec::new();
+            self.each(accessor, kind, &[F32], |numbers| {
+                values.push(numbers.map(|number| f64::from(f32::from_le_bytes(number))));
+            })?;
+            Ok(Some(values))
+        };
+        let translation = read(places.translation, "VEC3")?;
+        let rotation = read(places.rotation, "VEC4")?;
+        let scale = read(places.scale, "VEC3")?;
+        let mut counts = [&translation, &rotation, &scale].into_iter().flatten().map(Vec::len);
+        let count = counts.next().unwrap_or(0);
+        if counts.any(|other| other != count) {
+            return Err(fault(node, "its instances have different numbers of translations, rotations and scales"));
+        }
+        let three = |values: &Option<Vec<[f64; 4]>>, at: usize, otherwise: f64| {
+            values.as_ref().map_or([otherwise; 3], |values| [values[at][0], values[at][1], values[at][2]])
+        };
+        let turned = |at: usize| rotation.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation[at]);
+        Ok((0..count).map(|at| placed(three(&translation, at, 0.0), turned(at), three(&scale, at, 1.0))).collect())
+    }
+
+    /// Visits the numbers of each element of an accessor, in four bytes each.
+    fn each(
+        &self,
+        number: usize,
+        kind: &str,
+        components: &[u32],
+        mut visit: impl FnMut([[u8; 4]; 4]),
+    ) -> Result<(), FormatError> {
+        let place = format!("accessors[{number}]");
+        let wrong = |reason: &str| fault(&place, reason);
+        let accessor = self.document.accessors.get(number).ok_or_else(|| wrong("there is no such accessor"))?;
+        if accessor.kind != kind || !components.contains(&accessor.component) {
+            let reason = format!(
+                "it is of type {} and componentType {}, expected {kind} of {components:?}",
+                accessor.kind.chars().take(20).collect::<String>().escape_debug(),
+                accessor.component
+            );
+            return Err(wrong(&reason));
+        }
+        let (Some(view), None) = (accessor.view, &accessor.sparse) else {
+            return Err(wrong("it is sparse or has no bufferView, which is not read"));
+        };
+        let view = self.document.views.get(view).ok_or_else(|| wrong("there is no such bufferView"))?;
+        let buffer = self.buffers.get(view.buffer).ok_or_else(|| wrong("there is no such buffer"))?;
+        let end = view.offset.checked_add(view.length);
+        let data = end.and_then(|end| buffer.get(view.offset..end));
+        let data = data.and_then(|data| data.get(accessor.offset..));
+        let data = data.ok_or_else(|| wrong("it lies behind the end of its buffer"))?;
+        let width = match accessor.component {
+            U8 => 1,
+            U16 => 2,
+            _ => 4,
+        };
+        let numbers = match kind {
+            "VEC4" => 4,
+            "VEC3" => 3,
+            _ => 1,
+        };
+        let stride = view.stride.unwrap_or(width * numbers);
+        if stride < width * numbers {
+            return Err(wrong("its elements overlap"));
+        }
+        let needed = accessor
+            .count
+            .checked_sub(1)
+            .map_or(Some(0), |count| count.checked_mul(stride).and_then(|bytes| bytes.checked_add(width * numbers)));
+        if needed.is_none_or(|needed| needed > data.len()) {
+            return Err(wrong(&format!("{} elements do not fit into its {} bytes", accessor.count, data.len())));
+        }
+        for element in 0..accessor.count {
+            let mut values = [[0; 4]; 4];
+            for (at, value) in values.iter_mut().enumerate().take(numbers) {
+                let from = element * stride + at * width;
+                value[..width].copy_from_slice(&data[from..from + width]);
+            }
+            visit(values);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,112 @@
+use super::*;
+
+fn refuse(bytes: &[u8]) -> String {
+    read(&ImportSpec::new("a.gltf", bytes.to_vec())).unwrap_err().to_string()
+}
+
+fn scene(rest: &str) -> Vec<u8> {
+    format!(r#"{{"nodes":[{{"mesh":0}}],"scenes":[{{"nodes":[0]}}],{rest}}}"#).into_bytes()
+}
+
+#[test]
+fn data_inside_the_document_are_read() {
+    // Three corners of two cells, as base64 of nine floats.
+    let data = "AAAAAAAAAAAAAAAAAAAAQAAAAAAAAAAAAAAAAAAAAEAAAAAA";
+    let bytes = scene(&format!(
+        r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],"accessors":[{{"bufferView":0,"componentType":5126,
+        "type":"VEC3","count":3}}],"bufferViews":[{{"buffer":0,"byteLength":36}}],
+        "buffers":[{{"byteLength":36,"uri":"data:application/octet-stream;base64,{data}"}}]"#
+    ));
+    let options =
+        crate::ImportOptions { fill: Some(crate::options::Fill::Shell), up: Some(Up::Z), ..Default::default() };
+    let imported = read(&ImportSpec { options, ..ImportSpec::new("a.gltf", bytes) }).unwrap();
+    assert_eq!(imported.terrain.extent().size(), [5, 5, 3]);
+    assert_eq!(mapgen::free_cells(&imported.terrain), 9 - 3);
+}
+
+/// A cube of two units in a file of `generator`, with more keys of its node and of the file. The
+/// buffer ends with three places of copies.
+fn cube(generator: &str, node: &str, rest: &str) -> Imported {
+    let corner = |at: u32| [at & 1, at >> 1 & 1, at >> 2].map(|along| (2 * along) as f32);
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).flatten();
+    let copies = [[0.0f32, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]];
+    let numbers = triangles.map(corner).chain(copies).flatten();
+    let data: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+    let document = format!(
+        r#"{{"asset":{{"generator":"{generator}"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0{node}}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"type":"VEC3","count":36}},
+        {{"bufferView":0,"byteOffset":432,"componentType":5126,"type":"VEC3","count":3}}],
+        "bufferViews":[{{"buffer":0,"byteLength":468}}],"buffers":[{{"byteLength":468}}]{rest}}}"#
+    );
+    let chunk = |kind: &[u8; 4], bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes(), &kind[..], bytes].concat();
+    let chunks = [chunk(b"JSON", document.as_bytes()), chunk(b"BIN\0", &data)].concat();
+    let glb = [b"glTF\x02\0\0\0".as_slice(), &(chunks.len() as u32 + 12).to_le_bytes(), &chunks].concat();
+    read(&ImportSpec::new("a.glb", glb)).unwrap()
+}
+
+#[test]
+fn copies_of_a_mesh_are_read() {
+    let node = r#","extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":1}}}"#;
+    let imported = cube("hand-made", node, r#","extensionsRequired":["EXT_mesh_gpu_instancing"]"#);
+    // Along x, and along the file's y, which is our z.
+    assert_eq!(imported.terrain.extent().size(), [9, 4, 9]);
+    assert_eq!(voxels::free_components(&imported.terrain).sizes.len(), 1);
+    let filled = imported.notes.iter().find(|note| note.name == "fill").unwrap();
+    assert!(filled.text.starts_with("solid: 24 cells inside"), "{}", filled.text);
+    assert_eq!(imported.notes.iter().find(|note| note.name == "scene").unwrap().text.split(' ').next(), Some("3"));
+}
+
+#[test]
+fn required_extensions_are_read_or_refused_by_name() {
+    cube("hand-made", "", r#","extensionsRequired":["KHR_materials_unlit"]"#);
+    let refused = refuse(br#"{"extensionsRequired":["KHR_materials_unlit","EXT_meshopt_compression"]}"#);
+    let expected = "extensionsRequired: \"EXT_meshopt_compression\" is not read; save the scene without it";
+    assert_eq!(refused, expected);
+}
+
+#[test]
+fn writers_that_leave_coordinates_as_they_are_have_z_upwards() {
+    for (generator, up) in [
+        ("Open3D", "z, as Open3D writes it; the option up changes that"),
+        ("https://github.com/mikedh/trimesh", "z, as trimesh writes it; the option up changes that"),
+        ("Khronos glTF Blender I/O v3.4", "y, as glTF has it; the option up changes that"),
+    ] {
+        let imported = cube(generator, "", "");
+        assert_eq!(imported.notes.iter().find(|note| note.name == "up").unwrap().text, up);
+    }
+}
+
+#[test]
+fn errors_name_the_entry() {
+    assert_eq!(refuse(b"{"), "line 1: EOF while parsing an object");
+    assert_eq!(refuse(b"{}"), "the file has no triangle");
+    assert_eq!(refuse(b"glTF\x01\0\0\0"), "byte 4: the version is 1, allowed is 2");
+    assert_eq!(refuse(&scene("\"meshes\":[]")), "meshes[0]: there is no such mesh");
+    let cycle = br#"{"nodes":[{"children":[1]},{"children":[0]}],"scenes":[{"nodes":[0]}]}"#;
+    assert_eq!(refuse(cycle), "nodes[0]: a node has two parents");
+    let external = br#"{"buffers":[{"uri":"a.bin","byteLength":9}]}"#;
+    assert_eq!(refuse(external), "buffers[0].uri: the data are in another file; save the scene as .glb, in one piece");
+    let primitive = |accessor: &str| {
+        refuse(&scene(&format!(
+            r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],"accessors":[{accessor}],
+            "bufferViews":[{{"buffer":0,"byteLength":12}}],"buffers":[{{"uri":"data:;base64,AAAAAAAAAAAAAAAA"}}]"#
+        )))
+    };
+    assert_eq!(
+        primitive(r#"{"bufferView":0,"componentType":5126,"type":"VEC2","count":1}"#),
+        "accessors[0]: it is of type VEC2 and componentType 5126, expected VEC3 of [5126]"
+    );
+    assert_eq!(
+        primitive(r#"{"bufferView":0,"componentType":5126,"type":"VEC3","count":2}"#),
+        "accessors[0]: 2 elements do not fit into its 12 bytes"
+    );
+    assert_eq!(
+        primitive(r#"{"bufferView":0,"componentType":5126,"type":"VEC3","count":18446744073709551615}"#),
+        "accessors[0]: 18446744073709551615 elements do not fit into its 12 bytes"
+    );
+    let compressed =
+        scene(r#""meshes":[{"primitives":[{"attributes":{},"extensions":{"KHR_draco_mesh_compression":{}}}]}]"#);
+    assert!(refuse(&compressed).contains("it is compressed with Draco"));
+}

@@ -1,0 +1,252 @@
+//! Meshes of triangles: cells whose centres are inside, or cells that the surface touches.
+//!
+//! **Inside** is where the mesh winds around a centre at least half a time, so that solids that
+//! overlap, that intersect themselves or that have a narrow opening come out as their union. Lines
+//! along the three axes count the turns ([`crossings`]); where less than two of them come through
+//! no hole, or they differ, the generalised winding number decides ([`winding`]). Triangles are
+//! turned to face outwards together before ([`orientation`]).
+//!
+//! **Ties.** Centres on a face count as if all of them were moved a little the same way
+//! ([`crossings`]); so a mesh that is made of cells comes back as these cells, wherever they lie.
+//!
+//! **Surface.** A triangle touches a cell if a part of it with an area lies in the cell, the lower
+//! faces of which belong to it.
+//!
+//! The work is counted, not timed: a file that needs more steps than allowed is refused.
+
+mod crossings;
+mod lattice;
+mod orientation;
+mod touch;
+mod winding;
+
+use voxels::{Terrain, close_shell};
+
+use super::cloud::keep_from;
+use super::frame::{Bounds, Frame, Units};
+use super::options::{Fill, Kind, Up};
+use super::work::Work;
+use super::{FormatError, ImportSpec, Imported, Note};
+
+use orientation::{Opening, Orientation};
+use winding::Winding;
+
+/// The import options of meshes.
+pub(super) const OPTIONS: &[&str] =
+    &["fill", "inside", "up", "scale", "margin_cells", "free_from", "cells_max", "steps_max"];
+
+/// Corners of a triangle.
+type Triangle = [[f64; 3]; 3];
+
+/// Largest number of triangles of a mesh; each takes about 200 bytes while it is read.
+const TRIANGLES_MAX: usize = 1 << 22;
+
+/// Most openings that a report names.
+const OPENINGS_SHOWN: usize = 3;
+
+/// Distance of a winding number from one half within which the lines decide.
+const UNDECIDED: f64 = 1e-6;
+
+/// How many times shorter than the others the side along y is of a mesh that probably has y
+/// upwards.
+const FLAT_Y: f64 = 2.0;
+
+/// Where winding numbers are taken: this far from a centre along x, y and z, in lengths of cells,
+/// as a small picture of the step that decides ties.
+const STEP: [f64; 3] = [1.0 / (1 << 10) as f64, 1.0 / (1 << 15) as f64, 1.0 / (1 << 20) as f64];
+
+/// Vertices, and triangles of the numbers of three of them.
+#[derive(Default)]
+pub(super) struct Mesh {
+    pub(super) vertices: Vec<[f64; 3]>,
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// Adds a triangle with vertices of its own.
+    pub(super) fn add(&mut self, corners: Triangle) {
+        let first = self.vertices.len() as u32;
+        self.vertices.extend(corners);
+        self.triangles.push([first, first + 1, first + 2]);
+    }
+
+    /// Checks that there is room for more triangles.
+    ///
+    /// # Errors
+    /// If the mesh has too many.
+    pub(super) fn check_count(&self) -> Result<(), FormatError> {
+        let count = self.triangles.len();
+        let allowed = FormatError::TooManyTriangles { triangles_max: TRIANGLES_MAX };
+        if count > TRIANGLES_MAX { Err(allowed) } else { Ok(()) }
+    }
+
+    /// Adds a polygon of the numbers of its corners: the triangles between its first corner and
+    /// each of its other edges. Of a polygon that is not convex these overlap, and their turns
+    /// cancel.
+    pub(super) fn add_polygon(&mut self, corners: &[u32]) {
+        self.triangles.extend(corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]));
+    }
+
+    /// Adds a strip of triangles between three vertices in a row each, of which every other one
+    /// goes round the other way.
+    pub(super) fn add_strip(&mut self, corners: &[u32]) {
+        for (number, triangle) in corners.windows(3).enumerate() {
+            let [a, b, c] = [triangle[0], triangle[1], triangle[2]];
+            self.triangles.push(if number % 2 == 0 { [a, b, c] } else { [b, a, c] });
+        }
+    }
+
+    /// The lengths of the sides of the box around all vertices, in units of the file.
+    fn spans(&self) -> [f64; 3] {
+        let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());
+        let bounds = Bounds::of(self.vertices.iter().copied().filter(is_finite));
+        bounds.map_or([0.0; 3], |Bounds { low, high }| [0, 1, 2].map(|axis| high[axis] - low[axis]))
+    }
+
+    /// The triangles that have an area, in lengths of cells.
+    fn sound(&self, units: Units) -> Vec<Triangle> {
+        let in_cells = |triangle: &[u32; 3]| triangle.map(|vertex| units.cells(self.vertices[vertex as usize]));
+        let has_area = |corners: &Triangle| {
+            let normal = normal(corners);
+            corners.iter().flatten().all(|along| along.is_finite())
+                && normal.iter().all(|along| along.is_finite())
+                && normal != [0.0; 3]
+        };
+        self.triangles.iter().map(in_cells).filter(has_area).collect()
+    }
+}
+
+/// A map of a mesh. `notes` are those of its reader.
+///
+/// # Errors
+/// If it has no triangle, or too many, too many cells, or takes too much work.
+pub(super) fn map(spec: &ImportSpec, mesh: &Mesh, notes: Vec<Note>) -> Result<Imported, FormatError> {
+    let [x, y, z] = mesh.spans();
+    let advice =
+        if FLAT_Y * y <= x.min(z) { "; y is by far the shortest side: y, if the file has it upwards" } else { "" };
+    map_up(spec, mesh, (Up::Z, &format!("as the format leaves it open{advice}")), notes)
+}
+
+/// As [`map`], with the axis that points upwards unless the option says otherwise, and why.
+///
+/// # Errors
+/// See [`map`].
+pub(super) fn map_up(
+    spec: &ImportSpec,
+    mesh: &Mesh,
+    (up, reason): (Up, &str),
+    mut notes: Vec<Note>,
+) -> Result<Imported, FormatError> {
+    mesh.check_count()?;
+    let (up, reason) = match spec.options.up {
+        Some(up) => (up, "by the option up".to_owned()),
+        None => (up, format!("{reason}; the option up changes that")),
+    };
+    notes.push(Note::new("up", format!("{}, {reason}", if up == Up::Z { "z" } else { "y" })));
+    let units = Units::new(spec)?.with_up(up);
+    let fill = spec.options.fill.unwrap_or(Fill::Solid);
+    let inside = spec.options.inside.unwrap_or(Kind::Wall);
+    let mut triangles = mesh.sound(units);
+    lattice::put_on(&mut triangles);
+    let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
+    let frame = Frame::around(units, bounds, fill == Fill::Shell)?;
+    let (outside, others) = match inside {
+        Kind::Wall => (Terrain::Free, Terrain::Wall),
+        Kind::Free => (Terrain::Wall, Terrain::Free),
+    };
+    let mut terrain = frame.grid(outside, spec)?;
+    let dropped = mesh.triangles.len() - triangles.len();
+    for corner in triangles.iter_mut().flatten() {
+        *corner = frame.in_map(*corner);
+    }
+    let mut work = Work::new(spec);
+    let Orientation { turned, parts, openings } = orientation::orient(&mut triangles, &mut work)?;
+    let text = format!(
+        "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
+        mesh.triangles.len()
+    );
+    let mut notes: Vec<Note> = std::iter::once(Note::new("mesh", text)).chain(notes).collect();
+    notes.push(Note::new("spans", units.span(bounds)));
+    if turned > 0 {
+        notes.push(Note::new("turned", format!("{turned} triangles that did not face outwards with the others")));
+    }
+    if fill == Fill::Solid || inside == Kind::Free {
+        let extent = terrain.extent();
+        let votes = crossings::votes(extent, &triangles, spec, &mut work)?;
+        let mut winding = None;
+        let (mut filled, mut decided) = (0u64, 0u64);
+        for index in 0..extent.volume() {
+            let is_inside = if let Some(is_inside) = votes.is_inside(index) {
+                is_inside
+            } else {
+                decided += 1;
+                let cell = extent.cell_at(index);
+                let at = [cell.x, cell.y, cell.z];
+                let point = [0, 1, 2].map(|axis| f64::from(at[axis]) + 0.5 + STEP[axis]);
+                let turns = winding.get_or_insert_with(|| Winding::new(&triangles)).at(point, &mut work)?.abs();
+                if (turns - 0.5).abs() < UNDECIDED { votes.majority(index) } else { turns > 0.5 }
+            };
+            if is_inside {
+                filled += 1;
+                terrain.as_mut_slice()[index] = others;
+            }
+        }
+        let kind = if inside == Kind::Wall { "wall" } else { "free" };
+        let text = format!("solid: {filled} cells inside become {kind}, {decided} cells decided by winding number");
+        notes.push(Note::new("fill", text));
+        notes.extend(note_of_openings(Some(votes.holes), &openings, &frame));
+    } else {
+        notes.extend(note_of_openings(None, &openings, &frame));
+    }
+    if fill == Fill::Shell {
+        let mut touched = 0u64;
+        for triangle in &triangles {
+            touch::touch(triangle, &mut work, |cell| {
+                touched += u64::from(terrain.set(cell, Terrain::Wall) == Some(Terrain::Free));
+            })?;
+        }
+        notes.push(Note::new("fill", format!("shell: {touched} free cells that the surface touches become wall")));
+    }
+    close_shell(&mut terrain, 1);
+    notes.push(frame.note());
+    notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| frame.cell_of_place(place))?);
+    Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
+}
+
+/// What is open. `holes` are the lines along each axis that come through holes, if lines decide
+/// what is inside.
+fn note_of_openings(holes: Option<[usize; 3]>, openings: &[Opening], frame: &Frame) -> Option<Note> {
+    if holes.unwrap_or_default() == [0; 3] && openings.is_empty() {
+        return None;
+    }
+    let mut text = "the mesh is not closed".to_owned();
+    if let Some([x, y, z]) = holes {
+        text += &format!(": {x}, {y} and {z} lines along x, y and z come through holes and have no vote");
+    }
+    let shown = openings.len().min(OPENINGS_SHOWN);
+    if shown > 0 {
+        let places: Vec<String> = openings[..shown].iter().map(|one| frame.opening(one.centre, one.area)).collect();
+        let more = if shown < openings.len() {
+            format!(", and {} smaller ones", openings.len() - shown)
+        } else {
+            String::new()
+        };
+        text += &format!("; {} opening(s): {}{more}", openings.len(), places.join(", "));
+    }
+    Some(Note::new("holes", text))
+}
+
+/// The area of a triangle.
+fn area(triangle: &Triangle) -> f64 {
+    libm::sqrt(normal(triangle).iter().map(|along| along * along).sum()) / 2.0
+}
+
+/// The normal of a triangle, with twice its area as length.
+fn normal([a, b, c]: &Triangle) -> [f64; 3] {
+    let to = |corner: &[f64; 3]| [0, 1, 2].map(|along| corner[along] - a[along]);
+    let (b, c) = (to(b), to(c));
+    [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,128 @@
+//! Meshes in Wavefront's OBJ format: vertices and faces, of all objects and groups; everything else
+//! is ignored.
+
+use super::bytes::{Bytes, number, shown, three, words};
+use super::mesh::{self, Mesh};
+use super::options::Up;
+use super::{FormatError, ImportSpec, Imported, MapReader, Note, cell_length};
+
+/// A mesh in Wavefront's format.
+pub(super) const READER: MapReader = MapReader {
+    stored_cell_m: Some(cell_length::in_comment),
+    ..MapReader::new("mesh of Wavefront", &["obj"], mesh::OPTIONS, read)
+};
+
+/// A map of an OBJ file.
+///
+/// # Errors
+/// If the file is malformed, or its mesh does not fit into a map.
+pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let mut mesh = Mesh::default();
+    let mut groups = 0u64;
+    let mut text = Bytes::new(&spec.bytes);
+    while let Some((line, content)) = text.line() {
+        let mut words = words(content);
+        match words.next() {
+            Some(b"v") => mesh.vertices.push(three(line, &mut words, "a coordinate")?),
+            Some(b"f") => {
+                let corners: Result<Vec<u32>, FormatError> =
+                    words.map(|word| corner(line, word, mesh.vertices.len())).collect();
+                let corners = corners?;
+                if corners.len() < 3 {
+                    return Err(FormatError::line(
+                        line,
+                        format!("a face of {} corners, expected 3 or more", corners.len()),
+                    ));
+                }
+                mesh.add_polygon(&corners);
+                mesh.check_count()?;
+            }
+            Some(b"o" | b"g") => groups += 1,
+            _ => {}
+        }
+    }
+    let note = (groups > 0).then(|| Note::new("groups", format!("{groups}, which come out as their union")));
+    let notes = note.into_iter().collect();
+    match writer_of_y(&spec.bytes) {
+        Some(writer) => mesh::map_up(spec, &mesh, (Up::Y, &format!("as {writer} writes it by default")), notes),
+        None => mesh::map(spec, &mesh, notes),
+    }
+}
+
+/// The program that has written a file, by its first line, if it has y upwards unless its user
+/// changes that: Blender, from the exporter in Python (`# Blender v2.79 ... OBJ File`) to that of
+/// 3.3 and later (`# Blender 3.4.1`).
+fn writer_of_y(bytes: &[u8]) -> Option<String> {
+    let (_, first) = Bytes::new(bytes).line()?;
+    let mut words = words(first.strip_prefix(b"#")?);
+    (words.next() == Some(b"Blender")).then(|| match words.next().map(shown) {
+        Some(version) => format!("Blender {}", version.trim_matches('"')),
+        None => "Blender".to_owned(),
+    })
+}
+
+/// The vertex of a corner such as `7`, `7/1/3` or, counted from the last one, `-2`.
+fn corner(line: usize, word: &[u8], vertices: usize) -> Result<u32, FormatError> {
+    let before = word.split(|&byte| byte == b'/').next();
+    let number: i64 = number(line, before, "a corner of a face")?;
+    let from_0 = if number < 0 { (vertices as i64).checked_add(number) } else { number.checked_sub(1) };
+    let is_vertex = |index: &i64| (0..vertices as i64).contains(index);
+    from_0
+        .filter(is_vertex)
+        .and_then(|index| u32::try_from(index).ok())
+        .ok_or_else(|| FormatError::line(line, format!("{} is none of the {vertices} vertices before it", shown(word))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ImportOptions, options::Kind};
+
+    #[test]
+    fn axis_upwards_is_that_of_the_writer() {
+        let up = |first: &str, [x, y, z]: [i32; 3], option| {
+            let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+            let corner = |at: i32| format!("v {} {} {}\n", (at & 1) * x, (at >> 1 & 1) * y, (at >> 2) * z);
+            let text = format!("{first}\n{}{faces}", (0..8).map(corner).collect::<String>());
+            let options = ImportOptions { up: option, ..ImportOptions::default() };
+            let imported = read(&ImportSpec { options, ..ImportSpec::new("a.obj", text.into_bytes()) }).unwrap();
+            let note = imported.notes.iter().find(|note| note.name == "up").unwrap().text.clone();
+            (imported.terrain.extent().size(), note)
+        };
+        for (first, writer) in [("# Blender 3.4.1", "3.4.1"), ("# Blender v2.79 (sub 0) OBJ File: ''", "v2.79")] {
+            let note = format!("y, as Blender {writer} writes it by default; the option up changes that");
+            assert_eq!(up(first, [6, 4, 5], None), ([8, 7, 6], note));
+        }
+        assert_eq!(up("# Blender 3.4.1", [6, 4, 5], Some(Up::Z)), ([8, 6, 7], "z, by the option up".to_owned()));
+        let open = "z, as the format leaves it open";
+        assert_eq!(up("# walls", [6, 4, 5], None).1, format!("{open}; the option up changes that"));
+        assert!(up("# a hall", [24, 5, 10], None).1.contains("y is by far the shortest side"));
+    }
+
+    #[test]
+    fn faces_name_vertices_from_the_first_and_from_the_last() {
+        // The unit cube, scaled to two cells: quads with and without normals, and one of triangles.
+        let text = "# a cube\no cube\nv 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 0 0 2\nv 2 0 2\nv 2 2 2\nv 0 2 2\nvn 0 0 1\n\
+                    f 1 4 3 2\nf 5//1 6//1 7//1 8//1\nf -8 -7 -3 -4\nf 2 3 7 6\nf 3 4 8\nf 3 8 7\ns off\nf 4/1/1 1/1/1 5/1/1 8/1/1\n";
+        let options = ImportOptions { inside: Some(Kind::Free), ..ImportOptions::default() };
+        let spec = ImportSpec { options, ..ImportSpec::new("a.obj", text.into()) };
+        let Imported { terrain, notes, .. } = read(&spec).unwrap();
+        assert_eq!(terrain.extent().size(), [4; 3]);
+        assert_eq!(mapgen::free_cells(&terrain), 8);
+        assert_eq!(notes[0].text, "12 triangles in 1 part(s), 0 dropped because they have no area or are not finite");
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        let refuse = |text: &str| read(&ImportSpec::new("a.obj", text.into())).unwrap_err().to_string();
+        assert_eq!(refuse("v 1 2\n"), "line 1: a coordinate is missing");
+        assert_eq!(refuse("v 1 2 3\nf 1 1\n"), "line 2: a face of 2 corners, expected 3 or more");
+        assert_eq!(refuse("v 1 2 3\nf 1 1 2\n"), "line 2: \"2\" is none of the 1 vertices before it");
+        assert_eq!(refuse("v 1 2 3\nf 1 0 1\n"), "line 2: \"0\" is none of the 1 vertices before it");
+        assert_eq!(
+            refuse("v 1 2 3\nf 1 1 -9223372036854775808\n"),
+            "line 2: \"-9223372036854775808\" is none of the 1 vertices before it"
+        );
+        assert_eq!(refuse("hello\n"), "the file has no triangle");
+    }
+}

@@ -1,0 +1,354 @@
+//! Floor plans: pictures in grey, and the maps of ROS 2's map server (`map.yaml` with a picture).
+//!
+//! A pixel is a column of cells of one kind, from floor to ceiling. The first row of the picture
+//! has the highest y.
+
+use std::path::PathBuf;
+
+use voxels::{Cell, Extent, Terrain};
+
+use super::bytes::shown;
+use super::options::{HEIGHT_CELLS, Kind, THRESHOLD};
+use super::picture::{Picture, Pixel};
+use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrounded};
+
+/// A floor plan as a picture.
+pub(super) const READER: MapReader =
+    MapReader::new("floor plan", &["pgm", "png"], &["height_cells", "threshold", "cells_max"], read);
+
+/// A map of ROS 2's map server, with its picture in another file.
+pub(super) const YAML_READER: MapReader = MapReader {
+    stored_cell_m: Some(resolution_m),
+    companion: Some(|bytes| image(bytes).ok()),
+    ..MapReader::new("map of the map server", &["yaml"], &["unknown", "height_cells", "cells_max"], read_yaml)
+};
+
+/// Height of a map of the map server, metres, unless an option gives it in cells: that of a room.
+const HEIGHT_M: f64 = 2.5;
+
+/// Largest height of a plan, cells.
+const HEIGHT_CELLS_MAX: u32 = 1022;
+
+/// The brightness, of 255, that the map server's `map_saver` writes for unknown cells of trinary
+/// maps (ROS 1 and nav2's `map_io.cpp`), beside thresholds that do not always tell it from free
+/// ones: nav2 writes `free_thresh: 0.25`, and the occupancy of this grey is 0.196.
+const GREY_OF_UNKNOWN: f64 = 205.0;
+
+/// What a pixel says.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Ground {
+    Free,
+    Unknown,
+    Occupied,
+}
+
+/// A map of a picture.
+///
+/// # Errors
+/// If the file is malformed, or too large for a map.
+pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let height = spec.options.height_cells.unwrap_or(HEIGHT_CELLS);
+    let extent = |[x, y]: [u32; 2]| Extent::new([x, y, height + 2], spec.length_m()).map_err(FormatError::Extent);
+    let picture = Picture::read(&spec.bytes, |size| extent(size).map(|_| ()))?;
+    let threshold = spec.options.threshold.unwrap_or(THRESHOLD);
+    let least = threshold * f64::from(picture.maximum);
+    let ground = |pixel: &Pixel| match pixel.is_bright(least, picture.maximum) {
+        true => Ground::Free,
+        false => Ground::Occupied,
+    };
+    let ground: Vec<Ground> = picture.pixels.iter().map(ground).collect();
+    let free = ground.iter().filter(|&&pixel| pixel == Ground::Free).count();
+    let text =
+        format!("{free} free, {} wall, as bright as {threshold} of {} is free", ground.len() - free, picture.maximum);
+    let plan =
+        Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell: 1, ground };
+    plan.map(spec, Terrain::Wall, vec![Note::new("pixels", text)])
+}
+
+/// A picture as what its pixels say, and the map that it becomes.
+struct Plan {
+    extent: Extent,
+    width: u32,
+    /// Pixels along the edge of a cell.
+    pixels_per_cell: u32,
+    ground: Vec<Ground>,
+}
+
+impl Plan {
+    /// A cell is free if all of its pixels are, and wall if one of them is.
+    fn map(&self, spec: &ImportSpec, unknown: Terrain, mut notes: Vec<Note>) -> Result<Imported, FormatError> {
+        let [size_x, size_y, size_z] = self.extent.size();
+        let mut terrain = new_grid(self.extent, Terrain::Wall, spec)?;
+        let height = self.ground.len() as u32 / self.width;
+        let side = self.pixels_per_cell;
+        for (y, x) in (0..size_y).flat_map(|y| (0..size_x).map(move |x| (y, x))) {
+            let rows = (y * side..((y + 1) * side).min(height)).map(|from_below| height - 1 - from_below);
+            let columns = || x * side..((x + 1) * side).min(self.width);
+            let pixels = rows.flat_map(|row| columns().map(move |column| row * self.width + column));
+            let ground = pixels.map(|pixel| self.ground[pixel as usize]).max().unwrap_or(Ground::Unknown);
+            if ground == Ground::Free || (ground == Ground::Unknown && unknown == Terrain::Free) {
+                for z in 1..=size_z as i32 - 2 {
+                    terrain.set(Cell::new(x as i32, y as i32, z), Terrain::Free);
+                }
+            }
+        }
+        // Floor and ceiling are closed; the sides may be open.
+        let (terrain, closed) = surrounded(terrain, spec)?;
+        notes.extend(closed);
+        Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
+    }
+}
+
+/// The keys of a `map.yaml` of the map server.
+struct Keys {
+    image: String,
+    resolution_m: f64,
+    /// Place of the lower left corner, metres, and the turn about it, radians.
+    origin: [f64; 3],
+    occupied_thresh: f64,
+    free_thresh: f64,
+    negate: bool,
+    mode: Mode,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Mode {
+    Trinary,
+    Scale,
+    Raw,
+}
+
+/// The file with the picture of a `map.yaml`, relative to its folder.
+///
+/// # Errors
+/// If the file is malformed.
+pub(super) fn image(bytes: &[u8]) -> Result<PathBuf, FormatError> {
+    Ok(PathBuf::from(keys(bytes)?.image))
+}
+
+/// The resolution of a `map.yaml`, metres.
+pub(super) fn resolution_m(bytes: &[u8]) -> Option<f64> {
+    Some(keys(bytes).ok()?.resolution_m)
+}
+
+/// A map of a `map.yaml`, whose picture is the companion of the file.
+///
+/// # Errors
+/// If one of the files is malformed, or too large for a map.
+pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let keys = keys(&spec.bytes)?;
+    let picture = spec.companion.as_deref().ok_or_else(|| FormatError::Companion {
+        file: shown(keys.image.as_bytes()),
+        reason: "it is not at hand".to_owned(),
+    })?;
+    let cell_m = spec.cell_m.unwrap_or(keys.resolution_m);
+    let times = libm::round(cell_m / keys.resolution_m);
+    if !(times >= 1.0 && (cell_m - times * keys.resolution_m).abs() <= 1e-9 * cell_m) {
+        return Err(FormatError::CellLength { stored: keys.resolution_m, asked: cell_m });
+    }
+    let pixels_per_cell = times as u32;
+    let height_cells = libm::round(HEIGHT_M / cell_m).clamp(1.0, f64::from(HEIGHT_CELLS_MAX)) as u32;
+    let height = spec.options.height_cells.unwrap_or(height_cells);
+    let extent = |[x, y]: [u32; 2]| {
+        let size = [x.div_ceil(pixels_per_cell), y.div_ceil(pixels_per_cell), height + 2];
+        Extent::new(size, cell_m).map_err(|reason| match reason {
+            reason @ voxels::ExtentError::Size { .. } => FormatError::Box { reason, cell_m },
+            reason => FormatError::Extent(reason),
+        })
+    };
+    let picture = Picture::read(picture, |size| extent(size).map(|_| ()))
+        .map_err(|reason| FormatError::Companion { file: shown(keys.image.as_bytes()), reason: reason.to_string() })?;
+    let ground: Vec<Ground> = picture.pixels.iter().map(|&pixel| keys.ground(pixel, &picture)).collect();
+    let count = |wanted: Ground| ground.iter().filter(|&&pixel| pixel == wanted).count();
+    let unknown = spec.options.unknown.unwrap_or(Kind::Wall);
+    let (unknown, becomes) = match unknown {
+        Kind::Wall => (Terrain::Wall, "wall"),
+        Kind::Free => (Terrain::Free, "free"),
+    };
+    let text = format!(
+        "{} occupied, {} free, {} unknown, which become {becomes}",
+        count(Ground::Occupied),
+        count(Ground::Free),
+        count(Ground::Unknown)
+    );
+    let mut notes = vec![Note::new("pixels", text)];
+    notes.extend(keys.note_of_grey(&picture));
+    notes.push(Note::new("height", format!("{height} cells from floor to ceiling")));
+    let plan = Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell, ground };
+    let closed = plan.extent;
+    let mut imported = plan.map(spec, unknown, notes)?;
+    // A layer around an open map moves its corner.
+    let layers = f64::from((imported.terrain.extent().size()[0] - closed.size()[0]) / 2);
+    let [x, y, yaw_rad] = keys.origin;
+    let origin = if layers > 0.0 { [x - layers * cell_m, y - layers * cell_m] } else { [x, y] };
+    imported.origin_m = Some([origin[0], origin[1], -(1.0 + layers) * cell_m]);
+    imported.yaw_rad = yaw_rad;
+    let turned = if yaw_rad == 0.0 { String::new() } else { format!(", turned by {yaw_rad} rad about it") };
+    let text = format!("the map begins at ({}, {}, 0) m of the file{turned}", origin[0], origin[1]);
+    imported.notes.push(Note::new("origin", text));
+    imported.stores_cell_m = cell_m == keys.resolution_m;
+    Ok(imported)
+}
+
+impl Keys {
+    /// What a pixel says, as the map server reads it, save for the grey of unknown cells.
+    fn ground(&self, pixel: Pixel, picture: &Picture) -> Ground {
+        if self.is_grey_of_unknown(pixel, picture) { Ground::Unknown } else { self.by_thresholds(pixel, picture) }
+    }
+
+    /// Whether a pixel has the grey that `map_saver` writes for unknown cells, or its negative in a
+    /// negated picture.
+    fn is_grey_of_unknown(&self, pixel: Pixel, picture: &Picture) -> bool {
+        let maximum = f64::from(picture.maximum);
+        let brightness = f64::from(pixel.brightness);
+        let brightness = if self.negate { maximum - brightness } else { brightness };
+        self.mode == Mode::Trinary && brightness * 255.0 == GREY_OF_UNKNOWN * maximum
+    }
+
+    /// What a pixel says by the thresholds.
+    fn by_thresholds(&self, pixel: Pixel, picture: &Picture) -> Ground {
+        let [brightness, alpha] =
+            [pixel.brightness, pixel.alpha].map(|part| f64::from(part) / f64::from(picture.maximum));
+        let occupied = |shade: f64| if self.negate { shade } else { 1.0 - shade };
+        let occupied = match self.mode {
+            // Transparency counts as one more colour.
+            Mode::Trinary if picture.has_alpha => occupied((3.0 * brightness + alpha) / 4.0),
+            Mode::Trinary => occupied(brightness),
+            Mode::Scale if alpha < 1.0 => return Ground::Unknown,
+            Mode::Scale => occupied(brightness),
+            // Values of 0 to 100 are the occupancy itself, others are unknown, and nothing is negated.
+            Mode::Raw => match libm::round(brightness * 255.0) {
+                percent if percent <= 100.0 => percent / 100.0,
+                _ => return Ground::Unknown,
+            },
+        };
+        if occupied > self.occupied_thresh {
+            Ground::Occupied
+        } else if occupied < self.free_thresh || (self.mode == Mode::Raw && occupied == 0.0) {
+            Ground::Free
+        } else {
+            Ground::Unknown
+        }
+    }
+
+    /// A note on pixels of the grey of unknown cells that the thresholds take for something else.
+    fn note_of_grey(&self, picture: &Picture) -> Option<Note> {
+        let greys = picture.pixels.iter().filter(|&&pixel| self.is_grey_of_unknown(pixel, picture));
+        let grounds = greys.map(|&pixel| self.by_thresholds(pixel, picture));
+        let (mut count, mut becomes) = (0, "free");
+        for ground in grounds.filter(|&ground| ground != Ground::Unknown) {
+            count += 1;
+            if ground == Ground::Occupied {
+                becomes = "occupied";
+            }
+        }
+        let grey = if self.negate { 255.0 - GREY_OF_UNKNOWN } else { GREY_OF_UNKNOWN };
+        let text = format!(
+            "{count} pixels of grey {grey}, which map_saver writes for unknown cells; the thresholds alone would make \
+             them {becomes}, and do with mode: scale"
+        );
+        (count > 0).then(|| Note::new("unknown", text))
+    }
+}
+
+/// The keys of a file: flat YAML, as the map server and its tools write it.
+fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
+    let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let mut image = None;
+    let mut resolution_m = None;
+    let mut origin: Option<Vec<f64>> = None;
+    let (mut occupied_thresh, mut free_thresh, mut negate, mut mode) = (0.65, 0.25, false, Mode::Trinary);
+    let mut is_list = false;
+    for (index, line) in text.lines().enumerate() {
+        let at = index + 1;
+        let line = without_comment(line).trim_end();
+        if line.trim().is_empty() || line == "---" || line == "..." {
+            continue;
+        }
+        let wrong = |what: &str, value: &str, expected: &str| {
+            FormatError::line(at, format!("{what} is {}, expected {expected}", shown(value.as_bytes())))
+        };
+        let number = |what: &str, value: &str| {
+            let number: Option<f64> = value.trim().parse().ok().filter(|number: &f64| number.is_finite());
+            number.ok_or_else(|| wrong(what, value, "a number"))
+        };
+        if let (true, Some(item)) = (is_list, line.trim_start().strip_prefix("- ")) {
+            origin.get_or_insert_default().push(number("origin", item)?);
+            continue;
+        }
+        is_list = false;
+        let (key, value) = line.split_once(':').ok_or_else(|| wrong("a line", line, "KEY: VALUE"))?;
+        let value = unquoted(value.trim());
+        match unquoted(key.trim()) {
+            "image" => image = Some(value.to_owned()).filter(|value| !value.is_empty()),
+            "resolution" => {
+                let metres = number("resolution", value)?;
+                Extent::new([1; 3], metres).map_err(|reason| FormatError::line(at, reason.to_string()))?;
+                resolution_m = Some(metres);
+            }
+            "origin" if value.is_empty() => is_list = true,
+            "origin" => {
+                let items = value.strip_prefix('[').and_then(|value| value.strip_suffix(']'));
+                let items = items.ok_or_else(|| wrong("origin", value, "[x, y, yaw]"))?;
+                origin = Some(items.split(',').map(|item| number("origin", item)).collect::<Result<_, _>>()?);
+            }
+            "occupied_thresh" => occupied_thresh = number("occupied_thresh", value)?,
+            "free_thresh" => free_thresh = number("free_thresh", value)?,
+            "negate" => {
+                negate = match value {
+                    "0" | "false" | "False" => false,
+                    "1" | "true" | "True" => true,
+                    _ => return Err(wrong("negate", value, "0 or 1")),
+                }
+            }
+            "mode" => {
+                mode = match value {
+                    "trinary" => Mode::Trinary,
+                    "scale" => Mode::Scale,
+                    "raw" => Mode::Raw,
+                    _ => return Err(wrong("mode", value, "trinary, scale or raw")),
+                }
+            }
+            // The map server ignores others as well, such as those of map_saver's versions.
+            _ => {}
+        }
+    }
+    let origin = origin.ok_or(FormatError::Nothing("key origin"))?;
+    let count = origin.len();
+    let origin: [f64; 3] = origin.try_into().map_err(|_| FormatError::Entry {
+        place: "origin".to_owned(),
+        reason: format!("{count} numbers, expected [x, y, yaw]"),
+    })?;
+    if !(0.0..=1.0).contains(&free_thresh) || !(free_thresh..=1.0).contains(&occupied_thresh) {
+        return Err(FormatError::Entry {
+            place: "occupied_thresh".to_owned(),
+            reason: format!(
+                "{occupied_thresh}, with free_thresh = {free_thresh}: expected 0 <= free_thresh <= occupied_thresh <= 1"
+            ),
+        });
+    }
+    Ok(Keys {
+        image: image.ok_or(FormatError::Nothing("key image"))?,
+        resolution_m: resolution_m.ok_or(FormatError::Nothing("key resolution"))?,
+        origin,
+        occupied_thresh,
+        free_thresh,
+        negate,
+        mode,
+    })
+}
+
+/// A line up to its comment, which begins at `#` after a space or at the start of the line.
+fn without_comment(line: &str) -> &str {
+    let is_start = |&(at, _): &(usize, &str)| at == 0 || line[..at].ends_with([' ', '\t']);
+    line.match_indices('#').find(is_start).map_or(line, |(at, _)| &line[..at])
+}
+
+fn unquoted(value: &str) -> &str {
+    let quoted = |quote: char| value.strip_prefix(quote).and_then(|value| value.strip_suffix(quote));
+    quoted('"').or_else(|| quoted('\'')).unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,208 @@
+use super::*;
+use crate::ImportOptions;
+
+fn spec(bytes: &[u8], height: u32, threshold: Option<f64>) -> ImportSpec {
+    let options = ImportOptions { height_cells: Some(height), threshold, ..ImportOptions::default() };
+    ImportSpec { options, ..ImportSpec::new("a.pgm", bytes.to_vec()) }
+}
+
+#[test]
+fn a_pixel_is_a_column_and_the_first_row_is_the_farthest() {
+    let text = b"P2 # a plan\n# of two rows\n3 2\n10\n0 9 0\n8 10 0\n";
+    let Imported { terrain, notes, .. } = read(&spec(text, 2, None)).unwrap();
+    let (wall, layer) = ("#####\n#####\n#####\n#####\n", "#####\n##.##\n##.##\n#####\n");
+    // The sides were open; floor and ceiling are there twice then.
+    let expected = [wall, wall, layer, layer, wall, wall].join("\n");
+    assert_eq!(terrain.to_text(), expected);
+    assert_eq!(notes[0].text, "2 free, 4 wall, as bright as 0.9 of 10 is free");
+    assert_eq!(notes.len(), 2);
+}
+#[test]
+fn binary_and_ascii_give_the_same_map() {
+    let text = read(&spec(b"P2 2 2 255 0 255 127 254", 1, Some(0.5))).unwrap();
+    let bytes = read(&spec(b"P5\n2 2 # plan\n255\n\x00\xff\x7f\xfe, and more", 1, Some(0.5))).unwrap();
+    let wide = read(&spec(b"P5 2 2 65535 \x00\xff\xff\xff\x7f\x00\xfe\x00", 1, Some(0.5))).unwrap();
+    assert_eq!(text, bytes);
+    assert_eq!(text.terrain, wide.terrain);
+    assert_eq!(mapgen::free_cells(&text.terrain), 2);
+}
+
+#[test]
+fn errors_name_the_byte() {
+    let refuse = |bytes: &[u8]| read(&spec(bytes, 1, None)).unwrap_err().to_string();
+    assert_eq!(refuse(b""), "byte 0: the file ends here, before P2 or P5");
+    assert_eq!(refuse(b"P6 1 1"), "byte 0: the file begins with \"P6\", expected P2 or P5");
+    assert_eq!(refuse(b"P2 x"), "byte 3: the width is \"x\", allowed is a number up to 4294967295");
+    assert_eq!(refuse(b"P2 2000 1 9"), "map size along x is 2000 cells, allowed are 1 to 1024");
+    assert_eq!(refuse(b"P2 1 1 0 0"), "byte 8: the largest brightness is 0, allowed is 1 to 65535");
+    assert_eq!(refuse(b"P2 1 1 9 10"), "byte 9: a pixel is \"10\", allowed is a number up to 9");
+    assert_eq!(refuse(b"P2 1000 1000 9 1"), "byte 16: the file ends here, 1000000 pixels do not fit in");
+    assert_eq!(refuse(b"P5 2 1 9 12"), "byte 9: a pixel is 49, allowed is 0 to 9");
+    assert_eq!(refuse(b"P5 2 2 9 \x01"), "byte 10: the file ends here, expected length 13 bytes");
+}
+
+fn yaml(text: &str, image: &[u8]) -> ImportSpec {
+    ImportSpec { companion: Some(image.to_vec()), ..ImportSpec::new("map.yaml", text.into()) }
+}
+
+const KEYS: &str = "image: map.pgm # beside it\nresolution: 0.05\norigin: [-10.5, 3, 0.0]\nnegate: 0\n\
+                    occupied_thresh: 0.65\nfree_thresh: 0.196\n";
+
+#[test]
+fn a_map_of_the_map_server_is_read_with_its_metres_and_origin() {
+    // Black, unknown, white; and a border of black.
+    let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
+    let spec = yaml(KEYS, image);
+    assert_eq!(spec.names(), Some(PathBuf::from("map.pgm")));
+    assert_eq!(spec.stored_cell_m(), Some(0.05));
+    let imported = spec.read().unwrap();
+    assert_eq!((imported.terrain.extent().size(), imported.terrain.extent().cell_m()), ([5, 3, 52], 0.05));
+    assert_eq!((imported.origin_m, imported.yaw_rad), (Some([-10.5, 3.0, -0.05]), 0.0));
+    assert_eq!(mapgen::free_cells(&imported.terrain), 50);
+    assert_eq!(imported.notes[0].text, "13 occupied, 1 free, 1 unknown, which become wall");
+    let options = ImportOptions { unknown: Some(Kind::Free), height_cells: Some(1), ..ImportOptions::default() };
+    assert_eq!(mapgen::free_cells(&ImportSpec { options, ..spec.clone() }.read().unwrap().terrain), 2);
+    // Two cells of the file along an edge: occupied if one of them is.
+    let coarse = ImportSpec { cell_m: Some(0.1), ..spec.clone() }.read().unwrap();
+    assert_eq!((coarse.terrain.extent().size()[0], mapgen::free_cells(&coarse.terrain)), (3, 0));
+    let error = ImportSpec { cell_m: Some(0.07), ..spec }.read().unwrap_err().to_string();
+    assert!(error.contains("the file has cells of 0.05 m, asked for are cells of 0.07 m"), "{error}");
+}
+
+#[test]
+fn thresholds_negation_and_modes_are_those_of_the_map_server() {
+    let free = |text: &str, pixel: u32| {
+        let image = format!("P2 3 3 255 0 0 0 0 {pixel} 0 0 0 0");
+        let imported = yaml(text, image.as_bytes()).read().unwrap();
+        imported.notes[0].text.contains(" 1 free")
+    };
+    assert!(free(KEYS, 206) && !free(KEYS, 205));
+    assert!(free(&KEYS.replace("0.196", "0.25"), 206));
+    let negated = "image: m\nresolution: 1\norigin:\n- 0\n- 0.5\n- 0\nnegate: 1\n";
+    let counts = |text: &str, pixel: u32| {
+        let image = format!("P2 3 3 255 255 255 255 255 {pixel} 255 255 255 255");
+        yaml(text, image.as_bytes()).read().unwrap().notes[0].text.clone()
+    };
+    assert!(counts(negated, 3).starts_with("8 occupied, 1 free, 0 unknown"));
+    // Values of raw maps are not negated.
+    assert!(counts(&format!("{negated}mode: raw\n"), 0).starts_with("0 occupied, 1 free, 8 unknown"));
+    assert!(counts(&format!("{negated}mode: raw\n"), 100).starts_with("1 occupied, 0 free, 8 unknown"));
+}
+
+/// What `map_saver` of nav2 writes: unknown around a room with black walls.
+fn saved(maximum: u32, is_negated: bool) -> Vec<u8> {
+    let drawn = "?????? ?####? ?#..#? ?#..#? ?####? ??????";
+    let grey = |character| match character {
+        '?' => 205,
+        '#' => 0,
+        _ => 254,
+    };
+    let pixel = |character| if is_negated { 255 - grey(character) } else { grey(character) } * maximum / 255;
+    let pixels: Vec<String> =
+        drawn.chars().filter(|&character| character != ' ').map(|character| pixel(character).to_string()).collect();
+    format!("P2 6 6 {maximum} {}", pixels.join(" ")).into_bytes()
+}
+
+#[test]
+fn grey_of_map_saver_is_unknown_whatever_the_thresholds() {
+    let keys = "image: m\nresolution: 1\norigin: [0, 0, 0]\noccupied_thresh: 0.65\n";
+    for (thresh, is_told) in
+        [("free_thresh: 0.196\n", false), ("free_thresh: 0.25\n", true), ("free_thresh: 0.3\n", true), ("", true)]
+    {
+        for (maximum, is_negated) in [(255, false), (255, true), (65535, false), (510, true)] {
+            let text = format!("{keys}{thresh}negate: {}\n", u8::from(is_negated));
+            let imported = yaml(&text, &saved(maximum, is_negated)).read().unwrap();
+            assert_eq!(imported.notes[0].text, "12 occupied, 4 free, 20 unknown, which become wall", "{text}");
+            let grey = if is_negated { 50 } else { 205 };
+            let told = format!(
+                "20 pixels of grey {grey}, which map_saver writes for unknown cells; the thresholds alone would make \
+                 them free, and do with mode: scale"
+            );
+            let note = imported.notes.iter().find(|note| note.name == "unknown").map(|note| note.text.clone());
+            // The negative of 205 has an occupancy of 0.19608, too.
+            assert_eq!(note, is_told.then_some(told), "{text}");
+        }
+    }
+    // In scale mode this grey is an occupancy of a fifth, in raw mode no occupancy.
+    let read = |mode: &str| {
+        let text = format!("{keys}free_thresh: 0.25\nnegate: 0\nmode: {mode}\n");
+        yaml(&text, &saved(255, false)).read().unwrap().notes[0].text.clone()
+    };
+    assert!(read("scale").starts_with("12 occupied, 24 free, 0 unknown"), "{}", read("scale"));
+    assert!(read("raw").starts_with("0 occupied, 12 free, 24 unknown"), "{}", read("raw"));
+}
+
+/// Transparency as nav2 reads it: one more colour in trinary mode, unknown in scale mode, nothing
+/// in raw mode.
+#[test]
+fn transparent_pixels_are_those_of_the_map_server() {
+    let pixels = [[254, 255], [254, 0], [0, 255], [0, 0], [205, 255], [205, 0], [100, 254], [3, 255], [0, 127]];
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 3, 3);
+    encoder.set_color(png::ColorType::GrayscaleAlpha);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(pixels.as_flattened()).unwrap();
+    writer.finish().unwrap();
+    let read = |text: &str| {
+        let imported = yaml(&format!("{KEYS}{text}"), &bytes).read().unwrap();
+        imported.notes[0].text.split(", which").next().unwrap().to_owned()
+    };
+    // Occupancies of 0.003, 0.253, 0.75, 1, grey, grey, 0.46, 0.741 and 0.876.
+    assert_eq!(read(""), "4 occupied, 1 free, 4 unknown");
+    assert_eq!(read("mode: scale\n"), "2 occupied, 1 free, 6 unknown");
+    assert_eq!(read("mode: raw\n"), "1 occupied, 4 free, 4 unknown");
+}
+
+#[test]
+fn byte_order_mark_and_other_line_ends_change_nothing() {
+    let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
+    let plain = yaml(KEYS, image).read().unwrap();
+    assert_eq!(yaml(&format!("\u{feff}{}", KEYS.replace('\n', "\r\n")), image).read().unwrap(), plain);
+}
+
+#[test]
+fn an_open_map_gets_a_layer_that_its_origin_takes_into_account() {
+    let imported = yaml(KEYS, b"P2 1 1 255 254").read().unwrap();
+    assert_eq!(imported.terrain.extent().size(), [3, 3, 54]);
+    assert_eq!(imported.origin_m, Some([-10.5 - 0.05, 3.0 - 0.05, -0.1]));
+}
+
+#[test]
+fn errors_of_a_yaml_name_line_or_key() {
+    let refuse = |text: &str| yaml(text, b"P2 1 1 255 254").read().unwrap_err().to_string();
+    assert_eq!(refuse("image\n"), "map.yaml: line 1: a line is \"image\", expected KEY: VALUE");
+    assert_eq!(refuse("resolution: x\n"), "map.yaml: line 1: resolution is \"x\", expected a number");
+    assert_eq!(
+        refuse("resolution: -1\n"),
+        "map.yaml: line 1: cell_m is -1, allowed are finite lengths in metres above 0"
+    );
+    assert_eq!(refuse("origin: 3\n"), "map.yaml: line 1: origin is \"3\", expected [x, y, yaw]");
+    assert_eq!(refuse("origin: [1, 2]\n"), "map.yaml: origin: 2 numbers, expected [x, y, yaw]");
+    assert_eq!(refuse("origin: [1, 2, 0]\n"), "map.yaml: the file has no key image");
+    assert_eq!(refuse("mode: best\n"), "map.yaml: line 1: mode is \"best\", expected trinary, scale or raw");
+    let without = ImportSpec::new("map.yaml", KEYS.into()).read().unwrap_err().to_string();
+    assert_eq!(without, "map.yaml: image \"map.pgm\": it is not at hand");
+    let broken = yaml(KEYS, b"P6").read().unwrap_err().to_string();
+    assert_eq!(broken, "map.yaml: image \"map.pgm\": byte 0: the file begins with \"P6\", expected P2 or P5");
+    let wide = yaml(KEYS, b"P5 2000 2 255 ").read().unwrap_err().to_string();
+    assert_eq!(
+        wide,
+        "map.yaml: image \"map.pgm\": map size along x is 2000 cells, allowed are 1 to 1024, with cells of 0.05 m; choose \
+         longer ones"
+    );
+}
+
+#[test]
+fn a_picture_may_be_png() {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 2, 2);
+    encoder.set_color(png::ColorType::GrayscaleAlpha);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&[255, 255, 255, 0, 0, 255, 254, 255]).unwrap();
+    writer.finish().unwrap();
+    let plan = ImportSpec::new("a.png", bytes.clone()).read().unwrap();
+    assert_eq!(plan.notes[0].text, "2 free, 2 wall, as bright as 0.9 of 255 is free");
+    let server = yaml(KEYS, &bytes).read().unwrap();
+    assert_eq!(server.notes[0].text, "1 occupied, 2 free, 1 unknown, which become wall");
+    assert!(ImportSpec::new("a.png", bytes[..40].to_vec()).read().is_err());
+}

@@ -1,0 +1,380 @@
+//! Meshes and point clouds in the Polygon File Format (PLY 1.0): ascii, and binary of either byte
+//! order.
+//!
+//! Of the element `vertex`, the properties x, y and z are used, of the element `face` the list
+//! `vertex_indices` or `vertex_index`, and of the element `tristrips` likewise the strips of
+//! triangles, between which stands -1. A file with faces or strips is a mesh, one without a point
+//! cloud. Other elements are skipped.
+
+use super::bytes::{Bytes, number, shown, words};
+use super::cloud::{self, Sensors};
+use super::mesh::{self, Mesh};
+use super::{FormatError, ImportSpec, Imported, MapReader, Note};
+
+/// A mesh or a point cloud in the Polygon File Format.
+pub(super) const READER: MapReader = MapReader::new(
+    "polygon file",
+    &["ply"],
+    &["fill", "inside", "up", "scale", "margin_cells", "free_from", "sensor", "unknown", "cells_max", "steps_max"],
+    read,
+);
+
+/// Largest number of bytes, or words, of an element.
+const ELEMENT_MAX: usize = 1 << 20;
+
+/// The encoding of numbers.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Order {
+    Ascii,
+    Little,
+    Big,
+}
+
+/// Type of a number.
+#[derive(Clone, Copy)]
+enum Number {
+    Signed(usize),
+    Unsigned(usize),
+    Float(usize),
+}
+
+/// A property of an element.
+struct Property {
+    name: Vec<u8>,
+    number: Number,
+    /// Of a list, the type of its length.
+    length: Option<Number>,
+}
+
+struct Element {
+    name: Vec<u8>,
+    count: usize,
+    properties: Vec<Property>,
+}
+
+/// A map of a PLY file.
+///
+/// # Errors
+/// If the file is malformed, or its content does not fit into a map.
+pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let mut bytes = Bytes::new(&spec.bytes);
+    let (order, elements) = header(&mut bytes)?;
+    let at = bytes.at();
+    let place = |name: &[u8]| elements.iter().position(|element| element.name == name);
+    let vertices = place(b"vertex").ok_or_else(|| FormatError::byte(at, "there is no element vertex in the header"))?;
+    let with_lists = [b"face".as_slice(), b"tristrips"].into_iter().filter_map(place);
+    let faces: Vec<(usize, usize)> = with_lists
+        .filter(|&faces| elements[faces].count > 0)
+        .map(|faces| corners_of(&elements[faces], at).map(|list| (faces, list)))
+        .collect::<Result<_, _>>()?;
+    let list_of = |number: usize| faces.iter().find(|&&(faces, _)| faces == number).map(|&(_, list)| list);
+    let coordinates = positions(&elements[vertices], ["x", "y", "z"], at)?;
+    let seen_from = positions(&elements[vertices], ["vp_x", "vp_y", "vp_z"], at).ok();
+    let mut from = Vec::new();
+    if faces.iter().any(|&(faces, _)| faces < vertices) {
+        return Err(FormatError::byte(at, "the element face comes before the element vertex"));
+    }
+    let last = faces.iter().map(|&(faces, _)| faces).max().unwrap_or(vertices);
+
+    let mut mesh = Mesh::default();
+    for (number, element) in elements[..=last].iter().enumerate() {
+        // An element without properties takes no bytes, however many there are of it.
+        let count = if element.properties.is_empty() { 0 } else { element.count };
+        let list = list_of(number);
+        for place in 0..count {
+            let at = bytes.at();
+            let mut items = Vec::new();
+            let values = values(&mut bytes, order, element, place, list.map(|list| (list, &mut items)))?;
+            if number == vertices {
+                mesh.vertices.push(coordinates.map(|property| values[property]));
+                from.extend(seen_from.map(|seen_from| seen_from.map(|property| values[property])));
+            } else if list.is_some() && element.name == b"tristrips" {
+                for strip in items.split(|&item| item == -1.0).filter(|strip| !strip.is_empty()) {
+                    mesh.add_strip(&corners_in(strip, mesh.vertices.len(), at)?);
+                    mesh.check_count()?;
+                }
+            } else if list.is_some() {
+                mesh.add_polygon(&corners_in(&items, mesh.vertices.len(), at)?);
+                mesh.check_count()?;
+            }
+        }
+    }
+    let used = |number: usize| number == vertices || list_of(number).is_some();
+    let ignored = elements.iter().enumerate().filter(|&(number, element)| !used(number) && element.count > 0);
+    let notes = ignored.map(|(_, element)| {
+        let text = format!("{} elements {}", element.count, String::from_utf8_lossy(&element.name).escape_debug());
+        Note::new("ignored", text)
+    });
+    let given = |names: [&str; 2]| spec.options.given().find(|name| names.contains(name));
+    if !faces.is_empty() {
+        if let Some(name) = given(["sensor", "unknown"]) {
+            return Err(FormatError::HasFaces { name });
+        }
+        return mesh::map(spec, &mesh, notes.collect());
+    }
+    if let Some(name) = given(["fill", "inside"]) {
+        return Err(FormatError::NoFaces { name });
+    }
+    let sensors = if seen_from.is_some() { Sensors::Each(from) } else { Sensors::None };
+    cloud::map(spec, &mesh.vertices, &sensors, notes.collect())
+}
+
+/// The places of three numbers among the properties of a vertex.
+fn positions(vertex: &Element, names: [&str; 3], at: usize) -> Result<[usize; 3], FormatError> {
+    let mut coordinates = [0; 3];
+    for (slot, name) in coordinates.iter_mut().zip(names) {
+        let is_it = |property: &Property| property.name == name.as_bytes() && property.length.is_none();
+        let found = vertex.properties.iter().position(is_it);
+        let missing = || FormatError::byte(at, format!("the element vertex has no property {name:?}"));
+        *slot = found.ok_or_else(missing)?;
+    }
+    Ok(coordinates)
+}
+
+/// The place of the list of corners among the properties of a face.
+fn corners_of(face: &Element, at: usize) -> Result<usize, FormatError> {
+    let is_corners = |property: &Property| {
+        property.length.is_some() && matches!(property.name.as_slice(), b"vertex_indices" | b"vertex_index")
+    };
+    let name = String::from_utf8_lossy(&face.name).into_owned();
+    let missing = || FormatError::byte(at, format!("the element {name} has no list vertex_indices"));
+    face.properties.iter().position(is_corners).ok_or_else(missing)
+}
+
+/// The items of the list of a face that begins at a byte, as numbers of vertices.
+fn corners_in(items: &[f64], vertices: usize, at: usize) -> Result<Vec<u32>, FormatError> {
+    if items.len() < 3 {
+        return Err(FormatError::byte(at, format!("a face of {} corners, expected 3 or more", items.len())));
+    }
+    let corner = |&item: &f64| {
+        let is_vertex = item >= 0.0 && item < vertices as f64 && item.fract() == 0.0;
+        let error = || FormatError::byte(at, format!("a face has the corner {item}, there are {vertices} vertices"));
+        is_vertex.then_some(item as u32).ok_or_else(error)
+    };
+    items.iter().map(corner).collect()
+}
+
+fn header(bytes: &mut Bytes<'_>) -> Result<(Order, Vec<Element>), FormatError> {
+    let (line, first) = bytes.header_line("end_header")?;
+    if first != b"ply" {
+        return Err(FormatError::line(line, format!("the file begins with {}, expected ply", shown(first))));
+    }
+    let mut order = None;
+    let mut elements: Vec<Element> = Vec::new();
+    loop {
+        let (at, line) = bytes.header_line("end_header")?;
+        let mut words = words(line);
+        match words.next() {
+            None | Some(b"comment" | b"obj_info") => {}
+            Some(b"format") => {
+                order = Some(match words.next().unwrap_or_default() {
+                    b"ascii" => Order::Ascii,
+                    b"binary_little_endian" => Order::Little,
+                    b"binary_big_endian" => Order::Big,
+                    word => {
+                        let reason = "expected ascii, binary_little_endian or binary_big_endian";
+                        return Err(FormatError::line(at, format!("format {}, {reason}", shown(word))));
+                    }
+                });
+            }
+            Some(b"element") => {
+                let name = words.next().unwrap_or_default().to_vec();
+                let count = number(at, words.next(), "the number of elements")?;
+                elements.push(Element { name, count, properties: Vec::new() });
+            }
+            Some(b"property") => {
+                let element = elements.last_mut();
+                let element = element.ok_or_else(|| FormatError::line(at, "a property before the first element"))?;
+                let mut kind = words.next().unwrap_or_default();
+                let mut length = None;
+                if kind == b"list" {
+                    length = Some(type_of(at, words.next().unwrap_or_default())?);
+                    kind = words.next().unwrap_or_default();
+                }
+                let name = words.next().unwrap_or_default().to_vec();
+                element.properties.push(Property { name, number: type_of(at, kind)?, length });
+            }
+            Some(b"end_header") => {
+                let order = order.ok_or_else(|| FormatError::line(at, "the header ends without a format"))?;
+                return Ok((order, elements));
+            }
+            Some(word) => return Err(FormatError::line(at, format!("{} is no key of a PLY header", shown(word)))),
+        }
+    }
+}
+
+fn type_of(line: usize, word: &[u8]) -> Result<Number, FormatError> {
+    match word {
+        b"char" | b"int8" => Ok(Number::Signed(1)),
+        b"short" | b"int16" => Ok(Number::Signed(2)),
+        b"int" | b"int32" => Ok(Number::Signed(4)),
+        b"uchar" | b"uint8" => Ok(Number::Unsigned(1)),
+        b"ushort" | b"uint16" => Ok(Number::Unsigned(2)),
+        b"uint" | b"uint32" => Ok(Number::Unsigned(4)),
+        b"float" | b"float32" => Ok(Number::Float(4)),
+        b"double" | b"float64" => Ok(Number::Float(8)),
+        _ => Err(FormatError::line(line, format!("{} is no type of a property", shown(word)))),
+    }
+}
+
+/// The values of the properties of the next element; of a list, its length. `list` is the place of
+/// a list and where its items go.
+fn values(
+    bytes: &mut Bytes<'_>,
+    order: Order,
+    element: &Element,
+    place: usize,
+    mut list: Option<(usize, &mut Vec<f64>)>,
+) -> Result<Vec<f64>, FormatError> {
+    let at = bytes.at();
+    let mut values = Vec::with_capacity(element.properties.len());
+    let mut keep = |number: usize, item: f64| match &mut list {
+        Some((wanted, items)) if *wanted == number => items.push(item),
+        _ => {}
+    };
+    if order != Order::Ascii {
+        for (number, property) in element.properties.iter().enumerate() {
+            let at = bytes.at();
+            let value = value(bytes, order, property.length.unwrap_or(property.number))?;
+            if property.length.is_some() {
+                let too_long = || FormatError::byte(at, "a list is longer than its element may be");
+                for _ in 0..checked_length(value, too_long)? {
+                    keep(number, self::value(bytes, order, property.number)?);
+                }
+            }
+            values.push(value);
+        }
+        return Ok(values);
+    }
+    let ends = || {
+        let name = String::from_utf8_lossy(&element.name).escape_debug().to_string();
+        FormatError::byte(at, format!("the file ends here after {place} of {} elements {name}", element.count))
+    };
+    let (mut line, mut text) = bytes.line().ok_or_else(ends)?;
+    while text.is_empty() {
+        (line, text) = bytes.line().ok_or_else(ends)?;
+    }
+    let mut words = words(text);
+    for (place, property) in element.properties.iter().enumerate() {
+        let value = number(line, words.next(), "a property")?;
+        if property.length.is_some() {
+            let items = checked_length(value, || FormatError::line(line, "a list is longer than its element may be"))?;
+            for _ in 0..items {
+                keep(place, number(line, words.next(), "an item of a list")?);
+            }
+        }
+        values.push(value);
+    }
+    Ok(values)
+}
+
+fn checked_length(value: f64, error: impl Fn() -> FormatError) -> Result<usize, FormatError> {
+    if (0.0..=ELEMENT_MAX as f64).contains(&value) { Ok(value as usize) } else { Err(error()) }
+}
+
+impl Number {
+    fn size(self) -> usize {
+        match self {
+            Self::Signed(size) | Self::Unsigned(size) | Self::Float(size) => size,
+        }
+    }
+}
+
+fn value(bytes: &mut Bytes<'_>, order: Order, number: Number) -> Result<f64, FormatError> {
+    let taken = bytes.take(number.size(), "a property")?;
+    let mut low = [0; 8];
+    low[..taken.len()].copy_from_slice(taken);
+    if order == Order::Big {
+        low[..taken.len()].reverse();
+    }
+    let (bits, unused) = (u64::from_le_bytes(low), 64 - 8 * taken.len() as u32);
+    Ok(match number {
+        Number::Float(4) => f32::from_bits(bits as u32).into(),
+        Number::Float(_) => f64::from_bits(bits),
+        Number::Unsigned(_) => bits as f64,
+        Number::Signed(_) => ((bits << unused) as i64 >> unused) as f64,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_of_triangles_are_a_mesh() {
+        // A tetrahedron as one strip of all four corners and the first two again, and as two strips.
+        let read = |lists: &str| {
+            let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                          element tristrips 1\nproperty list int int vertex_indices\nend_header\n";
+            let text = format!("{header}0 0 0\n9 0 0\n0 9 0\n0 0 9\n{lists}\n");
+            let imported = read(&ImportSpec::new("a.ply", text.into_bytes())).unwrap();
+            (mapgen::free_cells(&imported.terrain), imported.notes[0].text.clone())
+        };
+        let one = read("6 0 1 2 3 0 1");
+        assert!(one.1.starts_with("4 triangles in 1 part(s), 0 dropped"), "{}", one.1);
+        assert_eq!(read("10 0 1 2 3 -1 2 3 0 1 -1"), one);
+    }
+    use crate::ImportOptions;
+
+    const ELEMENTS: &str = "element camera 1\nproperty list uchar short at\nelement vertex 2\nproperty double x\n\
+                            property int8 y\ncomment of no use\nproperty float z\nelement edge 7\n\
+                            property list uchar int vertices\nend_header\n";
+
+    fn with_format(format: &str, data: &[u8]) -> ImportSpec {
+        ImportSpec::new("a.ply", [format!("ply\r\nformat {format} 1.0\n{ELEMENTS}").as_bytes(), data].concat())
+    }
+
+    /// A camera with two numbers, and the vertices (1, -2, 0.5) and (3, 0, 0.5).
+    fn data(is_big: bool) -> Vec<u8> {
+        let f64s = |value: f64| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
+        let f32s = |value: f32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
+        let vertex = |x: f64, y: u8| [f64s(x).as_slice(), &[y], &f32s(0.5)].concat();
+        [vec![2, 1, 1, 1, 1], vertex(1.0, 0xfe), vertex(3.0, 0)].concat()
+    }
+
+    #[test]
+    fn all_encodings_give_the_same_map() {
+        let ascii = read(&with_format("ascii", b"2 5 5\n1 -2 0.5\r\n\n3 0 0.5\n3 0 1 2\n")).unwrap();
+        assert_eq!(ascii.terrain.extent().size(), [5, 5, 3]);
+        assert_eq!(mapgen::free_cells(&ascii.terrain), 9 - 2);
+        assert_eq!(ascii.notes[0].text, "1 elements camera");
+        assert_eq!(ascii.notes[1].text, "7 elements edge");
+        assert_eq!(read(&with_format("binary_little_endian", &data(false))).unwrap(), ascii);
+        assert_eq!(read(&with_format("binary_big_endian", &data(true))).unwrap(), ascii);
+    }
+
+    #[test]
+    fn options_of_points_are_refused_with_faces() {
+        let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                    element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 1\n3 0 1 2\n";
+        let with = |options| ImportSpec { options, ..ImportSpec::new("a.ply", mesh.into()) }.read();
+        let sensor = ImportOptions { sensor: Some([0.0; 3]), ..ImportOptions::default() };
+        assert_eq!(
+            with(sensor).unwrap_err().to_string(),
+            "a.ply: sensor is an option for point clouds, and the file has faces; leave it out, or remove the faces"
+        );
+        let unknown = ImportOptions { unknown: Some(crate::options::Kind::Free), ..ImportOptions::default() };
+        assert!(with(unknown).unwrap_err().to_string().contains("unknown is an option for point clouds"));
+        assert!(with(ImportOptions::default()).is_ok());
+    }
+
+    #[test]
+    fn errors_name_the_place() {
+        let refuse = |text: &str| read(&ImportSpec::new("a.ply", text.into())).unwrap_err().to_string();
+        assert_eq!(refuse("plx\n"), "line 1: the file begins with \"plx\", expected ply");
+        assert_eq!(refuse("ply\nelement"), "line 2: the number of elements is missing");
+        assert_eq!(refuse("ply\nproperty int x"), "line 2: a property before the first element");
+        assert_eq!(refuse("ply\nelement a 1\nproperty long x"), "line 3: \"long\" is no type of a property");
+        assert_eq!(refuse("ply\nend_header\n"), "line 2: the header ends without a format");
+        assert_eq!(refuse("ply\nformat ascii 1.0\n"), "byte 21: the file ends within its header, before end_header");
+        let without = "ply\nformat ascii 1.0\nend_header\n";
+        assert_eq!(refuse(without), "byte 32: there is no element vertex in the header");
+        let huge = "ply\nformat ascii 1.0\nelement none 18446744073709551615\nelement vertex 9\nproperty int x\n\
+                    property int y\nproperty int z\nend_header\n1 2 3\n1 2\n";
+        assert_eq!(refuse(huge), "line 10: a property is missing");
+        let short = with_format("binary_little_endian", &data(false)[..20]);
+        assert!(read(&short).unwrap_err().to_string().contains("the file ends here, a property takes 8 bytes"));
+        let long_list = with_format("ascii", b"99999999 1\n");
+        assert!(read(&long_list).unwrap_err().to_string().contains("a list is longer than its element may be"));
+    }
+}

@@ -1,0 +1,118 @@
+//! Meshes of triangles in the STL format, ascii and binary.
+//!
+//! A file is binary if its length matches its number of triangles, whatever it begins with.
+
+use super::bytes::{Bytes, shown, three, words};
+use super::mesh::{self, Mesh};
+use super::{FormatError, ImportSpec, Imported, MapReader, cell_length};
+
+/// A mesh of triangles.
+pub(super) const READER: MapReader = MapReader {
+    stored_cell_m: Some(cell_length::in_title),
+    ..MapReader::new("mesh of triangles", &["stl"], mesh::OPTIONS, read)
+};
+
+/// Bytes before the triangles of a binary file, and of each triangle.
+const HEADER: usize = 84;
+const TRIANGLE: usize = 50;
+
+/// A map of an STL file.
+///
+/// # Errors
+/// If the file is malformed, or its mesh does not fit into a map.
+pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let bytes = spec.bytes.as_slice();
+    let mesh = match binary_length(bytes) {
+        Some(length) if length == bytes.len() as u64 => binary(&bytes[HEADER..]),
+        _ if bytes.trim_ascii_start().starts_with(b"solid") => ascii(bytes)?,
+        Some(length) => {
+            let reason =
+                format!("the file ends here, expected length {length} bytes, or a text that begins with solid");
+            return Err(FormatError::byte(bytes.len(), reason));
+        }
+        None => return Err(FormatError::byte(bytes.len(), "the file ends within its header of 84 bytes")),
+    };
+    mesh::map(spec, &mesh, Vec::new())
+}
+
+/// The length that a binary file with this header has.
+fn binary_length(bytes: &[u8]) -> Option<u64> {
+    let count = bytes.get(HEADER - 4..HEADER)?;
+    let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]);
+    Some(HEADER as u64 + u64::from(count) * TRIANGLE as u64)
+}
+
+fn binary(triangles: &[u8]) -> Mesh {
+    let mut mesh = Mesh::default();
+    for triangle in triangles.chunks_exact(TRIANGLE) {
+        let float = |at: usize| f32::from_le_bytes([0, 1, 2, 3].map(|byte| triangle[at + byte]));
+        // The normal comes first and is ignored: it follows from the order of the corners.
+        let corners = [12, 24, 36].map(|at| [0, 4, 8].map(|along| f64::from(float(at + along))));
+        mesh.add(corners);
+    }
+    mesh
+}
+
+fn ascii(bytes: &[u8]) -> Result<Mesh, FormatError> {
+    let mut mesh = Mesh::default();
+    let mut corners = Vec::new();
+    let mut text = Bytes::new(bytes);
+    while let Some((line, content)) = text.line() {
+        let mut words = words(content);
+        match words.next() {
+            Some(b"vertex") => corners.push(three(line, &mut words, "a coordinate")?),
+            Some(b"endloop") => {
+                let corners = std::mem::take(&mut corners);
+                let count = corners.len();
+                let triangle = corners.try_into();
+                mesh.add(
+                    triangle.map_err(|_| FormatError::line(line, format!("a loop of {count} vertices, expected 3")))?,
+                );
+            }
+            None | Some(b"solid" | b"facet" | b"outer" | b"endfacet" | b"endsolid") => {}
+            Some(word) => return Err(FormatError::line(line, format!("{} is no key of an STL file", shown(word)))),
+        }
+        if corners.len() > 3 {
+            return Err(FormatError::line(line, "a loop of more than 3 vertices, expected 3"));
+        }
+    }
+    Ok(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLE_TEXT: &str = "solid of no use\n facet normal 0 0 1\n  outer loop\n   vertex 0 0 0.5\n   vertex 2 0 0.5\n   \
+                                 vertex 0 2e0 0.5\n  endloop\n endfacet\nendsolid\n";
+
+    fn shell(bytes: Vec<u8>) -> ImportSpec {
+        let options = super::super::ImportOptions { fill: Some(crate::options::Fill::Shell), ..Default::default() };
+        ImportSpec { options, ..ImportSpec::new("a.stl", bytes) }
+    }
+
+    #[test]
+    fn both_kinds_say_the_same() {
+        let ascii = read(&shell(TRIANGLE_TEXT.into())).unwrap();
+        let floats = [0.0f32, 0.0, 1.0, 0.0, 0.0, 0.5, 2.0, 0.0, 0.5, 0.0, 2.0, 0.5];
+        let triangle: Vec<u8> = floats.iter().flat_map(|float| float.to_le_bytes()).chain([0, 0]).collect();
+        let mut header = b"solid, and binary all the same".to_vec();
+        header.resize(80, b' ');
+        let binary = read(&shell([header, vec![1, 0, 0, 0], triangle].concat())).unwrap();
+        assert_eq!(ascii, binary);
+        assert!(mapgen::free_cells(&ascii.terrain) < ascii.terrain.extent().volume() as u64);
+    }
+
+    #[test]
+    fn errors_name_the_place() {
+        let refuse = |bytes: &[u8]| read(&shell(bytes.to_vec())).unwrap_err().to_string();
+        assert_eq!(refuse(b"x"), "byte 1: the file ends within its header of 84 bytes");
+        assert!(
+            refuse(&[1; 90]).starts_with("byte 90: the file ends here, expected length 842150534 bytes, or a text")
+        );
+        assert_eq!(refuse(b"solid\nvertex 1 2\n"), "line 2: a coordinate is missing");
+        assert_eq!(refuse(b"solid\nvertex 1 2 3\nendloop\n"), "line 3: a loop of 1 vertices, expected 3");
+        assert_eq!(refuse(b"solid\nvortex\n"), "line 2: \"vortex\" is no key of an STL file");
+        assert_eq!(refuse(b"solid\nendsolid\n"), "the file has no triangle");
+    }
+}
