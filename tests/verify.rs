@@ -485,8 +485,13 @@ fn rewritten_recordings_verify() {
         assert!(same.stdout.starts_with("the same run: "), "{name}: {same}");
     }
     for (name, rewriting, code, reason) in [
-        ("a topic less", Rewriting { leaves_out: "/agent_1/command", ..Rewriting::default() }, 1, "/agent_1/command"),
-        ("no result", Rewriting { leaves_out: "/sim/result", ..Rewriting::default() }, 1, "without a result"),
+        ("a topic less", Rewriting { leaves_out: "/agent_1/command", ..Rewriting::default() }, 1, ": tick 0, agent "),
+        (
+            "no result",
+            Rewriting { leaves_out: "/sim/result", ..Rewriting::default() },
+            1,
+            "the message was none and is",
+        ),
         ("reversed", Rewriting { is_reversed: true, ..Rewriting::default() }, 2, "in the order of their log times"),
     ] {
         site.file("rewritten.mcap", rewritten_as(&bytes, rewriting));
