@@ -390,7 +390,7 @@ fn nothing_is_no_success() {
     record(&site, "run.mcap", &[]);
     let bytes = std::fs::read(site.path("run.mcap")).expect("there is a recording");
     let chunk = bytes.len() - bytes.len() / 4;
-    let first = (0..chunk).rev().find(|&length| {
+    let first = (0..chunk).rev().step_by(1000).find(|&length| {
         let messages = Recording::from_bytes(&bytes[..length]).messages;
         messages.is_empty()
     });
