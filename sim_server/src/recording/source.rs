@@ -37,6 +37,9 @@ impl Source {
     /// # Errors
     /// If it cannot be read.
     pub(super) fn copy_tail(&mut self, at: u64) -> io::Result<()> {
+        if self.file.is_none() {
+            return Ok(());
+        }
         let mut tail = vec![0; usize::try_from(self.length().saturating_sub(at)).unwrap_or(usize::MAX)];
         let read = self.read_at(at, &mut tail)?;
         tail.truncate(read);
