@@ -78,7 +78,7 @@ fn files_and_maps_have_a_largest_size() {
         name.to_owned()
     };
     for (arguments, limit) in [
-        (&["info", &large("large.mcap")][..], "allowed are 4294967296"),
+        (&["info", &large("large.mcap")][..], "no MCAP recording: it does not begin as MCAP does"),
         (&["batch", &large("large.toml"), "--out", "runs"], "allowed are 16777216"),
     ] {
         assert_refused(&maes(&site, arguments), limit);

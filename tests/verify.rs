@@ -14,7 +14,8 @@ use agent_node::controllers::{self, Controller, NAMES};
 use agent_node::observation::RunInfo;
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use experiments::in_memory::AgentsEnd;
-use mcap::{Attachment, MessageStream, WriteOptions};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Attachment, Compression, MessageStream, WriteOptions};
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Intervention, Join, Observation, Task};
@@ -353,6 +354,20 @@ fn unknown_controllers_are_reported() {
     assert!(refused.stderr.starts_with("error: run.mcap: --controllers: agent 0 cannot be checked: "), "{refused}");
 }
 
+/// Fails unless a recording verifies as far as it goes, which is less than the run.
+#[track_caller]
+fn assert_verifies_in_part(site: &Site, name: &str, end: &str) {
+    let last_tick = site.recording(name).messages.last().expect("something is there").tick;
+    let verified = format!("verified {last_tick} ticks and ");
+    let lacking = verify(site, name, &["--controllers"]).with_code(1);
+    let reason = format!("; verified up to tick {last_tick}, which is enough with --up-to-cut");
+    assert!(lacking.stdout.starts_with(&verified), "{last_tick}\n{lacking}");
+    assert!(lacking.stderr.starts_with(&format!("error: {name}: {end}")), "{lacking}");
+    assert!(lacking.stderr.trim_end().ends_with(&reason), "{reason}\n{lacking}");
+    let enough = verify(site, name, &["--controllers", "--up-to-cut"]).with_code(0);
+    assert!(enough.stdout.starts_with(&verified), "{last_tick}\n{enough}");
+}
+
 #[test]
 fn cut_recording_verifies_up_to_the_cut() {
     let site = Site::new();
@@ -361,14 +376,130 @@ fn cut_recording_verifies_up_to_the_cut() {
     let bytes = std::fs::read(site.path("run.mcap")).expect("there is a recording");
     for share in [2, 3] {
         site.file("cut.mcap", &bytes[..bytes.len() * share / 5]);
-        let last_tick = site.recording("cut.mcap").messages.last().expect("something is there").tick;
-        let ended = verify(&site, "cut.mcap", &["--controllers"]).with_code(0);
-        assert!(ended.stdout.starts_with(&format!("verified {last_tick} ticks and ")), "{last_tick}\n{ended}");
-        assert!(ended.stdout.contains("\nthe file is cut off behind byte "), "{ended}");
+        assert_verifies_in_part(&site, "cut.mcap", "cut off behind byte ");
         let same = diff(&site, "cut.mcap", "run.mcap").with_code(1);
         assert!(same.stdout.starts_with("the same as far as cut.mcap goes, "), "{same}");
     }
     assert_eq!(whole.result().tick, 1500);
+    // All messages are there, but not the end of the file.
+    site.file("summary.mcap", &bytes[..bytes.len() - 20]);
+    assert_verifies_in_part(&site, "summary.mcap", "cut off behind byte ");
+}
+
+#[test]
+fn nothing_is_no_success() {
+    let site = Site::new();
+    record(&site, "run.mcap", &[]);
+    let bytes = std::fs::read(site.path("run.mcap")).expect("there is a recording");
+    let chunk = bytes.len() - bytes.len() / 4;
+    let first = (0..chunk).rev().step_by(1000).find(|&length| {
+        let messages = Recording::from_bytes(&bytes[..length]).messages;
+        messages.is_empty()
+    });
+    site.file("cut.mcap", &bytes[..first.expect("attachments come first")]);
+    for flags in [&[][..], &["--up-to-cut"], &["--no-controllers"]] {
+        let ended = verify(&site, "cut.mcap", flags).with_code(1);
+        assert!(ended.stdout.is_empty() && ended.stderr.contains("so that nothing was verified"), "{ended}");
+    }
+}
+
+/// How another program writes a recording again.
+#[derive(Default)]
+struct Rewriting {
+    options: WriteOptions,
+    are_attachments_last: bool,
+    metadata_in_the_middle: bool,
+    topics_by_name: bool,
+    adds_a_topic: bool,
+    leaves_out: &'static str,
+    is_reversed: bool,
+}
+
+fn rewritten_as(bytes: &[u8], rewriting: Rewriting) -> Vec<u8> {
+    let recording =
+        sim_server::recording::Recording::from_bytes("run.mcap".to_owned(), bytes.to_vec()).expect("it is a recording");
+    let mut writer = rewriting.options.create(Cursor::new(Vec::new())).expect("memory can be written");
+    let attach = |writer: &mut mcap::Writer<_>| {
+        for (name, data) in recording.attachments() {
+            let (log_time, create_time, media_type) = (7, 7, "of a tool".to_owned());
+            let data = data.as_slice().into();
+            writer.attach(&Attachment { log_time, create_time, name: name.clone(), media_type, data }).expect("memory");
+        }
+    };
+    if !rewriting.are_attachments_last {
+        attach(&mut writer);
+    }
+    let messages = MessageStream::new(bytes).expect("it is whole").map(|message| message.expect("it is whole"));
+    let mut messages: Vec<mcap::Message<'_>> = messages.collect();
+    messages.retain(|message| message.channel.topic != rewriting.leaves_out);
+    if rewriting.topics_by_name {
+        messages.sort_by_key(|message| (message.log_time, message.channel.topic.clone()));
+    }
+    if rewriting.is_reversed {
+        messages.reverse();
+    }
+    let half = messages.len() / 2;
+    for (number, message) in messages.into_iter().enumerate() {
+        if rewriting.adds_a_topic && number % 50 == 10 {
+            // Wall time, as loggers stamp.
+            let channel_id = writer.add_channel(0, "/of_a_tool", "json", &BTreeMap::new()).expect("memory");
+            let header = MessageHeader { channel_id, sequence: 0, log_time: 1_700_000_000 << 30, publish_time: 0 };
+            writer.write_to_known_channel(&header, b"{}").expect("memory");
+        }
+        writer.write(&message).expect("memory can be written");
+        if rewriting.metadata_in_the_middle && number == half {
+            let metadata = BTreeMap::from([("a".to_owned(), "b".to_owned())]);
+            writer.write_metadata(&Metadata { name: "tool".to_owned(), metadata }).expect("memory");
+        }
+    }
+    if rewriting.are_attachments_last {
+        attach(&mut writer);
+    }
+    writer.finish().expect("memory can be written");
+    writer.into_inner().into_inner()
+}
+
+#[test]
+fn rewritten_recordings_verify() {
+    let site = Site::new();
+    record(&site, "run.mcap", &[]);
+    let bytes = std::fs::read(site.path("run.mcap")).expect("there is a recording");
+    let of = |compression| Rewriting { options: WriteOptions::new().compression(compression), ..Rewriting::default() };
+    let no_chunks = WriteOptions::new().use_chunks(false);
+    let bare = WriteOptions::new().emit_summary_records(false).emit_message_indexes(false).calculate_chunk_crcs(false);
+    for (name, rewriting) in [
+        ("zstd", of(Some(Compression::Zstd))),
+        ("lz4", of(Some(Compression::Lz4))),
+        ("none", of(None)),
+        ("no chunks", Rewriting { options: no_chunks, ..Rewriting::default() }),
+        ("no index", Rewriting { options: bare, ..Rewriting::default() }),
+        ("metadata", Rewriting { metadata_in_the_middle: true, ..Rewriting::default() }),
+        ("attachments last", Rewriting { are_attachments_last: true, ..Rewriting::default() }),
+        ("topics by name", Rewriting { topics_by_name: true, ..Rewriting::default() }),
+        ("another topic", Rewriting { adds_a_topic: true, ..Rewriting::default() }),
+    ] {
+        println!("{name}");
+        site.file("rewritten.mcap", rewritten_as(&bytes, rewriting));
+        let ended = verify(&site, "rewritten.mcap", &["--controllers"]).with_code(0);
+        assert!(ended.stdout.starts_with("verified 1500 ticks and "), "{name}: {ended}");
+        assert_eq!(ended.digest(), site.recording("run.mcap").result_digest(), "{name}: {ended}");
+        let same = diff(&site, "run.mcap", "rewritten.mcap").with_code(0);
+        assert!(same.stdout.starts_with("the same run: "), "{name}: {same}");
+    }
+    for (name, rewriting, code, reason) in [
+        ("a topic less", Rewriting { leaves_out: "/agent_1/command", ..Rewriting::default() }, 1, ": tick 0, agent "),
+        (
+            "no result",
+            Rewriting { leaves_out: "/sim/result", ..Rewriting::default() },
+            1,
+            "the message was none and is",
+        ),
+        ("reversed", Rewriting { is_reversed: true, ..Rewriting::default() }, 2, "in the order of their log times"),
+    ] {
+        site.file("rewritten.mcap", rewritten_as(&bytes, rewriting));
+        let ended = verify(&site, "rewritten.mcap", &[]);
+        assert!(ended.code == Some(code) && ended.stderr.contains(reason), "{name}: {reason}\n{ended}");
+    }
 }
 
 #[test]

@@ -21,7 +21,7 @@ use crate::error::bad_input;
 use crate::map::PyMap;
 use crate::scenario::PyScenario;
 
-/// A recording in memory, or a part of one.
+/// A recording of a file, or a part of one in memory.
 #[pyclass(name = "NativeRecording", module = "maes._maes", frozen)]
 pub(crate) struct PyRecording {
     file: Arc<RecordingFile>,
@@ -34,7 +34,7 @@ struct RecordingFile {
 }
 
 enum Messages {
-    /// All of the file as it was read.
+    /// All of the file.
     OfFile,
     Part(Vec<Message>),
 }

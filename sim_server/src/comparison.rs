@@ -1,15 +1,18 @@
-//! Comparison of two runs: message by message in order, up to the first difference.
+//! Comparison of two runs: tick by tick and message by message, up to the first difference.
 //!
 //! **What is ignored.** Visualisation messages (`[views]` of a scenario selects which are recorded)
 //! depend on observers, and the refusal counters of a result on foreign traffic; neither belongs to
 //! the run. Everything else is compared bitwise.
+//!
+//! **Order.** Tools that rewrite recordings keep the order of times, and of the messages of a
+//! topic, but not always that of topics within a tick. Neither does it belong to the run.
 //!
 //! Invariants: nothing behind the first difference is compared; what a recording without an end
 //! does not hold is no difference.
 //!
 //! This module knows no world, and reads no file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 
 use msgs::cdr;
@@ -87,6 +90,10 @@ impl fmt::Display for Place<'_> {
 /// Compares the messages of a run with a recording.
 pub struct Comparison<'a> {
     before: Messages<'a>,
+    /// Messages of the present tick of the recording that are still to come in the run.
+    of_tick: VecDeque<Message>,
+    /// The first message of a later tick.
+    ahead: Option<Message>,
     compared: u64,
     last_tick: Tick,
     found: Option<Difference>,
@@ -99,7 +106,16 @@ impl<'a> Comparison<'a> {
     #[must_use]
     pub fn new(recording: &'a Recording) -> Self {
         let before = recording.messages();
-        Self { before, compared: 0, last_tick: Tick::ZERO, found: None, refusals: None, is_closed: false }
+        Self {
+            before,
+            of_tick: VecDeque::new(),
+            ahead: None,
+            compared: 0,
+            last_tick: Tick::ZERO,
+            found: None,
+            refusals: None,
+            is_closed: false,
+        }
     }
 
     /// Number of equal messages.
@@ -135,16 +151,33 @@ impl<'a> Comparison<'a> {
     /// Ends the run: further messages of the recording are a difference.
     pub fn end(&mut self) {
         if !self.is_done()
-            && let Some(message) = self.next()
+            && let Some(message) = self.next(None)
         {
             let place = place(&message);
             self.found = Some(message_difference(&place, Some(place), None));
         }
     }
 
-    /// The next message of the recording that belongs to the run.
-    fn next(&mut self) -> Option<Message> {
-        self.before.find(|message| MessageKind::of(&message.channel.topic).is_some())
+    /// The next message of the recording that belongs to the run: the one of this place if its tick
+    /// has one.
+    fn next(&mut self, wanted: Option<Place<'_>>) -> Option<Message> {
+        if self.of_tick.is_empty() {
+            self.of_tick.extend(self.ahead.take());
+            while let Some(message) = self.before.find(|message| is_of_run(&message.channel.topic)) {
+                if self.of_tick.front().is_some_and(|first| first.tick() != message.tick()) {
+                    self.ahead = Some(message);
+                    break;
+                }
+                self.of_tick.push_back(message);
+            }
+        }
+        let at = self.of_tick.iter().position(|message| Some(place(message)) == wanted);
+        self.of_tick.remove(at.unwrap_or_default())
+    }
+
+    /// Whether the recording ends, without an end record, in the present tick.
+    fn is_cut_in_tick(&self) -> bool {
+        self.ahead.is_none() && self.before.end().is_some_and(|end| *end != End::Whole)
     }
 }
 
@@ -155,7 +188,7 @@ impl Checker for Comparison<'_> {
             return;
         }
         let now = Place { tick, topic };
-        let Some(message) = self.next() else {
+        let Some(message) = self.next(Some(now)) else {
             match self.before.end() {
                 Some(End::Whole) => self.found = Some(message_difference(&now, None, Some(now))),
                 _ => self.close(),
@@ -163,6 +196,10 @@ impl Checker for Comparison<'_> {
             return;
         };
         let before = place(&message);
+        if before.tick == now.tick && before != now && self.is_cut_in_tick() {
+            self.close();
+            return;
+        }
         if before != now {
             let first = if before.tick <= now.tick { before } else { now };
             self.found = Some(message_difference(&first, Some(before), Some(now)));
@@ -208,6 +245,12 @@ fn place(message: &Message) -> Place<'_> {
 fn message_difference(at: &Place<'_>, before: Option<Place<'_>>, now: Option<Place<'_>>) -> Difference {
     let text = |place: Option<Place<'_>>| place.map_or_else(|| NONE.to_owned(), |place| place.to_string());
     Difference::new(at, Field { name: WHOLE_MESSAGE.to_owned(), before: text(before), now: text(now) })
+}
+
+/// Whether the messages of a topic belong to the run.
+#[must_use]
+pub fn is_of_run(topic: &str) -> bool {
+    MessageKind::of(topic).is_some()
 }
 
 /// The kinds of messages that belong to the run.

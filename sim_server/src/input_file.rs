@@ -1,8 +1,9 @@
 //! The reader of files that a user names: scenarios, plans, maps and recordings.
 //!
 //! Invariants: it reads regular files only, so that neither a FIFO nor a device can make it wait or
-//! supply bytes for ever, and it takes no more memory than the limit of the kind of file. The type
-//! is that of the open file, so that no other file can take its place between check and reading.
+//! supply bytes for ever, and it takes no more memory than the limit of the kind of file;
+//! recordings have none, and are streams. The type is that of the open file, so that no other file
+//! can take its place between check and reading.
 //!
 //! This module does not interpret what it reads. Its errors do not name the file: callers do.
 
@@ -17,9 +18,6 @@ pub const TEXT_BYTES_MAX: u64 = 16 << 20;
 
 /// Largest map file, bytes.
 pub const MAP_BYTES_MAX: u64 = 1 << 30;
-
-/// Largest recording, bytes.
-pub const RECORDING_BYTES_MAX: u64 = 4 << 30;
 
 /// Opens a regular file for reading. A FIFO without a writer does not block.
 ///
@@ -118,8 +116,8 @@ mod tests {
         assert_eq!(error, "the file has 4 bytes or more, allowed are 3");
         // It has no blocks on the disk, but a length.
         File::create(&file).unwrap().set_len(1 << 40).unwrap();
-        let error = read(&file, RECORDING_BYTES_MAX).unwrap_err().to_string();
-        assert_eq!(error, "the file has 1099511627776 bytes or more, allowed are 4294967296");
+        let error = read(&file, MAP_BYTES_MAX).unwrap_err().to_string();
+        assert_eq!(error, "the file has 1099511627776 bytes or more, allowed are 1073741824");
         // A file of /proc has no length, and more bytes than one.
         let error = read(Path::new("/proc/self/maps"), 1).unwrap_err().to_string();
         assert_eq!(error, "the file has 2 bytes or more, allowed are 1");

@@ -15,17 +15,22 @@ use msgs::maes_msgs::{self, Command, Intervention, Join, Observation};
 use msgs::topics;
 use thiserror::Error;
 
+use crate::comparison;
 use crate::recording::{End, Message, Messages, Recording};
 use simulation::digest::Digest;
 
-/// An undecodable message of a recording.
+/// Why a recording cannot be re-executed.
 #[derive(Debug, Error)]
-#[error("{file}: {topic} in tick {tick}: {source}")]
-pub struct PlaybackError {
-    file: String,
-    topic: String,
-    tick: Tick,
-    source: CdrError,
+pub enum PlaybackError {
+    /// A message cannot be decoded.
+    #[error("{file}: {topic} in tick {tick}: {source}")]
+    Undecodable { file: String, topic: String, tick: Tick, source: CdrError },
+    /// The messages are not in the order of their times.
+    #[error(
+        "{file}: {topic} of tick {tick} lies behind messages of tick {later}: expected messages in the order of \
+         their log times; sort the file by them first"
+    )]
+    Disorder { file: String, topic: String, tick: Tick, later: Tick },
 }
 
 /// How a recording ends.
@@ -53,9 +58,10 @@ pub struct Ending {
 pub struct Playback<'a> {
     file: String,
     messages: Messages<'a>,
-    /// The next message.
+    /// The next message of the run.
     next: Option<Message>,
     horizon: Horizon,
+    end: End,
     /// The first tick whose inputs are ignored.
     fork: Option<Tick>,
     ending: Option<Ending>,
@@ -79,19 +85,29 @@ impl<'a> Playback<'a> {
     /// Starts at the beginning of a recording.
     ///
     /// # Errors
-    /// If a protocol message cannot be decoded.
+    /// If a protocol message cannot be decoded, or messages of the run are not in the order of
+    /// time.
     pub fn new(recording: &'a Recording) -> Result<Self, PlaybackError> {
         let mut horizon = Horizon::Open(Tick::ZERO);
         let mut joins = BTreeMap::new();
         let (mut reason, mut first_digest) = (None, None);
+        let mut latest = Tick::ZERO;
         // Observations of the last tick.
         let mut observations: Vec<Message> = Vec::new();
         let mut all = recording.messages();
         for message in all.by_ref() {
             let tick = message.tick();
+            if !comparison::is_of_run(&message.channel.topic) {
+                continue;
+            }
+            if tick < latest {
+                let (file, topic) = (recording.file().to_owned(), message.channel.topic.clone());
+                return Err(PlaybackError::Disorder { file, topic, tick, later: latest });
+            }
+            latest = tick;
             if message.channel.topic == topics::result().name {
                 let result: maes_msgs::Result =
-                    message.decode().map_err(|source| unreadable(recording, &message, source))?;
+                    message.decode().map_err(|source| undecodable(recording.file(), &message, source))?;
                 reason = Some(result.reason);
                 horizon = Horizon::Ended(tick);
             } else if let Horizon::Open(last) = &mut horizon {
@@ -99,11 +115,11 @@ impl<'a> Playback<'a> {
             }
             if tick == Tick::ZERO && message.channel.topic == topics::digest().name {
                 let digest: maes_msgs::Digest =
-                    message.decode().map_err(|source| unreadable(recording, &message, source))?;
+                    message.decode().map_err(|source| undecodable(recording.file(), &message, source))?;
                 first_digest.get_or_insert(Digest(digest.digest));
             }
             if let Some((agent, "join")) = message.of_agent() {
-                let join = message.decode().map_err(|source| unreadable(recording, &message, source))?;
+                let join = message.decode().map_err(|source| undecodable(recording.file(), &message, source))?;
                 joins.insert(agent, join);
             } else if let Some((_, "observation")) = message.of_agent() {
                 observations.retain(|observation| observation.tick() == tick);
@@ -111,22 +127,24 @@ impl<'a> Playback<'a> {
             }
         }
         if let Horizon::Ended(tick) = horizon
-            && !(all.end() == Some(&End::Whole) && recording.is_closed())
+            && all.end() != Some(&End::Whole)
         {
             // The server has failed while it ended the recording, which can be completed.
             horizon = Horizon::Open(tick);
         }
+        let end = all.end().cloned().unwrap_or(End::Missing);
         let mut is_mid_tick = false;
         for message in observations {
             let observation: Observation =
-                message.decode().map_err(|source| unreadable(recording, &message, source))?;
+                message.decode().map_err(|source| undecodable(recording.file(), &message, source))?;
             // Agents that were not due have no observation of it, but scans show.
             is_mid_tick |= observation.phase == Observation::RUNNING || observation.scan_tick == observation.tick;
         }
         let ending = reason.map(|reason| Ending { reason, is_mid_tick });
         let mut messages = recording.messages();
-        let next = messages.next();
-        Ok(Self { file: recording.file().to_owned(), messages, next, horizon, fork: None, ending, joins, first_digest })
+        let next = next_of_run(&mut messages);
+        let file = recording.file().to_owned();
+        Ok(Self { file, messages, next, horizon, end, fork: None, ending, joins, first_digest })
     }
 
     /// The inputs before a tick alone: from there on, a fork goes another way.
@@ -145,6 +163,12 @@ impl<'a> Playback<'a> {
     #[must_use]
     pub fn horizon(&self) -> Horizon {
         self.horizon
+    }
+
+    /// Where the file ends.
+    #[must_use]
+    pub fn end(&self) -> &End {
+        &self.end
     }
 
     /// How the run has ended, if it has.
@@ -175,9 +199,8 @@ impl<'a> Playback<'a> {
         let is_covered = self.covers(tick);
         let mut recorded = RecordedTick::default();
         while let Some(message) = self.next.take_if(|message| message.tick() <= tick) {
-            self.next = self.messages.next();
-            let unreadable =
-                |source| PlaybackError { file: self.file.clone(), topic: message.channel.topic.clone(), tick, source };
+            self.next = next_of_run(&mut self.messages);
+            let unreadable = |source| undecodable(&self.file, &message, source);
             match message.of_agent() {
                 Some((agent, "command")) if is_covered => {
                     recorded.commands.insert(agent, message.decode().map_err(unreadable)?);
@@ -198,7 +221,12 @@ impl<'a> Playback<'a> {
     }
 }
 
-fn unreadable(recording: &Recording, message: &Message, source: CdrError) -> PlaybackError {
-    let (file, topic) = (recording.file().to_owned(), message.channel.topic.clone());
-    PlaybackError { file, topic, tick: message.tick(), source }
+/// The next message that belongs to the run: others may have any stamp.
+fn next_of_run(messages: &mut Messages<'_>) -> Option<Message> {
+    messages.find(|message| comparison::is_of_run(&message.channel.topic))
+}
+
+fn undecodable(file: &str, message: &Message, source: CdrError) -> PlaybackError {
+    let (file, topic) = (file.to_owned(), message.channel.topic.clone());
+    PlaybackError::Undecodable { file, topic, tick: message.tick(), source }
 }

@@ -1,14 +1,22 @@
 //! The reader of recordings, up to their end or to damage.
 //!
-//! Invariants: no message of or behind a damaged chunk is returned, because a chunk's checksum is
-//! verified before its first message; a recording without an end yields all messages up to its last
-//! whole chunk; a file that is no recording of this simulator is refused when opened. No content of
-//! a file causes a panic or exhausts memory.
+//! A recording is read as a stream, chunk by chunk, so that its length costs no memory. Whatever a
+//! tool has rewritten as MCAP is read: chunks of every compression or none, indexes, statistics,
+//! metadata and attachments anywhere, other numbers of channels.
+//!
+//! Invariants: no message of or behind a damaged chunk is returned, because a chunk is checked
+//! before its first message; a recording without an end yields all messages up to its last whole
+//! chunk; a file that is no recording of this simulator is refused when opened. No content of a
+//! file causes a panic or exhausts memory.
 //!
 //! This module returns messages without interpreting them. [`Follower`] reads a recording while it
 //! is written.
 
 mod follower;
+mod records;
+mod source;
+#[cfg(test)]
+mod tests;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -16,16 +24,18 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
+use crc32fast::Hasher;
 use mcap::records::{Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use msgs::cdr::{self, CdrError};
 use msgs::ids::{AgentId, Tick};
 use msgs::topics;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-use crate::input_file::{self, RECORDING_BYTES_MAX};
+use crate::input_file;
 pub use follower::Follower;
+use records::{ChunkRecords, Flaw, Frame, Frames};
+use source::{Source, WINDOW_BYTES};
 
 /// Name of the attachment with the scenario.
 pub const SCENARIO_ATTACHMENT: &str = "scenario.toml";
@@ -36,8 +46,11 @@ pub const MAP_ATTACHMENT: &str = "map.m3dm";
 /// Name of the attachment with the true map in recordings of earlier builds.
 pub const TEXT_MAP_ATTACHMENT: &str = "map.txt";
 
-/// Maximum bytes of a record, unless the file is longer: a damaged length must not exhaust memory.
-const RECORD_BYTES_MAX: usize = 1 << 26;
+/// The attachments that a run writes; those of other programs are skipped.
+const DOCUMENTS: [&str; 3] = [SCENARIO_ATTACHMENT, MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT];
+
+/// Bytes that are read at once where most records are skipped.
+const SKIPPING_BYTES: usize = 1 << 12;
 
 /// Why a file cannot be read as a recording.
 #[derive(Debug, Error)]
@@ -46,24 +59,26 @@ pub enum RecordingError {
     #[error("{file}: {source}")]
     Read { file: String, source: std::io::Error },
     /// The file is no MCAP file.
-    #[error("{file}: no MCAP recording: {source}")]
-    NoMcap { file: String, source: mcap::McapError },
+    #[error("{file}: no MCAP recording: {reason}")]
+    NoMcap { file: String, reason: String },
     /// The file is another MCAP file.
-    #[error("{file}: not a recording of this simulator: it has no attachment {SCENARIO_ATTACHMENT}")]
+    #[error(
+        "{file}: not a recording of this simulator: it has no attachment {SCENARIO_ATTACHMENT}; \
+         tools that rewrite recordings must keep attachments"
+    )]
     OtherRecording { file: String },
+    /// The file holds several recordings.
+    #[error(
+        "{file}: two attachments {name} that differ: expected the recording of one run; merged ones cannot be read"
+    )]
+    Merged { file: String, name: String },
 }
 
-/// Name of the compression in a chunk: length and text.
-const ZSTD: &[u8] = b"\x04\0\0\0zstd";
-
-/// Its offset in a chunk: behind times, length and checksum.
-const COMPRESSION_AT: usize = 28;
-
-/// A recording in memory.
+/// A recording, which is read from its file again for every pass.
 #[derive(Debug, Clone)]
 pub struct Recording {
     file: String,
-    bytes: Vec<u8>,
+    source: Source,
     attachments: BTreeMap<String, Vec<u8>>,
 }
 
@@ -117,11 +132,11 @@ pub enum End {
     /// Without an end record: the server was killed, or is still recording.
     Missing,
     /// In the middle of a record: the file is truncated.
-    CutOff { bytes: usize },
+    CutOff { bytes: u64 },
     /// At damage.
     Damage {
         /// The damage lies before this byte.
-        before_byte: usize,
+        before_byte: u64,
         reason: String,
     },
 }
@@ -140,15 +155,15 @@ impl fmt::Display for End {
 }
 
 impl Recording {
-    /// Reads a file.
+    /// Opens a file, of any length.
     ///
     /// # Errors
     /// If it cannot be read or is no recording of this simulator.
     pub fn open(file: &Path) -> Result<Self, RecordingError> {
         let name = file.display().to_string();
-        let bytes = input_file::read(file, RECORDING_BYTES_MAX)
-            .map_err(|source| RecordingError::Read { file: name.clone(), source })?;
-        Self::from_bytes(name, bytes)
+        let source = input_file::open(file).and_then(|file| Source::of_file(Arc::new(file)));
+        let source = source.map_err(|source| RecordingError::Read { file: name.clone(), source })?;
+        Self::of_source(name, source)
     }
 
     /// Reads bytes in memory; errors call them `file`.
@@ -156,24 +171,60 @@ impl Recording {
     /// # Errors
     /// If they are no recording of this simulator.
     pub fn from_bytes(file: String, bytes: Vec<u8>) -> Result<Self, RecordingError> {
-        let mut records = Records::new(&bytes);
-        let mut attachments = BTreeMap::new();
-        // Attachments precede all messages.
+        Self::of_source(file, Source::of_bytes(bytes))
+    }
+
+    fn of_source(file: String, mut source: Source) -> Result<Self, RecordingError> {
+        let no_mcap = |reason: &str| RecordingError::NoMcap { file: file.clone(), reason: reason.to_owned() };
+        let mut magic = [0; mcap::MAGIC.len()];
+        let read = source.read_at(0, &mut magic);
+        let read = read.map_err(|source| RecordingError::Read { file: file.clone(), source })?;
+        if magic[..read] != *mcap::MAGIC {
+            return Err(no_mcap("it does not begin as MCAP does"));
+        }
+        let mut attachments: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+        let mut last_chunk = None;
+        let mut frames = Frames::new(&source, mcap::MAGIC.len() as u64, SKIPPING_BYTES);
+        let mut flaw = None;
         loop {
-            match records.next() {
-                Some(Ok(Record::Attachment { header, data, .. })) => {
-                    attachments.insert(header.name, data.into_owned());
+            let attachment = match frames.next() {
+                Some(Ok(frame)) if frame.kind == op::ATTACHMENT => frames.attachment(&frame, &DOCUMENTS),
+                Some(Ok(frame)) if frame.kind == op::CHUNK => {
+                    last_chunk = Some(frame.at);
+                    Ok(None)
                 }
-                Some(Ok(Record::Message { .. } | Record::DataEnd(_))) | None => break,
-                Some(Ok(_)) => {}
-                Some(Err(source)) if attachments.is_empty() => return Err(RecordingError::NoMcap { file, source }),
-                Some(Err(_)) => break,
+                Some(Ok(frame)) if frame.kind == op::DATA_END => {
+                    last_chunk = None;
+                    break;
+                }
+                Some(Ok(_)) => Ok(None),
+                Some(Err(flaw)) => Err(flaw),
+                None => break,
+            };
+            match attachment {
+                Ok(None) => {}
+                Ok(Some((name, data))) => {
+                    if attachments.get(&name).is_some_and(|known| *known != data) {
+                        return Err(RecordingError::Merged { file, name });
+                    }
+                    attachments.insert(name, data);
+                }
+                Err(other) => {
+                    flaw = Some(other);
+                    break;
+                }
             }
         }
         if !attachments.contains_key(SCENARIO_ATTACHMENT) {
-            return Err(RecordingError::OtherRecording { file });
+            return Err(match flaw {
+                Some(flaw) => no_mcap(&End::of(flaw, source.length()).to_string()),
+                None => RecordingError::OtherRecording { file },
+            });
         }
-        Ok(Self { file, bytes, attachments })
+        if let Some(at) = last_chunk {
+            source.copy_tail(at).map_err(|source| RecordingError::Read { file: file.clone(), source })?;
+        }
+        Ok(Self { file, source, attachments })
     }
 
     /// The name for error messages.
@@ -188,19 +239,13 @@ impl Recording {
         String::from_utf8_lossy(&self.attachments[SCENARIO_ATTACHMENT])
     }
 
-    /// The whole file.
+    /// Whether two files are equal, byte for byte.
     #[must_use]
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
+    pub fn has_same_bytes(&self, other: &Self) -> bool {
+        self.source.is_same(&other.source).unwrap_or_default()
     }
 
-    /// Whether the file is closed: its summary is written, too.
-    #[must_use]
-    pub fn is_closed(&self) -> bool {
-        self.bytes.ends_with(mcap::MAGIC)
-    }
-
-    /// Attachments by name.
+    /// Scenario and map, by name.
     #[must_use]
     pub fn attachments(&self) -> &BTreeMap<String, Vec<u8>> {
         &self.attachments
@@ -215,14 +260,30 @@ impl Recording {
     /// All messages, in file order.
     #[must_use]
     pub fn messages(&self) -> Messages<'_> {
-        Messages::with_known(&self.bytes, KnownChannels::default())
+        Messages::new(&self.source)
+    }
+}
+
+impl End {
+    fn of(flaw: Flaw, length: u64) -> Self {
+        match flaw {
+            Flaw::CutOff => Self::CutOff { bytes: length },
+            Flaw::Damage { before_byte, reason } => Self::Damage { before_byte: before_byte.min(length), reason },
+        }
     }
 }
 
 /// Iterator over the messages of a recording, up to its end or damage.
 pub struct Messages<'a> {
-    records: Records<'a>,
+    frames: Frames<'a>,
+    chunk: Option<ChunkRecords>,
     known: KnownChannels,
+    /// Messages so far.
+    count: u64,
+    /// Offset of the last chunk so far, and the messages before it.
+    last_chunk: Option<(u64, u64)>,
+    /// Of the bytes so far; `None` if reading did not begin with the file.
+    hasher: Option<Hasher>,
     end: Option<End>,
 }
 
@@ -233,10 +294,50 @@ struct KnownChannels {
     channels: BTreeMap<u16, Arc<Channel>>,
 }
 
+impl KnownChannels {
+    /// Reads a record, and returns the message if it is one.
+    fn read(&mut self, kind: u8, content: &[u8]) -> Result<Option<Message>, String> {
+        match mcap::parse_record(kind, content).map_err(|error| error.to_string())? {
+            Record::Schema { header, .. } => {
+                self.schemas.insert(header.id, header.name);
+            }
+            Record::Channel(channel) => {
+                let type_name = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                let offered_qos = channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default();
+                let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos });
+                self.channels.insert(channel.id, known);
+            }
+            Record::Message { header, data } => {
+                let channel = self.channels.get(&header.channel_id).cloned();
+                let channel =
+                    channel.ok_or_else(|| format!("a message of channel {}, which is unknown", header.channel_id))?;
+                return Ok(Some(Message { channel, time_ns: header.log_time, data: data.into_owned() }));
+            }
+            _ => {}
+        }
+        Ok(None)
+    }
+}
+
 impl<'a> Messages<'a> {
-    /// Of a part of a file behind the first bytes of every file; `known` is from the parts before.
-    fn with_known(bytes: &'a [u8], known: KnownChannels) -> Self {
-        Self { records: Records::new(bytes), known, end: None }
+    /// From the beginning of a file on.
+    fn new(source: &'a Source) -> Self {
+        let mut hasher = Hasher::new();
+        hasher.update(mcap::MAGIC);
+        Self { hasher: Some(hasher), ..Self::of_part(source, mcap::MAGIC.len() as u64, KnownChannels::default()) }
+    }
+
+    /// From a record at the top level on; `known` is from the records before.
+    fn of_part(source: &'a Source, at: u64, known: KnownChannels) -> Self {
+        Self {
+            frames: Frames::new(source, at, WINDOW_BYTES),
+            chunk: None,
+            known,
+            count: 0,
+            last_chunk: None,
+            hasher: None,
+            end: None,
+        }
     }
 }
 
@@ -246,6 +347,90 @@ impl Messages<'_> {
     pub fn end(&self) -> Option<&End> {
         self.end.as_ref()
     }
+
+    /// Reads up to a message, or a part without one.
+    fn step(&mut self) -> Result<Option<Message>, Flaw> {
+        if let Some(chunk) = &mut self.chunk {
+            let known = &mut self.known;
+            let message = chunk.next(self.frames.window.source, &mut self.hasher, |kind, data| known.read(kind, data));
+            if message.is_none() {
+                self.chunk = None;
+            }
+            return message.transpose();
+        }
+        let Some(frame) = self.frames.next().transpose()? else {
+            self.end = Some(End::Missing);
+            return Ok(None);
+        };
+        match frame.kind {
+            op::CHUNK => {
+                self.last_chunk = Some((frame.at, self.count));
+                self.chunk = Some(self.frames.chunk(&frame, &mut self.hasher)?);
+                return Ok(None);
+            }
+            op::DATA_END => {
+                self.check_end(&frame)?;
+                self.end = Some(End::Whole);
+                return Ok(None);
+            }
+            _ => {}
+        }
+        if let Some(hasher) = &mut self.hasher {
+            self.frames.hash(&frame, hasher)?;
+        }
+        match frame.kind {
+            op::SCHEMA | op::CHANNEL | op::MESSAGE => {
+                let content = self.frames.content(&frame)?;
+                self.known.read(frame.kind, content).map_err(|reason| frame.damage(reason))
+            }
+            op::ATTACHMENT => self.frames.attachment(&frame, &DOCUMENTS).map(|_| None),
+            op::MESSAGE_INDEX => self.frames.check_index(&frame).map(|()| None),
+            _ => Ok(None),
+        }
+    }
+
+    /// Checks what the end of a file says about the whole of it.
+    fn check_end(&mut self, data_end: &Frame) -> Result<(), Flaw> {
+        let hasher = self.hasher.take();
+        let content = self.frames.content(data_end)?;
+        let Ok(Record::DataEnd(record)) = mcap::parse_record(op::DATA_END, content) else {
+            return Err(data_end.damage("an end of data that cannot be read"));
+        };
+        let is_whole = hasher.is_some();
+        if let Some(found) = hasher.map(Hasher::finalize)
+            && record.data_section_crc != 0
+            && record.data_section_crc != found
+        {
+            return Err(data_end.damage("the bytes before do not match the checksum at the end"));
+        }
+        loop {
+            let Some(frame) = self.frames.next().transpose()? else { return Err(Flaw::CutOff) };
+            match frame.kind {
+                op::STATISTICS => {
+                    let Ok(Record::Statistics(all)) = mcap::parse_record(frame.kind, self.frames.content(&frame)?)
+                    else {
+                        return Err(frame.damage("statistics that cannot be read"));
+                    };
+                    if is_whole && all.message_count != self.count {
+                        let (named, found) = (all.message_count, self.count);
+                        return Err(
+                            frame.damage(format!("the statistics name {named} messages, and {found} are there"))
+                        );
+                    }
+                }
+                op::FOOTER => {
+                    let magic = mcap::MAGIC;
+                    let end = self.frames.window.bytes(frame.end(), magic.len() + 1);
+                    return match end.map_err(|error| frame.damage(error.to_string()))? {
+                        end if end == magic => Ok(()),
+                        end if magic.starts_with(end) => Err(Flaw::CutOff),
+                        _ => Err(frame.damage("the file does not end there as MCAP does")),
+                    };
+                }
+                _ => {}
+            }
+        }
+    }
 }
 
 impl Iterator for Messages<'_> {
@@ -253,150 +438,15 @@ impl Iterator for Messages<'_> {
 
     fn next(&mut self) -> Option<Message> {
         while self.end.is_none() {
-            match self.records.next() {
-                Some(Ok(Record::Schema { header, .. })) => {
-                    self.known.schemas.insert(header.id, header.name);
+            match self.step() {
+                Ok(None) => {}
+                Ok(Some(message)) => {
+                    self.count += 1;
+                    return Some(message);
                 }
-                Some(Ok(Record::Channel(channel))) => {
-                    let type_name = self.known.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                    let offered_qos = channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default();
-                    let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos });
-                    self.known.channels.insert(channel.id, known);
-                }
-                Some(Ok(Record::Message { header, data })) => {
-                    if let Some(channel) = self.known.channels.get(&header.channel_id) {
-                        let channel = Arc::clone(channel);
-                        return Some(Message { channel, time_ns: header.log_time, data: data.into_owned() });
-                    }
-                }
-                // A summary follows.
-                Some(Ok(Record::DataEnd(_))) => self.end = Some(End::Whole),
-                Some(Ok(_)) => {}
-                None => self.end = Some(End::Missing),
-                Some(Err(mcap::McapError::UnexpectedEof)) => {
-                    self.end = Some(End::CutOff { bytes: self.records.bytes.len() });
-                }
-                Some(Err(source)) => {
-                    let before_byte = self.records.position;
-                    let reason = match self.records.unexpected {
-                        Some(kind) if before_byte == self.records.bytes.len() => {
-                            format!("a record of kind {kind:#04x} that no recording has at this place or in this form")
-                        }
-                        _ => source.to_string(),
-                    };
-                    self.end = Some(End::Damage { before_byte, reason });
-                }
+                Err(flaw) => self.end = Some(End::of(flaw, self.frames.window.source.length())),
             }
         }
         None
     }
-}
-
-/// The records of an MCAP file.
-struct Records<'a> {
-    /// Truncated behind the first byte of an unexpected record.
-    bytes: &'a [u8],
-    /// Kind of that record.
-    unexpected: Option<u8>,
-    reader: LinearReader,
-    position: usize,
-}
-
-impl<'a> Records<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        let unexpected = first_unexpected_record(bytes);
-        let bytes = unexpected.map_or(bytes, |at| &bytes[..=at]);
-        let options = LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(bytes.len().max(RECORD_BYTES_MAX));
-        let reader = LinearReader::new_with_options(options);
-        Self { bytes, unexpected: unexpected.map(|at| bytes[at]), reader, position: 0 }
-    }
-
-    fn next(&mut self) -> Option<mcap::McapResult<Record<'static>>> {
-        loop {
-            match self.reader.next_event() {
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    let end = self.bytes.len().min(self.position + wanted);
-                    let part = &self.bytes[self.position..end];
-                    self.reader.insert(part.len()).copy_from_slice(part);
-                    self.reader.notify_read(part.len());
-                    self.position = end;
-                }
-                Some(Ok(LinearReadEvent::Record { data, opcode })) => {
-                    return Some(mcap::parse_record(opcode, data).map(Record::into_owned));
-                }
-                Some(Err(error)) => return Some(Err(error)),
-                None => return None,
-            }
-        }
-    }
-}
-
-/// Offset of the first record that the recorder never writes in this form.
-///
-/// The library's reader skips unknown records, so a chunk with a damaged kind would be missing
-/// silently; in an uncompressed chunk it reads beyond the chunk's end, and it trusts the data
-/// length of an attachment.
-fn first_unexpected_record(bytes: &[u8]) -> Option<usize> {
-    for TopLevelRecord { at, kind, content, is_whole } in top_level_records(bytes) {
-        // The reader reports a truncated record.
-        let is_known = match kind {
-            op::HEADER => at == mcap::MAGIC.len(),
-            op::ATTACHMENT => !is_whole || is_attachment(content),
-            op::CHUNK => content.get(COMPRESSION_AT..).is_none_or(|named| {
-                let length = named.len().min(ZSTD.len());
-                named[..length] == ZSTD[..length]
-            }),
-            // Channel, byte length of the list, and the list.
-            op::MESSAGE_INDEX => {
-                let list = content.get(2..).and_then(<[u8]>::split_first_chunk);
-                !is_whole || list.is_some_and(|(&bytes, list)| u32::from_le_bytes(bytes) as usize == list.len())
-            }
-            // A summary follows.
-            op::DATA_END => return None,
-            _ => false,
-        };
-        if !is_known {
-            return Some(at);
-        }
-    }
-    None
-}
-
-/// A record that is in no other one.
-struct TopLevelRecord<'a> {
-    at: usize,
-    kind: u8,
-    /// Up to the end of the bytes if that comes first.
-    content: &'a [u8],
-    is_whole: bool,
-}
-
-/// The records behind the first bytes of a file, by their lengths alone.
-fn top_level_records(bytes: &[u8]) -> impl Iterator<Item = TopLevelRecord<'_>> {
-    let mut at = mcap::MAGIC.len();
-    std::iter::from_fn(move || {
-        let (&kind, rest) = bytes.get(at..)?.split_first()?;
-        let (&length, rest) = rest.split_first_chunk()?;
-        let length = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX);
-        let whole = rest.get(..length);
-        let record = TopLevelRecord { at, kind, content: whole.unwrap_or(rest), is_whole: whole.is_some() };
-        at = at.saturating_add(1 + size_of::<u64>()).saturating_add(length);
-        Some(record)
-    })
-}
-
-/// Whether an attachment's length matches its fields: two times, two strings, data length, data and
-/// checksum.
-fn is_attachment(content: &[u8]) -> bool {
-    fn after_string(bytes: &[u8]) -> Option<&[u8]> {
-        let (length, rest) = bytes.split_first_chunk()?;
-        rest.get(u32::from_le_bytes(*length) as usize..)
-    }
-    let after_strings = content.get(2 * size_of::<u64>()..).and_then(after_string).and_then(after_string);
-    after_strings.and_then(<[u8]>::split_first_chunk).is_some_and(|(length, rest)| {
-        u64::from_le_bytes(*length).checked_add(size_of::<u32>() as u64) == Some(rest.len() as u64)
-    })
 }

@@ -1,8 +1,9 @@
 //! Verification of a recording by re-executing its run: everything that follows from its map,
 //! commands and interventions is compared with what it holds.
 //!
-//! Invariants: a recording that is damaged or has no end is checked up to its last complete tick;
-//! an unchanged recording of this build verifies.
+//! Invariants: a recording that is damaged or has no end is checked up to its last complete tick,
+//! which is less than the whole ([`Verified::lack`]); an unchanged recording of this build
+//! verifies.
 //!
 //! This proves that the world has answered the recorded commands as it had to, and not who has
 //! given them: a command is an input of the run. One that was changed in the file shows in its
@@ -37,6 +38,28 @@ pub struct Verified {
     pub reason: Option<String>,
     /// Where the file ends.
     pub end: End,
+}
+
+impl Verified {
+    /// Why this is less than a run that was verified up to its recorded end; `None` if it is not.
+    /// A file that is cut is enough if `up_to_cut`.
+    #[must_use]
+    pub fn lack(&self, up_to_cut: bool) -> Option<String> {
+        let ticks = self.ticks;
+        match &self.end {
+            end @ End::Damage { .. } => Some(format!("{end}; verified up to tick {ticks}")),
+            end if ticks == Tick::ZERO => Some(match end {
+                End::Whole => "it has no tick, so that nothing was verified".to_owned(),
+                end => format!("{end}, before the end of the first tick, so that nothing was verified"),
+            }),
+            _ if up_to_cut => None,
+            End::Whole if self.reason.is_some() => None,
+            end => {
+                let end = if *end == End::Whole { "without a result".to_owned() } else { end.to_string() };
+                Some(format!("{end}; verified up to tick {ticks}, which is enough with --up-to-cut"))
+            }
+        }
+    }
 }
 
 /// Why a recording does not verify.
@@ -107,7 +130,7 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
     })?;
     let playback = Playback::new(recording)?;
     let reason = playback.ending().map(|ending| ending.reason.clone());
-    let end = end_of(recording);
+    let end = playback.end().clone();
     let mut comparison = Comparison::new(recording);
     let stop = AtomicBool::new(false);
     let outcome = RunConfig::new(&scenario, Mode::Verify(playback, &mut comparison)).and_then(|config| {
@@ -130,13 +153,6 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
         }),
         Err(source) => Err(VerifyError::Run { file: file(), source: Box::new(source), end }),
     }
-}
-
-/// Where a file ends.
-fn end_of(recording: &Recording) -> End {
-    let mut messages = recording.messages();
-    messages.by_ref().for_each(drop);
-    messages.end().cloned().unwrap_or(End::Missing)
 }
 
 /// The report for the user, without the digest.

@@ -53,7 +53,7 @@ pub fn compare_recordings(before: &Recording, now: &Recording) -> Result<Equival
     if refusals > 0 {
         return Ok(Equivalence::ExceptRefusals(refusals));
     }
-    if before.bytes() == now.bytes() {
+    if before.has_same_bytes(now) {
         Ok(Equivalence::Bytes)
     } else {
         Err("all messages are equal, but the bytes of the files differ".to_owned())

@@ -153,7 +153,7 @@ impl<'s> Cluster<'s> {
                 let playback = Playback::new(recording).map_err(|error| error.to_string())?;
                 if let Horizon::Ended(tick) = playback.horizon() {
                     self.note(|| format!("the recording has a result in tick {tick}"));
-                    return Ok(Served::Complete(recording.bytes().to_vec()));
+                    return Ok(Served::Complete(self.disk.published().unwrap_or_default()));
                 }
                 let horizon = playback.horizon();
                 self.note(|| format!("the run is resumed: {horizon:?}"));

@@ -99,3 +99,16 @@ fn only_refusal_counters_are_ignored() {
     let other = compared(&before, &[result(&[("scans", 6), ("refused_wrong_tick", 0)])]);
     assert_eq!(other.difference().unwrap().to_string(), "tick 9, /sim/result: counters.scans was 5 and is 6");
 }
+
+/// Tools keep the order of times and of the messages of a topic, and not that of topics.
+#[test]
+fn order_of_topics_within_a_tick_is_ignored() {
+    let now = [observation(1, 0.0), observation(1, 0.5), command(1), observation(2, 0.0), command(2)];
+    let sorted = [command(1), observation(1, 0.0), observation(1, 0.5), command(2), observation(2, 0.0)];
+    assert_eq!(found(&sorted, &now), None);
+    let swapped = [observation(1, 0.5), observation(1, 0.0), command(1), observation(2, 0.0), command(2)];
+    let words = "tick 1, agent 3, /agent_3/observation: position.x was 0.5 and is 0.0";
+    assert_eq!(found(&swapped, &now).unwrap(), words);
+    let later = [observation(1, 0.0), observation(1, 0.5), observation(2, 0.0), command(1), command(2)];
+    assert!(found(&later, &now).is_some());
+}

@@ -7,18 +7,17 @@
 //! This module does not wait: the caller decides when to read again.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
+use std::sync::Arc;
 
-use mcap::records::op;
-
-use super::{End, KnownChannels, Message, Messages, RecordingError, top_level_records};
-use crate::input_file::{self, RECORDING_BYTES_MAX};
+use super::source::Source;
+use super::{End, KnownChannels, Message, Messages, RecordingError};
+use crate::input_file;
 
 /// A recording from its beginning to what has been read.
 pub struct Follower {
     name: String,
-    file: File,
+    file: Arc<File>,
     /// Offset of the first chunk that may be overwritten: the open one.
     open_at: u64,
     /// Messages of it that have been read.
@@ -39,7 +38,7 @@ impl Follower {
         let file = input_file::open(file).map_err(|source| RecordingError::Read { file: name.clone(), source })?;
         Ok(Self {
             name,
-            file,
+            file: Arc::new(file),
             open_at: mcap::MAGIC.len() as u64,
             read: 0,
             known: KnownChannels::default(),
@@ -62,8 +61,9 @@ impl Follower {
         if self.has_ended {
             return Ok(Vec::new());
         }
-        let bytes = self.bytes().map_err(|source| RecordingError::Read { file: self.name.clone(), source })?;
-        let Some(new) = self.parse(&bytes) else { return Ok(Vec::new()) };
+        let source = Source::of_file(Arc::clone(&self.file));
+        let source = source.map_err(|source| RecordingError::Read { file: self.name.clone(), source })?;
+        let Some(new) = self.parse(&source) else { return Ok(Vec::new()) };
         let mut messages = std::mem::take(&mut self.of_last_tick);
         messages.extend(new);
         if !self.has_ended {
@@ -75,42 +75,25 @@ impl Follower {
         Ok(messages)
     }
 
-    /// The file from the open chunk on, behind the bytes that every recording begins with.
-    fn bytes(&mut self) -> io::Result<Vec<u8>> {
-        let mut bytes = mcap::MAGIC.to_vec();
-        self.file.seek(SeekFrom::Start(self.open_at))?;
-        self.file.by_ref().take(RECORDING_BYTES_MAX).read_to_end(&mut bytes)?;
-        Ok(bytes)
-    }
-
-    /// The new messages; `None` if the bytes end within a record, or are damaged by a chunk that is
+    /// The new messages; `None` if the file ends within a record, or is damaged by a chunk that is
     /// being overwritten. Then nothing counts as read.
-    fn parse(&mut self, bytes: &[u8]) -> Option<Vec<Message>> {
-        let chunks = top_level_records(bytes).filter(|record| record.kind == op::CHUNK);
-        let open = chunks.last().map_or(bytes.len(), |record| record.at);
-        let open_chunk = [mcap::MAGIC, &bytes[open..]].concat();
-        let mut known = self.known.clone();
-        let mut messages = Vec::new();
-        let (mut closed, mut has_ended) = (0, false);
-        for part in [&bytes[..open], &open_chunk] {
-            closed = messages.len();
-            let mut of_part = Messages::with_known(part, known);
-            messages.extend(of_part.by_ref());
-            has_ended |= match of_part.end {
-                Some(End::Whole) => true,
-                Some(End::Missing) => false,
-                _ => return None,
-            };
-            known = of_part.known;
-        }
-        let of_open_chunk = messages.len() - closed;
-        if messages.len() < self.read {
+    fn parse(&mut self, source: &Source) -> Option<Vec<Message>> {
+        let mut messages = Messages::of_part(source, self.open_at, self.known.clone());
+        let mut new: Vec<Message> = messages.by_ref().collect();
+        let has_ended = match messages.end {
+            Some(End::Whole) => true,
+            Some(End::Missing) => false,
+            _ => return None,
+        };
+        let of_file = new.len();
+        if of_file < self.read {
             return None;
         }
-        let new = messages.split_off(self.read);
-        self.open_at += (open - mcap::MAGIC.len()) as u64;
-        self.read = of_open_chunk;
-        self.known = known;
+        let (open_at, closed) = messages.last_chunk.unwrap_or((messages.frames.position(), of_file as u64));
+        new.drain(..self.read);
+        self.open_at = open_at;
+        self.read = of_file - closed as usize;
+        self.known = messages.known;
         self.has_ended = has_ended;
         Some(new)
     }

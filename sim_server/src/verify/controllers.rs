@@ -1,8 +1,9 @@
 //! Verification of recorded commands: each agent is re-executed on its recorded observations, and
 //! its commands are compared.
 //!
-//! Agents are re-executed independently and in parallel, because their observations are known. The
-//! caller provides the agents, which this crate does not know.
+//! Agents are re-executed independently and in parallel, because their observations are known, a
+//! part of the recording at a time, which bounds the memory. The caller provides the agents, which
+//! this crate does not know.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +27,7 @@ pub trait ControllerFactory: Sync {
 }
 
 /// A re-executed agent.
-pub trait AgentReplica {
+pub trait AgentReplica: Send {
     /// Passes a fragment of an observation, and returns the command once there is one.
     ///
     /// # Errors
@@ -60,12 +61,8 @@ pub enum ControllersError {
     Agent { file: String, tick: Tick, agent: AgentId, reason: String },
 }
 
-/// Observations and commands of one agent, in order.
-#[derive(Debug, Default)]
-struct AgentHistory {
-    runs: String,
-    messages: Vec<Message>,
-}
+/// Bytes of messages that are re-executed at once.
+const PART_BYTES: usize = 32 << 20;
 
 /// Re-executes the agents of a recording, in all ticks before one.
 ///
@@ -76,65 +73,74 @@ pub fn check(
     before: Tick,
     controllers: &dyn ControllerFactory,
 ) -> Result<Checked, ControllersError> {
-    let (announced, histories) = histories(recording, before);
-    let verdicts: Vec<(AgentId, Verdict)> = histories
-        .into_par_iter()
-        .map(|(agent, history)| (agent, check_agent(&announced, agent, &history, controllers)))
-        .collect();
-    let mut checked = Checked::default();
-    let mut first: Option<(Tick, AgentId, Mismatch)> = None;
-    for (agent, verdict) in verdicts {
-        match verdict {
-            Verdict::Same { commands } => {
-                checked.commands += commands;
-                checked.agents.push(agent);
-            }
-            Verdict::Unchecked { reason } => {
-                checked.unchecked.insert(agent, reason);
-            }
-            // Agents come in order, so the first of two in one tick stays.
-            Verdict::Mismatch { tick, mismatch } if first.as_ref().is_none_or(|(first, ..)| tick < *first) => {
-                first = Some((tick, agent, mismatch));
-            }
-            Verdict::Mismatch { .. } => {}
-        }
-    }
-    let file = recording.file().to_owned();
-    match first {
-        None => Ok(checked),
-        Some((_, _, Mismatch::Command(difference))) => Err(ControllersError::Different { file, difference }),
-        Some((tick, agent, Mismatch::Agent(reason))) => Err(ControllersError::Agent { file, tick, agent, reason }),
-    }
+    check_in_parts(recording, before, controllers, PART_BYTES)
 }
 
-/// The announced scenario, and the history of each agent in all ticks before one.
-fn histories(recording: &Recording, before: Tick) -> (Scenario, BTreeMap<AgentId, AgentHistory>) {
+fn check_in_parts(
+    recording: &Recording,
+    before: Tick,
+    controllers: &dyn ControllerFactory,
+    part_bytes: usize,
+) -> Result<Checked, ControllersError> {
     let mut announced = Scenario::default();
-    let mut histories: BTreeMap<AgentId, AgentHistory> = BTreeMap::new();
-    for message in recording.messages().take_while(|message| message.tick() < before) {
+    let mut agents: BTreeMap<AgentId, ReplayedAgent> = BTreeMap::new();
+    let (mut bytes, mut last) = (0, Tick::ZERO);
+    let of_run = recording.messages().filter(|message| comparison::is_of_run(&message.channel.topic));
+    for message in of_run.take_while(|message| message.tick() < before) {
+        // A part ends with a tick, so that a difference of an earlier part is an earlier one.
+        if bytes >= part_bytes && message.tick() != last {
+            re_execute(recording, &mut agents, &announced, controllers)?;
+            bytes = 0;
+        }
+        last = message.tick();
         if message.channel.topic == topics::scenario().name {
             announced = message.decode().unwrap_or_default();
         }
         match message.of_agent() {
             Some((agent, "join")) => {
-                histories.entry(agent).or_default().runs = message.decode().map_or_else(|_| String::new(), runs);
+                agents.entry(agent).or_default().runs =
+                    message.decode().map_or_else(|_| String::new(), |join: Join| join.controller);
             }
-            Some((agent, "observation" | "command")) => histories.entry(agent).or_default().messages.push(message),
+            Some((agent, "observation" | "command")) => {
+                bytes += message.data.len();
+                agents.entry(agent).or_default().messages.push(message);
+            }
             _ => {}
         }
     }
-    (announced, histories)
+    re_execute(recording, &mut agents, &announced, controllers)?;
+    let mut checked = Checked::default();
+    for (agent, replayed) in agents {
+        match replayed.replica {
+            Some(Err(reason)) => {
+                checked.unchecked.insert(agent, reason);
+            }
+            _ => {
+                checked.commands += replayed.commands;
+                checked.agents.push(agent);
+            }
+        }
+    }
+    Ok(checked)
 }
 
-fn runs(join: Join) -> String {
-    join.controller
-}
-
-/// The outcome for one agent.
-enum Verdict {
-    Same { commands: u64 },
-    Unchecked { reason: String },
-    Mismatch { tick: Tick, mismatch: Mismatch },
+/// Re-executes the agents on the messages that have been read.
+fn re_execute(
+    recording: &Recording,
+    agents: &mut BTreeMap<AgentId, ReplayedAgent>,
+    announced: &Scenario,
+    controllers: &dyn ControllerFactory,
+) -> Result<(), ControllersError> {
+    let found = agents.par_iter_mut().filter_map(|(&agent, replayed)| {
+        let (tick, mismatch) = replayed.re_execute(announced, agent, controllers).err()?;
+        Some((tick, agent, mismatch))
+    });
+    let file = recording.file().to_owned();
+    match found.min_by_key(|&(tick, agent, _)| (tick, agent)) {
+        None => Ok(()),
+        Some((_, _, Mismatch::Command(difference))) => Err(ControllersError::Different { file, difference }),
+        Some((tick, agent, Mismatch::Agent(reason))) => Err(ControllersError::Agent { file, tick, agent, reason }),
+    }
 }
 
 /// Why an agent does not verify.
@@ -143,35 +149,49 @@ enum Mismatch {
     Agent(String),
 }
 
-fn check_agent(
-    announced: &Scenario,
-    agent: AgentId,
-    history: &AgentHistory,
-    controllers: &dyn ControllerFactory,
-) -> Verdict {
-    let mut replica = match controllers.agent(announced, agent, &history.runs) {
-        Ok(replica) => replica,
-        Err(reason) => return Verdict::Unchecked { reason },
-    };
-    let mut commands = 0;
-    let mut answer = None;
-    for message in &history.messages {
-        let tick = message.tick();
-        if message.of_agent().is_some_and(|(_, topic)| topic == "command") {
-            if let Some(difference) = comparison::compare_command(message, answer.take().as_ref()) {
-                return Verdict::Mismatch { tick, mismatch: Mismatch::Command(Box::new(difference)) };
+/// An agent that is re-executed on its recorded observations.
+#[derive(Default)]
+struct ReplayedAgent {
+    /// The controller of its join message, with settings.
+    runs: String,
+    /// Made of the first messages; otherwise the reason why there is none.
+    replica: Option<Result<Box<dyn AgentReplica>, String>>,
+    /// Observations and commands that are still to be re-executed.
+    messages: Vec<Message>,
+    /// What it has decided on its last observation.
+    answer: Option<Command>,
+    /// Number of equal commands.
+    commands: u64,
+}
+
+impl ReplayedAgent {
+    fn re_execute(
+        &mut self,
+        announced: &Scenario,
+        agent: AgentId,
+        controllers: &dyn ControllerFactory,
+    ) -> Result<(), (Tick, Mismatch)> {
+        let mut messages = std::mem::take(&mut self.messages);
+        let replica = self.replica.get_or_insert_with(|| controllers.agent(announced, agent, &self.runs));
+        let Ok(replica) = replica else { return Ok(()) };
+        let is_command = |message: &Message| message.of_agent().is_some_and(|(_, topic)| topic == "command");
+        // A tool may have changed the order of topics in a tick.
+        messages.sort_by_key(|message| (message.tick(), is_command(message)));
+        for message in messages {
+            let tick = message.tick();
+            if is_command(&message) {
+                if let Some(difference) = comparison::compare_command(&message, self.answer.take().as_ref()) {
+                    return Err((tick, Mismatch::Command(Box::new(difference))));
+                }
+                self.commands += 1;
+                continue;
             }
-            commands += 1;
-            continue;
+            let part = message.decode().map_err(|error| error.to_string());
+            let decided = part.and_then(|part| replica.take(part));
+            self.answer = decided.map_err(|reason| (tick, Mismatch::Agent(reason)))?.or(self.answer.take());
         }
-        let part = message.decode().map_err(|error| error.to_string());
-        match part.and_then(|part| replica.take(part)) {
-            Ok(None) => {}
-            Ok(Some(command)) => answer = Some(command),
-            Err(reason) => return Verdict::Mismatch { tick, mismatch: Mismatch::Agent(reason) },
-        }
+        Ok(())
     }
-    Verdict::Same { commands }
 }
 
 /// The report for the user.
@@ -253,5 +273,12 @@ mod tests {
         let refused = check(&changed, Tick(3), &CountingFactory).unwrap_err().to_string();
         assert!(refused.ends_with(": tick 1, agent 2, /agent_2/command: want_view was true and is false"), "{refused}");
         assert!(check(&changed, Tick(1), &CountingFactory).is_ok(), "later ticks are not checked");
+        let in_parts = check_in_parts(&changed, Tick(3), &CountingFactory, 1).unwrap_err().to_string();
+        assert_eq!(in_parts, refused);
+        let same = recording(|_| {});
+        assert_eq!(
+            check_in_parts(&same, Tick(3), &CountingFactory, 1).unwrap(),
+            check(&same, Tick(3), &CountingFactory).unwrap()
+        );
     }
 }
