@@ -130,3 +130,22 @@ fn forks_have_the_events_of_their_parent_and_one_more() {
     let join = toml::from_str::<toml::Table>("v = [{ kind = \"join\", at_s = 9.0, agent = 0 }]").unwrap();
     assert!(parent.fork(Tick(350), "cd", &[event(&join)]).unwrap_err().to_string().contains("from the start"));
 }
+
+#[test]
+fn changes_of_keys_are_bounded_by_what_they_copy() {
+    let change =
+        |number: usize| format!("{{ kind = \"set\", at_s = {number}.0, set = {{ \"communication.loss\" = 0.5 }} }}");
+    let changes = |count: usize| (0..count).map(change).collect::<Vec<_>>().join(", ");
+    let with = |count: usize, settings: usize| {
+        let set: String = (0..settings).map(|number| format!("agents.set.k{number} = 1\n")).collect();
+        let text = format!(
+            "{set}seed = 1\nduration_s = 900.0\nmap = {{ kind = \"spheres\", size = 20 }}\nagents.count = 2\n\
+             event = [{}]\n",
+            changes(count)
+        );
+        Scenario::parse("s.toml", &text, &[]).map_err(|error| error.to_string())
+    };
+    assert_eq!(with(50, 100).unwrap().phases().len(), 51);
+    let refused = with(800, 9000).unwrap_err();
+    assert!(refused.contains("event = 800 changes of keys: expected at most"), "{refused}");
+}
