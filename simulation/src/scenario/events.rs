@@ -342,6 +342,11 @@ impl Scenario {
                 added.extend(new_events(change.value.as_ref(), at).map_err(refused)?);
                 continue;
             }
+            // Whoever trusts the program of the parent repeats it.
+            let command = || toml::Value::from(present.agents.command.clone());
+            if change.key == "agents.command" && change.value.as_ref().is_some_and(|value| *value == command()) {
+                continue;
+            }
             changeable(&change.key).map_err(refused)?;
             let Some(value) = &change.value else { continue };
             let mut with = set.clone();

@@ -125,6 +125,11 @@ fn forks_have_the_events_of_their_parent_and_one_more() {
     let event = |table: &toml::Table| set("event", table["v"].clone());
     let fork = fork.fork(Tick(350), "cd", &[event(&broken)]).unwrap();
     assert_eq!(fork.event.len(), 3);
+    let mut own = parent.clone();
+    own.agents.command = vec!["./own".to_owned()];
+    let repeated = |word: &str| own.fork(Tick(50), "ab", &[set("agents.command", vec![word])]);
+    assert_eq!(repeated("./own").unwrap(), own, "a program that is repeated changes nothing");
+    assert!(repeated("./other").unwrap_err().to_string().contains("programs run for all of a run"));
     let early = parent.fork(Tick(351), "cd", &[event(&broken)]).unwrap_err().to_string();
     assert!(early.contains("at_s = 7: expected no event before the fork, tick 351"), "{early}");
     let join = toml::from_str::<toml::Table>("v = [{ kind = \"join\", at_s = 9.0, agent = 0 }]").unwrap();
