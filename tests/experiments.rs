@@ -210,6 +210,18 @@ fn results_of_a_benchmark_are_verified_by_others() {
     site.file("forged.json", forged);
     let refused = experiments(&site, &["bench", "verify", "forged.json", "--draw", "3"]).ended().with_code(1);
     assert!(refused.stdout.contains("differs: score"), "{refused}");
+    // A program that the file names is not started by itself.
+    let mut entry: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    entry["entry"]["command"] = serde_json::json!(["sh", "-c", "touch started", "{id}"]);
+    site.file("stranger.json", entry.to_string());
+    let verify = ["bench", "verify", "stranger.json", "--draw", "3"];
+    let typed = ["--command", "sh", "--command", "-c", "--command", "touch other", "--command", "{id}"];
+    for flags in [&[][..], &typed] {
+        let refused = experiments(&site, &[&verify[..], flags].concat()).ended().with_code(2);
+        let repeat = "--command sh --command -c --command 'touch started' --command '{id}'";
+        assert!(refused.stderr.contains("entry.command = [\"sh\"") && refused.stderr.contains(repeat), "{refused}");
+        assert!(!site.path("started").exists());
+    }
     let unknown = experiments(&site, &["bench", "exploration-1", "--controller", "x", "--out", "none"]).ended();
     let unknown = unknown.with_code(2);
     assert!(unknown.stderr.contains("agents.controller"), "{unknown}");

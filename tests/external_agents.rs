@@ -35,6 +35,24 @@ fn mixed_team_is_deterministic() {
     assert!(result.distance_m.iter().all(|&distance_m| distance_m > 5.0), "{:?}", result.distance_m);
 }
 
+/// As in docs/own-node.md, on the default map, where the agents start near a floor.
+#[test]
+fn examples_move_on_the_default_map() {
+    let ways = [("cmd_vel_agent.py", ["--set", "agents.cmd_vel=[0]"], "30"), ("agent.py", ["--external", "0"], "90")];
+    for seed in ["1", "2", "3", "4"] {
+        for (script, flags, duration) in ways {
+            let site = Site::new();
+            let _node = example(&site, script, "0");
+            let run = ["--agents", "2", "--seed", seed, "--duration", duration, "--set", "stop_when_explored=false"];
+            let patient = ["--decision-timeout", "60", "--join-timeout", "300"];
+            let outcome = site.record(&[&run[..], &flags, &patient].concat());
+            let result = Recording::from_bytes(&outcome.bytes).result();
+            assert!(result.distance_m[0] > 5.0, "{script}, seed {seed}: {:?}", result.distance_m);
+            assert!(result.explored_by[0] > 0.1, "{script}, seed {seed}: {:?}", result.explored_by);
+        }
+    }
+}
+
 #[test]
 fn cmd_vel_example_replies_in_any_order_of_topics() {
     python::prepare_ros();

@@ -162,5 +162,6 @@ fn controller_in_python_is_a_ros_node() {
     let over_ros = site.record(&[&flags[..], &["--external", "0", "--join-timeout", "300"]].concat());
     node.ended().with_code(0);
     let in_python = result(&over_ros.bytes);
+    assert!(in_python.distance_m.iter().all(|&distance_m| distance_m > 5.0), "{:?}", in_python.distance_m);
     assert_eq!((in_python.distance_m, in_python.explored_by), (in_rust.distance_m, in_rust.explored_by));
 }

@@ -28,7 +28,7 @@ SCAN_TICKS = 10
 SPEED_M_S = 1.5
 TURN_RATE_RAD_S = 1.0
 NEAR_M = 2.5  # distance up to which walls are in the way
-BESIDE_M = 1.0  # lateral distance from the line of flight up to which they are
+BESIDE_M = 0.45  # lateral distance from the line of flight up to which they are; the body has 0.4 m
 DIRECTIONS = 20
 
 

@@ -198,8 +198,10 @@ def main():
             writer.writerow((name, *(f"{value:.3f}" for value in row[:3]), row[3], len(shares)))
             print(f"{name}: {row[0]:.1%} after 60 s, {row[1]:.1%} at the end, 90 % after {row[2]:.0f} s")
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
-    steps, _, times_s = zip(*curve.rows, strict=True)
-    left.plot(np.array(steps) / 1e6, times_s, lw=0.8)
+    # A short training has no mean yet.
+    if curve.rows:
+        steps, _, times_s = zip(*curve.rows, strict=True)
+        left.plot(np.array(steps) / 1e6, times_s, lw=0.8)
     left.set(xlabel="agent steps in training (millions)", ylabel="time to 90 % (s), mean of 32 worlds")
     for name, shares in results.items():
         right.plot(np.arange(1, shares.shape[1] + 1) * PERIOD_S, shares.mean(0), label=name, lw=1)

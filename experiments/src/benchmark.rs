@@ -233,11 +233,13 @@ fn plan(entry: &Entry, seeds: &[u64], world: &World, folder: &Path) -> Result<Pl
     }
     let radios = RADIOS.map(|(_, radio)| radio).join(", ");
     let World { name, duration_s, map, spawn } = world;
+    // Texts of the entry, which may be a stranger's, are values of the plan and never part of its
+    // syntax.
+    let title = toml::Value::from(format!("{EXPLORATION_1}, {name}: {}", entry.controller));
     let text = format!(
-        "title = \"{EXPLORATION_1}, {name}: {controller}\"\nfolder = \"files\"\nseeds = {seeds:?}\n\n[axes]\n\
+        "title = {title}\nfolder = \"files\"\nseeds = {seeds:?}\n\n[axes]\n\
          \"agents.count\" = {TEAMS:?}\ncommunication = [{radios}]\n\n[scenario]\nduration_s = {duration_s}.0\nmap = {map}\n\
          spawn = {spawn}\nagents = {agents}\n",
-        controller = entry.controller,
         agents = toml::Value::Table(agents),
     );
     Ok(Plan::parse(&format!("{EXPLORATION_1}, {name}"), &text, folder)?)
@@ -361,6 +363,17 @@ mod tests {
                 sim_server::setup::build(&run.scenario).unwrap();
             }
         }
+    }
+
+    #[test]
+    fn name_of_a_controller_adds_nothing_to_a_plan() {
+        let site = tempfile::tempdir().unwrap();
+        let world = &WORLDS[0];
+        let name = "x\"\nfolder = \"files\"\nseeds = [1]\n[[variant]]\nname = \"v\"\n\"agents.command\" = [\"sh\", \
+                    \"{id}\"]\ncommand_signs = \"\"\"";
+        let refused = plan(&entry(name), &[1], world, site.path()).unwrap_err().to_string();
+        // Written as it is, it would close the title, and be a plan of its own.
+        assert!(refused.contains("agents.controller") && refused.contains("unknown"), "{refused}");
     }
 
     #[test]

@@ -17,6 +17,7 @@ use std::thread;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use agent_node::controllers::Registry;
+use msgs::printable;
 use sim_server::setup::SetupError;
 #[cfg(feature = "ros")]
 use supervisor::SupervisorError;
@@ -26,7 +27,7 @@ use crate::keep::{self, Keep};
 use crate::merge::is_same_run;
 use crate::oracle;
 use crate::plan::{BUILD, Plan, PlannedRun};
-use crate::rows::{Made, RunRecord, RunRow, StoredRun};
+use crate::rows::{FailedRun, Made, RunRecord, RunRow, StoredRun};
 use crate::statistics::StatisticsError;
 use crate::store::{self, Store, StoreError};
 
@@ -287,8 +288,7 @@ fn batch(
                         scenario.map.file = Some(plan.inputs.copies().join(map));
                     }
                     store.save_scenario(&run.id, &scenario.to_toml())?;
-                    let made = Made { date: Some(today()), map: Some(run.map.clone()) };
-                    let stored = StoredRun::new(record, made);
+                    let stored = StoredRun::new(record, made(run));
                     store.save_run(&stored)?;
                     observer.completed(run, &stored.row);
                     summary.done += 1;
@@ -298,11 +298,34 @@ fn batch(
             Err(RunFailure::Failed(reason)) => {
                 summary.failed += 1;
                 failed.push(run.id.clone());
+                store.save_failure(&failed_run(run, &reason))?;
                 observer.failed(run, &reason);
             }
         }
         Ok(())
     })
+}
+
+fn made(run: &PlannedRun) -> Made {
+    Made { date: Some(today()), map: Some(run.map.clone()) }
+}
+
+/// What stays of a run that has failed.
+fn failed_run(run: &PlannedRun, reason: &str) -> FailedRun {
+    let scenario = &run.scenario;
+    FailedRun {
+        id: run.id.clone(),
+        build: BUILD.to_owned(),
+        controller: scenario.agents.controllers_label(),
+        seed: scenario.seed,
+        size: scenario.map.size.map(|size| size.cells()),
+        agents: scenario.agents.count,
+        axes: run.axes.clone(),
+        duration_s: scenario.duration_s,
+        // It may quote what a program has printed.
+        reason: printable::line(reason).into_owned(),
+        made: made(run),
+    }
 }
 
 /// Adds the oracle to the records of these runs that lack it. Runs that differ in their controllers
@@ -348,7 +371,13 @@ fn prune(plan: &Plan, store: &Store, done: &BTreeSet<String>, is_allowed: bool) 
             count: others.len(),
             example: (*example).clone(),
         }),
-        _ => Ok(others.into_iter().try_for_each(|id| store.remove(id))?),
+        _ => {
+            others.into_iter().try_for_each(|id| store.remove(id))?;
+            // Failures are no results: those of another plan or build go.
+            let failures = store.failures()?;
+            let others = failures.iter().filter(|failed| !planned.contains(&failed.id));
+            Ok(others.map(|failed| store.forget_failure(&failed.id)).collect::<Result<(), _>>()?)
+        }
     }
 }
 

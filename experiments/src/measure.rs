@@ -95,6 +95,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         search_failures: counters.of("failed_searches"),
         refusals: counters.refusals(),
         digest: Digest(result.digest).to_string(),
+        failure: None,
         oracle: None,
         wall,
     };

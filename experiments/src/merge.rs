@@ -32,6 +32,7 @@ pub enum MergeError {
 pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     let mut plan: Option<(&Path, String)> = None;
     let mut all = std::collections::BTreeMap::<String, StoredRun>::new();
+    let mut failures = Vec::new();
     let joined = Store::create(out)?;
     let has_plan = out.join(PLAN).exists();
     let before = has_plan.then_some(out);
@@ -46,6 +47,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
             Some(_) => {}
             None => plan = Some((folder, text)),
         }
+        failures.extend(store.failures()?);
         for run in store.stored_runs()? {
             match all.get(&run.row.id) {
                 Some(first) if !is_same_run(&first.clone().split().0, &run.clone().split().0) => {
@@ -67,6 +69,9 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     }
     for run in all.values() {
         joined.save_run(run)?;
+    }
+    for failed in failures.iter().filter(|failed| !all.contains_key(&failed.id)) {
+        joined.save_failure(failed)?;
     }
     joined.write_tables()?;
     Ok(all.len())

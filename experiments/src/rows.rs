@@ -36,6 +36,49 @@ impl StoredRun {
     }
 }
 
+/// A run that has failed, the content of `failures/<id>.json`: what was planned, and why there is no
+/// outcome.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FailedRun {
+    pub id: String,
+    pub build: String,
+    pub controller: String,
+    pub seed: u64,
+    /// Cells of the map along x, y and z; `None` for a map from a file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<[u32; 3]>,
+    pub agents: u32,
+    pub axes: BTreeMap<String, String>,
+    /// Maximum sim time of the run, s.
+    pub duration_s: f64,
+    /// One line.
+    pub reason: String,
+    pub made: Made,
+}
+
+impl FailedRun {
+    /// The run as one among others: it has explored nothing until the end of the duration.
+    #[must_use]
+    pub fn into_stored(self) -> StoredRun {
+        let Self { id, build, controller, seed, size, agents, axes, duration_s, reason, made } = self;
+        let row = RunRow {
+            id,
+            build,
+            controller,
+            seed,
+            size: size.unwrap_or_default(),
+            agents,
+            axes,
+            duration_s,
+            reason: "failed".to_owned(),
+            failure: Some(reason),
+            ..RunRow::default()
+        };
+        StoredRun { row, series: Vec::new(), made }
+    }
+}
+
 /// What is known about a run beside its metrics.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -64,7 +107,7 @@ pub struct RunRecord {
 }
 
 /// The metrics of a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRow {
     /// First 16 hexadecimal digits of the blake3 hash of scenario, seed and build.
@@ -157,6 +200,11 @@ pub struct RunRow {
     /// Number of messages of agents that the server has refused.
     pub refusals: u64,
     pub digest: String,
+    /// Why the run has failed; `None` in all records of runs. With it the row stands for a
+    /// [`FailedRun`] among the others: it has explored nothing, and its other metrics have no
+    /// meaning.
+    #[serde(skip)]
+    pub failure: Option<String>,
     /// Present if the plan asks for it. Like the other metrics it is a function of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub oracle: Option<OracleRow>,
@@ -184,7 +232,7 @@ pub struct OracleRow {
 }
 
 /// Figures of wall time, which differ between repetitions.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WallRow {
     /// Wall time of the run, s.

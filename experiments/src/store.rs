@@ -13,7 +13,7 @@ use sim_server::os;
 use thiserror::Error;
 
 use crate::plan::Plan;
-use crate::rows::{Made, RunRecord, StoredRun};
+use crate::rows::{FailedRun, Made, RunRecord, StoredRun};
 use crate::tables::{self, Table};
 
 /// File name of the copy of the plan.
@@ -28,6 +28,9 @@ pub enum StoreError {
     #[error("{file}: {reason}")]
     Table { file: String, reason: String },
 }
+
+/// Subfolder of the runs that have failed.
+const FAILURES: &str = "failures";
 
 /// The folder of a plan.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -91,7 +94,54 @@ impl Store {
     pub fn save_run(&self, run: &StoredRun) -> Result<(), StoreError> {
         let file = self.run_file(&run.row.id);
         let text = serde_json::to_string(run).map_err(|source| StoreError::Record { file: name(&file), source })?;
+        write_atomically(&file, text.as_bytes())?;
+        self.forget_failure(&run.row.id)
+    }
+
+    /// Saves that a run has failed.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save_failure(&self, run: &FailedRun) -> Result<(), StoreError> {
+        self.make_folder(FAILURES)?;
+        let file = self.failure_file(&run.id);
+        let text = serde_json::to_string(run).map_err(|source| StoreError::Record { file: name(&file), source })?;
         write_atomically(&file, text.as_bytes())
+    }
+
+    /// Removes what is known of a failure, if there is one.
+    ///
+    /// # Errors
+    /// If the file cannot be removed.
+    pub fn forget_failure(&self, id: &str) -> Result<(), StoreError> {
+        let file = self.failure_file(id);
+        match std::fs::remove_file(&file) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(file_error(&file)(error)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The runs that have failed and have no record, by id.
+    ///
+    /// # Errors
+    /// If a file cannot be read or parsed.
+    pub fn failures(&self) -> Result<Vec<FailedRun>, StoreError> {
+        let folder = self.folder.join(FAILURES);
+        if !folder.exists() {
+            return Ok(Vec::new());
+        }
+        let mut failures = Vec::new();
+        for entry in std::fs::read_dir(&folder).map_err(file_error(&folder))? {
+            let file = entry.map_err(file_error(&folder))?.path();
+            let Some(id) = file.file_name().and_then(|name| name.to_str()?.strip_suffix(".json")) else { continue };
+            if !self.run_file(id).exists() {
+                let text = input_file::read_text(&file, TEXT_BYTES_MAX).map_err(file_error(&file))?;
+                let failed = serde_json::from_str(&text);
+                failures.push(failed.map_err(|source| StoreError::Record { file: name(&file), source })?);
+            }
+        }
+        failures.sort_by(|one: &FailedRun, other| one.id.cmp(&other.id));
+        Ok(failures)
     }
 
     /// Saves the scenario of a run as `runs/<id>.toml`, from which `maes run` executes it.
@@ -250,6 +300,10 @@ impl Store {
 
     fn run_file(&self, id: &str) -> PathBuf {
         self.folder.join("runs").join(format!("{id}.json"))
+    }
+
+    fn failure_file(&self, id: &str) -> PathBuf {
+        self.folder.join(FAILURES).join(format!("{id}.json"))
     }
 
     fn scenario_file(&self, id: &str) -> PathBuf {

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread;
 
@@ -85,6 +85,10 @@ pub(crate) struct VerifyArgs {
     /// The draw of the tenth [default: at random]
     #[arg(long, value_name = "N")]
     draw: Option<u64>,
+    /// The command of the results, if you trust it, one flag for each word: without it no program
+    /// is started
+    #[arg(long, value_name = "WORD", allow_hyphen_values = true)]
+    command: Vec<String>,
     /// A file that the command of the results names, and others in the same way
     #[arg(long, value_name = "FILE")]
     program: Vec<PathBuf>,
@@ -171,6 +175,7 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
 
 fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let mut results = benchmark::read(&args.file)?;
+    check_command(&args.file, &results.entry, &args.command)?;
     results.entry.files = files(args.program.iter().cloned())?;
     let draw = match args.draw {
         Some(draw) => draw,
@@ -190,6 +195,33 @@ fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
         results.runs.len()
     ));
     Ok(ExitCode::from(if verified.differences.is_empty() { 0 } else { exit::FAILED }))
+}
+
+/// Refuses to start a program because a result file, which may come from anywhere, names it:
+/// `typed` has to be the same command.
+fn check_command(file: &Path, entry: &Entry, typed: &[String]) -> anyhow::Result<()> {
+    let Entry { command, .. } = entry;
+    let is_same = |(word, typed): (&String, &String)| word == typed || *word == local(typed);
+    if command.len() == typed.len() && command.iter().zip(typed).all(is_same) {
+        return Ok(());
+    }
+    let file = file.display();
+    if command.is_empty() {
+        bail!("{file}: entry.command is empty, and --command is {typed:?}: the runs need no program; leave it out");
+    }
+    let flag = |word: &String| match shlex::try_quote(word) {
+        Ok(quoted) => Ok(format!("--command {quoted}")),
+        Err(_) => Err(anyhow!("{file}: entry.command = {command:?}: expected words without NUL")),
+    };
+    let flags: Vec<String> = command.iter().map(flag).collect::<Result<_, _>>()?;
+    let flags = flags.join(" ");
+    if typed.is_empty() {
+        bail!(
+            "{file}: entry.command = {command:?}: a program that a result file names is not started by itself; if you \
+             trust it, repeat it: {flags}"
+        );
+    }
+    bail!("{file}: entry.command = {command:?}, and --command is {typed:?}: expected the same words: {flags}")
 }
 
 /// A word of a command as the results have it: a file lies in the folder of the runs.
@@ -217,4 +249,41 @@ fn options(jobs: Option<NonZero<usize>>, entry: &Entry) -> anyhow::Result<Option
         registry: Registry::BUILT_IN,
         prune: false,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn command_of_a_result_file_has_to_be_typed() {
+        let check = |command: &[&str], typed: &[&str]| {
+            let [command, typed] = [command, typed].map(|words| words.iter().map(ToString::to_string).collect());
+            let entry = Entry { controller: "own".to_owned(), set: BTreeMap::new(), command, files: BTreeMap::new() };
+            let typed: Vec<String> = typed;
+            check_command(Path::new("r.json"), &entry, &typed).map_err(|error| error.to_string())
+        };
+        let own = ["python3", "./own.py", "{id}"];
+        for (command, typed) in [
+            (&[][..], &[][..]),
+            (&own, &own),
+            (&own, &["python3", "mine/own.py", "{id}"]),
+            (&["sh", "-c", "a b"], &["sh", "-c", "a b"]),
+        ] {
+            check(command, typed).unwrap();
+        }
+        let untyped = check(&["sh", "-c", "touch it's"], &[]).unwrap_err();
+        assert_eq!(
+            untyped,
+            "r.json: entry.command = [\"sh\", \"-c\", \"touch it's\"]: a program that a result file names is not \
+             started by itself; if you trust it, repeat it: --command sh --command -c --command \"touch it's\""
+        );
+        for typed in [&["sh"][..], &["sh", "-c"], &["sh", "-c", "b"], &["sh", "-c", "a", "b"], &["./sh", "-c", "a"]] {
+            let other = check(&["sh", "-c", "a"], typed).unwrap_err();
+            assert!(other.ends_with("expected the same words: --command sh --command -c --command a"), "{other}");
+        }
+        // A path elsewhere is not the file beside the runs.
+        assert!(check(&["/tmp/own"], &["./own"]).is_err());
+        assert!(check(&[], &["sh"]).unwrap_err().ends_with("the runs need no program; leave it out"));
+    }
 }

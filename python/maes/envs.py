@@ -25,10 +25,15 @@ Actions, one kind for all agents:
 
 The reward of a step is the share of the free cells that the agent has seen for the first time
 itself; `reward` replaces it.
+
+Seeds are whole numbers from 0 to 2**63 - 1, also those of NumPy. `seed` of a constructor seeds the
+first reset, as `reset(seed=...)` does; without either, each environment draws its own from the
+operating system. The seed in a scenario is not used.
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -36,6 +41,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
+from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from . import _maes
@@ -48,11 +54,30 @@ OWN = 12
 PLACE = 4
 METRES_MAX = np.float32(1e4)
 TICK_S = 0.02
+SEED_MAX = 2**63 - 1
+# The seeds that are drawn leave room for counting on.
+DRAWN = 2**62
 
 
 def _scenario(scenario: Scenario | str | None, keys: dict[str, Any]) -> Scenario:
     made = scenario if isinstance(scenario, Scenario) else Scenario(scenario)
     return made.replace(**keys) if keys else made
+
+
+def _seed(given: Any) -> int:
+    """A seed as `int`; also of NumPy, whose integers Gymnasium does not take."""
+    try:
+        seed = operator.index(given)
+    except TypeError:
+        raise _maes.BadInput(f"seed = {given!r}: expected a whole number from 0 to 2**63 - 1, or None") from None
+    if not 0 <= seed <= SEED_MAX:
+        raise _maes.BadInput(f"seed = {seed}: expected 0 to 2**63 - 1")
+    return seed
+
+
+def _generator(seed: Any) -> tuple[np.random.Generator, int]:
+    """A generator with its seed, which is that of the operating system without one."""
+    return seeding.np_random(None if seed is None else _seed(seed))
 
 
 class Worlds:
@@ -68,7 +93,7 @@ class Worlds:
         count: int,
         scenario: Scenario | str | None = None,
         *,
-        seed: int = 1,
+        seed: int | None = None,
         period_s: float = 0.2,
         actions: str = "velocity",
         crop_radius: int = 5,
@@ -77,8 +102,9 @@ class Worlds:
         reward: Reward | None = None,
         **keys: Any,
     ) -> None:
-        """`count` worlds with the seeds `seed`, `seed + 1` and so on; `period_s` is the sim time
-        between two decisions; `keys` change the scenario."""
+        """`count` worlds with the seeds `seed`, `seed + 1` and so on, counted from a drawn one without
+        `seed`; `period_s` is the sim time between two decisions; `keys` change the scenario."""
+        first = int(_generator(None)[0].integers(DRAWN)) if seed is None else _seed(seed)
         self.scenario = _scenario(scenario, keys)
         self.count = count
         self.agents = int(self.scenario["agents.count"])
@@ -87,10 +113,10 @@ class Worlds:
         self.side = 2 * crop_radius + 1
         self.action_width = {"velocity": 4, "waypoint": 3, "frontier": 1}.get(actions, 0)
         self._reward = reward
-        self._next_seed = seed + count
+        self._next_seed = first + count
         self._native = _maes.Worlds(
             self.scenario._native,
-            list(range(seed, seed + count)),
+            list(range(first, first + count)),
             ticks_per_step=round(period_s / TICK_S),
             crop_radius=crop_radius,
             frontiers=frontiers,
@@ -116,12 +142,12 @@ class Worlds:
         return self._arrays
 
     def reset(self, seeds: Sequence[int] | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Begin all worlds again with these seeds, or with new ones."""
+        """Begin all worlds again with these seeds, or with the next ones."""
         if seeds is None:
             seeds = [self._draw() for _ in range(self.count)]
         if len(seeds) != self.count:
             raise ValueError(f"{len(seeds)} seeds: expected {self.count}")
-        self._native.reset(list(enumerate(map(int, seeds))))
+        self._native.reset(list(enumerate(map(_seed, seeds))))
         self._show()
         return self._arrays
 
@@ -207,14 +233,14 @@ class Worlds:
 class ParallelExploration(ParallelEnv[str, dict[str, Any], Any]):
     """A team in one world, as a PettingZoo `ParallelEnv`; agents are "agent_0", "agent_1" and so on.
 
-    A new world is generated at each reset. `state()` has the true poses of all agents (float32,
+    A new world is generated at each reset, with a seed that `np_random` draws. `state()` has the true poses of all agents (float32,
     (agents * 4,): x, y, z in metres and heading in rad) for a central critic.
     """
 
     metadata = {"name": "maes_exploration_v0", "render_modes": []}
 
     def __init__(self, scenario: Scenario | str | None = None, **arguments: Any) -> None:
-        self._seeds = np.random.default_rng(arguments.get("seed", 1))
+        self.np_random, self.np_random_seed = _generator(arguments.get("seed"))
         self._worlds = Worlds(1, scenario, **arguments)
         self.render_mode = None
         self.possible_agents = [f"agent_{agent}" for agent in range(self._worlds.agents)]
@@ -240,8 +266,8 @@ class ParallelExploration(ParallelEnv[str, dict[str, Any], Any]):
     ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
         """Begin with a new world; a seed makes it and those of later resets repeatable."""
         if seed is not None:
-            self._seeds = np.random.default_rng(seed)
-        self._worlds.reset([int(self._seeds.integers(2**31))])
+            self.np_random, self.np_random_seed = _generator(seed)
+        self._worlds.reset([int(self.np_random.integers(2**31))])
         self.agents = list(self.possible_agents)
         return self._shown(), {agent: {} for agent in self.agents}
 
@@ -291,7 +317,10 @@ def parallel_env(scenario: Scenario | str | None = None, **arguments: Any) -> Pa
 
 
 class ExplorationEnv(gymnasium.Env[dict[str, Any], Any]):
-    """A single agent in one world, as a Gymnasium environment. A new world comes with each reset."""
+    """A single agent in one world, as a Gymnasium environment.
+
+    A new world is generated at each reset, with a seed that `np_random` draws.
+    """
 
     metadata = {"render_modes": []}
 
@@ -301,6 +330,8 @@ class ExplorationEnv(gymnasium.Env[dict[str, Any], Any]):
         self._worlds = Worlds(1, scenario, **arguments)
         if self._worlds.agents != 1:
             raise _maes.BadInput(f"agents.count = {self._worlds.agents}: expected 1; parallel_env has teams")
+        if (seed := arguments.get("seed")) is not None:
+            self._np_random, self._np_random_seed = _generator(seed)
         self.render_mode = None
         self.observation_space = self._worlds.observation_space()
         self.action_space = self._worlds.action_space()
@@ -310,7 +341,7 @@ class ExplorationEnv(gymnasium.Env[dict[str, Any], Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin with a new world; a seed makes it and those of later resets repeatable."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else _seed(seed))
         self._worlds.reset([int(self.np_random.integers(2**31))])
         self._is_over = False
         return self._worlds.shown(0), {}

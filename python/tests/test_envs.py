@@ -4,9 +4,11 @@ import multiprocessing
 import resource
 import threading
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import maes
@@ -20,6 +22,71 @@ def test_pettingzoo_and_gymnasium_accept_them(actions):
     parallel_api_test(parallel_env(agents=3, actions=actions, **CAVE), num_cycles=150)
     parallel_seed_test(lambda: parallel_env(agents=2, actions=actions, **CAVE), num_cycles=50)
     check_env(ExplorationEnv(actions=actions, **CAVE), skip_render_check=True)
+
+
+def starts(env, seeds=(None,)):
+    """What each reset shows first, as bytes; the maps of different worlds differ in it."""
+    shown = (env.reset(**({} if seed is None else {"seed": seed}))[0] for seed in seeds)
+    return [b"".join(array.tobytes() for array in (one.get("agent_0", one)).values()) for one in shown]
+
+
+ENVIRONMENTS = [ExplorationEnv, lambda **keys: parallel_env(agents=2, **keys)]
+
+
+@pytest.mark.parametrize("make", ENVIRONMENTS)
+def test_environments_without_a_seed_are_different_worlds(make):
+    assert len({starts(make(**CAVE))[0] for _ in range(6)}) == 6
+    assert len(set(starts(make(**CAVE), [None] * 3))) == 3
+
+
+@pytest.mark.parametrize("make", ENVIRONMENTS)
+def test_seeds_of_constructor_and_reset_are_one(make):
+    wanted = starts(make(**CAVE), [7, None])
+    assert len(set(wanted)) == 2
+    for seed in (7, np.int64(7), np.uint8(7)):
+        assert starts(make(seed=seed, **CAVE), [None, None]) == wanted
+        assert starts(make(**CAVE), [seed, None]) == wanted
+    env = make(seed=7, **CAVE)
+    assert starts(env, [None, None, 7, None]) == wanted * 2
+    assert starts(make(seed=8, **CAVE)) != wanted[:1]
+    assert env.np_random_seed == 7 and isinstance(env.np_random, np.random.Generator)
+    assert starts(make(seed=0, **CAVE)) == starts(make(**CAVE), [0])
+    for wrong in (-1, 2**63, 1.5, "7"):
+        with pytest.raises(ValueError, match="seed = .*: expected"):
+            make(seed=wrong, **CAVE)
+        with pytest.raises(ValueError, match="seed = .*: expected"):
+            env.reset(seed=wrong)
+
+
+def test_worlds_draw_their_first_seed():
+    def crops(**seed):
+        worlds = Worlds(2, agents=1, **seed, **CAVE)
+        shown = [worlds.observe()["crop"].tobytes(), worlds.reset()["crop"].tobytes()]
+        return shown + [worlds.poses().tobytes()]
+
+    assert crops(seed=3) == crops(seed=np.int32(3))
+    assert len({tuple(crops()) for _ in range(4)}) == 4
+    given = Worlds(2, agents=1, **CAVE).reset([np.int64(3), 4])["crop"]
+    assert (given == Worlds(2, agents=1, seed=3, **CAVE).observe()["crop"]).all()
+
+
+def test_vectors_and_turns_have_worlds_of_their_own():
+    def vector(seed=None):
+        envs = gymnasium.vector.SyncVectorEnv([lambda: ExplorationEnv(**CAVE)] * 4)
+        shown = envs.reset(seed=seed)[0]
+        return [b"".join(shown[key][place].tobytes() for key in sorted(shown)) for place in range(4)]
+
+    assert len(set(vector() + vector())) == 8
+    assert vector(5) == vector([np.int64(seed) for seed in (5, 6, 7, 8)])
+
+    def turns(make, **seed):
+        env = parallel_to_aec(make())
+        env.reset(**seed)
+        return b"".join(array.tobytes() for array in env.observe("agent_0").values())
+
+    unseeded = lambda: parallel_env(agents=2, **CAVE)
+    assert len({turns(unseeded) for _ in range(4)}) == 4
+    assert turns(lambda: parallel_env(agents=2, seed=7, **CAVE)) == turns(unseeded, seed=7)
 
 
 def test_world_is_that_of_a_run():

@@ -9,6 +9,7 @@
 //! flags arrive as [`Override`]s of keys.
 
 mod bodies;
+mod changes;
 mod diagnosis;
 pub mod events;
 pub mod keys;
@@ -30,6 +31,8 @@ use thiserror::Error;
 
 use crate::world::spawn::SpawnSpec;
 
+use changes::{Change, Refusal};
+
 pub use bodies::BodyEntry;
 pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use mix::{ControllerChoice, MixEntry};
@@ -40,6 +43,13 @@ pub use sensor::SensorSection;
 
 /// Largest team. DDS discovers 120 participants on one host, and a process may hold several agents.
 pub const AGENTS_MAX: u32 = 1000;
+
+/// Longest text of a scenario, bytes; the most events there may be need less.
+pub const SCENARIO_BYTES_MAX: usize = 1 << 20;
+
+/// Most tables that the text of a scenario may have, counted by the characters that can begin one
+/// (`{`, `[` and `.`): a table of few bytes takes more than a kilobyte of memory.
+pub const TABLES_MAX: usize = 1 << 17;
 
 /// Largest radius of a body, in cells: collision checks visit every cell that a motion may touch.
 const BODY_CELLS_MAX: f64 = 16.0;
@@ -157,15 +167,19 @@ impl Scenario {
     /// # Errors
     /// If the text or an override does not fit, or a value is out of range.
     pub fn parse(file: &str, text: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
+        check_size(file, text)?;
         let origins = Origins::new(file, text, overrides);
         let mut scenario: Self = toml::from_str(text).map_err(|error| origins.syntax(&error))?;
         if !overrides.is_empty() {
-            let mut keys: toml::Table = toml::from_str(text).map_err(|error| origins.syntax(&error))?;
-            for change in overrides {
-                change_key(&mut keys, &change.key, change.value.clone())
-                    .map_err(|reason| ScenarioError::Override { origin: one_line(&change.origin), reason })?;
-                scenario = keys.clone().try_into().map_err(|error| Origins::unfit(change, &keys, &error))?;
-            }
+            let keys: toml::Table = toml::from_str(text).map_err(|error| origins.syntax(&error))?;
+            let changes: Vec<Change<'_>> =
+                overrides.iter().map(|change| (change.key.as_str(), change.value.as_ref())).collect();
+            scenario = changes::changed(&keys, &changes, &mut 0).map_err(|refusal| match refusal {
+                Refusal::Key(number, reason) => {
+                    ScenarioError::Override { origin: one_line(&overrides[number].origin), reason }
+                }
+                Refusal::Scenario(number, keys, error) => Origins::unfit(&overrides[number], &keys, &error),
+            })?;
         }
         scenario.complete_bodies();
         if scenario.map.kind == MapKind::Building {
@@ -340,6 +354,21 @@ impl Scenario {
     }
 }
 
+/// Refuses a text that would take more time or memory than a scenario is worth.
+fn check_size(file: &str, text: &str) -> Result<(), ScenarioError> {
+    let refused = |reason: String| ScenarioError::Syntax { file: file.to_owned(), line: 1, column: 1, reason };
+    if text.len() > SCENARIO_BYTES_MAX {
+        let length = text.len();
+        return Err(refused(format!("{length} bytes: expected a scenario of at most {SCENARIO_BYTES_MAX} bytes")));
+    }
+    let tables = text.bytes().filter(|byte| b"{[.".contains(byte)).count();
+    if tables > TABLES_MAX {
+        let expected = format!("expected a scenario with at most {TABLES_MAX} tables, lists and dotted keys");
+        return Err(refused(format!("{tables} of the characters {{ [ and . that begin them: {expected}")));
+    }
+    Ok(())
+}
+
 struct Checker<'a> {
     origins: &'a Origins<'a>,
 }
@@ -358,27 +387,6 @@ impl Checker<'_> {
             allowed: allowed.to_owned(),
         }
     }
-}
-
-/// Sets or removes a dotted key; missing tables of its path are created.
-fn change_key(table: &mut toml::Table, key: &str, value: Option<toml::Value>) -> Result<(), String> {
-    let (path, last) = match key.rsplit_once('.') {
-        Some((path, last)) => (Some(path), last),
-        None => (None, key),
-    };
-    let mut place = table;
-    for part in path.into_iter().flat_map(|path| path.split('.')) {
-        place = place
-            .entry(part)
-            .or_insert_with(|| toml::Value::Table(toml::Table::new()))
-            .as_table_mut()
-            .ok_or_else(|| format!("`{part}` in `{key}` is not a table"))?;
-    }
-    match value {
-        Some(value) => place.insert(last.to_owned(), value),
-        None => place.remove(last),
-    };
-    Ok(())
 }
 
 /// A text without line breaks, for errors, which are one line whatever a file holds.

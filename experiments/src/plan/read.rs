@@ -1,6 +1,6 @@
 //! The parser of plan files, which knows the line of each key.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use msgs::ids::Tick;
@@ -16,6 +16,9 @@ use super::{Axis, AxisValue, PlanError, RUNS_MAX, Variant, files};
 
 /// Tables of the scenario whose keys belong together: a variant replaces them as a whole.
 const WHOLE_TABLES: [&str; 1] = ["spawn"];
+
+/// Most axes of a plan: each is part of the name of every run.
+const AXES_MAX: usize = 100;
 
 /// The allowed values of `seeds`, for error messages.
 pub const SEEDS_EXPECTED: &str = "expected seeds from 0 to 9223372036854775807: a range such as \"1..30\", which \
@@ -128,7 +131,9 @@ struct Base {
 }
 
 pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanError> {
-    let line_at = |at: usize| text[..at.min(text.len())].matches('\n').count() + 1;
+    // Looked up for every value of an axis, so it must not count the lines each time.
+    let breaks: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
+    let line_at = |at: usize| breaks.partition_point(|line_break| *line_break < at) + 1;
     let at_line = |line: usize, reason: String| PlanError::Line { file: file.to_owned(), line, reason };
     let syntax = |error: toml::de::Error| {
         let line = line_at(error.span().map_or(0, |span| span.start));
@@ -243,9 +248,10 @@ fn forks(times_s: &[f64], line: usize, is_compared: bool) -> Result<Vec<Fork>, S
         );
     }
     let mut forks: Vec<Fork> = Vec::new();
+    let mut ticks = BTreeSet::new();
     for &at_s in times_s {
         let tick = setup::tick_at(at_s).map_err(|expected| format!("fork.at_s = {at_s}: {expected}"))?;
-        if forks.iter().any(|fork| fork.tick == tick) {
+        if !ticks.insert(tick) {
             return Err(format!("fork.at_s: {at_s} is listed twice"));
         }
         forks.push(Fork { at_s, tick, line });
@@ -339,6 +345,7 @@ fn variants(
 ) -> Result<Vec<Variant>, (usize, String)> {
     const EXPECTED: &str = "expected a name of its own for each [[variant]], such as name = \"far\"";
     let mut variants: Vec<Variant> = Vec::new();
+    let mut names = BTreeSet::new();
     for table in tables {
         let mut keys: Vec<_> =
             table.into_iter().map(|(key, value)| (key.span().start, key.into_inner(), value)).collect();
@@ -350,7 +357,7 @@ fn variants(
             Some((line, _)) => return Err((line, format!("variant: name: {EXPECTED}"))),
             None => return Err((first, format!("variant: {EXPECTED}"))),
         };
-        if name.is_empty() || variants.iter().any(|other| other.name == name) {
+        if name.is_empty() || !names.insert(name.clone()) {
             return Err((line, format!("variant: name = {name:?}: {EXPECTED}")));
         }
         let mut changes = Vec::new();
@@ -411,6 +418,10 @@ fn axes(
 ) -> Result<Vec<Axis>, (usize, String)> {
     let mut placed: Vec<_> = axes.into_iter().collect();
     placed.sort_by_key(|(key, _)| key.span().start);
+    // Every run has a value of every axis.
+    if let Some((key, _)) = placed.get(AXES_MAX) {
+        return Err((line_at(key.span().start), format!("axes: {}: expected at most {AXES_MAX}", placed.len())));
+    }
     placed
         .into_iter()
         .map(|(key, values)| {
@@ -423,12 +434,9 @@ fn axes(
                 .into_iter()
                 .map(|value| AxisValue { line: line_at(value.span().start), value: value.into_inner() })
                 .collect();
-            let twice = values
-                .iter()
-                .enumerate()
-                .find(|(at, value)| values[..*at].iter().any(|other| other.value == value.value));
-            match twice {
-                Some((_, value)) => Err((value.line, format!("axes.\"{key}\": {} is listed twice", value.value))),
+            let mut texts = BTreeSet::new();
+            match values.iter().find(|value| !texts.insert(value.value.to_string())) {
+                Some(value) => Err((value.line, format!("axes.\"{key}\": {} is listed twice", value.value))),
                 None => Ok(Axis { key, values }),
             }
         })

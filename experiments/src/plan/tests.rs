@@ -292,6 +292,16 @@ fn forks_are_the_same_run_up_to_their_time() {
 }
 
 #[test]
+fn axes_are_bounded_and_their_values_different() {
+    let axes: String = (0..101).map(|number| format!("\"agents.set.k{number}\" = [1]\n")).collect();
+    let error = refused(&format!("seeds = [1]\n[axes]\n{axes}"));
+    assert!(error.contains("p.toml:103: axes: 101: expected at most 100"), "{error}");
+    let values: String = (1..=20_000).map(|number| format!("{number},\n")).collect();
+    let error = refused(&format!("seeds = [1]\n[axes]\n\"lidar.range_m\" = [\n{values}7,\n1.0]\n"));
+    assert!(error.contains("p.toml:20004: axes.\"lidar.range_m\": 7 is listed twice"), "{error}");
+}
+
+#[test]
 fn forks_that_cannot_be_are_refused() {
     for (head, expected) in [
         (FORKED.replace("[4.0, 6.0]", "[4.01]"), "p.toml:5: fork.at_s = 4.01: expected a multiple of 0.02 s"),

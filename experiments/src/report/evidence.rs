@@ -15,7 +15,12 @@ pub(super) const PAIRS_MIN: usize = 6;
 pub(super) fn first_of_each(of: &[usize], runs: &[RunRecord], made: &[Made]) -> Vec<usize> {
     let key = |i: usize| (map_of(&runs[i].row, &made[i]), outcome(&runs[i]));
     let keys: Vec<_> = of.iter().map(|&i| key(i)).collect();
-    let first = |(place, own): (usize, &_)| keys[..place].iter().position(|other| other == own).unwrap_or(place);
+    // How it would have ended is not known of a run that has failed, so it repeats none.
+    let has_failed = |place: usize| runs[of[place]].row.failure.is_some();
+    let first = |(place, own): (usize, &_)| {
+        let same = keys[..place].iter().position(|other| other == own);
+        same.filter(|_| !has_failed(place)).unwrap_or(place)
+    };
     keys.iter().enumerate().map(first).collect()
 }
 
@@ -53,6 +58,16 @@ pub(super) fn warnings(study: &Study) -> Vec<String> {
     for (condition, variant, cell) in study.cells() {
         runs += study.all_of_cell(condition, variant).len();
         independent += cell.len();
+    }
+    let failed = study.failed();
+    if failed > 0 {
+        let plural = if failed == 1 { "run has" } else { "runs have" };
+        warnings.push(format!(
+            "{failed} of {} {plural} failed. They count as runs that explore nothing and reach no share within the \
+             duration; distance, redundancy, communication, collisions and wall time are over the others, which may \
+             be those on easier maps.",
+            study.runs.len()
+        ));
     }
     if independent < runs {
         warnings.push(format!(

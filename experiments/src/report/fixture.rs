@@ -60,6 +60,7 @@ pub(crate) fn run(controller: &str, seed: u64, agents: u32) -> RunRecord {
         search_failures: 1,
         refusals: 0,
         digest: "00ff".to_owned(),
+        failure: None,
         oracle: None,
         wall: WallRow {
             wall_s: 0.5,

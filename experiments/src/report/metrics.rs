@@ -27,6 +27,8 @@ pub(super) struct Metric {
     /// Empty for a plain number.
     pub(super) unit: &'static str,
     pub(super) value: fn(&RunRow) -> f64,
+    /// What a failed run counts with; `None`: the metric is over the runs that have not failed.
+    pub(super) of_failed: Option<f64>,
 }
 
 impl Metric {
@@ -35,44 +37,87 @@ impl Metric {
         if self.unit.is_empty() { self.title.to_owned() } else { format!("{} ({})", self.title, self.unit) }
     }
 
+    /// The value of each run that counts.
     pub(super) fn values(&self, runs: &[&RunRecord]) -> Vec<f64> {
-        runs.iter().map(|run| (self.value)(&run.row)).collect()
+        runs.iter().filter_map(|run| self.value_of(run)).collect()
+    }
+
+    /// The value of a run; `None` if the run has failed and does not count.
+    pub(super) fn value_of(&self, run: &RunRecord) -> Option<f64> {
+        if run.row.failure.is_some() { self.of_failed } else { Some((self.value)(&run.row)) }
     }
 }
 
-pub(super) const EXPLORED: Metric =
-    Metric { key: "explored", title: "explored at the end", unit: "%", value: |row| 100.0 * row.explored };
-pub(super) const AREA: Metric =
-    Metric { key: "area", title: "area under the curve", unit: "%", value: |row| 100.0 * row.area_under_explored };
-pub(super) const BELIEVED: Metric =
-    Metric { key: "believed", title: "on an agent's map", unit: "%", value: |row| 100.0 * row.believed_mean };
+pub(super) const EXPLORED: Metric = Metric {
+    key: "explored",
+    title: "explored at the end",
+    unit: "%",
+    value: |row| 100.0 * row.explored,
+    of_failed: Some(0.0),
+};
+pub(super) const AREA: Metric = Metric {
+    key: "area",
+    title: "area under the curve",
+    unit: "%",
+    value: |row| 100.0 * row.area_under_explored,
+    of_failed: Some(0.0),
+};
+pub(super) const BELIEVED: Metric = Metric {
+    key: "believed",
+    title: "on an agent's map",
+    unit: "%",
+    value: |row| 100.0 * row.believed_mean,
+    of_failed: Some(0.0),
+};
 pub(super) const COVERED: Metric =
-    Metric { key: "covered", title: "covered", unit: "%", value: |row| 100.0 * row.covered };
+    Metric { key: "covered", title: "covered", unit: "%", value: |row| 100.0 * row.covered, of_failed: Some(0.0) };
 pub(super) const DISTANCE: Metric =
-    Metric { key: "distance", title: "distance of the team", unit: "m", value: |row| row.distance_m };
-pub(super) const DISTANCE_MAX: Metric =
-    Metric { key: "distance_max", title: "longest distance of an agent", unit: "m", value: |row| row.distance_max_m };
+    Metric { key: "distance", title: "distance of the team", unit: "m", value: |row| row.distance_m, of_failed: None };
+pub(super) const DISTANCE_MAX: Metric = Metric {
+    key: "distance_max",
+    title: "longest distance of an agent",
+    unit: "m",
+    value: |row| row.distance_max_m,
+    of_failed: None,
+};
 pub(super) const REDUNDANCY: Metric =
-    Metric { key: "redundancy", title: "redundancy", unit: "%", value: |row| 100.0 * row.redundancy };
+    Metric { key: "redundancy", title: "redundancy", unit: "%", value: |row| 100.0 * row.redundancy, of_failed: None };
 pub(super) const IMBALANCE: Metric =
-    Metric { key: "imbalance", title: "imbalance", unit: "%", value: |row| 100.0 * row.imbalance };
-pub(super) const CONTACT: Metric =
-    Metric { key: "contact", title: "pairs in contact", unit: "%", value: |row| 100.0 * row.contact_share };
+    Metric { key: "imbalance", title: "imbalance", unit: "%", value: |row| 100.0 * row.imbalance, of_failed: None };
+pub(super) const CONTACT: Metric = Metric {
+    key: "contact",
+    title: "pairs in contact",
+    unit: "%",
+    value: |row| 100.0 * row.contact_share,
+    of_failed: None,
+};
 pub(super) const STALENESS: Metric =
-    Metric { key: "staleness", title: "staleness", unit: "%", value: |row| 100.0 * row.staleness };
-pub(super) const TRAFFIC: Metric =
-    Metric { key: "traffic", title: "data delivered", unit: "kB", value: |row| row.parcel_bytes as f64 / 1e3 };
+    Metric { key: "staleness", title: "staleness", unit: "%", value: |row| 100.0 * row.staleness, of_failed: None };
+pub(super) const TRAFFIC: Metric = Metric {
+    key: "traffic",
+    title: "data delivered",
+    unit: "kB",
+    value: |row| row.parcel_bytes as f64 / 1e3,
+    of_failed: None,
+};
 pub(super) const COLLISIONS: Metric =
-    Metric { key: "collisions", title: "collisions", unit: "", value: |row| row.collisions as f64 };
-pub(super) const FAILURES: Metric =
-    Metric { key: "search_failures", title: "failed path searches", unit: "", value: |row| row.search_failures as f64 };
+    Metric { key: "collisions", title: "collisions", unit: "", value: |row| row.collisions as f64, of_failed: None };
+pub(super) const FAILURES: Metric = Metric {
+    key: "search_failures",
+    title: "failed path searches",
+    unit: "",
+    value: |row| row.search_failures as f64,
+    of_failed: None,
+};
 pub(super) const REAL_TIME_FACTOR: Metric = Metric {
     key: "real_time_factor",
     title: "real-time factor",
     unit: "sim s / wall s",
     value: |row| row.wall.real_time_factor,
+    of_failed: None,
 };
-pub(super) const WALL: Metric = Metric { key: "wall", title: "wall time", unit: "s", value: |row| row.wall.wall_s };
+pub(super) const WALL: Metric =
+    Metric { key: "wall", title: "wall time", unit: "s", value: |row| row.wall.wall_s, of_failed: None };
 
 /// Unit of sim time in a report.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -78,6 +78,8 @@ fn oracle(study: &Study) -> Result<Option<Table>, StatisticsError> {
 fn outcome(study: &Study) -> Result<Table, StatisticsError> {
     let mut columns = cell_columns(study);
     columns.extend([column("runs", "runs"), column("independent", "independent")]);
+    let has_failures = study.failed() > 0;
+    columns.extend(has_failures.then(|| column("failed", "failed")));
     for metric in [EXPLORED, AREA] {
         columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
         columns.push(column(&format!("{}, median (quartiles)", metric.label()), metric.key));
@@ -88,10 +90,12 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
     let mut counts = study.cells().map(|(condition, variant, _)| study.all_of_cell(condition, variant).len());
     let rows = rows(study, |runs| {
         let mut row = vec![Entry::Count(counts.next().unwrap_or_default()), Entry::Count(runs.len())];
+        let failed = runs.iter().filter(|run| run.row.failure.is_some()).count();
+        row.extend(has_failures.then_some(Entry::Count(failed)));
         for metric in [EXPLORED, AREA] {
             let values = metric.values(runs);
             row.push(Entry::Mean(Some(Estimate::of(&values, RESAMPLES)?), DIGITS));
-            row.push(Entry::Median(Quartiles::of(&values)?, DIGITS));
+            row.push(Entry::Median(Some(Quartiles::of(&values)?), DIGITS));
         }
         for metric in [BELIEVED, COVERED] {
             row.push(Entry::Mean(Some(Estimate::of(&metric.values(runs), RESAMPLES)?), DIGITS));
@@ -99,7 +103,8 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
         Ok(row)
     })?;
     let caption = "Outcome: shares of the free cells, over the independent runs. The area under the curve is the mean of \
-                   the explored share over the whole duration; the share is constant after the end of a run.";
+                   the explored share over the whole duration; the share is constant after the end of a run. A run that \
+                   has failed counts with 0.";
     Ok(Table { name: "outcome", caption: caption.to_owned(), columns, rows })
 }
 
@@ -127,7 +132,7 @@ fn times(study: &Study) -> Result<Table, StatisticsError> {
         Ok(row)
     })?;
     let caption = "Time until the team has seen 90, 99 and 100 % of the free cells. A run that does not reach a \
-                   share is right-censored at the duration: the restricted mean uses the duration as its time, and \
+                   share is right-censored at the duration, as is one that has failed: the restricted mean uses the duration as its time, and \
                    the median (Kaplan-Meier) is missing where fewer than half of the runs reach the share.";
     Ok(Table { name: "times", caption: caption.to_owned(), columns, rows })
 }
@@ -166,8 +171,9 @@ pub(super) fn cost(study: &Study) -> Result<Table, StatisticsError> {
     let rows = rows(study, |runs| {
         let mut row = Vec::new();
         for metric in [REAL_TIME_FACTOR, WALL] {
-            let quartiles = Quartiles::of(&metric.values(runs))?;
-            row.push(Entry::Median(quartiles, digits_for(quartiles.median)));
+            let values = metric.values(runs);
+            let quartiles = if values.is_empty() { None } else { Some(Quartiles::of(&values)?) };
+            row.push(Entry::Median(quartiles, quartiles.map_or(0, |quartiles| digits_for(quartiles.median))));
         }
         for time_us in DECISION_TIMES {
             let median_us = decision_us(runs, time_us)?;
@@ -233,7 +239,11 @@ fn mean_columns(study: &Study, metrics: &[Metric]) -> Vec<(String, String)> {
 
 fn means(study: &Study, metrics: &[Metric]) -> Result<Vec<Vec<Entry>>, StatisticsError> {
     rows(study, |runs| {
-        metrics.iter().map(|metric| Ok(mean_entry(Estimate::of(&metric.values(runs), RESAMPLES)?))).collect()
+        let entry = |metric: &Metric| match metric.values(runs).as_slice() {
+            [] => Ok(Entry::Mean(None, 0)),
+            values => Ok(mean_entry(Estimate::of(values, RESAMPLES)?)),
+        };
+        metrics.iter().map(entry).collect()
     })
 }
 

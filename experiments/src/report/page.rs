@@ -164,6 +164,7 @@ fn verdicts(study: &Study, verdicts: &[Verdicts]) -> String {
 /// A list of variants, maps, team sizes, axes, seeds and builds.
 fn facts(study: &Study) -> String {
     let rows = || study.runs.iter().map(|run| &run.row);
+    let machines = || rows().map(|row| row.wall.machine.clone()).filter(|machine| !machine.is_empty());
     let unique = |texts: BTreeSet<String>| texts.into_iter().collect::<Vec<_>>().join("; ");
     let sizes: BTreeSet<[u32; 3]> = rows().map(|row| row.size).collect();
     let teams: BTreeSet<u32> = rows().map(|row| row.agents).collect();
@@ -197,7 +198,7 @@ fn facts(study: &Study) -> String {
         ("Independent observations".to_owned(), each),
         ("Longest sim time of a run".to_owned(), unique(rows().map(|row| format!("{} s", row.duration_s)).collect())),
         ("Sim time of all runs".to_owned(), format!("{:.2} h", rows().map(|row| row.end_s).sum::<f64>() / 3600.0)),
-        ("Machine".to_owned(), unique(rows().map(|row| row.wall.machine.clone()).collect())),
+        ("Machine".to_owned(), unique(machines().collect())),
     ]);
     let mut text = "<dl>\n".to_owned();
     for (name, value) in facts.into_iter().filter(|(_, value)| !value.is_empty()) {

@@ -9,7 +9,7 @@ use super::estimates::{Estimate, LEVEL, RESAMPLES, SEED, Times};
 use super::evidence::PAIRS_MIN;
 use super::metrics::{AREA, DISTANCE, EXPLORED, MILESTONES, Metric, TimeUnit};
 use super::outcomes::{column, condition_columns, condition_entries};
-use super::study::{Condition, Study};
+use super::study::{Condition, Pairs, Study};
 use super::table::{Entry, Table, digits_for};
 use crate::rows::RunRecord;
 use crate::statistics::{
@@ -49,6 +49,15 @@ impl Compared {
         }
     }
 
+    /// The pairs of runs that count: for a metric without a value of failed runs, those that have not
+    /// failed.
+    fn pairs<'a>(self, study: &'a Study, condition: &Condition, a: usize, b: usize) -> Pairs<'a> {
+        match self {
+            Self::Metric(metric, _) if metric.of_failed.is_none() => study.measured_pairs(condition, a, b),
+            _ => study.pairs(condition, a, b),
+        }
+    }
+
     fn title(self, unit: TimeUnit) -> String {
         match self {
             Self::Time => format!("restricted time to 99 % ({}), less is better", unit.symbol),
@@ -78,6 +87,8 @@ pub(super) struct Comparison {
     pub(super) all_pairs: usize,
     /// Number of different maps.
     pub(super) maps: usize,
+    /// Runs of A and of B that have failed, among the pairs in the same blocks.
+    pub(super) failed: [usize; 2],
     pub(super) mean_a: f64,
     pub(super) mean_b: f64,
     /// Mean of A over mean of B; `None` if that of B is 0.
@@ -121,7 +132,7 @@ pub(super) fn comparisons(
         comparison.adjusted = comparison.test.and_then(|_| adjusted.next());
     }
     for comparison in &mut family {
-        let pairs = study.pairs(condition, comparison.a, comparison.b);
+        let pairs = compared.pairs(study, condition, comparison.a, comparison.b);
         let unit = TimeUnit::of(&study.runs);
         let (a, b) = (compared.values(&pairs.a, unit), compared.values(&pairs.b, unit));
         let differences: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
@@ -142,7 +153,11 @@ fn comparison(
     (a, b): (usize, usize),
     compared: Compared,
 ) -> Result<Option<Comparison>, StatisticsError> {
-    let pairs = study.pairs(condition, a, b);
+    let failed = {
+        let pairs = study.pairs(condition, a, b);
+        [&pairs.a, &pairs.b].map(|runs| runs.iter().filter(|run| run.row.failure.is_some()).count())
+    };
+    let pairs = compared.pairs(study, condition, a, b);
     if pairs.a.is_empty() {
         return Ok(None);
     }
@@ -169,6 +184,7 @@ fn comparison(
         pairs: pairs.a.len(),
         all_pairs: pairs.all,
         maps: pairs.maps,
+        failed,
         mean_a: mean(&values_a)?,
         mean_b: mean(&values_b)?,
         ratio: ratio(&values_a, &values_b)?,
@@ -219,11 +235,17 @@ fn table(study: &Study, name: &'static str, compared: Compared) -> Result<Table,
         ("all pairs", "all_pairs"),
     ];
     columns.extend(titles.map(|(title, key)| column(title, key)));
+    let has_failures = study.failed() > 0;
+    if has_failures {
+        columns.extend(
+            [("runs of A that failed", "failed_a"), ("of B", "failed_b")].map(|(title, key)| column(title, key)),
+        );
+    }
     let mut rows = Vec::new();
     for condition in &study.conditions {
         for comparison in comparisons(study, condition, compared)? {
-            let Comparison { a, b, pairs, all_pairs, maps, mean_a, mean_b, ratio, a12, test, adjusted, detectable } =
-                comparison;
+            let Comparison { a, b, pairs, all_pairs, maps, failed, mean_a, mean_b, ratio, a12, test, .. } = comparison;
+            let Comparison { adjusted, detectable, .. } = comparison;
             let mut row = condition_entries(study, condition);
             row.extend([a, b].map(|variant| Entry::Text(study.variants[variant].clone())));
             let test_name = match test {
@@ -244,6 +266,7 @@ fn table(study: &Study, name: &'static str, compared: Compared) -> Result<Table,
                 Entry::Number(Some(mean_b), digits_for(mean_b)),
                 Entry::Count(all_pairs),
             ]);
+            row.extend(failed.map(Entry::Count).into_iter().filter(|_| has_failures));
             rows.push(row);
         }
     }

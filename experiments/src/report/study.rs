@@ -21,7 +21,7 @@ use thiserror::Error;
 use super::design::{Design, short_table};
 use super::evidence;
 use crate::plan::{MAP_FILE, VARIANT};
-use crate::rows::{Made, RunRecord, RunRow, StoredRun};
+use crate::rows::{FailedRun, Made, RunRecord, RunRow, StoredRun};
 use crate::store::{PLAN, Store, StoreError};
 use variants::{CONTROLLER, Variants};
 
@@ -121,7 +121,8 @@ impl Study {
     /// Reads the runs of a folder, and its plan if it has one.
     pub(super) fn read(folder: &Path) -> Result<Self, StudyError> {
         let store = Store::open(folder)?;
-        let runs = store.stored_runs()?;
+        let mut runs = store.stored_runs()?;
+        runs.extend(failed(store.failures()?, &runs));
         if runs.is_empty() {
             return Err(StudyError::Empty { folder: folder.to_owned() });
         }
@@ -196,6 +197,16 @@ impl Study {
         cell.into_iter().flat_map(|cell| &cell.runs).map(|&run| &self.runs[run]).collect()
     }
 
+    /// The runs of [`Self::cell`] that have not failed; may be empty.
+    pub(super) fn measured(&self, condition: &Condition, variant: usize) -> Vec<&RunRecord> {
+        self.cell(condition, variant).into_iter().filter(|run| run.row.failure.is_none()).collect()
+    }
+
+    /// Number of runs that have failed.
+    pub(super) fn failed(&self) -> usize {
+        self.runs.iter().filter(|run| run.row.failure.is_some()).count()
+    }
+
     /// Condition, variant and independent runs of every cell.
     pub(super) fn cells(&self) -> impl Iterator<Item = (&Condition, usize, Vec<&RunRecord>)> {
         self.cells.iter().map(|((condition, variant), cell)| (condition, *variant, self.independent(cell)))
@@ -203,13 +214,31 @@ impl Study {
 
     /// The runs of two variants under a condition, paired by block.
     pub(super) fn pairs(&self, condition: &Condition, a: usize, b: usize) -> Pairs<'_> {
+        self.pairs_of(condition, (a, b), |_| true)
+    }
+
+    /// Those of [`Self::pairs`] of which no run has failed.
+    pub(super) fn measured_pairs(&self, condition: &Condition, a: usize, b: usize) -> Pairs<'_> {
+        self.pairs_of(condition, (a, b), |run| run.row.failure.is_none())
+    }
+
+    fn pairs_of(
+        &self,
+        condition: &Condition,
+        (a, b): (usize, usize),
+        counts: impl Fn(&RunRecord) -> bool,
+    ) -> Pairs<'_> {
         let cell = |variant: usize| self.cells.get(&(condition.clone(), variant));
         let (Some(a), Some(b)) = (cell(a), cell(b)) else { return Pairs::default() };
         let of_b: BTreeMap<_, _> =
             b.runs.iter().enumerate().map(|(place, &run)| (block(&self.runs[run].row), place)).collect();
         let (mut pairs, mut seen, mut maps) = (Pairs::default(), BTreeSet::new(), BTreeSet::new());
         for (place_a, &run_a) in a.runs.iter().enumerate() {
-            if let Some(&place_b) = of_b.get(&block(&self.runs[run_a].row)) {
+            let place_b = of_b.get(&block(&self.runs[run_a].row)).filter(|place| {
+                let run_b = b.runs[**place];
+                counts(&self.runs[run_a]) && counts(&self.runs[run_b])
+            });
+            if let Some(&place_b) = place_b {
                 pairs.all += 1;
                 // A pair whose runs both repeat those of another pair is that pair.
                 if seen.insert((a.first[place_a], b.first[place_b])) {
@@ -294,6 +323,25 @@ impl Study {
         let dates: BTreeSet<&str> = self.made.iter().filter_map(|made| made.date.as_deref()).collect();
         Some((dates.first()?, dates.last()?))
     }
+}
+
+/// The runs that have failed, with what those on the same map know of it: its size, and the oracle of
+/// a team like theirs.
+fn failed(failures: Vec<FailedRun>, runs: &[StoredRun]) -> Vec<StoredRun> {
+    let complete = |failed: FailedRun| {
+        let is_known = failed.size.is_some();
+        let mut failed = failed.into_stored();
+        let on_map = || runs.iter().filter(|run| run.made.map.is_some() && run.made.map == failed.made.map);
+        let like = on_map().find(|run| (run.row.agents, run.row.seed) == (failed.row.agents, failed.row.seed));
+        let oracle = like.and_then(|run| run.row.oracle);
+        let size = on_map().next().or(runs.first()).map(|run| run.row.size);
+        failed.row.oracle = oracle;
+        if let (Some(size), false) = (size, is_known) {
+            failed.row.size = size;
+        }
+        failed
+    };
+    failures.into_iter().map(complete).collect()
 }
 
 /// Map file and seed of a run.

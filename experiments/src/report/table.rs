@@ -20,7 +20,7 @@ pub(super) enum Entry {
     /// A part of a number of runs.
     Share(usize, usize),
     Mean(Option<Estimate>, usize),
-    Median(Quartiles, usize),
+    Median(Option<Quartiles>, usize),
     /// `None` if there is no test.
     Probability(Option<f64>),
 }
@@ -41,7 +41,8 @@ impl Entry {
             Self::Mean(Some(Estimate { mean, interval: Some(Interval { low, high }) }), digits) => {
                 format!("{} [{}, {}]", fixed(*mean, *digits), fixed(*low, *digits), fixed(*high, *digits))
             }
-            Self::Median(Quartiles { low, median, high }, digits) => {
+            Self::Median(None, _) => NONE.to_owned(),
+            Self::Median(Some(Quartiles { low, median, high }), digits) => {
                 format!("{} ({}{NONE}{})", fixed(*median, *digits), fixed(*low, *digits), fixed(*high, *digits))
             }
             Self::Probability(None) => NONE.to_owned(),
@@ -64,8 +65,9 @@ impl Entry {
                 let ends = [interval.map(|interval| interval.low), interval.map(|interval| interval.high)];
                 [estimate.map(|estimate| estimate.mean), ends[0], ends[1]].map(optional).to_vec()
             }
-            Self::Median(Quartiles { low, median, high }, _) => {
-                vec![median.to_string(), low.to_string(), high.to_string()]
+            Self::Median(quartiles, _) => {
+                let of = |value: fn(&Quartiles) -> f64| optional(quartiles.as_ref().map(value));
+                vec![of(|quartiles| quartiles.median), of(|quartiles| quartiles.low), of(|quartiles| quartiles.high)]
             }
             Self::Probability(p) => vec![optional(*p)],
         }

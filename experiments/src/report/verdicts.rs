@@ -38,7 +38,27 @@ fn metric(study: &Study, condition: &Condition) -> Compared {
     if reached.next().is_some() { Compared::Time } else { Compared::AREA }
 }
 
+/// The verdict on a pair of variants; names the runs that have failed, which count as not reached.
 fn sentence(study: &Study, comparison: &Comparison, compared: Compared) -> String {
+    let Comparison { a, b, pairs, maps, failed, .. } = *comparison;
+    let of = if pairs == maps { "map" } else { "pair" };
+    let failure = |(variant, count): (usize, usize)| {
+        let plural = if pairs == 1 { "" } else { "s" };
+        (count > 0).then(|| format!("{} failed on {count} of {pairs} {of}{plural}", study.variants[variant]))
+    };
+    let failures: Vec<String> = [(a, failed[0]), (b, failed[1])].into_iter().filter_map(failure).collect();
+    let verdict = effect(study, comparison, compared);
+    if failures.is_empty() {
+        return verdict;
+    }
+    let counts = match compared {
+        Compared::Time => "not reached",
+        Compared::Metric(..) => "nothing explored",
+    };
+    format!("{verdict} {}: a failed run counts as {counts}.", failures.join(", "))
+}
+
+fn effect(study: &Study, comparison: &Comparison, compared: Compared) -> String {
     let Comparison { pairs, maps, mean_a, mean_b, .. } = *comparison;
     let (better, what) = match compared {
         Compared::Time => ("faster to 99 %", "the time to 99 %"),
@@ -143,6 +163,7 @@ mod tests {
             pairs,
             all_pairs: pairs,
             maps: pairs,
+            failed: [0, 0],
             mean_a: ratio,
             mean_b: 1.0,
             ratio: Some(Estimate { mean: ratio, interval: Some(Interval { low, high }) }),
@@ -174,6 +195,20 @@ mod tests {
             said(comparison(1.5, (1.2, 2.0), 7, Some(0.02)), Compared::AREA),
             "dsvp is ahead of rbw in the area under the curve by 50 % [20, 100], n = 7 maps; p = 0.020."
         );
+    }
+
+    #[test]
+    fn failures_are_named() {
+        let failing = Comparison { failed: [24, 0], ..comparison(1.25, (1.0, 1.6), 40, Some(0.003)) };
+        assert_eq!(
+            sentence(&study(), &failing, Compared::Time),
+            "rbw is faster to 99 % than dsvp by 20 % [0.0, 38], n = 40 maps; p = 0.003. dsvp failed on 24 of 40 maps: \
+             a failed run counts as not reached."
+        );
+        let both = Comparison { failed: [1, 2], maps: 5, ..comparison(1.5, (1.2, 2.0), 7, Some(0.02)) };
+        let said = sentence(&study(), &both, Compared::AREA);
+        let words = "dsvp failed on 1 of 7 pairs, rbw failed on 2 of 7 pairs: a failed run counts as nothing explored.";
+        assert!(said.ends_with(words), "{said}");
     }
 
     #[test]

@@ -58,8 +58,9 @@ impl RunArgs {
     /// Refuses to start a program because a recording, which may come from anywhere, names it.
     fn check_command(&self, scenario: &Scenario) -> anyhow::Result<()> {
         let command = &scenario.agents.command;
-        let source = self.resume.as_ref().or(self.scenario.as_ref());
-        let recording = source.filter(|file| file.extension().is_some_and(|extension| extension == "mcap"));
+        let is_recording = |file: &&PathBuf| file.extension().is_some_and(|extension| extension == "mcap");
+        let source = self.resume.as_ref().or(self.scenario.as_ref()).filter(is_recording);
+        let recording = source.or(self.fork.fork.as_ref());
         let is_typed = self.overrides().iter().any(|key| key.key == "agents.command");
         match recording {
             Some(file) if !command.is_empty() && !is_typed => bail!(
@@ -174,7 +175,12 @@ mod tests {
         for trusted in ["run", "run s.toml", "run a.mcap --set agents.command=[\"./own\"]"] {
             assert!(check(trusted).is_ok(), "{trusted}");
         }
-        for foreign in ["run a.mcap", "run a.mcap --set agents.command_signs=true", "run --resume a.mcap"] {
+        for foreign in [
+            "run a.mcap",
+            "run a.mcap --set agents.command_signs=true",
+            "run --resume a.mcap",
+            "run --fork a.mcap --at 1",
+        ] {
             let refused = check(foreign).unwrap_err().to_string();
             assert!(refused.ends_with("repeat it: --set 'agents.command=[\"./own\"]'"), "{refused}");
         }

@@ -17,10 +17,15 @@ use mapgen::ImportOptions;
 use msgs::ids::{AgentId, Tick};
 use serde::{Deserialize, Serialize};
 
-use super::{Checker, Origins, Override, Scenario, ScenarioError, change_key, keys, one_line};
+use super::changes::{self, Change, Refusal};
+use super::{Checker, Origins, Override, Scenario, ScenarioError, keys, one_line};
 
 /// Largest number of events.
 pub const EVENTS_MAX: usize = 10_000;
+
+/// Most bytes of all the scenarios that changes of keys make of one, each written as a whole: every
+/// change has one of its own.
+const PHASES_BYTES_MAX: usize = 64 << 20;
 
 /// An entry of `[[event]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -239,21 +244,25 @@ impl Scenario {
     /// This scenario after a change of keys. Another controller starts with its default settings
     /// unless some are given.
     fn changed(&self, set: &BTreeMap<String, toml::Value>) -> Result<Self, String> {
-        let mut table = toml::Table::try_from(self).map_err(|error| error.to_string())?;
+        let table = toml::Table::try_from(self).map_err(|error| error.to_string())?;
         let controller = set.get("agents.controller").and_then(toml::Value::as_str);
-        if controller.is_some_and(|controller| controller != self.agents.controller) {
-            change_key(&mut table, "agents.set", None)?;
-        }
+        let is_other = controller.is_some_and(|controller| controller != self.agents.controller);
+        let mut changes: Vec<Change<'_>> = if is_other { vec![("agents.set", None)] } else { Vec::new() };
         for (key, value) in set {
             changeable(key)?;
-            change_key(&mut table, key, Some(value.clone()))?;
-            table.clone().try_into::<Self>().map_err(|error| {
-                let expected = keys::find(key).map(|key| key.expected()).unwrap_or_default();
-                let expected = if expected.is_empty() { one_line(error.message()) } else { expected };
-                format!("{key} = {value}: {expected}")
-            })?;
+            changes.push((key, Some(value)));
         }
-        let changed: Self = table.try_into().map_err(|error: toml::de::Error| one_line(error.message()))?;
+        let changed = changes::changed(&table, &changes, &mut 0).map_err(|refusal| match refusal {
+            Refusal::Key(_, reason) => reason,
+            Refusal::Scenario(number, _, error) => match changes.get(number) {
+                Some((key, Some(value))) => {
+                    let expected = keys::find(key).map(|key| key.expected()).unwrap_or_default();
+                    let expected = if expected.is_empty() { one_line(error.message()) } else { expected };
+                    format!("{key} = {value}: {expected}")
+                }
+                _ => one_line(error.message()),
+            },
+        })?;
         changed.check(&Origins::new("", "", &[])).map_err(|error| match error {
             ScenarioError::Value { key, value, allowed, .. } => format!("{key} = {value}: {allowed}"),
             other => other.to_string(),
@@ -269,6 +278,19 @@ impl Scenario {
             count <= EVENTS_MAX,
             &format!("expected at most {EVENTS_MAX}"),
         )?;
+        let changes = self.event.iter().filter(|entry| entry.kind == EventKind::Set).count();
+        if changes > 0 {
+            let bytes = self.without_events().to_toml().len();
+            checker.require(
+                "event",
+                format!("{changes} changes of keys"),
+                changes.saturating_mul(bytes) <= PHASES_BYTES_MAX,
+                &format!(
+                    "expected at most {}: each makes another scenario, and this one has {bytes} bytes without events",
+                    PHASES_BYTES_MAX / bytes
+                ),
+            )?;
+        }
         let mut last = Tick::ZERO;
         let mut present = self.without_events();
         let mut team = Lives::default();
@@ -335,6 +357,11 @@ impl Scenario {
             let refused = |reason: String| ScenarioError::Override { origin: one_line(&change.origin), reason };
             if change.key == "event" {
                 added.extend(new_events(change.value.as_ref(), at).map_err(refused)?);
+                continue;
+            }
+            // Whoever trusts the program of the parent repeats it.
+            let command = || toml::Value::from(present.agents.command.clone());
+            if change.key == "agents.command" && change.value.as_ref().is_some_and(|value| *value == command()) {
                 continue;
             }
             changeable(&change.key).map_err(refused)?;

@@ -1,9 +1,10 @@
 //! Where the values of a scenario come from: a line of the file, or a flag. Only error messages
 //! need it, so nothing is looked up before there is an error.
 
+use toml::Spanned;
 use toml::de::{DeArray, DeTable, Error};
 
-use super::diagnosis::{At, Problem, problems};
+use super::diagnosis::first_problem;
 use super::{Override, ScenarioError, one_line};
 
 /// The text of a scenario and the flags that change it.
@@ -32,8 +33,7 @@ impl<'a> Origins<'a> {
         if let Some(flag) = flag {
             return one_line(&flag.origin);
         }
-        let path: Vec<String> = key.replace('[', ".[").split('.').map(str::to_owned).collect();
-        match self.place(&path, At::Key) {
+        match self.place(key) {
             Some((line, _)) => format!("{}:{line}", self.file),
             None => self.file.to_owned(),
         }
@@ -41,37 +41,35 @@ impl<'a> Origins<'a> {
 
     /// The error of a text that is no scenario.
     pub(super) fn syntax(&self, error: &Error) -> ScenarioError {
+        let spans = DeTable::parse(self.text).ok();
         let table: Option<toml::Table> = toml::from_str(self.text).ok();
-        let found = table.iter().flat_map(problems).map(|problem| {
-            let place = self.place(&problem.path, problem.at).unwrap_or((1, 1));
-            (problem.rank, place, problem)
-        });
-        let first = found.min_by_key(|(rank, place, _)| (*rank, *place));
-        let ((line, column), reason) = match first {
-            Some((_, place, problem)) => (place, problem.text),
-            None => (position(self.text, error.span().map_or(0, |span| span.start)), error.message().to_owned()),
+        let spans = spans.as_ref().map(Spanned::get_ref);
+        let first = table.as_ref().and_then(|table| first_problem(table, spans, &|_| true).0);
+        let (at, reason) = match first {
+            Some(problem) => (problem.at.unwrap_or(0), problem.text),
+            None => (error.span().map_or(0, |span| span.start), error.message().to_owned()),
         };
+        let (line, column) = position(self.text, at);
         ScenarioError::Syntax { file: self.file.to_owned(), line, column, reason: one_line(&reason) }
     }
 
     /// The error of an override after which the keys are no scenario.
     pub(super) fn unfit(change: &Override, keys: &toml::Table, error: &Error) -> ScenarioError {
-        let is_of_change = |problem: &Problem| problem.name().starts_with(&change.key);
-        let first = problems(keys).into_iter().min_by_key(|problem| (problem.rank, !is_of_change(problem)));
+        let (first, _) = first_problem(keys, None, &|name| name.starts_with(&change.key));
         let reason = first.map_or_else(|| error.message().to_owned(), |problem| problem.text);
         ScenarioError::Override { origin: one_line(&change.origin), reason: one_line(&reason) }
     }
 
     /// Line and column, from 1, of the innermost part of a path that the text names.
-    fn place(&self, path: &[String], at: At) -> Option<(usize, usize)> {
+    fn place(&self, key: &str) -> Option<(usize, usize)> {
         let root = DeTable::parse(self.text).ok()?;
         let mut table = Some(root.get_ref());
         let mut list: Option<&DeArray<'_>> = None;
         let mut start = None;
-        for (depth, part) in path.iter().enumerate() {
-            let (key, value) = match (table, list) {
+        for part in key.replace('[', ".[").split('.') {
+            let (at, value) = match (table, list) {
                 (Some(keys), _) => {
-                    let Some((key, value)) = keys.iter().find(|(key, _)| key.get_ref() == part) else { break };
+                    let Some((key, value)) = keys.get_key_value(part) else { break };
                     (key.span().start, value)
                 }
                 (None, Some(entries)) => {
@@ -81,8 +79,7 @@ impl<'a> Origins<'a> {
                 }
                 (None, None) => break,
             };
-            let is_last = depth + 1 == path.len();
-            start = Some(if is_last && at == At::Value { value.span().start } else { key });
+            start = Some(at);
             table = value.get_ref().as_table();
             list = value.get_ref().as_array();
         }

@@ -159,6 +159,29 @@ fn mistakes_are_named_with_their_place() {
 }
 
 #[test]
+fn texts_and_their_tables_are_bounded() {
+    let long = format!("{SMALL}#{}", " ".repeat(SCENARIO_BYTES_MAX));
+    let bytes = format!("s.toml:1:1: {} bytes: expected a scenario of at most 1048576 bytes", long.len());
+    refuses(&long, &[], &bytes);
+    for part in ["{}, ", "[0], ", "{ a.b.c = 1 }, "] {
+        let many =
+            format!("{SMALL}[agents.set]\nx = [{}]\n", part.repeat(TABLES_MAX / part.matches(['{', '[', '.']).count()));
+        refuses(&many, &[], "of the characters { [ and . that begin them: expected a scenario with at most 131072");
+    }
+    let some = format!("{SMALL}[agents.set]\nx = [{}]\n", "[0], ".repeat(10_000));
+    Scenario::parse("s.toml", &some, &[]).unwrap();
+}
+
+#[test]
+fn flags_may_be_legal_only_together() {
+    let poses = toml::Value::from(vec![vec![1.0, 2.0, 3.0]]);
+    let together = [set("spawn.kind", "list"), set("spawn.poses", poses), set("agents.count", 1)];
+    Scenario::parse("s.toml", SMALL, &together).unwrap();
+    let two = [set("seed", 1), set("agents.cuont", 1), set("map.size", 30), set("lidar.rang_m", 1)];
+    refuses(SMALL, &two, "--set agents.cuont: unknown key `agents.cuont`");
+}
+
+#[test]
 fn errors_name_the_origin_of_a_value() {
     let text = format!("{SMALL}[lidar]\nrange_m = -1.0\n");
     refuses(&text, &[], "s.toml:9: lidar.range_m = -1: expected a number above 0, or inf");

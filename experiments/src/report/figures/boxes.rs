@@ -29,7 +29,8 @@ pub(super) fn outcome(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
 }
 
 pub(super) fn real_time_factor(study: &Study) -> Result<Option<Figure>, StatisticsError> {
-    let positive = study.runs.iter().all(|run| run.row.wall.real_time_factor > 0.0);
+    let mut measured = study.runs.iter().filter(|run| run.row.failure.is_none());
+    let positive = measured.all(|run| run.row.wall.real_time_factor > 0.0) && study.failed() < study.runs.len();
     if positive { boxes(study, REAL_TIME_FACTOR, true).map(Some) } else { Ok(None) }
 }
 
@@ -72,7 +73,8 @@ fn boxes(study: &Study, metric: Metric, logarithmic: bool) -> Result<Figure, Sta
         for (group, &agents) in team_sizes.iter().enumerate() {
             let condition = Condition { others: environment.others.clone(), size: environment.size, agents };
             for variant in 0..study.variants.len() {
-                let runs = study.cell(&condition, variant);
+                let mut runs = study.cell(&condition, variant);
+                runs.retain(|run| metric.value_of(run).is_some());
                 if !runs.is_empty() {
                     let offset = (variant as f64 - (slots - 1.0) / 2.0) * width;
                     sheet.svg.begin_variant(variant, false);
@@ -98,6 +100,7 @@ fn value_axis(study: &Study, metric: Metric, logarithmic: bool) -> Axis {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     match () {
+        () if values.is_empty() => Axis::rounded(0.0, 1.0, 5),
         () if logarithmic => Axis::logarithmic(low, high),
         // Shares that are all close to 100 % get a magnified axis.
         () if metric.key == EXPLORED.key => {

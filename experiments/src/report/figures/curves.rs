@@ -21,7 +21,7 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
         let cells: Vec<_> = cells(study, condition).collect();
         for (variant, runs) in &cells {
             sheet.svg.begin_variant(*variant, false);
-            for run in runs {
+            for run in runs.iter().filter(|run| run.row.failure.is_none()) {
                 let points: Vec<_> = run
                     .series
                     .iter()
@@ -55,7 +55,7 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
     let drawn = over_time(study, &sheet, draw)?;
     let caption = "Explored share of the free cells over sim time. Thick lines: mean over the runs of a cell. Bands: \
                    95 % bootstrap interval of the mean, pointwise. Thin lines: single runs; a run that has ended \
-                   counts with its last value.";
+                   counts with its last value, and one that has failed with 0, without a line of its own.";
     let (name, title, caption) = (sheet.name.to_owned(), sheet.title.to_owned(), caption.to_owned());
     Ok(Figure { name, title, caption, legend: legend(study, sheet.mark), is_by_variant: true, drawn })
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::super::estimates::{Estimate, RESAMPLES, Times};
-use super::super::metrics::{DISTANCE, EXPLORED, MILESTONES, TimeUnit};
+use super::super::metrics::{DISTANCE, EXPLORED, MILESTONES, Metric, TimeUnit};
 use super::super::outcomes::{DECISION_TIMES, decision_us};
 use super::super::plot::{Axis, Drawn, Layout, Mark, Panel, Sheet, colour, pen, room_for};
 use super::super::study::{Condition, Environment, Study, agents_name};
@@ -30,7 +30,8 @@ fn figure(study: &Study, name: &str, title: &str, caption: &str, drawn: Drawn) -
 /// A metric over the team size.
 struct Scaled<'a> {
     label: String,
-    estimate: &'a dyn Fn(&[&RunRecord]) -> Result<Estimate, StatisticsError>,
+    /// `None` if no run counts.
+    estimate: &'a dyn Fn(&[&RunRecord]) -> Result<Option<Estimate>, StatisticsError>,
 }
 
 /// Explored share, time to 99 % and distance over the team size; `None` if there is only one size.
@@ -40,12 +41,12 @@ pub(super) fn scaling(study: &Study) -> Result<Option<Figure>, StatisticsError> 
     }
     let unit = TimeUnit::of(&study.runs);
     let rows = [
-        Scaled { label: EXPLORED.label(), estimate: &|runs| Estimate::of(&EXPLORED.values(runs), RESAMPLES) },
+        Scaled { label: EXPLORED.label(), estimate: &|runs| estimate_of(EXPLORED, runs) },
         Scaled {
             label: format!("restricted mean time to 99 % ({})", unit.symbol),
-            estimate: &|runs| Ok(Times::of(runs, MILESTONES[1]).estimate()?.in_unit(unit)),
+            estimate: &|runs| Ok(Some(Times::of(runs, MILESTONES[1]).estimate()?.in_unit(unit))),
         },
-        Scaled { label: DISTANCE.label(), estimate: &|runs| Estimate::of(&DISTANCE.values(runs), RESAMPLES) },
+        Scaled { label: DISTANCE.label(), estimate: &|runs| estimate_of(DISTANCE, runs) },
     ];
     let environments = study.environments();
     // Environments side by side if there are several and they fit, otherwise below each other.
@@ -92,6 +93,11 @@ pub(super) fn scaling(study: &Study) -> Result<Option<Figure>, StatisticsError> 
     Ok(Some(figure(study, "scaling", SCALING, caption, sheet.finish())))
 }
 
+fn estimate_of(metric: Metric, runs: &[&RunRecord]) -> Result<Option<Estimate>, StatisticsError> {
+    let values = metric.values(runs);
+    if values.is_empty() { Ok(None) } else { Estimate::of(&values, RESAMPLES).map(Some) }
+}
+
 /// The estimates of a variant over the team size.
 struct Line {
     variant: usize,
@@ -103,7 +109,7 @@ fn lines_of(study: &Study, environment: &Environment, scaled: &Scaled) -> Result
     for variant in 0..study.variants.len() {
         let mut points = Vec::new();
         for (agents, runs) in team_cells(study, environment, variant) {
-            points.extend(agents.map(|agents| Ok((agents, (scaled.estimate)(&runs)?))).transpose()?);
+            points.extend(agents.zip((scaled.estimate)(&runs)?));
         }
         lines.push(Line { variant, points });
     }

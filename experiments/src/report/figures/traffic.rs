@@ -85,7 +85,7 @@ pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> 
                 &mut sheet,
                 &panel,
                 (line, room * BAR),
-                &shares(&study.cell(condition, variant), &kinds, unit),
+                &shares(&study.measured(condition, variant), &kinds, unit),
                 total,
             );
             let end = total.high();
@@ -150,7 +150,7 @@ pub(super) fn totals(
 ) -> Result<Vec<(usize, Estimate)>, StatisticsError> {
     let mut totals = Vec::new();
     for variant in 0..study.variants.len() {
-        let runs = study.cell(condition, variant);
+        let runs = study.measured(condition, variant);
         if !runs.is_empty() {
             let values: Vec<f64> = runs.iter().map(|run| run.row.parcel_bytes as f64 / unit.bytes).collect();
             totals.push((variant, Estimate::of(&values, RESAMPLES)?));

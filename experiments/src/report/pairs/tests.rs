@@ -6,7 +6,7 @@ use rand_chacha::rand_core::Rng;
 
 use super::super::fixture;
 use super::*;
-use crate::rows::{Made, StoredRun};
+use crate::rows::{FailedRun, Made, RunRecord, StoredRun};
 
 /// A study of variants by name, each with its times to 99 % by block: `None` is censored. Runs of
 /// equal `map` are on the same map.
@@ -107,6 +107,63 @@ fn repetitions_of_one_map_are_one_pair() {
     let family = comparisons(&study, &study.conditions[0], Compared::Time).unwrap();
     assert_eq!((family[0].pairs, family[0].maps), (10, 10));
     assert!(family[0].adjusted.unwrap() < 0.01);
+}
+
+/// The run in this place of a failed one.
+fn failed(RunRecord { row, .. }: RunRecord, made: Made) -> StoredRun {
+    let (id, build, controller, seed, size) = (row.id, row.build, row.controller, row.seed, Some(row.size));
+    let reason = "exit code 4".to_owned();
+    let (agents, axes, duration_s) = (row.agents, row.axes, row.duration_s);
+    FailedRun { id, build, controller, seed, size, agents, axes, duration_s, reason, made }.into_stored()
+}
+
+/// A variant that is fast on 16 maps and fails on 24, and one that reaches 99 % on all 40. The means
+/// are those of lifelines 0.30 (`restricted_mean_survival_time` up to 60 s); 2000 exchanges within
+/// pairs in Python give p = 0.0005.
+#[test]
+fn variant_that_fails_does_not_win() {
+    let mut runs = Vec::new();
+    for block in 0..40 {
+        let time = f64::from(block) / 4.0;
+        for (name, t99_s) in [("crashes", (block < 16).then_some(20.0 + time)), ("steady", Some(30.0 + time))] {
+            let mut run = fixture::run(name, block as u64, 2);
+            run.row.axes = BTreeMap::from([("agents.controller".to_owned(), name.to_owned())]);
+            (run.row.t99_s, run.row.area_under_explored) = (t99_s, 0.7);
+            let made = Made { date: None, map: Some(block.to_string()) };
+            runs.push(if t99_s.is_some() { StoredRun::new(run, made) } else { failed(run, made) });
+        }
+    }
+    let study = Study::new(runs, None);
+    let of = |compared| comparisons(&study, &study.conditions[0], compared).unwrap().remove(0);
+    let time = of(Compared::Time);
+    assert_eq!((time.pairs, time.maps, time.failed), (40, 40, [24, 0]));
+    assert!((time.mean_a - 44.75).abs() < 1e-9 && (time.mean_b - 34.875).abs() < 1e-9, "{time:?}");
+    assert!(!time.is_a_better(Compared::Time));
+    assert!(matches!(time.test, Some((Test::LogRank, p)) if p < 0.002), "{time:?}");
+    let area = of(Compared::AREA);
+    assert!((area.mean_a - 70.0 * 16.0 / 40.0).abs() < 1e-9 && !area.is_a_better(Compared::AREA), "{area:?}");
+    // How far it would have moved is not known: those pairs are left out, and counted.
+    let distance = of(Compared::Metric(DISTANCE, false));
+    assert_eq!((distance.pairs, distance.maps, distance.all_pairs, distance.failed), (16, 16, 16, [24, 0]));
+    let table = tables(&study).unwrap().remove(3);
+    assert!(table.columns.iter().any(|(_, key)| key == "failed_a"));
+    let said = super::super::verdicts::verdicts(&study).unwrap().remove(0).sentences.remove(0);
+    assert!(said.contains("steady is faster to 99 %") && said.contains("crashes failed on 24 of 40 maps"), "{said}");
+}
+
+#[test]
+fn failures_on_one_map_do_not_repeat_each_other() {
+    let runs = (0..8).flat_map(|seed| {
+        let made = || Made { date: None, map: Some("the map".to_owned()) };
+        let mut runs = ["a", "b"].map(|name| fixture::run(name, seed, 2));
+        runs.iter_mut().for_each(|run| run.row.free_cells = 1000);
+        let [a, b] = runs;
+        [failed(a, made()), StoredRun::new(b, made())]
+    });
+    let study = Study::new(runs.collect(), None);
+    assert_eq!([0, 1].map(|variant| study.cell(&study.conditions[0], variant).len()), [8, 1]);
+    let family = comparisons(&study, &study.conditions[0], Compared::AREA).unwrap();
+    assert_eq!((family[0].pairs, family[0].maps, family[0].failed), (8, 1, [8, 0]));
 }
 
 #[test]

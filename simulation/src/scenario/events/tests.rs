@@ -142,8 +142,32 @@ fn forks_have_the_events_of_their_parent_and_one_more() {
     let event = |table: &toml::Table| set("event", table["v"].clone());
     let fork = fork.fork(Tick(350), "cd", &[event(&broken)]).unwrap();
     assert_eq!(fork.event.len(), 3);
+    let mut own = parent.clone();
+    own.agents.command = vec!["./own".to_owned()];
+    let repeated = |word: &str| own.fork(Tick(50), "ab", &[set("agents.command", vec![word])]);
+    assert_eq!(repeated("./own").unwrap(), own, "a program that is repeated changes nothing");
+    assert!(repeated("./other").unwrap_err().to_string().contains("programs run for all of a run"));
     let early = parent.fork(Tick(351), "cd", &[event(&broken)]).unwrap_err().to_string();
     assert!(early.contains("at_s = 7: expected no event before the fork, tick 351"), "{early}");
     let join = toml::from_str::<toml::Table>("v = [{ kind = \"join\", at_s = 9.0, agent = 0 }]").unwrap();
     assert!(parent.fork(Tick(350), "cd", &[event(&join)]).unwrap_err().to_string().contains("from the start"));
+}
+
+#[test]
+fn changes_of_keys_are_bounded_by_what_they_copy() {
+    let change =
+        |number: usize| format!("{{ kind = \"set\", at_s = {number}.0, set = {{ \"communication.loss\" = 0.5 }} }}");
+    let changes = |count: usize| (0..count).map(change).collect::<Vec<_>>().join(", ");
+    let with = |count: usize, settings: usize| {
+        let set: String = (0..settings).map(|number| format!("agents.set.k{number} = 1\n")).collect();
+        let text = format!(
+            "{set}seed = 1\nduration_s = 900.0\nmap = {{ kind = \"spheres\", size = 20 }}\nagents.count = 2\n\
+             event = [{}]\n",
+            changes(count)
+        );
+        Scenario::parse("s.toml", &text, &[]).map_err(|error| error.to_string())
+    };
+    assert_eq!(with(50, 100).unwrap().phases().len(), 51);
+    let refused = with(800, 9000).unwrap_err();
+    assert!(refused.contains("event = 800 changes of keys: expected at most"), "{refused}");
 }
