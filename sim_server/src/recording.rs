@@ -5,8 +5,9 @@
 //! whole chunk; a file that is no recording of this simulator is refused when opened. No content of
 //! a file causes a panic or exhausts memory.
 //!
-//! This module returns messages without interpreting them. [`Follower`] reads a recording while it
-//! is written.
+//! This module returns messages without interpreting them, except that commands of earlier builds,
+//! which have no stage, come in the present form. [`Follower`] reads a recording while it is
+//! written.
 
 mod follower;
 
@@ -20,6 +21,8 @@ use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use msgs::cdr::{self, CdrError};
 use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::Command;
+use msgs::message::Message as _;
 use msgs::topics;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
@@ -75,6 +78,9 @@ pub struct Channel {
     pub type_name: String,
     /// Offered QoS profiles, as rosbag2 writes them.
     pub offered_qos: String,
+    /// Whether its messages are commands of an earlier build, which end before the stage: they are
+    /// returned with the stage [`Command::SAME`].
+    pub lacks_stage: bool,
 }
 
 /// A message of a recording.
@@ -229,8 +235,27 @@ pub struct Messages<'a> {
 /// What the messages of a file refer to, by id.
 #[derive(Debug, Clone, Default)]
 struct KnownChannels {
-    schemas: BTreeMap<u16, String>,
+    schemas: BTreeMap<u16, KnownSchema>,
     channels: BTreeMap<u16, Arc<Channel>>,
+}
+
+/// A type of messages.
+#[derive(Debug, Clone, Default)]
+struct KnownSchema {
+    name: String,
+    lacks_stage: bool,
+}
+
+impl KnownSchema {
+    fn new(name: String, definition: &[u8]) -> Self {
+        let has_stage = || {
+            // The definitions of the types that it contains follow behind a rule.
+            let mut own = definition.split(|&byte| byte == b'\n').take_while(|line| !line.starts_with(b"==="));
+            own.any(|line| line.starts_with(b"uint8 stage"))
+        };
+        let lacks_stage = name == Command::TYPE.to_string() && !has_stage();
+        Self { name, lacks_stage }
+    }
 }
 
 impl<'a> Messages<'a> {
@@ -254,19 +279,24 @@ impl Iterator for Messages<'_> {
     fn next(&mut self) -> Option<Message> {
         while self.end.is_none() {
             match self.records.next() {
-                Some(Ok(Record::Schema { header, .. })) => {
-                    self.known.schemas.insert(header.id, header.name);
+                Some(Ok(Record::Schema { header, data })) => {
+                    self.known.schemas.insert(header.id, KnownSchema::new(header.name, &data));
                 }
                 Some(Ok(Record::Channel(channel))) => {
-                    let type_name = self.known.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                    let schema = self.known.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                    let KnownSchema { name: type_name, lacks_stage } = schema;
                     let offered_qos = channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default();
-                    let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos });
+                    let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos, lacks_stage });
                     self.known.channels.insert(channel.id, known);
                 }
                 Some(Ok(Record::Message { header, data })) => {
                     if let Some(channel) = self.known.channels.get(&header.channel_id) {
                         let channel = Arc::clone(channel);
-                        return Some(Message { channel, time_ns: header.log_time, data: data.into_owned() });
+                        let mut data = data.into_owned();
+                        if channel.lacks_stage {
+                            data.extend([Command::SAME; Command::UNDIGESTED_BYTES]);
+                        }
+                        return Some(Message { channel, time_ns: header.log_time, data });
                     }
                 }
                 // A summary follows.
