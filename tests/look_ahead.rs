@@ -135,6 +135,7 @@ impl Controller for Gossip {
             messages: self.messages(ctx),
             relays: Vec::new(),
             trigger: self.trigger,
+            stage: None,
             info: if self.rng.random_bool(0.1) { format!("observed {:x}", self.observed) } else { String::new() },
         }
     }

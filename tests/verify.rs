@@ -32,6 +32,7 @@ use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{Play, honest, serve};
 use crate::support::processes::{Ended, Process};
 use crate::support::recordings::{Message, Recording};
+use crate::support::root;
 use crate::support::runs::{Site, scenario};
 
 /// A run of two agents in a small cave.
@@ -500,6 +501,42 @@ fn rewritten_recordings_verify() {
         let ended = verify(&site, "rewritten.mcap", &[]);
         assert!(ended.code == Some(code) && ended.stderr.contains(reason), "{name}: {reason}\n{ended}");
     }
+}
+
+/// The recording is of the last build with version 6 of the protocol, whose commands have no stage:
+/// `maes run --transport memory --controller dsvp-auction --agents 2 --size 30 --seed 1 --duration
+/// 30`.
+#[test]
+fn recording_of_the_protocol_before_verifies_forks_and_compares() {
+    let site = Site::new();
+    let before = root().join("tests/recordings/protocol_6.mcap");
+    let digest = "digest: 6fc5e44e921a012d278a0f47e71f8a991aee6eed5dcdfe0c460773d5f5878ffd";
+    site.file("old.mcap", std::fs::read(before).expect("it is part of the sources"));
+    let verified = verify(&site, "old.mcap", &["--controllers"]).with_code(0);
+    assert!(verified.stdout.contains("20 commands of 2 agents are those that the controllers decide"), "{verified}");
+    assert!(verified.stdout.ends_with(&format!("{digest}\n")), "{verified}");
+
+    // The run is the same today: stages are recorded, and are not in the digest.
+    let flags = ["--controller", "dsvp-auction", "--agents", "2", "--size", "30", "--seed", "1", "--duration", "30"];
+    let mut now = site.binary("maes");
+    now.args(["run", "--transport", "memory"]).args(flags).args(["--record", "new.mcap"]);
+    let ended = site.start(&mut now).ended().with_code(0);
+    assert!(ended.stdout.ends_with(&format!("{digest}\n")), "{ended}");
+    let stages = |name: &str| {
+        let commands: Vec<Command> = site.recording(name).of("/agent_0/command");
+        commands.iter().filter(|command| command.stage != Command::SAME).count()
+    };
+    assert!(stages("new.mcap") > 0);
+    for (first, second) in [("old.mcap", "new.mcap"), ("new.mcap", "old.mcap")] {
+        let same = diff(&site, first, second).with_code(0);
+        assert!(same.stdout.starts_with("the same run: 83 messages are the same"), "{same}");
+    }
+
+    // The agents decide again up to the fork, and name stages there.
+    let mut fork = site.binary("maes");
+    fork.args(["run", "--transport", "memory", "--fork", "old.mcap", "--at", "3", "--record", "fork.mcap"]);
+    site.start(&mut fork).ended().with_code(0);
+    verify(&site, "fork.mcap", &["--controllers"]).with_code(0);
 }
 
 #[test]

@@ -9,6 +9,7 @@ use msgs::limits::INFO_BYTES_MAX;
 use msgs::relay_id::RelayId;
 pub use msgs::scan_request::ScanRequest;
 use msgs::shared_bytes::SharedBytes;
+pub use msgs::stage::Stage;
 pub use msgs::trigger::Trigger;
 use nalgebra::{Point3, Vector3};
 
@@ -100,6 +101,8 @@ pub struct Command {
     pub relays: Vec<RelayOrder>,
     /// When the controller is due next.
     pub trigger: Trigger,
+    /// What the agent is busy with from now on; `None`: unchanged.
+    pub stage: Option<Stage>,
     /// A text for people, at most 1024 bytes; empty: unchanged.
     pub info: String,
 }
@@ -121,6 +124,7 @@ impl Command {
             messages: Vec::new(),
             relays: Vec::new(),
             trigger,
+            stage: None,
             info: String::new(),
         }
     }
@@ -145,6 +149,12 @@ impl Command {
     pub fn with_relay_update(mut self, relay: RelayId, kind: u8, data: impl Into<SharedBytes>) -> Self {
         self.relays.push(RelayOrder { relay: Some(relay), kind, data: data.into() });
         self
+    }
+
+    /// Names what the agent is busy with from now on.
+    #[must_use]
+    pub fn with_stage(self, stage: Stage) -> Self {
+        Self { stage: Some(stage), ..self }
     }
 
     /// Sets the text for people, cut at [`msgs::limits::INFO_BYTES_MAX`].
@@ -172,6 +182,7 @@ impl Command {
             && !self.want_view
             && self.messages.is_empty()
             && self.relays.is_empty()
+            && self.stage.is_none()
             && self.info.is_empty()
     }
 }
@@ -189,6 +200,12 @@ mod tests {
             let turns = (angle_rad - shorter) / TAU;
             assert!((turns - turns.round()).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn a_stage_alone_is_an_act() {
+        let keep = Command::keep(Trigger::NEXT_TICK);
+        assert!(keep.is_noop() && !keep.with_stage(Stage::Waiting).is_noop());
     }
 
     #[test]

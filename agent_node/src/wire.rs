@@ -18,7 +18,7 @@ use thiserror::Error;
 use voxels::{Extent, ExtentError, RunsError};
 
 use crate::bodies::{Bodies, BodyModel};
-use crate::command::{Command, Motion};
+use crate::command::{Command, Motion, Stage};
 use crate::controllers::ControllerError;
 use crate::observation::RunInfo;
 
@@ -194,6 +194,7 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
         info: command.info,
         known_free: 0,
         failed_searches: 0,
+        stage: Stage::on_wire(command.stage),
     }
 }
 

@@ -47,7 +47,8 @@ class ClaimedFrontier(maes.Controller):
         self.auction.withdraw()
         self.goal, path_m = self.cheapest(ctx)
         if self.goal is None:
-            return Command(Motion.stop(), Trigger.on(Events.PARCEL | Events.CONTACTS)).with_info("knows no frontier")
+            command = Command(Motion.stop(), Trigger.on(Events.PARCEL | Events.CONTACTS)).with_stage("waiting")
+            return command.with_info("knows no frontier")
         motion = ctx.go_to_cell(self.goal)
         if motion is None:
             self.abandoned.add(self.goal)

@@ -36,13 +36,13 @@ class NearestFrontier(maes.Controller):
         self.goal = goal or ctx.nearest_frontier(self.abandoned)
         if self.goal is None:
             maps = Trigger.on(Events.PARCEL | Events.CONTACTS)
-            return Command(Motion.stop(), maps).with_info("knows no frontier")
+            return Command(Motion.stop(), maps).with_stage("waiting").with_info("knows no frontier")
         x, y, z = self.goal
         motion = ctx.go_to_cell(self.goal)
         if motion is None:
             self.abandoned.add(self.goal)
             return Command(Motion.stop(), Trigger.NEXT_TICK)
-        return Command(motion, UNDER_WAY).with_info(f"goes to the frontier {x} {y} {z}")
+        return Command(motion, UNDER_WAY).with_stage("relocating").with_info(f"goes to the frontier {x} {y} {z}")
 
 
 if __name__ == "__main__":

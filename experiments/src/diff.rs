@@ -53,6 +53,9 @@ impl Verdict {
 #[must_use]
 pub fn diff(first: &Recording, second: &Recording) -> Verdict {
     let mut comparison = Comparison::new(first);
+    if lacks_stages(first) || lacks_stages(second) {
+        comparison = comparison.without_stages();
+    }
     let mut messages = second.messages();
     for message in messages.by_ref() {
         comparison.take(&message.channel.topic, message.tick(), &message.data);
@@ -84,6 +87,12 @@ pub fn diff(first: &Recording, second: &Recording) -> Verdict {
         outcome,
         refusals: comparison.refusals().cloned(),
     }
+}
+
+/// Whether the commands of a recording have no stages: it is of an earlier build.
+fn lacks_stages(recording: &Recording) -> bool {
+    let command = recording.messages().find(|message| message.of_agent().is_some_and(|(_, name)| name == "command"));
+    command.is_some_and(|message| message.channel.lacks_stage)
 }
 
 fn end_of(recording: &Recording) -> End {

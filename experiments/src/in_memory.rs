@@ -101,7 +101,7 @@ impl ServerEnd {
     }
 }
 
-/// Takes the status text of a message, if it is a command.
+/// Takes the stage of a message, if it is a command.
 fn note(stages: &mut StageTimes, incoming: &Incoming) {
     match &incoming.message {
         ToServer::Command(command) => stages.note(command),

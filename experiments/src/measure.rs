@@ -1,7 +1,7 @@
 //! The metrics of a run: its row and its time series.
 //!
 //! All metrics derive from recorded messages: the progress, every ten seconds of sim time, the
-//! status texts of the agents, and the result. The row of a run is therefore the same with every
+//! stages of the agents, and the result. The row of a run is therefore the same with every
 //! transport. Wall times are not, and the split of the redundancy needs the maps of the agents,
 //! which only runs in this process show.
 

@@ -59,6 +59,7 @@ fn command(data: &mut Unstructured<'_>, known: &Known, run: u64, agent: u32) -> 
         info: if data.ratio(1, 8)? { text(data)? } else { String::new() },
         known_free: data.arbitrary()?,
         failed_searches: data.arbitrary()?,
+        stage: data.int_in_range(0..=5)?,
     })
 }
 

@@ -26,6 +26,7 @@ pub mod relay_id;
 pub mod body_model;
 pub mod kinematics;
 pub mod scan_request;
+pub mod stage;
 pub mod trigger;
 
 pub mod builtin_interfaces;

@@ -5,11 +5,12 @@
 //! checks nothing; the receiver of a message does.
 
 /// Version of the protocol. Another one is not understood, and a join that names it is refused.
-pub const PROTOCOL: u32 = 6;
+pub const PROTOCOL: u32 = 7;
 
 /// Version of the recorded messages. Version 4 of the protocol has added signatures, and version 5
-/// codes of refusals, which are not recorded, and version 6 an event, which is reported to those
-/// who ask for it, so that the recorded bytes are those of version 3.
+/// codes of refusals, which are not recorded, version 6 an event, which is reported to those who
+/// ask for it, and version 7 the stage at the end of commands, which the digest leaves out. So the
+/// bytes that the digest covers are those of version 3.
 pub const RECORDED_PROTOCOL: u32 = 3;
 
 /// Longest CDR encoding of one part of an observation, bytes.

@@ -3,8 +3,7 @@
 //! The `.msg` files are the source of truth: names, order and types of the fields, the constants
 //! and the comments are theirs. Each struct is one file, and serialises to the same CDR bytes as
 //! the type that ROS 2 builds from it. Numbers are raw here; the receiver of a message checks them
-//! and converts them to types of its own. The file is as long as the package: one struct for each
-//! of its files, in their order.
+//! and converts them to types of its own. There is one struct for each file, in their order.
 //!
 //! "Sum of the constants" means a bit set. Sim time is counted in ticks, fixed updates of 20 ms.
 
@@ -79,6 +78,21 @@ pub struct Command {
     pub known_free: u32,
     /// Path searches without a result since the start.
     pub failed_searches: u32,
+    /// What the agent is busy with, for measures: one of the constants; not in the digest.
+    pub stage: u8,
+}
+
+impl Command {
+    /// `stage`: as before.
+    pub const SAME: u8 = 0;
+    /// `stage`: on the way to a viewpoint nearby.
+    pub const EXPLORING: u8 = 1;
+    /// `stage`: on the way to a frontier that is not nearby.
+    pub const RELOCATING: u8 = 2;
+    /// `stage`: on the way to another agent, with news for it.
+    pub const CARRYING: u8 = 3;
+    /// `stage`: without a goal, or out of the way of others.
+    pub const WAITING: u8 = 4;
 }
 
 /// An agent in contact, by the communication model of the scenario, or a relay that can be read and

@@ -1,6 +1,6 @@
 //! Motions, triggers and commands, as `agent_node::command` has them.
 
-use agent_node::command::{Command, Motion, ScanRequest, Trigger};
+use agent_node::command::{Command, Motion, ScanRequest, Stage, Trigger};
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
@@ -178,6 +178,16 @@ impl PyCommand {
         Self(Command::keep(trigger.0))
     }
 
+    /// Names what the agent is busy with from now on, for measures: "exploring", "relocating",
+    /// "carrying" or "waiting".
+    fn with_stage(&self, stage: &str) -> PyResult<Self> {
+        let Some(known) = Stage::ALL.into_iter().find(|known| known.name() == stage) else {
+            let text = format!("stage = {stage:?}: expected one of {}", Stage::ALL.map(Stage::name).join(", "));
+            return Err(PyValueError::new_err(text));
+        };
+        Ok(self.changed(|command| command.with_stage(known)))
+    }
+
     /// Adds a text for people, cut at 1024 bytes.
     fn with_info(&self, info: String) -> Self {
         self.changed(|command| command.with_info(info))
@@ -236,6 +246,11 @@ impl PyCommand {
     #[getter]
     fn trigger(&self) -> PyTrigger {
         PyTrigger(self.0.trigger)
+    }
+
+    #[getter]
+    fn stage(&self) -> Option<&'static str> {
+        self.0.stage.map(Stage::name)
     }
 
     #[getter]

@@ -99,6 +99,7 @@ def returning(value):
         (lambda: Command.keep(Trigger.NEXT_TICK).with_message(b"x", kind=1), ValueError, "another kind"),
         (lambda: Command.keep(Trigger.NEXT_TICK).with_message(b"x", kind=9, to=77), ValueError, "agent 77"),
         (lambda: Command.keep(Trigger.NEXT_TICK).with_lidar(0), ValueError, "lidar = 0"),
+        (lambda: Command.keep(Trigger.NEXT_TICK).with_stage("idle"), ValueError, 'stage = "idle": expected one of'),
         (lambda: None, TypeError, "has returned NoneType: expected maes.Command"),
         (lambda: 1 / 0, ZeroDivisionError, "division by zero"),
         (lambda: sys.exit(3), SystemExit, "3"),
@@ -107,6 +108,12 @@ def returning(value):
 def test_illegal_commands_are_exceptions_of_the_run(small, value, error, message):
     with pytest.raises(error, match=message):
         maes.run(small, controller=controller(returning(value)))
+
+
+def test_stages_are_named_by_words():
+    keep = Command.keep(Trigger.NEXT_TICK)
+    assert keep.stage is None
+    assert [keep.with_stage(word).stage for word in ("exploring", "waiting")] == ["exploring", "waiting"]
 
 
 def test_original_exception_with_its_traceback(small):

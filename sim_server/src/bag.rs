@@ -36,7 +36,7 @@ pub fn metadata(recording: &Recording, file_name: &str) -> String {
     let written = (|| {
         writeln!(text, "  message_count: {count}\n  topics_with_message_count:")?;
         for (channel, messages) in topics.values() {
-            let Channel { topic, type_name, offered_qos } = channel.as_ref();
+            let Channel { topic, type_name, offered_qos, .. } = channel.as_ref();
             writeln!(text, "    - topic_metadata:\n        name: {}", quoted(topic))?;
             writeln!(text, "        type: {}\n        serialization_format: cdr", quoted(type_name))?;
             writeln!(text, "        offered_qos_profiles: {}", quoted(offered_qos))?;

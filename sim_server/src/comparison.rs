@@ -99,6 +99,7 @@ pub struct Comparison<'a> {
     found: Option<Difference>,
     refusals: Option<Field>,
     is_closed: bool,
+    ignores_stages: bool,
 }
 
 impl<'a> Comparison<'a> {
@@ -115,7 +116,14 @@ impl<'a> Comparison<'a> {
             found: None,
             refusals: None,
             is_closed: false,
+            ignores_stages: false,
         }
+    }
+
+    /// Without the stages of commands, which recordings of earlier builds do not have.
+    #[must_use]
+    pub fn without_stages(self) -> Self {
+        Self { ignores_stages: true, ..self }
     }
 
     /// Number of equal messages.
@@ -205,7 +213,12 @@ impl Checker for Comparison<'_> {
             self.found = Some(message_difference(&first, Some(before), Some(now)));
             return;
         }
-        if message.data != cdr {
+        let is_same = if self.ignores_stages && kind == MessageKind::Command {
+            digested(&message.data) == digested(cdr)
+        } else {
+            message.data == cdr
+        };
+        if !is_same {
             if kind == MessageKind::Result {
                 self.refusals = between_refusals(&message.data, cdr);
             }
@@ -227,14 +240,23 @@ impl Checker for Comparison<'_> {
     }
 }
 
-/// The difference between a recorded command and the present one, if any.
+/// The difference between a recorded command and the present one, if any. A recorded command that
+/// names no stage may be of an earlier build, or of a run that has continued such a recording: then
+/// the present one may name one.
 #[must_use]
 pub fn compare_command(recorded: &Message, now: Option<&maes_msgs::Command>) -> Option<Difference> {
     let place = place(recorded);
     let Some(now) = now else { return Some(message_difference(&place, Some(place), None)) };
-    let now = cdr::encode(now);
+    let names_stage = !recorded.data.ends_with(&[maes_msgs::Command::SAME; maes_msgs::Command::UNDIGESTED_BYTES]);
+    let stage = if names_stage { now.stage } else { maes_msgs::Command::SAME };
+    let now = cdr::encode(&maes_msgs::Command { stage, ..now.clone() });
     let field = (recorded.data != now).then(|| MessageKind::Command.between(&recorded.data, &now)).flatten();
     field.map(|field| Difference::new(&place, field))
+}
+
+/// The bytes of a command that the digest covers.
+fn digested(command: &[u8]) -> &[u8] {
+    &command[..command.len().saturating_sub(maes_msgs::Command::UNDIGESTED_BYTES)]
 }
 
 fn place(message: &Message) -> Place<'_> {

@@ -6,6 +6,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use msgs::ids::{AgentId, Tick};
+use msgs::stage::Stage;
 use msgs::{maes_msgs, printable, topics};
 
 use crate::recording::{End, Recording, RecordingError};
@@ -22,8 +24,8 @@ pub struct Info {
     pub announced: Option<maes_msgs::Scenario>,
     /// Progress messages, in order.
     pub progress: Vec<maes_msgs::Progress>,
-    /// The commands with a status text, in order: agent, tick and text alone.
-    pub statuses: Vec<maes_msgs::Command>,
+    /// The stages that commands name, in order: agent, tick and stage.
+    pub stages: Vec<(AgentId, Tick, Stage)>,
     /// The result, if the run ended.
     pub result: Option<maes_msgs::Result>,
     /// Where and why reading stopped, unless at the end.
@@ -56,7 +58,8 @@ pub fn of(recording: &Recording) -> Info {
         let topic = &message.channel.topic;
         let traffic = info.messages.entry(topic.clone()).or_default();
         traffic.count += 1;
-        traffic.bytes += message.data.len() as u64;
+        let added = if message.channel.lacks_stage { maes_msgs::Command::UNDIGESTED_BYTES } else { 0 };
+        traffic.bytes += (message.data.len() - added) as u64;
         if *topic == topics::digest().name {
             info.digest = message.decode().ok();
         } else if *topic == topics::result().name {
@@ -67,10 +70,10 @@ pub fn of(recording: &Recording) -> Info {
             info.announced = message.decode().ok();
         } else if topic.starts_with("/agent_")
             && topic.ends_with("/command")
-            && let Ok(maes_msgs::Command { agent, tick, info: text, .. }) = message.decode()
-            && !text.is_empty()
+            && let Ok(maes_msgs::Command { agent, tick, stage, .. }) = message.decode()
+            && let Ok(Some(stage)) = Stage::from_wire(stage)
         {
-            info.statuses.push(maes_msgs::Command { agent, tick, info: text, ..maes_msgs::Command::default() });
+            info.stages.push((AgentId(agent), Tick(tick), stage));
         }
     }
     if let Some(end @ (End::CutOff { .. } | End::Damage { .. })) = messages.end() {

@@ -9,8 +9,9 @@
 //! chunk; a file that is no recording of this simulator is refused when opened. No content of a
 //! file causes a panic or exhausts memory.
 //!
-//! This module returns messages without interpreting them. [`Follower`] reads a recording while it
-//! is written.
+//! This module returns messages without interpreting them, except that commands of earlier builds,
+//! which have no stage, come in the present form. [`Follower`] reads a recording while it is
+//! written.
 
 mod follower;
 mod records;
@@ -28,6 +29,8 @@ use crc32fast::Hasher;
 use mcap::records::{Record, op};
 use msgs::cdr::{self, CdrError};
 use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::Command;
+use msgs::message::Message as _;
 use msgs::topics;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
@@ -90,6 +93,9 @@ pub struct Channel {
     pub type_name: String,
     /// Offered QoS profiles, as rosbag2 writes them.
     pub offered_qos: String,
+    /// Whether its messages are commands of an earlier build, which end before the stage: they are
+    /// returned with the stage [`Command::SAME`].
+    pub lacks_stage: bool,
 }
 
 /// A message of a recording.
@@ -290,7 +296,7 @@ pub struct Messages<'a> {
 /// What the messages of a file refer to, by id.
 #[derive(Debug, Clone, Default)]
 struct KnownChannels {
-    schemas: BTreeMap<u16, String>,
+    schemas: BTreeMap<u16, KnownSchema>,
     channels: BTreeMap<u16, Arc<Channel>>,
 }
 
@@ -298,24 +304,48 @@ impl KnownChannels {
     /// Reads a record, and returns the message if it is one.
     fn read(&mut self, kind: u8, content: &[u8]) -> Result<Option<Message>, String> {
         match mcap::parse_record(kind, content).map_err(|error| error.to_string())? {
-            Record::Schema { header, .. } => {
-                self.schemas.insert(header.id, header.name);
+            Record::Schema { header, data } => {
+                self.schemas.insert(header.id, KnownSchema::new(header.name, &data));
             }
             Record::Channel(channel) => {
-                let type_name = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                let KnownSchema { name: type_name, lacks_stage } = schema;
                 let offered_qos = channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default();
-                let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos });
+                let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos, lacks_stage });
                 self.channels.insert(channel.id, known);
             }
             Record::Message { header, data } => {
                 let channel = self.channels.get(&header.channel_id).cloned();
                 let channel =
                     channel.ok_or_else(|| format!("a message of channel {}, which is unknown", header.channel_id))?;
-                return Ok(Some(Message { channel, time_ns: header.log_time, data: data.into_owned() }));
+                let mut data = data.into_owned();
+                if channel.lacks_stage {
+                    data.extend([Command::SAME; Command::UNDIGESTED_BYTES]);
+                }
+                return Ok(Some(Message { channel, time_ns: header.log_time, data }));
             }
             _ => {}
         }
         Ok(None)
+    }
+}
+
+/// A type of messages.
+#[derive(Debug, Clone, Default)]
+struct KnownSchema {
+    name: String,
+    lacks_stage: bool,
+}
+
+impl KnownSchema {
+    fn new(name: String, definition: &[u8]) -> Self {
+        let has_stage = || {
+            // The definitions of the types that it contains follow behind a rule.
+            let mut own = definition.split(|&byte| byte == b'\n').take_while(|line| !line.starts_with(b"==="));
+            own.any(|line| line.starts_with(b"uint8 stage"))
+        };
+        let lacks_stage = name == Command::TYPE.to_string() && !has_stage();
+        Self { name, lacks_stage }
     }
 }
 

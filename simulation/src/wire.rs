@@ -17,6 +17,7 @@ use msgs::limits::{
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::relay_id::RelayId;
 use msgs::scan_request::ScanRequest;
+use msgs::stage::Stage;
 use msgs::std_msgs::Header;
 use msgs::trigger::Trigger;
 use nalgebra::{Point3, Vector3};
@@ -151,6 +152,7 @@ pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Tri
     if message.info.len() > INFO_BYTES_MAX {
         return Err(format!("info has {} bytes, at most {INFO_BYTES_MAX} are allowed", message.info.len()));
     }
+    Stage::from_wire(message.stage).map_err(|error| error.to_string())?;
     let action = Action {
         motion: motion(&message.task)?,
         lidar: ScanRequest::try_from(message.lidar).map_err(|error| error.to_string())?,

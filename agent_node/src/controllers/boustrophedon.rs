@@ -20,7 +20,7 @@ use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx, collision_recovery};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, Stage, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
@@ -142,6 +142,7 @@ impl Controller for Boustrophedon {
         let Some(goal) = under_way.or_else(|| self.nearest(observation, ctx)) else {
             self.task = Task::None;
             return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                .with_stage(Stage::Waiting)
                 .with_info("knows nothing to cover");
         };
         self.task = Task::Transit(goal);

@@ -51,7 +51,7 @@ use voxels::Cell;
 
 use super::{Controller, Ctx, Setup};
 use crate::abstract_graph::{AbstractGraph, ShortestPaths};
-use crate::command::{Command, Motion, ScanRequest, Trigger};
+use crate::command::{Command, Motion, ScanRequest, Stage, Trigger};
 use crate::exploration_map::ExplorationMap;
 use crate::observation::Observation;
 use crate::path::Neighbours;
@@ -208,6 +208,7 @@ impl<C: Coordination> Dsvp<C> {
                 let trigger = Trigger::at(observation.tick.after(IDLE_TICKS));
                 let has_finished = self.pursuit.have_all_finished();
                 Command::new(hold(observation), trigger.or(Trigger::on(Events::CONTACTS | Events::PARCEL)))
+                    .with_stage(Stage::Waiting)
                     .with_info(if has_finished { "nothing left to do" } else { "waiting for news" })
             }
         }
@@ -235,7 +236,8 @@ impl<C: Coordination> Dsvp<C> {
             self.driving = Driving::along(waypoints, before.as_ref(), observation, ctx, obstacles);
         }
         let motion = self.driving.as_ref().map_or(motion, |driving| driving.motion(observation.tick));
-        let command = Command::new(motion, self.trigger(observation.tick)).with_info(goal.info());
+        let command =
+            Command::new(motion, self.trigger(observation.tick)).with_stage(goal.stage()).with_info(goal.info());
         self.coordination.with_claims(command, observation)
     }
 
@@ -261,7 +263,7 @@ impl<C: Coordination> Dsvp<C> {
         self.goal = None;
         let until = observation.tick.after(self.rng.random_range(1..=BACKOFF_TICKS_MAX));
         self.waits_until = Some(until);
-        Command::new(hold(observation), Trigger::at(until)).with_info("gives way")
+        Command::new(hold(observation), Trigger::at(until)).with_stage(Stage::Waiting).with_info("gives way")
     }
 
     /// To a random region nearby.

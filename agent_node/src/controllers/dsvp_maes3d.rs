@@ -39,7 +39,7 @@ use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, FACES};
 
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, Stage, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::{Cells, Observation};
@@ -130,16 +130,20 @@ impl DsvpMaes3d {
         self.is_trying_again = best.is_none();
         let Some(node) = best else {
             let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(scan_period(ctx)) };
-            return Command::keep(Trigger { at, events: Events::PARCEL }).with_info("exploration: no destination");
+            return Command::keep(Trigger { at, events: Events::PARCEL })
+                .with_stage(Stage::Exploring)
+                .with_info("exploration: no destination");
         };
         let at = trees.local.at(node);
         trees.destination = Some((at, node));
         let cell = cell_of(at);
         match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-            NavigationStatus::Go(motion) => self.goes(motion, format!("exploration: to {}", text(cell))),
-            NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
-                Command::keep(Trigger::NEXT_TICK).with_info(format!("exploration: no way to {}", text(cell)))
+            NavigationStatus::Go(motion) => {
+                self.goes(motion, Stage::Exploring, format!("exploration: to {}", text(cell)))
             }
+            NavigationStatus::NoPath | NavigationStatus::Searching(_) => Command::keep(Trigger::NEXT_TICK)
+                .with_stage(Stage::Exploring)
+                .with_info(format!("exploration: no way to {}", text(cell))),
         }
     }
 
@@ -157,10 +161,12 @@ impl DsvpMaes3d {
                 continue;
             }
             command = match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-                NavigationStatus::Go(motion) => self.goes(motion, format!("relocation: to {}", text(cell))),
-                NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
-                    Command::keep(Trigger::NEXT_TICK).with_info(format!("relocation: no way to {}", text(cell)))
+                NavigationStatus::Go(motion) => {
+                    self.goes(motion, Stage::Relocating, format!("relocation: to {}", text(cell)))
                 }
+                NavigationStatus::NoPath | NavigationStatus::Searching(_) => Command::keep(Trigger::NEXT_TICK)
+                    .with_stage(Stage::Relocating)
+                    .with_info(format!("relocation: no way to {}", text(cell))),
             };
             break;
         }
@@ -168,14 +174,15 @@ impl DsvpMaes3d {
         if self.frontiers.list.is_empty() {
             self.is_done = true;
             command.trigger = NEVER;
+            command.stage = command.stage.or(Some(Stage::Waiting));
             command.info.push_str(if command.info.is_empty() { "no frontiers left" } else { "; no frontiers left" });
         }
         command
     }
 
-    fn goes(&mut self, motion: Motion, info: String) -> Command {
+    fn goes(&mut self, motion: Motion, stage: Stage, info: String) -> Command {
         self.notices_at = None;
-        Command::new(motion, UNDER_WAY).with_info(info)
+        Command::new(motion, UNDER_WAY).with_stage(stage).with_info(info)
     }
 }
 

@@ -36,7 +36,7 @@ use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, Stage, Trigger};
 use crate::exploration_map::CellState;
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
@@ -285,7 +285,8 @@ impl Lvd {
                 self.destination = None;
                 let trigger =
                     Trigger { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
-                self.with_new_info(Command::keep(trigger), "nothing left to do, waiting for news".to_owned())
+                let command = Command::keep(trigger).with_stage(Stage::Waiting);
+                self.with_new_info(command, "nothing left to do, waiting for news".to_owned())
             }
         }
     }

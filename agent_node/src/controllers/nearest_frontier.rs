@@ -19,7 +19,7 @@ use voxels::Cell;
 use super::relays::Relays;
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx, collision_recovery};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, Stage, Trigger};
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
 
@@ -107,6 +107,7 @@ impl Controller for NearestFrontier {
             // All reachable space is explored. Maps of other agents may change that: they arrive on
             // contact, and map messages are merged before the controller is called.
             return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                .with_stage(Stage::Waiting)
                 .with_info("knows no frontier");
         };
         let Cell { x, y, z } = goal;
@@ -115,7 +116,9 @@ impl Controller for NearestFrontier {
                 if let Motion::Path(waypoints) = &motion {
                     self.waypoints.clone_from(waypoints);
                 }
-                let command = Command::new(motion, under_way).with_info(format!("goes to the frontier {x} {y} {z}"));
+                let command = Command::new(motion, under_way)
+                    .with_stage(Stage::Relocating)
+                    .with_info(format!("goes to the frontier {x} {y} {z}"));
                 self.with_relay_if_needed(command, observation, ctx)
             }
             // The body must stay at rest, since the path begins where it is now.
@@ -196,7 +199,7 @@ mod tests {
         world.observation.scan_tick = Some(Tick::ZERO);
         let command = world.ask(&mut controller("instant"));
         assert_eq!(destination(&world, &command), flat(1, 3));
-        assert_eq!(command.info, "goes to the frontier 1 3 0");
+        assert_eq!((command.info.as_str(), command.stage), ("goes to the frontier 1 3 0", Some(Stage::Relocating)));
     }
 
     #[test]
@@ -213,6 +216,7 @@ mod tests {
         world.put(flat(4, 0));
         let stop = world.ask(&mut controller);
         assert_eq!((stop.motion, stop.info.as_str()), (Motion::Stop, "knows no frontier"));
+        assert_eq!(stop.stage, Some(Stage::Waiting));
     }
 
     #[test]

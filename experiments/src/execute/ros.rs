@@ -109,12 +109,12 @@ impl Launcher {
             return Err(RunFailure::Failed("the server has written no summary".to_owned()));
         };
         let info = info::read(&recording).map_err(|error| failed(&error))?;
-        let Info { announced: Some(scenario), result: Some(result), progress, statuses, .. } = info else {
+        let Info { announced: Some(scenario), result: Some(result), progress, stages: named, .. } = info else {
             return Err(RunFailure::Failed("the recording has no end".to_owned()));
         };
         let wall = measure::wall_row(Tick(result.tick), summary.wall(), &[], &machine());
         let mut stages = StageTimes::default();
-        statuses.iter().for_each(|command| stages.note(command));
+        named.into_iter().for_each(|(agent, tick, stage)| stages.enter(agent, tick, stage));
         let (stages, progress, result) = (&stages, &progress, &result);
         Ok(measure::record(run, Trace { size: scenario.size, progress, result, stages, seen_again: None, wall }))
     }

@@ -108,16 +108,15 @@ pub fn run(options: &Options, stop: &AtomicBool, report: &(dyn Fn(&str) + Sync))
                         stop,
                     };
                     let plan = plan_of(scenario, seed);
-                    let verdict = match judge(&bench, &plan, expected) {
-                        Ok(equivalence) => equivalence.to_string(),
+                    let (is_same, verdict) = match judge(&bench, &plan, expected) {
+                        Ok(equivalence) => (true, equivalence.to_string()),
                         Err(Failure::Interrupted) => return,
                         Err(Failure::Failed(reason)) => {
                             failed.fetch_add(1, Ordering::Relaxed);
                             let kept = folder.display();
-                            format!("FAILED: {reason}; logs: {kept}; again: {}", again(file, seed))
+                            (false, format!("FAILED: {reason}; logs: {kept}; again: {}", again(file, seed)))
                         }
                     };
-                    let is_same = verdict.starts_with("same");
                     done.fetch_add(1, Ordering::Relaxed);
                     report(&format!("seed {seed}: {plan}: {verdict}"));
                     if is_same && options.out.is_none() {

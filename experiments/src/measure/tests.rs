@@ -1,4 +1,6 @@
-use msgs::maes_msgs::{Command, Counter};
+use msgs::ids::AgentId;
+use msgs::maes_msgs::Counter;
+use msgs::stage::Stage;
 use std::path::Path;
 
 use super::*;
@@ -26,9 +28,8 @@ fn metrics_match_hand_calculation() {
         at(1200, 1.0, [1.0, 0.75], 0),
     ];
     let mut stages = StageTimes::default();
-    let said = |agent, tick, info: &str| Command { agent, tick, info: info.to_owned(), ..Command::default() };
-    stages.note(&said(1, 200, "exploration to (1, 1, 1), 3 unexplored cells"));
-    stages.note(&said(1, 700, "waiting for news"));
+    stages.enter(AgentId(1), Tick(200), Stage::Exploring);
+    stages.enter(AgentId(1), Tick(700), Stage::Waiting);
     let counter = |name: &str, value| Counter { name: name.to_owned(), value };
     let result = RunResult {
         tick: 1200,

@@ -80,6 +80,7 @@ impl CommandReply {
             && *lidar == ScanRequest::Keep
             && !want_view
             && messages.is_empty()
+            && self.message.stage == Command::SAME
             && self.message.info.is_empty()
     }
 }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::Command;
 use msgs::topics::{self, Topic};
 use serde::Serialize;
 
@@ -116,7 +117,7 @@ impl<'s> SessionLog<'s> {
         }
     }
 
-    /// Writes a message that the digest covers.
+    /// Writes a message that the digest covers, of commands all but their stage.
     pub(super) fn write_digested<M: Serialize>(
         &mut self,
         kind: Kind,
@@ -125,7 +126,8 @@ impl<'s> SessionLog<'s> {
         chain: &mut Chain,
     ) -> Result<(), RecordError> {
         self.encode(message);
-        chain.message(&self.bytes);
+        let left_out = if matches!(kind, Kind::Command(_)) { Command::UNDIGESTED_BYTES } else { 0 };
+        chain.message(&self.bytes[..self.bytes.len() - left_out]);
         self.put(kind, tick)
     }
 

@@ -232,7 +232,7 @@ mod tests {
     }
 
     fn command(agent: u32, tick: u64, known_free: u32) -> Command {
-        Command { agent, tick, known_free, ..Command::default() }
+        Command { agent, tick, known_free, stage: Command::EXPLORING, ..Command::default() }
     }
 
     /// Three agents and three ticks, with modified commands.
@@ -280,5 +280,13 @@ mod tests {
             check_in_parts(&same, Tick(3), &CountingFactory, 1).unwrap(),
             check(&same, Tick(3), &CountingFactory).unwrap()
         );
+    }
+
+    #[test]
+    fn a_stage_may_be_missing_and_not_another_one() {
+        let checked = |stage| check(&recording(|command| command.stage = stage), Tick(3), &CountingFactory);
+        assert_eq!(checked(Command::SAME).unwrap().commands, 6);
+        let refused = checked(Command::WAITING).unwrap_err().to_string();
+        assert!(refused.ends_with(": tick 0, agent 0, /agent_0/command: stage was 4 and is 1"), "{refused}");
     }
 }

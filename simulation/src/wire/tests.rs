@@ -1,6 +1,7 @@
 use msgs::cdr;
 use msgs::maes_msgs::{Command, LidarRequest as LidarMessage, Parcel as ParcelMessage, Task, Wake as WakeMessage};
 use msgs::shared_bytes::SharedBytes;
+use msgs::stage::Stage;
 use proptest::prelude::*;
 
 use super::*;
@@ -80,6 +81,7 @@ proptest! {
         path in prop::collection::vec(any::<f64>(), 0..5),
         lidar in (0..6_u8, any::<u32>()),
         receiver in any::<u32>(),
+        stage in 0..7_u8,
     ) {
         let [pitch_rad, distance_m, angle_rad, other] = numbers;
         let message = Command {
@@ -94,9 +96,11 @@ proptest! {
             },
             lidar: LidarMessage { kind: lidar.0, period_ticks: lidar.1 },
             parcels: vec![ParcelMessage { agent: receiver, kind: 0, data: SharedBytes::default() }],
+            stage,
             ..Command::default()
         };
         if let Ok((action, _)) = command(&message, 5) {
+            prop_assert!(Stage::from_wire(stage).is_ok());
             match action.motion {
                 Motion::Move { pitch_rad, distance_m } => {
                     prop_assert!(pitch_rad.abs() <= std::f64::consts::FRAC_PI_2 && distance_m >= 0.0);

@@ -228,7 +228,8 @@ export function command(agent: number, tick: number, of: CommandOf = {}): Record
     .uint8(0)
     .string(of.info ?? "")
     .uint32(0)
-    .uint32(0);
+    .uint32(0)
+    .uint8(0);
   return { topic: `/agent_${agent}/command`, tick, bytes: writer.data };
 }
 

@@ -3,6 +3,8 @@
 use msgs::ids::AgentId;
 use voxels::Cell;
 
+use crate::command::Stage;
+
 /// A goal, by the stage that chose it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Goal {
@@ -48,6 +50,16 @@ impl Goal {
             | Self::Pursuit { cell, .. }
             | Self::Wandering { cell }
             | Self::Evasion { cell } => cell,
+        }
+    }
+
+    /// What an agent on the way to it is busy with.
+    pub(super) fn stage(self) -> Stage {
+        match self {
+            Self::Viewpoint { .. } => Stage::Exploring,
+            Self::Frontier { .. } => Stage::Relocating,
+            Self::Pursuit { .. } | Self::Wandering { .. } => Stage::Carrying,
+            Self::Evasion { .. } => Stage::Waiting,
         }
     }
 

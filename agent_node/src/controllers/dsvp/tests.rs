@@ -81,6 +81,31 @@ fn explores_small_worlds_completely() {
 }
 
 #[test]
+fn goals_name_the_stages_of_measures() {
+    let (cell, agent) = (Cell::new(1, 1, 0), AgentId(0));
+    let stages = [
+        Goal::Viewpoint { cell, gain: 3 },
+        Goal::Frontier { cell, frontier: cell },
+        Goal::Pursuit { agent, cell },
+        Goal::Wandering { cell },
+        Goal::Evasion { cell },
+    ]
+    .map(Goal::stage);
+    let expected = [Stage::Exploring, Stage::Relocating, Stage::Carrying, Stage::Carrying, Stage::Waiting];
+    assert_eq!(stages, expected);
+    // Each reply with a text names one, and no other does.
+    let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
+    let mut controller = planner(&world, &[]);
+    for _ in 0..40 {
+        world.look();
+        let command = world.ask(&mut controller);
+        assert_eq!(command.stage.is_some(), !command.info.is_empty(), "{command:?}");
+        world.arrive(&command.motion);
+    }
+    assert!(!world.said.is_empty());
+}
+
+#[test]
 fn relocates_without_gain_nearby() {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     // No viewpoint has such a gain.
