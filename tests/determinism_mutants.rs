@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use agent_node::command::{Command, Motion, Trigger};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
-use experiments::in_memory::{AgentsEnd, ServerEnd};
+use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Observation as Part;
 use rand::RngExt;

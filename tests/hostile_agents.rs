@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
-use experiments::in_memory::{AgentsEnd, ServerEnd};
+use in_memory::{AgentsEnd, ServerEnd};
 use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};

@@ -12,7 +12,7 @@ use std::time::Duration;
 use agent_node::command::{AgentMessage, Command, Motion, ScanRequest, Trigger};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
-use experiments::in_memory::AgentsEnd;
+use in_memory::AgentsEnd;
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Vector3;
 use rand::RngExt;

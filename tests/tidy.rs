@@ -13,7 +13,7 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 12] = [
+pub(crate) const CRATES: [&str; 13] = [
     "voxels",
     "random_streams",
     "msgs",
@@ -23,13 +23,14 @@ pub(crate) const CRATES: [&str; 12] = [
     "simulation",
     "sim_server",
     "agent_node",
+    "in_memory",
     "supervisor",
     "experiments",
     "maes",
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 12] = [
+const USES: [(&str, &[&str]); 13] = [
     ("voxels", &[]),
     ("random_streams", &[]),
     ("msgs", &[]),
@@ -39,13 +40,14 @@ const USES: [(&str, &[&str]); 12] = [
     ("simulation", &["mapgen", "msgs", "random_streams", "voxels"]),
     ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "voxels"]),
     ("agent_node", &["msgs", "random_streams", "ros_node", "voxels"]),
+    ("in_memory", &["agent_node", "msgs", "sim_server", "simulation"]),
     ("supervisor", &["msgs", "sim_server", "simulation"]),
     (
         "experiments",
         &[
             "agent_node",
+            "in_memory",
             "map_files",
-            "mapgen",
             "msgs",
             "random_streams",
             "ros_node",
@@ -60,6 +62,7 @@ const USES: [(&str, &[&str]); 12] = [
         &[
             "agent_node",
             "experiments",
+            "in_memory",
             "map_files",
             "mapgen",
             "msgs",
@@ -157,6 +160,13 @@ fn pure_core_links_no_decoder() {
         }
     }
     assert!(dependencies("map_files", &[]).contains("png"));
+}
+
+/// Runs in memory, tests of controllers and whoever embeds them need neither.
+#[test]
+fn runs_in_memory_link_no_tables_and_no_pictures() {
+    let linked = dependencies("in_memory", &[]);
+    assert!(["parquet", "resvg", "experiments"].iter().all(|&heavy| !linked.contains(heavy)), "{linked:?}");
 }
 
 #[test]

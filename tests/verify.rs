@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use agent_node::controllers::{self, Controller, NAMES};
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
-use experiments::in_memory::AgentsEnd;
+use in_memory::AgentsEnd;
 use mcap::{Attachment, MessageStream, WriteOptions};
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};

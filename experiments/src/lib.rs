@@ -1,8 +1,6 @@
 //! Batches of runs: plans, their execution, the metrics of each run, statistics over them, reports.
 //!
 //! In reading order:
-//! - One run without a network: [`in_memory`] is the transport between a server and its agents,
-//!   [`in_process`] a run over it.
 //! - A batch: a [`plan`] lists runs, [`execute`] performs those without a record, [`measure`] turns
 //!   each into [`rows`], [`store`] keeps these in a folder, [`keep`] decides which recordings stay,
 //!   and [`tables`] writes CSV and Parquet. [`merge`] joins folders, [`cluster`] writes job files
@@ -24,8 +22,6 @@ pub mod cluster;
 pub mod diff;
 pub mod execute;
 pub mod faults;
-pub mod in_memory;
-pub mod in_process;
 pub mod keep;
 pub mod measure;
 pub mod merge;

@@ -5,8 +5,6 @@
 //! transport. Wall times are not, and the split of the redundancy needs the maps of the agents,
 //! which only runs in this process show.
 
-pub mod stages;
-
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -14,9 +12,9 @@ use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
 use simulation::digest::Digest;
 
-use crate::measure::stages::StageTimes;
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
+use in_memory::stages::StageTimes;
 
 /// Prefix of the byte counters of a kind of message.
 const BYTES_OF_KIND: &str = "parcel_bytes_delivered_kind_";
@@ -139,7 +137,7 @@ impl Counters<'_> {
 
 /// Sim time of a tick, s. Ticks per second are whole: the division rounds at most once.
 fn seconds(tick: u64) -> f64 {
-    tick as f64 / (1e9 / Tick::TICK_NS as f64)
+    Tick(tick).time_s()
 }
 
 fn sample(progress: &Progress) -> Sample {

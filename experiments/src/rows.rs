@@ -124,7 +124,7 @@ pub struct RunRow {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redundancy_first_minute: Option<f64>,
     /// Sim time in which agents were on the way to viewpoints nearby, summed over the agents, s.
-    /// See [`crate::measure::stages`].
+    /// See [`in_memory::stages`].
     #[serde(default)]
     pub exploring_s: f64,
     /// The same, to frontiers that are not nearby.

@@ -38,9 +38,9 @@ use sim_server::{setup, wall_clock};
 use simulation::scenario::Scenario;
 
 use crate::faults::verdict::{self, Equivalence};
-use crate::in_process::{self, AgentOptions, ThreadLayout};
 pub use adversary::Mutation;
 use cluster::Cluster;
+use in_memory::in_process::{self, AgentOptions, ThreadLayout};
 use memory_file::MemoryFile;
 pub use network::Counts;
 

@@ -15,7 +15,7 @@ use thiserror::Error;
 use super::fault_run::{self, Bench, Failure};
 use super::plan::Plan;
 use super::verdict::{self, Equivalence};
-use crate::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
+use in_memory::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 
 #[derive(Debug, Clone)]
 pub struct Options {

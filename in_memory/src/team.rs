@@ -21,7 +21,7 @@ use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutp
 use simulation::workers::{TaskQueue, Workers};
 
 use super::{AgentsEnd, ServerEnd};
-use crate::measure::stages::StageTimes;
+use crate::stages::StageTimes;
 
 /// The server's end of a link whose other ends it executes itself.
 pub struct Team<'a> {

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use agent_node::controllers::NAMES;
-use experiments::in_process::{AgentOptions, ThreadLayout, run};
+use in_memory::in_process::{AgentOptions, ThreadLayout, run};
 use msgs::body_model::{BodyKind, BodyModel};
 use msgs::cdr;
 use msgs::ids::AgentId;

@@ -1,10 +1,15 @@
-//! The in-memory transport: channels between a server and its agents in one process.
+//! A run in one process: channels between a server and its agents, and a run over them.
+//!
+//! [`link`] makes the channels, [`in_process`] runs a scenario over them, [`stages`] counts what the
+//! agents are busy with.
 //!
 //! The session loops of server and agents run over it unchanged: on a thread for the server and one
 //! for each group of agents, so that messages of different agents arrive in any order here as well,
 //! or as a [`Team`], which needs no thread but that of the server. No message is lost. It is
 //! private to the process, so that nothing needs to be signed; but it carries signatures.
 
+pub mod in_process;
+pub mod stages;
 mod team;
 
 use std::collections::BTreeMap;
@@ -20,7 +25,7 @@ use msgs::signing::NONE;
 use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
 
-use crate::measure::stages::StageTimes;
+use crate::stages::StageTimes;
 pub use team::Team;
 
 /// The server's end of the transport.

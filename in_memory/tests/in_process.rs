@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use agent_node::command::{Command, Trigger};
 use agent_node::controllers::{Controller, Ctx, Failure, Registration, Registry};
 use agent_node::observation::Observation;
-use experiments::in_process::{AgentOptions, InProcessError, ThreadLayout, run};
+use in_memory::in_process::{AgentOptions, InProcessError, ThreadLayout, run};
 use msgs::ids::AgentId;
 use sim_server::session::{NullObserver, RunObserver};
 use simulation::scenario::Scenario;

@@ -1,4 +1,4 @@
-//! A run in one process: the server and its agents, connected by [`crate::in_memory`].
+//! A run in one process: the server and its agents, connected by [`crate::link`].
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -20,8 +20,8 @@ use simulation::workers::Workers;
 use simulation::world::World;
 use thiserror::Error;
 
-use crate::in_memory::{self, Team};
-use crate::measure::stages::StageTimes;
+use crate::Team;
+use crate::stages::StageTimes;
 
 /// Why a run has no result.
 #[derive(Debug, Error)]
@@ -161,7 +161,7 @@ fn recorder(scenario: &Scenario, world: &World) -> Result<Option<RunRecorder>, I
 ///
 /// # Errors
 /// If the server or an agent fails; the error of an agent is reported first.
-pub(crate) fn run_in(
+pub fn run_in(
     scenario: &Scenario,
     world: World,
     recorder: Option<RunRecorder>,
@@ -234,7 +234,7 @@ fn run_on_threads<'a>(
 ) -> Result<CompletedRun, InProcessError> {
     let size = world.terrain().extent().size();
     let groups: Vec<Vec<AgentId>> = processes.iter().map(|options| options.agents.clone()).collect();
-    let (mut server_end, agents_ends) = in_memory::link(&groups);
+    let (mut server_end, agents_ends) = crate::link(&groups);
     let agents_stop = AtomicBool::new(false);
     let outcome = thread::scope(|scope| -> Result<Outcome, InProcessError> {
         let stop_agents = SetOnDrop(&agents_stop);

@@ -81,7 +81,7 @@ impl StageTimes {
         let of = |stage: Stage| {
             let present = self.present.values().filter(|&&(present, _)| present == stage);
             let open: u64 = present.map(|&(_, since)| end.0.saturating_sub(since)).sum();
-            super::seconds(self.ticks.get(&stage).copied().unwrap_or(0) + open)
+            Tick(self.ticks.get(&stage).copied().unwrap_or(0) + open).time_s()
         };
         StageSeconds {
             exploring_s: of(Stage::Exploring),
