@@ -13,7 +13,7 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 13] = [
+pub(crate) const CRATES: [&str; 15] = [
     "voxels",
     "random_streams",
     "msgs",
@@ -25,12 +25,14 @@ pub(crate) const CRATES: [&str; 13] = [
     "agent_node",
     "in_memory",
     "supervisor",
+    "statistics",
     "experiments",
+    "report",
     "maes",
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 13] = [
+const USES: [(&str, &[&str]); 15] = [
     ("voxels", &[]),
     ("random_streams", &[]),
     ("msgs", &[]),
@@ -42,6 +44,7 @@ const USES: [(&str, &[&str]); 13] = [
     ("agent_node", &["msgs", "random_streams", "ros_node", "voxels"]),
     ("in_memory", &["agent_node", "msgs", "sim_server", "simulation"]),
     ("supervisor", &["msgs", "sim_server", "simulation"]),
+    ("statistics", &["random_streams"]),
     (
         "experiments",
         &[
@@ -53,10 +56,12 @@ const USES: [(&str, &[&str]); 13] = [
             "ros_node",
             "sim_server",
             "simulation",
+            "statistics",
             "supervisor",
             "voxels",
         ],
     ),
+    ("report", &["agent_node", "experiments", "statistics"]),
     (
         "maes",
         &[
@@ -66,6 +71,7 @@ const USES: [(&str, &[&str]); 13] = [
             "map_files",
             "mapgen",
             "msgs",
+            "report",
             "ros_node",
             "sim_server",
             "simulation",
@@ -220,6 +226,7 @@ fn pure_modules_use_no_system_interface() {
         ("random_streams", &[""]),
         ("mapgen", &[""]),
         ("map_files", &[""]),
+        ("statistics", &[""]),
         ("simulation", &[""]),
         ("sim_server", &["control", "replay"]),
         ("agent_node", &["agent", "controllers", "exploration_map", "command", "observation", "wire", "map_markers"]),

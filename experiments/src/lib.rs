@@ -1,4 +1,4 @@
-//! Batches of runs: plans, their execution, the metrics of each run, statistics over them, reports.
+//! Batches of runs: plans, their execution and the metrics of each run.
 //!
 //! In reading order:
 //! - A batch: a [`plan`] lists runs, [`execute`] performs those without a record, [`measure`] turns
@@ -8,7 +8,6 @@
 //! - What is possible: [`oracle`] bounds the times of all runs from below, and flies a plan with
 //!   the map known in advance.
 //! - A [`benchmark`] is fixed plans with one number for each track, whose results can be verified.
-//! - Evaluation: [`statistics`] over many runs, and a [`report`] of figures and tables.
 //! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects
 //!   faults into runs and compares each with the undisturbed one; [`simulated`] does so with a
 //!   simulated network, disk and clock, thousands of times a minute.
@@ -29,9 +28,7 @@ pub mod oracle;
 pub mod plan;
 #[cfg(feature = "ros")]
 mod processes;
-pub mod report;
 pub mod rows;
 pub mod simulated;
-pub mod statistics;
 pub mod store;
 pub mod tables;

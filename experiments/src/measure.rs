@@ -191,7 +191,7 @@ fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
 
 /// Mean of the explored share over the duration: linear between samples, constant after the last.
 ///
-/// Not [`crate::statistics::area_under`]: its rounding differs, and rows keep their bytes.
+/// Not [`statistics::area_under`]: its rounding differs, and rows keep their bytes.
 fn area_under(series: &[Sample], duration_s: f64) -> f64 {
     let between: f64 =
         series.windows(2).map(|pair| (pair[1].t_s - pair[0].t_s) * (pair[0].explored + pair[1].explored) * 0.5).sum();

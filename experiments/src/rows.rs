@@ -55,7 +55,7 @@ impl Made {
 }
 
 /// The metrics of a run, and their course.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRecord {
     pub row: RunRow,
@@ -64,7 +64,7 @@ pub struct RunRecord {
 }
 
 /// The metrics of a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRow {
     /// First 16 hexadecimal digits of the blake3 hash of scenario, seed and build.
@@ -184,7 +184,7 @@ pub struct OracleRow {
 }
 
 /// Figures of wall time, which differ between repetitions.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WallRow {
     /// Wall time of the run, s.
