@@ -43,7 +43,7 @@ const PIECE_MAX: usize = 64;
 
 /// The corpus of a target: names and inputs, sorted.
 fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
-    let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
+    let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../testing/fuzz/corpus").join(target);
     let entries = fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let mut inputs: Vec<_> = entries
         .map(|entry| {

@@ -8,9 +8,7 @@
 //! - What is possible: [`oracle`] bounds the times of all runs from below, and flies a plan with
 //!   the map known in advance.
 //! - A [`benchmark`] is fixed plans with one number for each track, whose results can be verified.
-//! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects
-//!   faults into runs and compares each with the undisturbed one; [`simulated`] does so with a
-//!   simulated network, disk and clock, thousands of times a minute.
+//! - Comparison of recordings: [`diff`] finds the first difference of two.
 //!
 //! Invariant: except for wall time, the record of a run is a function of scenario, seed and build.
 //!
@@ -20,15 +18,11 @@ pub mod benchmark;
 pub mod cluster;
 pub mod diff;
 pub mod execute;
-pub mod faults;
 pub mod keep;
 pub mod measure;
 pub mod merge;
 pub mod oracle;
 pub mod plan;
-#[cfg(feature = "ros")]
-mod processes;
 pub mod rows;
-pub mod simulated;
 pub mod store;
 pub mod tables;

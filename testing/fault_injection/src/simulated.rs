@@ -12,7 +12,7 @@
 //! the number of threads, each of which executes whole seeds.
 //!
 //! Not simulated: ROS 2, the processes of the system, and the real file system
-//! ([`faults`](crate::faults) has these); services of the server, and observers.
+//! ([`crate::run`] has these); services of the server, and observers.
 
 mod adversary;
 mod cluster;
@@ -37,7 +37,7 @@ use sim_server::session::NullObserver;
 use sim_server::{setup, wall_clock};
 use simulation::scenario::Scenario;
 
-use crate::faults::verdict::{self, Equivalence};
+use crate::verdict::{self, Equivalence};
 pub use adversary::Mutation;
 use cluster::Cluster;
 use in_memory::in_process::{self, AgentOptions, ThreadLayout};

@@ -1,4 +1,5 @@
-//! Fault injection: one disturbed run per seed, compared with the undisturbed run.
+//! Fault injection: one disturbed run per seed, compared with the undisturbed run. [`simulated`]
+//! does so with a simulated network, disk and clock, thousands of times a minute.
 //!
 //! A fault [`plan`] is drawn from a seed. The run is performed over ROS 2 with one process per
 //! agent; processes are killed, stopped, started twice and sent invalid messages as the plan says.
@@ -13,7 +14,10 @@ mod fault_run;
 mod inject_garbage;
 pub mod plan;
 #[cfg(feature = "ros")]
+mod processes;
+#[cfg(feature = "ros")]
 mod seeds;
+pub mod simulated;
 pub mod verdict;
 #[cfg(feature = "ros")]
 mod watch;
