@@ -13,10 +13,11 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The folders of the crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 16] = [
+pub(crate) const CRATES: [&str; 17] = [
     "voxels",
     "random_streams",
     "msgs",
+    "system",
     "ros_node",
     "mapgen",
     "map_files",
@@ -33,18 +34,19 @@ pub(crate) const CRATES: [&str; 16] = [
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 16] = [
+const USES: [(&str, &[&str]); 17] = [
     ("voxels", &[]),
     ("random_streams", &[]),
     ("msgs", &[]),
+    ("system", &[]),
     ("ros_node", &["msgs"]),
     ("mapgen", &["random_streams", "voxels"]),
     ("map_files", &["mapgen", "voxels"]),
     ("simulation", &["mapgen", "msgs", "random_streams", "voxels"]),
-    ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "voxels"]),
+    ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "system", "voxels"]),
     ("agent_node", &["msgs", "random_streams", "ros_node", "voxels"]),
     ("in_memory", &["agent_node", "msgs", "sim_server", "simulation"]),
-    ("supervisor", &["msgs", "sim_server", "simulation"]),
+    ("supervisor", &["msgs", "simulation", "system"]),
     ("statistics", &["random_streams"]),
     (
         "experiments",

@@ -71,7 +71,8 @@ fn too_long(length: u64, bytes_max: u64) -> io::Error {
 }
 
 /// What a file is, for errors.
-pub(crate) fn described(kind: FileType) -> &'static str {
+#[must_use]
+pub fn described(kind: FileType) -> &'static str {
     if kind.is_dir() {
         "a folder"
     } else if kind.is_symlink() {

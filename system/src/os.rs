@@ -18,6 +18,7 @@ pub use windows::*;
 /// What opening a name does if that is a symbolic link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Links {
+    /// The file that it leads to is opened.
     Followed,
     /// On Unix opening fails; on Windows the link itself is opened, which is no regular file.
     Refused,

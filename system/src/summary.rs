@@ -7,8 +7,6 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::session::Outcome;
-
 /// What `sim_server run --summary FILE.json` writes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -26,18 +24,6 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// The summary of a run with a result.
-    #[must_use]
-    pub fn of(outcome: &Outcome) -> Self {
-        Self {
-            digest: outcome.digest.to_string(),
-            reason: outcome.result.reason.clone(),
-            tick: outcome.result.tick,
-            wall_s: outcome.wall.as_secs_f64(),
-            restarted_processes: outcome.restarted,
-        }
-    }
-
     /// Wall time between the first tick and the last.
     #[must_use]
     pub fn wall(&self) -> Duration {
