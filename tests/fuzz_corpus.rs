@@ -106,7 +106,7 @@ fn mutated_corpus_breaks_no_target() {
         for (input, bytes) in &inputs {
             feed(target, input, bytes);
         }
-        let mut rng = random_streams::stream(1, 0, name);
+        let mut rng = voxels::random_streams::stream(1, 0, name);
         for number in 0..count {
             let (input, bytes) = &inputs[rng.random_range(0..inputs.len())];
             let (_, other) = &inputs[rng.random_range(0..inputs.len())];

@@ -47,7 +47,7 @@ struct Gossip {
 
 impl Gossip {
     fn new(agent: AgentId, acts_between: bool) -> Self {
-        let rng = random_streams::stream(5, agent.0.into(), "gossip");
+        let rng = voxels::random_streams::stream(5, agent.0.into(), "gossip");
         Self { rng, trigger: Trigger::NEXT_TICK, observed: 0, acts_between }
     }
 
@@ -176,7 +176,7 @@ fn prepare(setting: Setting) -> Play {
 fn carry_out(play: Play, setting: Setting) -> Played {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
         let controller = |id| Box::new(Gossip::new(id, setting.acts_between)) as Box<dyn Controller>;
-        let mut rng = random_streams::stream(5, ids[0].0.into(), "delays");
+        let mut rng = voxels::random_streams::stream(5, ids[0].0.into(), "delays");
         let pause = || {
             if setting.delays {
                 disturb(Duration::from_micros(rng.random_range(0..2000)));

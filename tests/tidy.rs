@@ -13,9 +13,8 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The folders of the crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 17] = [
+pub(crate) const CRATES: [&str; 16] = [
     "voxels",
-    "random_streams",
     "msgs",
     "system",
     "ros_node",
@@ -34,20 +33,19 @@ pub(crate) const CRATES: [&str; 17] = [
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 17] = [
+const USES: [(&str, &[&str]); 16] = [
     ("voxels", &[]),
-    ("random_streams", &[]),
     ("msgs", &[]),
     ("system", &[]),
     ("ros_node", &["msgs"]),
-    ("mapgen", &["random_streams", "voxels"]),
+    ("mapgen", &["voxels"]),
     ("map_files", &["mapgen", "voxels"]),
-    ("simulation", &["mapgen", "msgs", "random_streams", "voxels"]),
+    ("simulation", &["mapgen", "msgs", "voxels"]),
     ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "system", "voxels"]),
-    ("agent_node", &["msgs", "random_streams", "ros_node", "voxels"]),
+    ("agent_node", &["msgs", "ros_node", "voxels"]),
     ("in_memory", &["agent_node", "msgs", "sim_server", "simulation"]),
     ("supervisor", &["msgs", "simulation", "system"]),
-    ("statistics", &["random_streams"]),
+    ("statistics", &["voxels"]),
     (
         "experiments",
         &[
@@ -55,7 +53,6 @@ const USES: [(&str, &[&str]); 17] = [
             "in_memory",
             "map_files",
             "msgs",
-            "random_streams",
             "sim_server",
             "simulation",
             "statistics",
@@ -66,7 +63,7 @@ const USES: [(&str, &[&str]); 17] = [
     ("report", &["agent_node", "experiments", "statistics"]),
     (
         "testing/fault_injection",
-        &["agent_node", "in_memory", "msgs", "random_streams", "ros_node", "sim_server", "simulation", "supervisor"],
+        &["agent_node", "in_memory", "msgs", "ros_node", "sim_server", "simulation", "supervisor", "voxels"],
     ),
     (
         "maes",
@@ -231,7 +228,6 @@ fn only_ros_node_names_the_ros_client() {
 fn pure_modules_use_no_system_interface() {
     let pure = [
         ("voxels", &[""][..]),
-        ("random_streams", &[""]),
         ("mapgen", &[""]),
         ("map_files", &[""]),
         ("statistics", &[""]),

@@ -207,7 +207,7 @@ impl Registration {
         agents_seed: u64,
     ) -> Result<(Box<dyn Controller>, Vec<Setting>), SettingError> {
         let mut settings = Settings::parse(settings)?;
-        let rng = random_streams::stream(agents_seed, agent.0.into(), self.stream);
+        let rng = voxels::random_streams::stream(agents_seed, agent.0.into(), self.stream);
         let controller = (self.construct)(&mut settings, rng)?;
         Ok((controller, settings.finish()?))
     }

@@ -120,7 +120,7 @@ fn interval(
     let mut drawn: Vec<Vec<f64>> = sizes.iter().map(|&size| vec![1.0; size]).collect();
     let estimate = figure(&drawn)?;
     let acceleration = acceleration(&mut drawn, &figure)?;
-    let mut rng = random_streams::stream(seed, 0, "statistics.bootstrap");
+    let mut rng = voxels::random_streams::stream(seed, 0, "statistics.bootstrap");
     let mut figures = Vec::with_capacity(resamples);
     for _ in 0..resamples {
         drawn.iter_mut().for_each(|times| draw(times, &mut rng));
@@ -145,7 +145,7 @@ fn draw(times: &mut [f64], rng: &mut ChaCha8Rng) {
 
 /// An endless stream of fair coins.
 pub(super) fn coins(seed: u64, purpose: &str) -> impl FnMut() -> bool {
-    let mut rng = random_streams::stream(seed, 0, purpose);
+    let mut rng = voxels::random_streams::stream(seed, 0, purpose);
     let (mut bits, mut left) = (0_u32, 0);
     move || {
         if left == 0 {

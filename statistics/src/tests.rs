@@ -414,7 +414,7 @@ fn exchanges_within_pairs_by_hand() {
 #[test]
 fn detectable_difference_is_shown_as_often_as_stated() {
     // Twenty pairs of normal differences with deviation 1, shifted by what is detectable with 80 %.
-    let mut rng = random_streams::stream(3, 0, "power");
+    let mut rng = voxels::random_streams::stream(3, 0, "power");
     let mut normal = || normal_quantile((f64::from(rng.next_u32()) + 0.5) / (f64::from(u32::MAX) + 1.0));
     let pairs = 20;
     let unit: Vec<f64> = (0..pairs).map(|i| normal_quantile((f64::from(i) + 0.5) / f64::from(pairs))).collect();

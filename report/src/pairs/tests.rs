@@ -36,7 +36,7 @@ fn finds_difference(study: &Study, compared: Compared) -> bool {
 
 /// Times of three variants that depend on the map; about one in six is censored at 60 s.
 fn times(blocks: usize, stream: &str) -> Vec<[Option<f64>; 3]> {
-    let mut rng = random_streams::stream(20_261_122, 0, stream);
+    let mut rng = voxels::random_streams::stream(20_261_122, 0, stream);
     let mut uniform = || f64::from(rng.next_u32()) / f64::from(u32::MAX);
     let time = |of_map: f64, own: f64| Some(of_map + 36.0 * own).filter(|time| *time < 60.0);
     (0..blocks)
@@ -72,7 +72,7 @@ fn every_exchange_of_labels_gives_false_alarms_at_most_as_often_as_stated() {
 fn shuffled_labels_give_false_alarms_at_most_as_often_as_stated() {
     // A family of three comparisons on twelve maps; the labels of each map are shuffled.
     let times = times(12, "family");
-    let mut rng = random_streams::stream(7, 0, "labels");
+    let mut rng = voxels::random_streams::stream(7, 0, "labels");
     let (mut alarms, trials) = ([0, 0], 400);
     for _ in 0..trials {
         let mut columns = [Vec::new(), Vec::new(), Vec::new()];

@@ -38,7 +38,7 @@ pub fn inject_garbage(seed: u64, agents: u32, messages: u32, env: &RosEnv) -> Re
         let join = workshop.publisher(&mut node, &topics::signed_join(agent))?;
         outlets.push((join, workshop.publisher(&mut node, &topics::signed_command(agent))?));
     }
-    let mut rng = random_streams::stream(seed, 0, "garbage");
+    let mut rng = voxels::random_streams::stream(seed, 0, "garbage");
     // Messages with another run id are refused first; those with the current one get further.
     let mut run = 0;
     let mut timeout = FIRST_POLL;

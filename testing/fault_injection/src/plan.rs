@@ -107,7 +107,7 @@ impl Plan {
     /// `timeout_ms` is the decision timeout of the run.
     #[must_use]
     pub fn of_seed(seed: u64, agents: u32, duration_s: f64, timeout_ms: u32) -> Self {
-        let mut rng = random_streams::stream(seed, 0, "faults");
+        let mut rng = voxels::random_streams::stream(seed, 0, "faults");
         let count = rng.random_range(1..=FAULTS_MAX);
         let mut faults: Vec<Timed> = (0..count)
             .map(|_| {

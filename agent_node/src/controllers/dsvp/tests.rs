@@ -9,30 +9,30 @@ use crate::observation::{Contact, ReceivedMessage};
 
 fn planner(settings: &[&str]) -> Dsvp {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::new(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
+    Dsvp::new(&mut Settings::parse(&settings).unwrap(), voxels::random_streams::stream(1, 0, "test")).unwrap()
 }
 
 fn bidder(agent: u32) -> Dsvp {
-    Dsvp::with_auction(&mut Settings::default(), random_streams::stream(1, agent.into(), "test")).unwrap()
+    Dsvp::with_auction(&mut Settings::default(), voxels::random_streams::stream(1, agent.into(), "test")).unwrap()
 }
 
 fn tourist(settings: &[&str]) -> Dsvp {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::with_tours(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
+    Dsvp::with_tours(&mut Settings::parse(&settings).unwrap(), voxels::random_streams::stream(1, 0, "test")).unwrap()
 }
 
 fn neighbour(settings: &[&str]) -> Dsvp {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::with_voronoi(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
+    Dsvp::with_voronoi(&mut Settings::parse(&settings).unwrap(), voxels::random_streams::stream(1, 0, "test")).unwrap()
 }
 
 fn planner_of_a_team() -> Dsvp {
-    Dsvp::with_team(&mut Settings::default(), random_streams::stream(1, 0, "test")).unwrap()
+    Dsvp::with_team(&mut Settings::default(), voxels::random_streams::stream(1, 0, "test")).unwrap()
 }
 
 fn swift(settings: &[&str]) -> Dsvp {
     let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Dsvp::with_time(&mut Settings::parse(&settings).unwrap(), random_streams::stream(1, 0, "test")).unwrap()
+    Dsvp::with_time(&mut Settings::parse(&settings).unwrap(), voxels::random_streams::stream(1, 0, "test")).unwrap()
 }
 
 const CORRIDOR: &str = "

@@ -70,7 +70,7 @@ pub(super) struct Adversary {
 impl Adversary {
     /// Draws the adversary of a seed.
     pub(super) fn of_seed(seed: u64, policy: OnAgentLoss) -> Self {
-        let random = &mut random_streams::stream(seed, 0, "simulated.adversary");
+        let random = &mut voxels::random_streams::stream(seed, 0, "simulated.adversary");
         let may_lose_agents = policy == OnAgentLoss::Wait;
         let longest =
             |waiting_ms: u64, other_ms: u64| Duration::from_millis(if may_lose_agents { waiting_ms } else { other_ms });

@@ -177,7 +177,7 @@ pub(super) struct Network {
 
 impl Network {
     pub(super) fn new(seed: u64, adversary: Adversary, mutation: Option<Mutation>, keeps_log: bool) -> Self {
-        let mut random = random_streams::stream(seed, 0, "simulated.network");
+        let mut random = voxels::random_streams::stream(seed, 0, "simulated.network");
         let agent_kill_in = (adversary.agent_kills > 0).then(|| steps(&mut random));
         Self {
             clock: Duration::ZERO,

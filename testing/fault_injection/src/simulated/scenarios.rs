@@ -34,7 +34,7 @@ pub(super) fn of_seed(seed: u64) -> Result<Scenario, SetupError> {
 }
 
 fn drawn(seed: u64, draw: u64) -> Result<Scenario, SetupError> {
-    let random = &mut random_streams::stream(seed, draw, "simulated.scenario");
+    let random = &mut voxels::random_streams::stream(seed, draw, "simulated.scenario");
     let agents = random.random_range(1..=AGENTS_MAX);
     let controller = CONTROLLERS[random.random_range(0..CONTROLLERS.len())];
     let look_ahead = random.random_bool(0.8);

@@ -100,7 +100,7 @@ fn choice(contacts: &[(u32, f64)]) -> String {
     world.observation.scan_tick = Some(world.observation.tick);
     let contact = |&(agent, x)| Contact { agent: AgentId(agent), position: Point3::new(x, 1.5, 0.5) };
     world.observation.contacts = contacts.iter().map(contact).collect();
-    let random = random_streams::stream(1, 0, "test");
+    let random = voxels::random_streams::stream(1, 0, "test");
     world.ask(&mut Dsvp::with_team(&mut Settings::default(), random).unwrap()).info
 }
 
@@ -115,7 +115,7 @@ fn leaves_to_others_what_they_are_nearer_to() {
 fn settings_are_checked() {
     let built = |setting: &str| {
         let mut settings = Settings::parse(&[setting.to_owned()]).unwrap();
-        Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).map(drop)
+        Dsvp::with_team(&mut settings, voxels::random_streams::stream(1, 0, "test")).map(drop)
     };
     let allowed = ["regions=1", "tasks=1", "exponent=0", "urgency=0", "memory_s=0", "scan_start_m=0", "scan_stop_m=0"];
     assert!(allowed.into_iter().all(|setting| built(setting).is_ok()));
@@ -135,7 +135,7 @@ fn explores_with_one_task_or_region_at_a_time() {
     for setting in ["tasks=1", "regions=1"] {
         let mut world = SmallWorld::new(rooms.trim_start(), Cell::new(1, 1, 0));
         let mut settings = Settings::parse(&[setting.to_owned()]).unwrap();
-        let mut controller = Dsvp::with_team(&mut settings, random_streams::stream(1, 0, "test")).unwrap();
+        let mut controller = Dsvp::with_team(&mut settings, voxels::random_streams::stream(1, 0, "test")).unwrap();
         world.run(&mut controller, 2000);
         assert_eq!(world.left(&[CellState::Free, CellState::Covered]), [], "{setting}");
     }

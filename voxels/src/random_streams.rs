@@ -6,8 +6,6 @@
 //!
 //! Nothing is drawn from the operating system; the seed is always an argument.
 
-#![warn(missing_docs)]
-
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -24,9 +22,9 @@ const DOMAIN: &str = "maes_msgs 2026 random stream v1";
 /// ```
 /// use rand_chacha::rand_core::Rng;
 ///
-/// let mut heading = random_streams::stream(7, 3, "rbw.heading");
-/// let mut again = random_streams::stream(7, 3, "rbw.heading");
-/// let mut other = random_streams::stream(7, 4, "rbw.heading");
+/// let mut heading = voxels::random_streams::stream(7, 3, "rbw.heading");
+/// let mut again = voxels::random_streams::stream(7, 3, "rbw.heading");
+/// let mut other = voxels::random_streams::stream(7, 4, "rbw.heading");
 /// let first = heading.next_u64();
 /// assert_eq!(first, again.next_u64());
 /// assert_ne!(first, other.next_u64());
