@@ -1,7 +1,7 @@
 //! A run in one process: channels between a server and its agents, and a run over them.
 //!
-//! [`link`] makes the channels, [`in_process`] runs a scenario over them, [`stages`] counts what the
-//! agents are busy with.
+//! [`link`] makes the channels, [`in_process`] runs a scenario over them, [`stages`] counts what
+//! the agents are busy with.
 //!
 //! The session loops of server and agents run over it unchanged: on a thread for the server and one
 //! for each group of agents, so that messages of different agents arrive in any order here as well,

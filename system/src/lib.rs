@@ -1,8 +1,8 @@
 //! What the programs of the workspace share of the operating system.
 //!
 //! [`input_file`] reads the files that a user names; [`os`] has what operating systems name
-//! differently; [`exit_code`] and [`summary`] are what the server tells the program that has started
-//! it, which therefore need not link the server.
+//! differently; [`exit_code`] and [`summary`] are what the server tells the program that has
+//! started it, which therefore need not link the server.
 
 #![warn(missing_docs)]
 
