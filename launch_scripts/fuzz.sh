@@ -4,13 +4,13 @@
 #
 #   launch_scripts/fuzz.sh [SECONDS_PER_TARGET] [TARGET...]      default: 600 s for each target
 #
-# Targets: those of fuzz/src/lib.rs, and rtps (tests/mutated_packets.rs), for which the seconds are
+# Targets: those of testing/fuzz/src/lib.rs, and rtps (tests/mutated_packets.rs), for which the seconds are
 # processor time of the attacked processes. Needs stable Rust and a C++ compiler. New inputs that
 # reach more code stay under target/fuzz/found/<target>, findings under target/fuzz/findings. Exit
 # code 1 if there is a finding.
 set -uo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-mapfile -t all < <(sed -n 's/^    ("\([a-z0-9]*\)", [a-z_]*::[a-z_]*),$/\1/p' "$root/fuzz/src/lib.rs")
+mapfile -t all < <(sed -n 's/^    ("\([a-z0-9]*\)", [a-z_]*::[a-z_]*),$/\1/p' "$root/testing/fuzz/src/lib.rs")
 all+=(rtps)
 seconds=${1:-600}
 [[ $seconds =~ ^[1-9][0-9]*$ ]] || { echo "error: $seconds: expected seconds for each target, from 1" >&2; exit 2; }
@@ -59,7 +59,7 @@ for target in "${targets[@]}"; do
     log=$work/$target.log
     mkdir -p "$found"
     rm -f "$findings/$target-"*
-    FUZZ_TARGET=$target "$program" "$found" "$root/fuzz/corpus/$target" -max_total_time="$seconds" -max_len=65536 \
+    FUZZ_TARGET=$target "$program" "$found" "$root/testing/fuzz/corpus/$target" -max_total_time="$seconds" -max_len=65536 \
         -rss_limit_mb=1536 -malloc_limit_mb=512 -timeout=30 -artifact_prefix="$findings/$target-" -print_final_stats=1 \
         >"$log" 2>&1
     status=$?

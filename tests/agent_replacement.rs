@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use agent_node::transport::{Inbound, ServerTransport};
-use experiments::in_memory::AgentsEnd;
+use in_memory::AgentsEnd;
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};

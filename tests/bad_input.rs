@@ -387,7 +387,7 @@ fn flipped_bytes_yield_no_wrong_message() {
     let whole = short_recording(&Site::new());
     let all = messages(whole.clone()).expect("the recording is whole");
     bounded("reading recordings with a wrong byte", move || {
-        let mut rng = random_streams::stream(1, 0, "wrong bytes");
+        let mut rng = voxels::random_streams::stream(1, 0, "wrong bytes");
         let mut refused = 0;
         for number in 0..WRONG_BYTES {
             // Record headers are few among all bytes, so the first positions are theirs.

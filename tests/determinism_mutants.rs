@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use agent_node::command::{Command, Motion, Trigger};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
-use experiments::in_memory::{AgentsEnd, ServerEnd};
+use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Observation as Part;
 use rand::RngExt;
@@ -53,7 +53,7 @@ struct Turner {
 
 impl Turner {
     fn new(agent: AgentId, source: Source, shared: &Arc<Mutex<ChaCha8Rng>>) -> Self {
-        Self { source, own: random_streams::stream(3, agent.0.into(), "turner"), shared: Arc::clone(shared) }
+        Self { source, own: voxels::random_streams::stream(3, agent.0.into(), "turner"), shared: Arc::clone(shared) }
     }
 
     fn heading(&mut self) -> u32 {
@@ -134,9 +134,9 @@ fn prepare(site: &Site, variant: Variant) -> Play {
 
 fn carry_out(play: Play, source: Source, is_delayed: bool) -> Played {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
-        let shared = Arc::new(Mutex::new(random_streams::stream(3, 0, "shared")));
+        let shared = Arc::new(Mutex::new(voxels::random_streams::stream(3, 0, "shared")));
         let controller = |id| Box::new(Turner::new(id, source, &shared)) as Box<dyn Controller>;
-        let mut rng = random_streams::stream(3, ids[0].0.into(), "delays");
+        let mut rng = voxels::random_streams::stream(3, ids[0].0.into(), "delays");
         let pause = || {
             if is_delayed {
                 disturb(Duration::from_micros(rng.random_range(0..2000)));
@@ -278,7 +278,7 @@ fn restarted_agent_divergence_is_named() {
     play.groups = vec![vec![0], vec![1], vec![2], vec![1]];
     let (is_taken, is_gone) = (AtomicBool::new(false), AtomicBool::new(false));
     let played = play.with(move |inner: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
-        let shared = Arc::new(Mutex::new(random_streams::stream(3, 0, "shared")));
+        let shared = Arc::new(Mutex::new(voxels::random_streams::stream(3, 0, "shared")));
         let controller = |id| Box::new(Turner::new(id, Source::HashOrder, &shared)) as Box<dyn Controller>;
         if ids != [AgentId(1)] {
             serve(inner, &ids, controller, || {}, is_over);

@@ -47,7 +47,7 @@ const WHY: [(&str, &str, &[&str]); 12] = [
     ("controller", "changed sources, compiled", &["tests/own_programs.rs", "agent_node/src/controllers.rs"]),
     ("docker", "a container runtime", &["launch_scripts/check_image.py"]),
     ("hosts", "root, and hosts or network namespaces", &["tests/hosts.rs"]),
-    ("hours", "hours, or results of hours", &["tests/experiments.rs", "experiments/tests/report.rs"]),
+    ("hours", "hours, or results of hours", &["tests/experiments.rs", "report/tests/report.rs"]),
     ("long-tests", "is a test of its own that takes long", &["launch_scripts/long_tests.sh"]),
     ("processes", "terminals for several processes", &["tests/recovery.rs", "tests/interruptions.rs"]),
     ("release", "the files of a release, and root", &["launch_scripts/check_release.sh"]),

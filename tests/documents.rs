@@ -12,7 +12,7 @@ use crate::tidy::{CRATES, documents, files, name, read, sources};
 #[test]
 fn documents_name_files_that_exist() {
     let folders: Vec<String> =
-        CRATES.into_iter().chain(["tests", "launch_scripts", "docs"]).map(str::to_owned).collect();
+        CRATES.into_iter().chain(["tests", "testing", "launch_scripts", "docs"]).map(str::to_owned).collect();
     let mut documents = files("docs", "md");
     documents.extend(files("launch_scripts/scenarios", "toml"));
     documents.extend(["README.md", "ARCHITECTURE.md"].map(|document| root().join(document)));

@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-use experiments::faults::plan::{At, Fault, Plan};
+use fault_injection::plan::{At, Fault, Plan};
 
 use crate::support::runs::{Site, text};
 

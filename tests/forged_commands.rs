@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use agent_node::host::{Credentials, Options};
-use experiments::in_memory::{AgentsEnd, ServerEnd};
+use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, SignedCommand, SignedJoin, Task};
 use msgs::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};

@@ -43,7 +43,7 @@ const PIECE_MAX: usize = 64;
 
 /// The corpus of a target: names and inputs, sorted.
 fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
-    let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target);
+    let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../testing/fuzz/corpus").join(target);
     let entries = fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
     let mut inputs: Vec<_> = entries
         .map(|entry| {
@@ -106,7 +106,7 @@ fn mutated_corpus_breaks_no_target() {
         for (input, bytes) in &inputs {
             feed(target, input, bytes);
         }
-        let mut rng = random_streams::stream(1, 0, name);
+        let mut rng = voxels::random_streams::stream(1, 0, name);
         for number in 0..count {
             let (input, bytes) = &inputs[rng.random_range(0..inputs.len())];
             let (_, other) = &inputs[rng.random_range(0..inputs.len())];

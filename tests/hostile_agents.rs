@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
-use experiments::in_memory::{AgentsEnd, ServerEnd};
+use in_memory::{AgentsEnd, ServerEnd};
 use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
@@ -409,7 +409,7 @@ fn undecodable_messages_are_refused_without_effect() {
     let mut rogue = Rogue::new(site.domain());
     let noise_on_commands = rogue.publisher(&topics::signed_command(AgentId(0)));
     let noise_on_joins = rogue.publisher(&topics::signed_join(AgentId(1)));
-    let mut rng = random_streams::stream(1, 0, "noise");
+    let mut rng = voxels::random_streams::stream(1, 0, "noise");
     let mut noise = || Noise((0..rng.random_range(0..200)).map(|_| rng.random()).collect());
     publish_until(&mut run, "a message on a topic of agent 0 cannot be decoded", || {
         noise_on_commands.publish(noise()).is_ok()

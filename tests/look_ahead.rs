@@ -12,7 +12,7 @@ use std::time::Duration;
 use agent_node::command::{AgentMessage, Command, Motion, ScanRequest, Trigger};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
-use experiments::in_memory::AgentsEnd;
+use in_memory::AgentsEnd;
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -47,7 +47,7 @@ struct Gossip {
 
 impl Gossip {
     fn new(agent: AgentId, acts_between: bool) -> Self {
-        let rng = random_streams::stream(5, agent.0.into(), "gossip");
+        let rng = voxels::random_streams::stream(5, agent.0.into(), "gossip");
         Self { rng, trigger: Trigger::NEXT_TICK, observed: 0, acts_between }
     }
 
@@ -177,7 +177,7 @@ fn prepare(setting: Setting) -> Play {
 fn carry_out(play: Play, setting: Setting) -> Played {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
         let controller = |id| Box::new(Gossip::new(id, setting.acts_between)) as Box<dyn Controller>;
-        let mut rng = random_streams::stream(5, ids[0].0.into(), "delays");
+        let mut rng = voxels::random_streams::stream(5, ids[0].0.into(), "delays");
         let pause = || {
             if setting.delays {
                 disturb(Duration::from_micros(rng.random_range(0..2000)));

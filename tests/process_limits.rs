@@ -42,7 +42,7 @@ fn a_stalled_start_is_begun_again_and_the_run_is_the_same() {
     let again = ended.stderr.split_once(reported).and_then(|(_, rest)| rest.split_once("x)"));
     let again: u32 = again.and_then(|(again, _)| again.parse().ok()).unwrap_or_else(|| panic!("{ended}"));
     assert!(again >= 2, "{ended}");
-    let summary = sim_server::summary::Summary::read(&summary).expect("there is a summary");
+    let summary = system::summary::Summary::read(&summary).expect("there is a summary");
     assert_eq!(summary.restarted_processes, 1);
     let said = std::fs::read_to_string(site.path("stalled.log")).unwrap();
     assert!(said.contains("start 2 of 5") && said.contains("start 3 of 5"), "{said}");

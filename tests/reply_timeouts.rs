@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use agent_node::transport::{Inbound, ServerTransport};
-use experiments::in_memory::{AgentsEnd, ServerEnd};
+use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Observation};
 use sim_server::transport::{AgentTransport, Inbound as ToServer, Incoming};

@@ -12,57 +12,70 @@ use simulation::scenario::Scenario;
 use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
-/// The crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 12] = [
+/// The folders of the crates whose code is delivered, each below those that use it.
+pub(crate) const CRATES: [&str; 16] = [
     "voxels",
-    "random_streams",
     "msgs",
+    "system",
     "ros_node",
     "mapgen",
     "map_files",
     "simulation",
     "sim_server",
     "agent_node",
+    "in_memory",
     "supervisor",
+    "statistics",
     "experiments",
+    "report",
+    "testing/fault_injection",
     "maes",
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 12] = [
+const USES: [(&str, &[&str]); 16] = [
     ("voxels", &[]),
-    ("random_streams", &[]),
     ("msgs", &[]),
+    ("system", &[]),
     ("ros_node", &["msgs"]),
-    ("mapgen", &["random_streams", "voxels"]),
+    ("mapgen", &["voxels"]),
     ("map_files", &["mapgen", "voxels"]),
-    ("simulation", &["mapgen", "msgs", "random_streams", "voxels"]),
-    ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "voxels"]),
-    ("agent_node", &["msgs", "random_streams", "ros_node", "voxels"]),
-    ("supervisor", &["msgs", "sim_server", "simulation"]),
+    ("simulation", &["mapgen", "msgs", "voxels"]),
+    ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "system", "voxels"]),
+    ("agent_node", &["msgs", "ros_node", "voxels"]),
+    ("in_memory", &["agent_node", "msgs", "sim_server", "simulation"]),
+    ("supervisor", &["msgs", "simulation", "system"]),
+    ("statistics", &["voxels"]),
     (
         "experiments",
         &[
             "agent_node",
+            "in_memory",
             "map_files",
-            "mapgen",
             "msgs",
-            "random_streams",
-            "ros_node",
             "sim_server",
             "simulation",
+            "statistics",
             "supervisor",
             "voxels",
         ],
+    ),
+    ("report", &["agent_node", "experiments", "statistics"]),
+    (
+        "testing/fault_injection",
+        &["agent_node", "in_memory", "msgs", "ros_node", "sim_server", "simulation", "supervisor", "voxels"],
     ),
     (
         "maes",
         &[
             "agent_node",
             "experiments",
+            "fault_injection",
+            "in_memory",
             "map_files",
             "mapgen",
             "msgs",
+            "report",
             "ros_node",
             "sim_server",
             "simulation",
@@ -142,9 +155,10 @@ fn dependencies_point_one_way() {
     for (place, (of, expected)) in USES.into_iter().enumerate() {
         let manifest: toml::Table = read(&root().join(of).join("Cargo.toml")).parse().expect("a manifest is TOML");
         let named = manifest.get("dependencies").and_then(toml::Value::as_table).expect("a table of dependencies");
-        let ours: Vec<&str> = named.keys().map(String::as_str).filter(|name| CRATES.contains(name)).collect();
+        let crates = CRATES.map(|folder| folder.rsplit('/').next().unwrap_or(folder));
+        let ours: Vec<&str> = named.keys().map(String::as_str).filter(|name| crates.contains(name)).collect();
         assert_eq!(ours, expected, "{of}");
-        assert!(ours.iter().all(|name| CRATES[..place].contains(name)), "{of} names only crates below it");
+        assert!(ours.iter().all(|name| crates[..place].contains(name)), "{of} names only crates below it");
     }
 }
 
@@ -157,6 +171,13 @@ fn pure_core_links_no_decoder() {
         }
     }
     assert!(dependencies("map_files", &[]).contains("png"));
+}
+
+/// Runs in memory, tests of controllers and whoever embeds them need neither.
+#[test]
+fn runs_in_memory_link_no_tables_and_no_pictures() {
+    let linked = dependencies("in_memory", &[]);
+    assert!(["parquet", "resvg", "experiments"].iter().all(|&heavy| !linked.contains(heavy)), "{linked:?}");
 }
 
 #[test]
@@ -197,7 +218,7 @@ fn only_ros_node_names_the_ros_client() {
     let mut naming = BTreeSet::new();
     for (file, code) in CRATES.into_iter().flat_map(sources) {
         if code.contains("ros2_client") || code.contains("rustdds") {
-            naming.insert(file.split('/').next().unwrap_or_default().to_owned());
+            naming.insert(file.split_once("/src/").map_or(file.as_str(), |(folder, _)| folder).to_owned());
         }
     }
     assert_eq!(naming.into_iter().collect::<Vec<_>>(), ["ros_node"], "crates that name the ROS client");
@@ -207,9 +228,9 @@ fn only_ros_node_names_the_ros_client() {
 fn pure_modules_use_no_system_interface() {
     let pure = [
         ("voxels", &[""][..]),
-        ("random_streams", &[""]),
         ("mapgen", &[""]),
         ("map_files", &[""]),
+        ("statistics", &[""]),
         ("simulation", &[""]),
         ("sim_server", &["control", "replay"]),
         ("agent_node", &["agent", "controllers", "exploration_map", "command", "observation", "wire", "map_markers"]),
@@ -243,7 +264,8 @@ fn files_are_short() {
 #[test]
 fn comments_and_documents_wrap() {
     let is_too_long = |line: &str| line.chars().count() > COLUMNS_MAX && !line.contains("](");
-    let crates = CRATES.into_iter().chain(["python", "fuzz"]).map(|of| format!("{of}/src"));
+    let crates =
+        CRATES.into_iter().chain(["python", "testing/fuzz", "testing/link_emulator"]).map(|of| format!("{of}/src"));
     for file in crates.chain(["tests".to_owned()]).flat_map(|folder| files(&folder, "rs")) {
         let mut is_block = false;
         for (number, line) in read(&file).lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("//")) {

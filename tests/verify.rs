@@ -13,7 +13,7 @@ use std::time::Duration;
 use agent_node::controllers::{self, Controller, NAMES};
 use agent_node::observation::RunInfo;
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
-use experiments::in_memory::AgentsEnd;
+use in_memory::AgentsEnd;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, MessageStream, WriteOptions};
 use msgs::cdr;

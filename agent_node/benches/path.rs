@@ -18,7 +18,7 @@ const RADIUS_M: f64 = 0.4;
 /// connected component is kept.
 fn cave() -> ExplorationMap {
     let extent = Extent::new([SIDE; 3], 1.0).expect("a legal size");
-    let mut rng = random_streams::stream(7, 0, "bench.cave");
+    let mut rng = voxels::random_streams::stream(7, 0, "bench.cave");
     let mut terrain = Grid::new(extent, Terrain::Wall);
     let mut free = 0;
     while free * 5 < extent.volume() {

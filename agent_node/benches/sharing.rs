@@ -146,7 +146,7 @@ fn bytes_as_runs(changes: impl Iterator<Item = Change>) -> usize {
 
 #[expect(clippy::print_stdout, reason = "the sizes belong to the times")]
 fn exchange(criterion: &mut Criterion) {
-    let mut rng = random_streams::stream(7, 0, "bench.cave");
+    let mut rng = voxels::random_streams::stream(7, 0, "bench.cave");
     let terrain = cave(&mut rng);
     let directions = directions();
     let free: Vec<Cell> = terrain.iter().filter(|&(_, &is)| is == Terrain::Free).map(|(cell, _)| cell).collect();

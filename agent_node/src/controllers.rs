@@ -202,7 +202,7 @@ impl Registration {
         run_info: &RunInfo,
     ) -> Result<(Box<dyn Controller>, Vec<Setting>), SettingError> {
         let mut settings = Settings::parse(settings)?;
-        let rng = random_streams::stream(run_info.agents_seed, agent.0.into(), self.stream);
+        let rng = voxels::random_streams::stream(run_info.agents_seed, agent.0.into(), self.stream);
         let controller = (self.construct)(&mut settings, Setup { agent, run_info, rng })?;
         Ok((controller, settings.finish()?))
     }

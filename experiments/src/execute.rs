@@ -28,8 +28,8 @@ use crate::merge::is_same_run;
 use crate::oracle;
 use crate::plan::{BUILD, Plan, PlannedRun};
 use crate::rows::{FailedRun, Made, RunRecord, RunRow, StoredRun};
-use crate::statistics::StatisticsError;
 use crate::store::{self, Store, StoreError};
+use statistics::StatisticsError;
 
 pub use parts::Part;
 #[cfg(feature = "ros")]

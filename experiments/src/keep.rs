@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::plan::{MAP_FILE, Plan};
 use crate::rows::{RunRecord, RunRow};
-use crate::statistics::{StatisticsError, quantile};
+use statistics::{StatisticsError, quantile};
 
 /// The recordings to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -85,7 +85,6 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::report::fixture;
 
     /// A plan of eight seeds, and a record for each of its runs.
     fn batch() -> (Plan, Vec<RunRecord>) {
@@ -93,10 +92,9 @@ mod tests {
                     agents = { count = 2 }\n";
         let plan = Plan::parse("p.toml", text, Path::new(".")).unwrap();
         let record = |run: &crate::plan::PlannedRun| {
-            let mut record = fixture::run("rbw", run.scenario.seed, 2);
-            record.row.id = run.id.clone();
-            record.row.t99_s = Some(40.0 + run.scenario.seed as f64);
-            record
+            let t99_s = Some(40.0 + run.scenario.seed as f64);
+            let row = RunRow { id: run.id.clone(), t99_s, duration_s: 60.0, ..RunRow::default() };
+            RunRecord { row, ..RunRecord::default() }
         };
         let records = plan.runs.iter().map(record).collect();
         (plan, records)

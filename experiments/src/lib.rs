@@ -1,8 +1,6 @@
-//! Batches of runs: plans, their execution, the metrics of each run, statistics over them, reports.
+//! Batches of runs: plans, their execution and the metrics of each run.
 //!
 //! In reading order:
-//! - One run without a network: [`in_memory`] is the transport between a server and its agents,
-//!   [`in_process`] a run over it.
 //! - A batch: a [`plan`] lists runs, [`execute`] performs those without a record, [`measure`] turns
 //!   each into [`rows`], [`store`] keeps these in a folder, [`keep`] decides which recordings stay,
 //!   and [`tables`] writes CSV and Parquet. [`merge`] joins folders, [`cluster`] writes job files
@@ -10,10 +8,7 @@
 //! - What is possible: [`oracle`] bounds the times of all runs from below, and flies a plan with
 //!   the map known in advance.
 //! - A [`benchmark`] is fixed plans with one number for each track, whose results can be verified.
-//! - Evaluation: [`statistics`] over many runs, and a [`report`] of figures and tables.
-//! - Comparison of recordings: [`diff`] finds the first difference of two, and [`faults`] injects
-//!   faults into runs and compares each with the undisturbed one; [`simulated`] does so with a
-//!   simulated network, disk and clock, thousands of times a minute.
+//! - Comparison of recordings: [`diff`] finds the first difference of two.
 //!
 //! Invariant: except for wall time, the record of a run is a function of scenario, seed and build.
 //!
@@ -23,19 +18,11 @@ pub mod benchmark;
 pub mod cluster;
 pub mod diff;
 pub mod execute;
-pub mod faults;
-pub mod in_memory;
-pub mod in_process;
 pub mod keep;
 pub mod measure;
 pub mod merge;
 pub mod oracle;
 pub mod plan;
-#[cfg(feature = "ros")]
-mod processes;
-pub mod report;
 pub mod rows;
-pub mod simulated;
-pub mod statistics;
 pub mod store;
 pub mod tables;

@@ -5,8 +5,6 @@
 //! transport. Wall times are not, and the split of the redundancy needs the maps of the agents,
 //! which only runs in this process show.
 
-pub mod stages;
-
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -14,9 +12,9 @@ use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
 use simulation::digest::Digest;
 
-use crate::measure::stages::StageTimes;
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
+use in_memory::stages::StageTimes;
 
 /// Prefix of the byte counters of a kind of message.
 const BYTES_OF_KIND: &str = "parcel_bytes_delivered_kind_";
@@ -140,7 +138,7 @@ impl Counters<'_> {
 
 /// Sim time of a tick, s. Ticks per second are whole: the division rounds at most once.
 fn seconds(tick: u64) -> f64 {
-    tick as f64 / (1e9 / Tick::TICK_NS as f64)
+    Tick(tick).time_s()
 }
 
 fn sample(progress: &Progress) -> Sample {
@@ -194,7 +192,7 @@ fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
 
 /// Mean of the explored share over the duration: linear between samples, constant after the last.
 ///
-/// Not [`crate::statistics::area_under`]: its rounding differs, and rows keep their bytes.
+/// Not [`statistics::area_under`]: its rounding differs, and rows keep their bytes.
 fn area_under(series: &[Sample], duration_s: f64) -> f64 {
     let between: f64 =
         series.windows(2).map(|pair| (pair[1].t_s - pair[0].t_s) * (pair[0].explored + pair[1].explored) * 0.5).sum();

@@ -98,7 +98,7 @@ impl Made {
 }
 
 /// The metrics of a run, and their course.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRecord {
     pub row: RunRow,
@@ -167,7 +167,7 @@ pub struct RunRow {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redundancy_first_minute: Option<f64>,
     /// Sim time in which agents were on the way to viewpoints nearby, summed over the agents, s.
-    /// See [`crate::measure::stages`].
+    /// See [`in_memory::stages`].
     #[serde(default)]
     pub exploring_s: f64,
     /// The same, to frontiers that are not nearby.

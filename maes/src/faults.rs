@@ -8,8 +8,8 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
-use experiments::faults::{self, FaultsError, Options, Summary};
-use experiments::simulated::{self, SeedReport};
+use fault_injection::simulated::{self, SeedReport};
+use fault_injection::{FaultsError, Options, Summary};
 use sim_server::cli::KeyArgs;
 use sim_server::{exit, setup};
 use simulation::scenario::Scenario;
@@ -132,7 +132,7 @@ pub(crate) fn faults(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
         None => (args.first_seed..args.first_seed.saturating_add(args.seeds.unwrap_or(SEEDS))).collect(),
     };
     if args.list {
-        seeds.iter().for_each(|&seed| print(&format!("seed {seed}: {}", faults::plan_of(&scenario, seed))));
+        seeds.iter().for_each(|&seed| print(&format!("seed {seed}: {}", fault_injection::plan_of(&scenario, seed))));
         return Ok(ExitCode::SUCCESS);
     }
     let stop = stopped_by_signals()?;
@@ -145,7 +145,7 @@ pub(crate) fn faults(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
         out: args.out.clone(),
         expected: args.expect.clone(),
     };
-    let Summary { seeds, failures, is_interrupted } = faults::run(&options, &stop, &print)?;
+    let Summary { seeds, failures, is_interrupted } = fault_injection::run(&options, &stop, &print)?;
     print(&format!("{seeds} seeds, {failures} failures"));
     Ok(exit_code(is_interrupted, failures))
 }
@@ -194,6 +194,6 @@ fn simulate(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
 
 fn inject_garbage(args: &GarbageArgs) -> anyhow::Result<ExitCode> {
     let env = ros_node::ros_env::RosEnv::from_vars(|name| std::env::var(name).ok())?;
-    faults::inject_garbage(u64::from(args.messages), args.agents, args.messages, &env)?;
+    fault_injection::inject_garbage(u64::from(args.messages), args.agents, args.messages, &env)?;
     Ok(ExitCode::SUCCESS)
 }

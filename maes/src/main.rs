@@ -34,10 +34,10 @@ use anyhow::Context;
 use bench::BenchCommand;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
-use experiments::in_process::InProcessError;
 use experiments::plan::BUILD;
 #[cfg(feature = "ros")]
 use faults::FaultsArgs;
+use in_memory::in_process::InProcessError;
 use map::{MapCliError, MapCommand};
 use movie::MovieArgs;
 use oracle::OracleArgs;

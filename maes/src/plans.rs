@@ -18,8 +18,8 @@ use experiments::execute::{self, ExecuteError, Options, Part, Selection, Stop, S
 use experiments::keep::Keep;
 use experiments::merge;
 use experiments::plan::{BUILD, Plan};
-use experiments::report::{self, Heading, ReportError, Written};
 use experiments::store::{Store, StoreError};
+use report::{Heading, ReportError, Written};
 use sim_server::exit;
 
 use crate::output::{print, say};

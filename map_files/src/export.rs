@@ -34,8 +34,8 @@ impl MapWriter {
     /// The writer of a file by the extension of its name, ignoring case.
     ///
     /// # Errors
-    /// [`FormatError::Extension`] if it is unknown; [`FormatError::NotWritten`] if files with it are
-    /// only read.
+    /// [`FormatError::Extension`] if it is unknown; [`FormatError::NotWritten`] if files with it
+    /// are only read.
     pub fn of(file: &Path) -> Result<&'static Self, FormatError> {
         let extension = MapReader::of(file)?.extension_of(file);
         let writer = WRITERS.iter().find(|writer| writer.extension == extension);

@@ -1,4 +1,5 @@
-//! Map files of other programs: readers, which make a terrain of the content of a file, and writers.
+//! Map files of other programs: readers, which make a terrain of the content of a file, and
+//! writers.
 //!
 //! A format is one module, and a line in [`READERS`] or [`WRITERS`]. Formats are recognised by the
 //! extension of the file name; docs/maps.md has the rules. [`mapgen::repair`] gives what is read a

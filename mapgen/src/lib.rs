@@ -5,8 +5,8 @@
 //! alone. Generation always terminates: a request that cannot be met is an error.
 //!
 //! Maps from elsewhere, read by the crate `map_files`, get the same form by [`repair`]; the options
-//! of their import are [`ImportOptions`], as part of a scenario. There are no files, no clock and no
-//! source of seeds here.
+//! of their import are [`ImportOptions`], as part of a scenario. There are no files, no clock and
+//! no source of seeds here.
 
 #![warn(missing_docs)]
 
@@ -205,8 +205,8 @@ pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMa
 /// Layers of wall that an imported map gets on every side.
 const SHELL_LAYERS: u32 = 1;
 
-/// Repairs a map from elsewhere: closes its shell and keeps its largest cave. `file` is the name for
-/// the error, `seed` for the report.
+/// Repairs a map from elsewhere: closes its shell and keeps its largest cave. `file` is the name
+/// for the error, `seed` for the report.
 ///
 /// MAES3D announces this repair and does not perform it (docs/reference-model.md, "Repairs of a
 /// map").

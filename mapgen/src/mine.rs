@@ -163,7 +163,7 @@ pub(super) fn draft(spec: &MineSpec, extent: Extent, seed: u64) -> Result<Draft,
     let layout = spec.layout(extent)?;
     let mut mine = Mine {
         terrain: Grid::new(extent, Terrain::Wall),
-        rng: random_streams::stream(seed, 0, "map.mine"),
+        rng: voxels::random_streams::stream(seed, 0, "map.mine"),
         layout,
         spec,
     };

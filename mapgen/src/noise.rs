@@ -39,7 +39,7 @@ impl NoiseSpec {
 /// Draws the noise in index order and smooths it.
 pub(super) fn draft(spec: &NoiseSpec, extent: Extent, seed: u64) -> Result<Draft, MapError> {
     spec.check(extent)?;
-    let mut rng = random_streams::stream(seed, 0, "map.noise");
+    let mut rng = voxels::random_streams::stream(seed, 0, "map.noise");
     let mut terrain = Grid::new(extent, Terrain::Wall);
     let [size_x, size_y, size_z] = extent.size().map(|cells| cells as usize);
     let layers = terrain.as_mut_slice().chunks_mut(size_x * size_y);

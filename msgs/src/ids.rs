@@ -60,6 +60,11 @@ impl Tick {
         self.0.saturating_mul(Self::TICK_NS)
     }
 
+    /// Sim time in seconds, rounded once.
+    pub fn time_s(self) -> f64 {
+        self.0 as f64 / (1e9 / Self::TICK_NS as f64)
+    }
+
     /// The tick so many ticks after this one, or the last one that a `u64` holds.
     pub const fn after(self, ticks: u64) -> Self {
         Self(self.0.saturating_add(ticks))

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use experiments::in_process::InProcessError;
+use in_memory::in_process::InProcessError;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 

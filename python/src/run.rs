@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use experiments::execute;
-use experiments::in_process::{self, AgentOptions, ThreadLayout};
 use experiments::measure::{self, Trace};
 use experiments::plan::Plan;
+use in_memory::in_process::{self, AgentOptions, ThreadLayout};
 use msgs::ids::Tick;
 use pyo3::prelude::*;
 use sim_server::recording::Recording;

@@ -5,8 +5,7 @@
 //! [`recorder`] and [`live_stream`] write what a run exchanges; [`recording`] reads it,
 //! [`playback`] by tick and [`replay`] by time; [`verify`] re-executes a recording and
 //! [`comparison`] finds the first difference; `foxglove` serves observers; `program` is the process
-//! of all this; [`os`] has what operating systems name differently. The pure core is in the crate
-//! `simulation`.
+//! of all this. The pure core is in the crate `simulation`.
 //!
 //! This crate does not know what agents believe or how they decide.
 
@@ -19,10 +18,8 @@ pub mod exit;
 #[cfg(feature = "view")]
 pub mod foxglove;
 pub mod info;
-pub mod input_file;
 pub mod live_stream;
 pub mod map_file;
-pub mod os;
 pub mod playback;
 pub mod profile;
 #[cfg(feature = "ros")]
@@ -35,8 +32,9 @@ pub mod replay;
 pub mod ros;
 pub mod session;
 pub mod setup;
-pub mod summary;
 pub mod terminal;
 pub mod transport;
 pub mod verify;
 pub mod wall_clock;
+
+pub use system::{input_file, os};

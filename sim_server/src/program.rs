@@ -19,8 +19,7 @@ use crate::playback::{Horizon, Playback};
 use crate::profile::{Profile, Profiled};
 use crate::recording::Recording;
 use crate::ros::RosTransport;
-use crate::session::{self, JoinPolicy, Mode, RecordingSinks, RunConfig, RunError};
-use crate::summary::Summary;
+use crate::session::{self, JoinPolicy, Mode, Outcome, RecordingSinks, RunConfig, RunError};
 use crate::terminal::{self, Terminal};
 use crate::transport::Transport;
 use crate::{exit, renamed, setup};
@@ -34,6 +33,7 @@ use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
+use system::summary::Summary;
 
 /// Wall time between two looks at whether an idle server is to end.
 #[cfg(feature = "view")]
@@ -442,7 +442,7 @@ impl<'a> Job<'a> {
                 // Results go to stdout; that nothing reads them is no failure.
                 drop(writeln!(std::io::stdout(), "{text}"));
                 if let Some(file) = self.summary
-                    && let Err(error) = Summary::of(&outcome).write(file)
+                    && let Err(error) = summary(&outcome).write(file)
                 {
                     return failed(&format!("--summary {}: {error}", file.display()));
                 }
@@ -453,5 +453,16 @@ impl<'a> Job<'a> {
                 exit::of_error(&error)
             }
         })
+    }
+}
+
+/// The summary of a run with a result.
+fn summary(outcome: &Outcome) -> Summary {
+    Summary {
+        digest: outcome.digest.to_string(),
+        reason: outcome.result.reason.clone(),
+        tick: outcome.result.tick,
+        wall_s: outcome.wall.as_secs_f64(),
+        restarted_processes: outcome.restarted,
     }
 }

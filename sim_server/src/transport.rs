@@ -4,7 +4,7 @@
 //! [`AgentTransport`] is all that the lock-step needs; [`ObserverOutput`] and [`ControlInput`]
 //! serve people and tools. One object implements the three ([`Transport`]), because a ROS 2 node
 //! receives commands and service requests in one inbox. Implementations: ROS 2 (`ros.rs`), Foxglove
-//! around another one (`foxglove`), and channels within a process (`experiments::in_memory`).
+//! around another one (`foxglove`), and channels within a process (`in_memory`).
 //!
 //! Invariants: no method blocks on an agent, except [`AgentTransport::receive`] up to its timeout;
 //! a message may get lost, be repeated or overtake another one, and the session resends what stays

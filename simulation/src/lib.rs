@@ -7,7 +7,7 @@
 //! [`parameters`] the ROS parameters of a scenario, and [`pacer`] limits the real-time factor.
 //!
 //! Invariants: no file, no network, no wall clock and no environment. No dependency provides them,
-//! and `clippy.toml` forbids those of the standard library.
+//! and `tests/tidy.rs` finds whoever names those of the standard library.
 
 #![warn(missing_docs)]
 

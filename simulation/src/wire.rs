@@ -358,7 +358,7 @@ fn id_ranges(ids: &[u32]) -> String {
 /// The seed of the agents, from which the seed of the map cannot be derived.
 fn agents_seed(seed: u64) -> u64 {
     use rand_chacha::rand_core::Rng;
-    random_streams::stream(seed, 0, "agents").next_u64()
+    voxels::random_streams::stream(seed, 0, "agents").next_u64()
 }
 
 /// The progress of a world.

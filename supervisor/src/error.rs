@@ -1,7 +1,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use sim_server::exit;
+use system::exit_code as exit;
 use thiserror::Error;
 
 /// Why a run cannot be supervised.

@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use sim_server::input_file;
+use system::input_file;
 
 use crate::SupervisorError;
 use crate::team::Group;

@@ -5,7 +5,8 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use sim_server::setup;
+use simulation::scenario::Scenario;
+use system::input_file::{self, TEXT_BYTES_MAX};
 
 use crate::SupervisorError;
 use crate::binaries;
@@ -87,7 +88,8 @@ impl IdleServer {
         agents: &mut Vec<AgentProcess>,
     ) -> Result<(), SupervisorError> {
         // The server has read it before; if it is gone, so is the run.
-        let Ok(scenario) = setup::load(file, &[]) else { return Ok(()) };
+        let Ok(text) = input_file::read_text(file, TEXT_BYTES_MAX) else { return Ok(()) };
+        let Ok(scenario) = Scenario::parse(&file.display().to_string(), &text, &[]) else { return Ok(()) };
         let run = file.file_stem().unwrap_or_default().to_string_lossy();
         for group in Team::default().groups(&scenario) {
             let log = self.logs.join(format!("{run}_agent_{}.log", group.first));

@@ -9,9 +9,9 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use sim_server::exit;
-use sim_server::summary::Summary;
 use simulation::scenario::{OnAgentLoss, Scenario};
+use system::exit_code as exit;
+use system::summary::Summary;
 
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain::{self, DomainLock};

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use experiments::in_process::{self, AgentOptions};
+use in_memory::in_process::{self, AgentOptions};
 use map_files::export;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
@@ -165,5 +165,5 @@ fn root() -> PathBuf {
 }
 
 fn corpus() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../testing/fuzz/corpus")
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use experiments::in_memory::ServerEnd;
+use in_memory::ServerEnd;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
 use msgs::signing::NONE;

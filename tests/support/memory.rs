@@ -12,7 +12,7 @@ use agent_node::controllers::{Controller, Registry};
 use agent_node::host::Options;
 use agent_node::transport::{Inbound, ServerTransport};
 use agent_node::wire;
-use experiments::in_memory::{self, AgentsEnd, ServerEnd};
+use in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply};

@@ -8,7 +8,8 @@
 //! it, and every function here that returns several cells returns them in that order unless it
 //! says otherwise.
 //!
-//! There are no agents, no time and no randomness here.
+//! There are no agents and no time here, and what is random is drawn from [`random_streams`], whose
+//! seed is an argument.
 
 #![warn(missing_docs)]
 
@@ -24,6 +25,7 @@ pub mod lattice;
 pub mod m3dm;
 pub mod open_space;
 pub mod packed;
+pub mod random_streams;
 pub mod runs;
 pub mod sight;
 pub mod terrain;

@@ -147,13 +147,13 @@ fn play(
         ..Default::default()
     };
     let run_info = wire::run_info(&scenario, AgentId(2)).unwrap();
-    let mut rng = random_streams::stream(seed, 0, "world");
+    let mut rng = voxels::random_streams::stream(seed, 0, "world");
     let mut agents = Vec::new();
     let mut shown = Vec::new();
     let mut boxes: Vec<Mailbox> = Vec::new();
     for id in 0..AGENTS {
         shown.push(Arc::<Mutex<_>>::default());
-        let rng = random_streams::stream(seed, id.into(), "whim");
+        let rng = voxels::random_streams::stream(seed, id.into(), "whim");
         let shown = Arc::clone(&shown[id as usize]);
         let whim = Whim { rng, wake: Trigger::NEXT_TICK, shown, is_restless };
         agents.push(Agent::new(AgentId(id), run_info.clone(), Box::new(whim)));

@@ -180,7 +180,7 @@ mod tests {
 
     fn controller(search_time: &str) -> Boustrophedon {
         let mut settings = Settings::parse(&[format!("search_time={search_time}")]).unwrap();
-        Boustrophedon::new(&mut settings, random_streams::stream(1, 0, "test")).unwrap()
+        Boustrophedon::new(&mut settings, voxels::random_streams::stream(1, 0, "test")).unwrap()
     }
 
     #[test]

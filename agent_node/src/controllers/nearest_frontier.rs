@@ -154,7 +154,7 @@ mod tests {
 
     fn controller(search_time: &str) -> NearestFrontier {
         let mut settings = Settings::parse(&[format!("search_time={search_time}")]).unwrap();
-        NearestFrontier::new(&mut settings, random_streams::stream(1, 0, "test")).unwrap()
+        NearestFrontier::new(&mut settings, voxels::random_streams::stream(1, 0, "test")).unwrap()
     }
 
     fn destination(world: &World, command: &Command) -> Cell {

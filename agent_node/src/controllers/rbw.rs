@@ -97,7 +97,7 @@ mod tests {
 
     fn walk(settings: &[&str]) -> Result<Rbw, SettingError> {
         let texts: Vec<String> = settings.iter().map(ToString::to_string).collect();
-        Rbw::new(&mut Settings::parse(&texts)?, random_streams::stream(1, 0, "test"))
+        Rbw::new(&mut Settings::parse(&texts)?, voxels::random_streams::stream(1, 0, "test"))
     }
 
     #[test]

@@ -75,7 +75,7 @@ mod tests {
     use crate::controllers::testing::{World, collided, idle};
 
     fn walk() -> RbwMaes3d {
-        RbwMaes3d::new(random_streams::stream(1, 0, "test"))
+        RbwMaes3d::new(voxels::random_streams::stream(1, 0, "test"))
     }
 
     #[test]

@@ -148,7 +148,7 @@ impl World {
 
     /// What a controller of the agent is built from.
     pub(crate) fn setup(&self) -> Setup<'_> {
-        Setup { agent: AGENT, run_info: &self.run_info, rng: random_streams::stream(1, 0, "test") }
+        Setup { agent: AGENT, run_info: &self.run_info, rng: voxels::random_streams::stream(1, 0, "test") }
     }
 
     /// All free cells in line of sight, and the walls beside them.

@@ -51,7 +51,7 @@ mod tests {
 
     #[test]
     fn turns_at_a_wall() {
-        let rng = random_streams::stream(1, 0, "test");
+        let rng = voxels::random_streams::stream(1, 0, "test");
         let mut zigzag = Zigzag::new(&mut Settings::default(), rng).unwrap();
         let mut world = World::empty();
         let first = world.ask_about(&mut zigzag, &idle()).motion;

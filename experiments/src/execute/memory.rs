@@ -10,10 +10,10 @@ use sim_server::session::{INTERRUPTED, Phase, RunObserver};
 use simulation::world::World;
 
 use super::{RunFailure, machine};
-use crate::in_process::{self, AgentOptions, ThreadLayout};
 use crate::measure::{self, Trace};
 use crate::plan::PlannedRun;
 use crate::rows::RunRecord;
+use in_memory::in_process::{self, AgentOptions, ThreadLayout};
 
 /// Performs a run on one thread: the other cores are for the other jobs. The run is recorded to
 /// `recording`.

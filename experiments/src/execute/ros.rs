@@ -15,10 +15,10 @@ use supervisor::team::Team;
 use supervisor::{SupervisorError, outside};
 
 use super::{ExecuteError, RunFailure, machine};
-use crate::measure::stages::StageTimes;
 use crate::measure::{self, Trace};
 use crate::plan::{Plan, PlannedRun};
 use crate::rows::RunRecord;
+use in_memory::stages::StageTimes;
 
 /// How processes are started.
 #[derive(Debug, Clone)]

@@ -328,7 +328,7 @@ mod tests {
         let extent = Extent::new([14, 11, 12], 1.0).unwrap();
         let mut seen = 0;
         for instance in 0..400 {
-            let mut random = random_streams::stream(instance, 0, "rays");
+            let mut random = voxels::random_streams::stream(instance, 0, "rays");
             let mut terrain = Grid::new(extent, Terrain::Free);
             for index in 0..extent.volume() {
                 if random.random_range(0..4) == 0 {

@@ -227,7 +227,7 @@ mod tests {
     fn tours_visit_all_places_and_are_near_the_optimum() {
         let (mut found, mut best) = (0, 0);
         for instance in 0..200 {
-            let mut random = random_streams::stream(instance, 0, "tours");
+            let mut random = voxels::random_streams::stream(instance, 0, "tours");
             let mut draw = |range| random.random_range::<u64, std::ops::Range<u64>>(range);
             let agents = draw(1..4) as usize;
             let points: Vec<(u64, u64)> =

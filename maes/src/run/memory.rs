@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use agent_node::stopwatch::{self, DecisionTimes};
 use anyhow::Context;
-use experiments::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
+use in_memory::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 use sim_server::exit;
 use sim_server::profile::{Decision, Profile, Profiled};
 use sim_server::recording::Recording;

@@ -21,7 +21,7 @@ pub(crate) fn draft(spec: &BuildingSpec, extent: Extent, seed: u64) -> Result<(D
     };
     let (height, door_height) = (spec.floor_height as i32, spec.door_height as i32);
     for (floor, base) in (0..).zip(spec.bases()) {
-        let mut rng = random_streams::stream(seed, floor, "map.building.floor");
+        let mut rng = voxels::random_streams::stream(seed, floor, "map.building.floor");
         let planned: Vec<Rect> =
             skeleton.regions.iter().flat_map(|&region| rooms::split(spec, region, &mut rng)).collect();
         let connected = doors::connect(spec, extent, &skeleton.halls, &planned, &mut rng);
@@ -51,7 +51,7 @@ pub(crate) fn entrances(spec: &BuildingSpec, extent: Extent, seed: u64) -> Resul
 /// The plan that all floors share, and the entrances.
 fn plan(spec: &BuildingSpec, extent: Extent, seed: u64) -> Result<(Skeleton, Vec<Entrance>), MapError> {
     spec.check(extent)?;
-    let mut rng = random_streams::stream(seed, 0, "map.building");
+    let mut rng = voxels::random_streams::stream(seed, 0, "map.building");
     let skeleton = Skeleton::draw(spec, extent, &mut rng);
     let mut mouths = skeleton.mouths.clone();
     if spec.entrances as usize > mouths.len() {

@@ -80,7 +80,7 @@ proptest! {
         let spec = BuildingSpec { entrances: 0, ..spec };
         prop_assume!(spec.check(extent).is_ok());
         let map = generate(&MapSpec::Building(spec.clone()), extent, seed).unwrap();
-        let skeleton = Skeleton::draw(&spec, extent, &mut random_streams::stream(seed, 0, "map.building"));
+        let skeleton = Skeleton::draw(&spec, extent, &mut voxels::random_streams::stream(seed, 0, "map.building"));
         let is_in_core = |cell: Cell| skeleton.cores.iter().any(|core| {
             let Rect { low, high } = core.rect;
             (low[0]..high[0]).contains(&cell.x) && (low[1]..high[1]).contains(&cell.y)
@@ -102,7 +102,7 @@ proptest! {
     ) {
         let region = Rect { low, high: [low[0] + sides[0], low[1] + sides[1]] };
         let spec = BuildingSpec { split_chance: chance, ..BuildingSpec::default() };
-        let rooms = rooms::split(&spec, region, &mut random_streams::stream(seed, 0, "test"));
+        let rooms = rooms::split(&spec, region, &mut voxels::random_streams::stream(seed, 0, "test"));
         let mut owner = std::collections::BTreeMap::new();
         for (number, room) in rooms.iter().enumerate() {
             prop_assert!(room.shortest_side() >= 6, "{:?}", room);
@@ -188,7 +188,7 @@ fn doors_lead_from_room_to_room_where_no_hallway_is_near() {
     let rooms = [rect([1, 12], [8, 19]), rect([1, 4], [8, 11]), rect([9, 17], [18, 28])];
     let spec = BuildingSpec::default();
     for seed in 0..20 {
-        let mut rng = random_streams::stream(seed, 0, "test");
+        let mut rng = voxels::random_streams::stream(seed, 0, "test");
         let connected = doors::connect(&spec, extent([22, 30, 5]), &halls, &rooms, &mut rng);
         assert_eq!(connected.rooms, rooms);
         let [to_hall, to_room, narrow] = connected.doors[..] else { panic!("{:?}", connected.doors) };
@@ -199,7 +199,7 @@ fn doors_lead_from_room_to_room_where_no_hallway_is_near() {
         assert_eq!(narrow, rect([8, 17], [9, 19]));
     }
     let alone = [rect([1, 12], [8, 19])];
-    let mut rng = random_streams::stream(1, 0, "test");
+    let mut rng = voxels::random_streams::stream(1, 0, "test");
     assert!(doors::connect(&spec, extent([22, 30, 5]), &halls, &alone, &mut rng).rooms.is_empty());
 }
 

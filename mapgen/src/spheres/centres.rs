@@ -31,7 +31,7 @@ pub(super) struct Centres {
 impl Centres {
     /// Spheres of these radii, which must all fit into the extent.
     pub(super) fn new(extent: Extent, radii: RangeInclusive<u32>, seed: u64) -> Self {
-        Self { extent, radii, rng: random_streams::stream(seed, 0, "map.spheres"), left: None }
+        Self { extent, radii, rng: voxels::random_streams::stream(seed, 0, "map.spheres"), left: None }
     }
 
     /// A sphere whose centre is a wall cell, or `None` if no radius has such a centre left.

@@ -45,7 +45,7 @@ impl SensorNoise {
 
     /// The random stream of the scan of an agent in a tick.
     pub(super) fn scan_stream(&self, agent: AgentId, tick: Tick) -> ChaCha8Rng {
-        let mut rng = random_streams::stream(self.seed, agent.0.into(), "sensor.scan");
+        let mut rng = voxels::random_streams::stream(self.seed, agent.0.into(), "sensor.scan");
         rng.set_stream(tick.0);
         rng
     }
@@ -66,7 +66,10 @@ impl SensorNoise {
 impl Drift {
     /// The drift at the start: no error.
     pub(super) fn new(noise: &SensorNoise, agent: AgentId) -> Self {
-        Self { rng: random_streams::stream(noise.seed, agent.0.into(), "sensor.pose"), offset_m: Vector3::zeros() }
+        Self {
+            rng: voxels::random_streams::stream(noise.seed, agent.0.into(), "sensor.pose"),
+            offset_m: Vector3::zeros(),
+        }
     }
 
     /// Advances the drift by one tick.

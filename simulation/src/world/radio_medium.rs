@@ -132,7 +132,7 @@ fn is_lost(loss: f64, seed: u64, tick: Tick, sender: AgentId, others: usize, rec
     if loss <= 0.0 {
         return false;
     }
-    let mut rng = random_streams::stream(seed, sender.0.into(), "radio.loss");
+    let mut rng = voxels::random_streams::stream(seed, sender.0.into(), "radio.loss");
     rng.set_stream(tick.0);
     // A draw consumes two words of 32 bits.
     rng.set_word_pos(2 * (others as u128 * RECEIVERS_MAX + u128::from(receiver.0)));

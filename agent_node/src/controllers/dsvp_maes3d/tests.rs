@@ -2,7 +2,7 @@ use super::*;
 use crate::controllers::testing::{World, drawn, flat};
 
 fn rng() -> ChaCha8Rng {
-    random_streams::stream(1, 0, "test")
+    voxels::random_streams::stream(1, 0, "test")
 }
 
 fn planner() -> DsvpMaes3d {
@@ -151,7 +151,7 @@ fn only_edge_ends_are_checked_and_covered_ends_refused() {
     let map = drawn("#.\n.#\n");
     let mut trees = Trees::new(Point3::new(0.9, 0.9, 0.5));
     for stage in 0..20 {
-        trees.grow(&mut random_streams::stream(1, stage, "test"), &map, &[flat(1, 1)]);
+        trees.grow(&mut voxels::random_streams::stream(1, stage, "test"), &map, &[flat(1, 1)]);
     }
     let has_crossed = |tree: &Tree| tree.post_order().into_iter().any(|node| cell_of(tree.at(node)) == flat(1, 1));
     assert!(has_crossed(&trees.local) && has_crossed(&trees.global));

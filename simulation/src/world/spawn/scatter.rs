@@ -26,7 +26,7 @@ pub(super) fn scattered(
 ) -> Result<Vec<Point3<f64>>, SpawnError> {
     let mut by_size: Vec<usize> = (0..radii_m.len()).collect();
     by_size.sort_by(|&one, &other| radii_m[other].total_cmp(&radii_m[one]));
-    let mut sampler = Sampler { terrain, rng: random_streams::stream(seed, 0, "spawn.scattered"), left: None };
+    let mut sampler = Sampler { terrain, rng: voxels::random_streams::stream(seed, 0, "spawn.scattered"), left: None };
     let mut placed = PlacedBodies::new(terrain, radii_m, min_distance_m);
     let mut starts = vec![Point3::origin(); radii_m.len()];
     for (fit, &agent) in by_size.iter().enumerate() {

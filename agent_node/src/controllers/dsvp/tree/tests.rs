@@ -51,7 +51,7 @@ proptest! {
     ) {
         let extent = Extent::new([12, 12, 4], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
-        let mut rng = random_streams::stream(seed, 0, "tree");
+        let mut rng = voxels::random_streams::stream(seed, 0, "tree");
         for (index, kind) in (0..).zip(&cells) {
             match kind {
                 0 => map.note_wall(&[index]),
@@ -87,7 +87,7 @@ fn rerooted_tree_keeps_its_component() {
     let obstacles = Obstacles::near(&[], &Point3::origin(), 0.4, &no_bodies(), world.extent());
     let mut tree = Tree::new(Cell::new(5, 1, 0));
     let growth = Growth { samples: 20_000, ..GROWTH };
-    tree.grow(&map, &growth, &[], &obstacles, &mut random_streams::stream(1, 0, "tree"));
+    tree.grow(&map, &growth, &[], &obstacles, &mut voxels::random_streams::stream(1, 0, "tree"));
     assert_eq!(tree.nodes.len(), 11, "x from 1 to 11");
     let moved = tree.rerooted_at(Cell::new(8, 1, 0), &map, &GROWTH);
     assert_eq!(moved.nodes.len(), 10, "x from 2 to 11: {moved:?}");

@@ -1,0 +1,191 @@
+//! A run in one process: channels between a server and its agents, and a run over them.
+//!
+//! [`link`] makes the channels, [`in_process`] runs a scenario over them, [`stages`] counts what
+//! the agents are busy with.
+//!
+//! The session loops of server and agents run over it unchanged: on a thread for the server and one
+//! for each group of agents, so that messages of different agents arrive in any order here as well,
+//! or as a [`Team`], which needs no thread but that of the server. No message is lost. It is
+//! private to the process, so that nothing needs to be signed; but it carries signatures.
+
+pub mod in_process;
+pub mod stages;
+mod team;
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use agent_node::transport::Inbound as ToAgents;
+use msgs::ids::AgentId;
+use msgs::maes_msgs::{
+    Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
+};
+use msgs::signing::NONE;
+use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
+use simulation::lockstep::SourceId;
+
+use crate::stages::StageTimes;
+pub use team::Team;
+
+/// The server's end of the transport.
+pub struct ServerEnd {
+    inbox: Receiver<Incoming>,
+    groups: Vec<Sender<ToAgents>>,
+    /// The groups that subscribe to the topics of an agent, by index.
+    groups_of: BTreeMap<AgentId, Vec<usize>>,
+    progress: Vec<Progress>,
+    stages: StageTimes,
+}
+
+/// The end of one group of agents, which corresponds to one agent process.
+pub struct AgentsEnd {
+    inbox: Receiver<ToAgents>,
+    server: Sender<Incoming>,
+    source: SourceId,
+}
+
+/// Connects a server with groups of agents. An agent may be in several groups, as it may run in
+/// several processes.
+#[must_use]
+pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
+    let (to_server, server_inbox) = channel();
+    let mut senders = Vec::new();
+    let mut ends = Vec::new();
+    let mut groups_of: BTreeMap<AgentId, Vec<usize>> = BTreeMap::new();
+    for (number, agents) in groups.iter().enumerate() {
+        let (to_agents, inbox) = channel();
+        senders.push(to_agents);
+        agents.iter().for_each(|&agent| groups_of.entry(agent).or_default().push(number));
+        let source = SourceId((number as u128).to_le_bytes());
+        ends.push(AgentsEnd { inbox, server: to_server.clone(), source });
+    }
+    (
+        ServerEnd {
+            inbox: server_inbox,
+            groups: senders,
+            groups_of,
+            progress: Vec::new(),
+            stages: StageTimes::default(),
+        },
+        ends,
+    )
+}
+
+impl ServerEnd {
+    /// All progress messages that the server has published, and the stages that agents have named.
+    #[must_use]
+    pub fn into_course(self) -> (Vec<Progress>, StageTimes) {
+        (self.progress, self.stages)
+    }
+
+    fn send_to_all(&self, message: &ToAgents) {
+        for group in &self.groups {
+            // A send fails only if the group has ended.
+            let _ = group.send(message.clone());
+        }
+    }
+
+    /// Sends to all groups of an agent, of which there is mostly one: so mostly nothing is cloned.
+    fn send_to_groups_of(&self, agent: AgentId, message: ToAgents) {
+        let mut groups = self.groups_of(agent);
+        let Some(first) = groups.next() else { return };
+        for group in groups {
+            let _ = self.groups[group].send(message.clone());
+        }
+        let _ = self.groups[first].send(message);
+    }
+
+    fn groups_of(&self, agent: AgentId) -> impl Iterator<Item = usize> {
+        self.groups_of.get(&agent).into_iter().flatten().copied()
+    }
+
+    /// The next message, if one has arrived.
+    fn receive_now(&mut self) -> Option<Incoming> {
+        self.inbox.try_recv().ok().inspect(|incoming| note(&mut self.stages, incoming))
+    }
+}
+
+/// Takes the stage of a message, if it is a command.
+fn note(stages: &mut StageTimes, incoming: &Incoming) {
+    match &incoming.message {
+        ToServer::Command(command) => stages.note(command),
+        ToServer::SignedCommand(signed) => stages.note(&signed.command),
+        _ => {}
+    }
+}
+
+impl AgentTransport for ServerEnd {
+    fn announce(&mut self, scenario: &Scenario) {
+        self.send_to_all(&ToAgents::Scenario(scenario.clone()));
+    }
+
+    fn reply_join(&mut self, reply: &JoinReply) {
+        self.send_to_all(&ToAgents::JoinReply(reply.clone()));
+    }
+
+    fn send(&mut self, agent: AgentId, part: &Observation) {
+        self.send_to_groups_of(agent, ToAgents::Observation(part.clone()));
+    }
+
+    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
+        let message = match signed.mac == NONE {
+            true => ToAgents::Observation(signed.observation),
+            false => ToAgents::SignedObservation(signed),
+        };
+        self.send_to_groups_of(agent, message);
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
+        self.inbox.recv_timeout(timeout).ok().inspect(|incoming| note(&mut self.stages, incoming))
+    }
+}
+
+impl ObserverOutput for ServerEnd {
+    fn progress(&mut self, progress: &Progress) {
+        self.progress.push(progress.clone());
+    }
+}
+
+impl ControlInput for ServerEnd {}
+
+impl AgentsEnd {
+    /// The next message, if one has arrived.
+    fn receive_now(&self) -> Option<ToAgents> {
+        self.inbox.try_recv().ok()
+    }
+
+    fn send(&self, agent: u32, message: ToServer) {
+        // A send fails only if the server has ended.
+        let _ = self.server.send(Incoming { topic_agent: AgentId(agent), source: self.source, message });
+    }
+}
+
+impl agent_node::transport::ServerTransport for AgentsEnd {
+    fn send_join(&mut self, join: &Join) {
+        self.send(join.agent, ToServer::Join(join.clone()));
+    }
+
+    fn send_command(&mut self, command: &Command) {
+        self.send(command.agent, ToServer::Command(command.clone()));
+    }
+
+    fn send_signed_join(&mut self, signed: &SignedJoin) {
+        if signed.nonce == NONE {
+            return self.send_join(&signed.join);
+        }
+        self.send(signed.join.agent, ToServer::SignedJoin(signed.clone()));
+    }
+
+    fn send_signed_command(&mut self, signed: &SignedCommand) {
+        self.send(signed.command.agent, ToServer::SignedCommand(signed.clone()));
+    }
+
+    fn source(&self) -> [u8; 16] {
+        self.source.0
+    }
+
+    fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {
+        self.inbox.recv_timeout(timeout).ok()
+    }
+}
