@@ -13,6 +13,7 @@ use std::time::Duration;
 use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
 use simulation::digest::Digest;
+use simulation::end_reason::EndReason;
 
 use crate::measure::stages::StageTimes;
 use crate::plan::{BUILD, PlannedRun};
@@ -62,7 +63,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         axes: run.axes.clone(),
         duration_s: scenario.duration_s,
         end_s: seconds(result.tick),
-        reason: result.reason.clone(),
+        reason: EndReason::from(result.reason.as_str()),
         free_cells,
         explored: result.explored,
         covered: result.covered,

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use simulation::end_reason::EndReason;
 
 /// Sim time between two samples of a series, seconds.
 pub const SAMPLE_PERIOD_S: f64 = 10.0;
@@ -84,7 +85,7 @@ pub struct RunRow {
     /// Sim time at which it ended, s.
     pub end_s: f64,
     /// Why it ended, as in the result message.
-    pub reason: String,
+    pub reason: EndReason,
     /// Free cells of the true map.
     pub free_cells: u64,
     /// Share of the free cells that the team has seen at the end.

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use crate::recorder::RecordError;
-use crate::session::{INTERRUPTED, Outcome, QUIT, RunError};
+use crate::session::{Outcome, RunError};
 use crate::verify::VerifyError;
 
 /// System failure: no network, a full disk.
@@ -34,7 +34,7 @@ pub fn described(error: &anyhow::Error) -> String {
 /// Exit code of a run with a result.
 #[must_use]
 pub fn of_outcome(outcome: &Outcome) -> ExitCode {
-    if [INTERRUPTED, QUIT].contains(&outcome.result.reason.as_str()) {
+    if outcome.reason().is_early() {
         ExitCode::from(BY_SIGNAL)
     } else {
         ExitCode::SUCCESS

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use simulation::end_reason::EndReason;
+
 use crate::rows::{RunRecord, RunRow, Sample, WallRow};
 
 /// A run of 60 s on a map of 50³ cells that ends after 20 s with 90 % explored.
@@ -26,7 +28,7 @@ pub(crate) fn run(controller: &str, seed: u64, agents: u32) -> RunRecord {
         axes: BTreeMap::new(),
         duration_s: 60.0,
         end_s: 20.0,
-        reason: "explored".to_owned(),
+        reason: EndReason::Explored,
         // Each seed has a map of its own.
         free_cells: 1000 + seed,
         explored: 0.9,

@@ -202,7 +202,7 @@ fn endings(study: &Study) -> Table {
         let runs = study.all_of_cell(condition, variant);
         let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
         for run in &runs {
-            *reasons.entry(&run.row.reason).or_default() += 1;
+            *reasons.entry(run.row.reason.text()).or_default() += 1;
         }
         for (reason, count) in reasons {
             let mut row = cell_entries(study, condition, variant);

@@ -58,7 +58,7 @@ pub(super) fn html(study: &Study, kept: &Kept) -> String {
                 });
                 entries.extend(others);
                 let reason = if independent.contains(row.id.as_str()) {
-                    row.reason.clone()
+                    row.reason.to_string()
                 } else {
                     format!("{} (repeats a run)", row.reason)
                 };
