@@ -34,11 +34,7 @@ pub fn described(error: &anyhow::Error) -> String {
 /// Exit code of a run with a result.
 #[must_use]
 pub fn of_outcome(outcome: &Outcome) -> ExitCode {
-    if outcome.reason().is_early() {
-        ExitCode::from(BY_SIGNAL)
-    } else {
-        ExitCode::SUCCESS
-    }
+    if outcome.reason().is_early() { ExitCode::from(BY_SIGNAL) } else { ExitCode::SUCCESS }
 }
 
 /// Exit code of a run that its memory limit has ended: a failure, and another error keeps its code.

@@ -3,9 +3,9 @@
 //! A run admits its agents, and then repeats per tick: look, request commands from the agents that
 //! are due, commit their replies, communicate and move, record. In reading order: [`RunConfig`]
 //! says what is run; this file has the loop; `admission` its start and `result` its end; `engine`
-//! executes a tick; `agents` speaks the [protocol](simulation::lockstep) over the transport; `re_execution` takes the place of the agents for
-//! ticks that a recording already has; `control` answers requests; `log` and `observers` write and
-//! publish; `phase` names the parts of the loop.
+//! executes a tick; `agents` speaks the [protocol](simulation::lockstep) over the transport;
+//! `re_execution` takes the place of the agents for ticks that a recording already has; `control`
+//! answers requests; `log` and `observers` write and publish; `phase` names the parts of the loop.
 //!
 //! Wall time decides only when to resend, when to give up, and how fast to go; a run that is not
 //! given up has one result.
@@ -44,9 +44,7 @@ use crate::wall_clock::nanoseconds;
 use simulation::digest::Digest;
 pub use simulation::end_reason::EndReason;
 pub use simulation::lockstep::JoinPolicy;
-use simulation::lockstep::{
-    AgentSessions, MissingReplies, ObservationRequest, ReplayPolicy, Replies, TimeoutPolicy,
-};
+use simulation::lockstep::{AgentSessions, MissingReplies, ObservationRequest, ReplayPolicy, Replies, TimeoutPolicy};
 use simulation::scenario::{OnAgentLoss, Scenario};
 use simulation::wire;
 use simulation::world::World;
@@ -344,7 +342,7 @@ impl<'c> Session<'c, '_> {
         requests
     }
 
-    /// Waits for the commands of a live tick. Agents without a reply are lost, as the scenario says.
+    /// Waits for the replies of a live tick. Agents without one are lost, as the scenario says.
     fn await_replies(&mut self) -> Result<ControlFlow<(), Replies>, RunError> {
         let tick = self.engine.tick();
         let timeout = self.reply_timeout();

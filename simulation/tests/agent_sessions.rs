@@ -7,7 +7,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
 use simulation::lockstep::{
-    AgentSessions, Event, Inbound, Incoming, JoinPolicy, Notice, ObservationRequest, Replies, ReplayPolicy,
+    AgentSessions, Event, Inbound, Incoming, JoinPolicy, Notice, ObservationRequest, ReplayPolicy, Replies,
     RunIdentity, SourceId, TimeoutPolicy, Transmit,
 };
 use simulation::world::Commit;
@@ -59,11 +59,7 @@ impl Driven {
 
     fn request(agent: u32, tick: u64, phase: u8) -> ObservationRequest {
         let fragment = Observation { agent, tick, parts: 1, phase, ..Observation::default() };
-        ObservationRequest {
-            agent: AgentId(agent),
-            since: Commit::Committed,
-            fragments: Arc::new(vec![fragment]),
-        }
+        ObservationRequest { agent: AgentId(agent), since: Commit::Committed, fragments: Arc::new(vec![fragment]) }
     }
 
     fn ask(&mut self, tick: u64, agents: &[u32]) {

@@ -14,8 +14,8 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
-use msgs::ids::{AgentId, Tick};
 use msgs::cdr;
+use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Counter, Observation as Fragment, Progress};
 use msgs::shared_bytes::SharedBytes;
 

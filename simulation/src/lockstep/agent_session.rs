@@ -26,8 +26,8 @@
 //! is what was committed, in that order; a command that differs from the logged one is never
 //! accepted.
 
+use core::time::Duration;
 use std::sync::Arc;
-use std::time::Duration;
 
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};

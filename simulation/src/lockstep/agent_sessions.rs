@@ -18,9 +18,9 @@
 //! held for a lost agent; recorded messages carry no run number: it is added when a message is sent
 //! and removed when one is received.
 
+use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
-use std::time::Duration;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
@@ -120,7 +120,11 @@ impl Round {
 enum Outgoing {
     JoinReply(JoinReply),
     /// The fragments from `next` on. They are signed one by one, when they are sent.
-    Observation { agent: AgentId, fragments: Arc<Vec<Fragment>>, next: usize },
+    Observation {
+        agent: AgentId,
+        fragments: Arc<Vec<Fragment>>,
+        next: usize,
+    },
 }
 
 /// The sessions of all agents of a run.

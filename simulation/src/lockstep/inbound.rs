@@ -14,7 +14,7 @@
 //!
 //! Invariant: a refused message changes nothing but its counter.
 
-use std::time::Duration;
+use core::time::Duration;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Join, JoinReply, SignedCommand, SignedJoin};
@@ -91,9 +91,8 @@ impl AgentSessions {
         let agent = AgentId(join.agent);
         let lease = Lease { source, instance: join.instance, controller: join.controller.clone() };
         let request = JoinRequest { topic, agent, protocol: join.protocol, lease: lease.clone() };
-        let is_rival = self.replays.allows_replacement
-            && join.last_tick == Join::NONE
-            && !self.membership.is_given_up(source);
+        let is_rival =
+            self.replays.allows_replacement && join.last_tick == Join::NONE && !self.membership.is_given_up(source);
         let Self { membership, authentication, .. } = self;
         let mut granted = membership
             .check_request(&request)

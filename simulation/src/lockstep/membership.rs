@@ -163,9 +163,8 @@ impl Membership {
 
     /// The sessions of a process.
     fn of_process_mut(&mut self, source: SourceId) -> impl Iterator<Item = &mut AgentSession> {
-        let is_of = move |session: &&mut AgentSession| {
-            session.holder().is_some_and(|holder| holder.lease.source == source)
-        };
+        let is_of =
+            move |session: &&mut AgentSession| session.holder().is_some_and(|holder| holder.lease.source == source);
         self.sessions.iter_mut().filter(is_of)
     }
 
@@ -283,7 +282,10 @@ mod tests {
     #[test]
     fn foreign_requests_are_refused() {
         let mut membership = Membership::new(2);
-        assert!(matches!(membership.join(request(2, 1, 1), Grant::default), Err(Refusal::UnknownAgent { agents: 2, .. })));
+        assert!(matches!(
+            membership.join(request(2, 1, 1), Grant::default),
+            Err(Refusal::UnknownAgent { agents: 2, .. })
+        ));
         let mut wrong = request(0, 1, 1);
         wrong.protocol = 99;
         assert!(matches!(membership.join(wrong, Grant::default), Err(Refusal::WrongProtocol { got: 99, .. })));

@@ -1,10 +1,10 @@
 //! What goes into the lock-step protocol and comes out of it: messages of agent processes, requests
 //! of the session, messages to send, and events.
 
+use core::time::Duration;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
-use std::time::Duration;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{
@@ -170,10 +170,7 @@ impl fmt::Display for Notice {
             }
             Self::Silent { agents, timeout } => {
                 let (names, seconds) = (listed(agents.iter().copied()), timeout.as_secs_f64());
-                write!(
-                    f,
-                    "no answer within {seconds} s from: {names}; the clock is held until they are started again"
-                )
+                write!(f, "no answer within {seconds} s from: {names}; the clock is held until they are started again")
             }
         }
     }

@@ -7,7 +7,7 @@
 //! Invariants: the first resend is [`FIRST_MIN`] to [`FIRST_MAX`] after the request; later
 //! intervals double, up to [`INTERVAL_MAX`]. The result of a run does not depend on it.
 
-use std::time::Duration;
+use core::time::Duration;
 
 /// Shortest wall time until the first resend: longer than most decisions take.
 const FIRST_MIN: Duration = Duration::from_millis(20);

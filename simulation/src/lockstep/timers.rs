@@ -3,7 +3,7 @@
 //! Invariants: a timer expires once, and then is set anew or stays off; time in which this process
 //! did not run counts for no timer.
 
-use std::time::Duration;
+use core::time::Duration;
 
 /// Longest wall time between two calls of the protocol that counts towards its timers. A longer gap
 /// means that this process was stopped or busy, for which no agent is to blame.

@@ -299,8 +299,7 @@ const THREE: &[&[u32]] = &[&[0], &[1, 2]];
 /// A run of two ticks with so many crashes, and one timer that expires.
 fn model(groups: &[&[u32]], crashes: u8) -> LockStep {
     let agents = groups.iter().map(|group| group.len() as u32).sum();
-    let plan =
-        Plan { agents, last: 1, polled: None, leaves: None, is_paced: false, has_shutdown: false, mutant: None };
+    let plan = Plan { agents, last: 1, polled: None, leaves: None, is_paced: false, has_shutdown: false, mutant: None };
     let groups = groups.iter().map(|group| group.to_vec()).collect();
     LockStep { plan, groups, crashes, servers: 0, processes: 4, timers: 1, starts_joined: true }
 }
@@ -315,7 +314,7 @@ fn explore(name: &str, model: LockStep) -> Option<String> {
     let begun = now();
     let checker = model.checker().threads(2).spawn_bfs().join();
     let (states, depth) = (checker.unique_state_count(), checker.max_depth());
-    println!("{name}: {states} states, depth {depth}, {:.1} s", begun.elapsed().as_secs_f64());
+    eprintln!("{name}: {states} states, depth {depth}, {:.1} s", begun.elapsed().as_secs_f64());
     let violated = ["safe", "progress"].into_iter().find_map(|property| Some((property, checker.discovery(property)?)));
     let Some((property, path)) = violated else {
         checker.assert_any_discovery("the run ends");

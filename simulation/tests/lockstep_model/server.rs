@@ -11,7 +11,7 @@ use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, Observation, Scenario, Wake};
 use msgs::trigger::Trigger;
 use simulation::lockstep::{
-    AgentSessions, Event, Inbound, Incoming, JoinPolicy, Notice, ObservationRequest, Replies, ReplayPolicy,
+    AgentSessions, Event, Inbound, Incoming, JoinPolicy, Notice, ObservationRequest, ReplayPolicy, Replies,
     RunIdentity, SourceId, TimeoutPolicy, Transmit,
 };
 use simulation::world::Commit;
@@ -152,8 +152,7 @@ impl Server {
             instance = self.owners.get(&agent).copied().unwrap_or(instance);
         }
         let refused = self.refusals();
-        let incoming =
-            Incoming { topic_agent: AgentId(agent), source: SourceId([instance; 16]), message: inbound };
+        let incoming = Incoming { topic_agent: AgentId(agent), source: SourceId([instance; 16]), message: inbound };
         self.sessions.handle(incoming, self.time);
         let now = self.sessions.fingerprint();
         let has_changed = now != self.fingerprint;
@@ -350,8 +349,7 @@ impl Server {
         } else if self.tick > plan.last {
             self.phase = Phase::Shutdown;
             let agents = (0..plan.agents).filter(|agent| !self.is_out(plan, *agent));
-            let last: Vec<_> =
-                agents.map(|agent| self.request(agent, Commit::Committed, Observation::ENDED)).collect();
+            let last: Vec<_> = agents.map(|agent| self.request(agent, Commit::Committed, Observation::ENDED)).collect();
             self.sessions.shut_down(Tick(self.tick), &last, self.time, TIMEOUT);
             self.attend(plan, network);
         } else if plan.is_paced {
