@@ -11,6 +11,7 @@ use std::time::Duration;
 use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
 use simulation::digest::Digest;
+use simulation::end_reason::EndReason;
 
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
@@ -60,7 +61,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         axes: run.axes.clone(),
         duration_s: scenario.duration_s,
         end_s: seconds(result.tick),
-        reason: result.reason.clone(),
+        reason: EndReason::from(result.reason.as_str()),
         free_cells,
         explored: result.explored,
         covered: result.covered,
@@ -93,7 +94,6 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         search_failures: counters.of("failed_searches"),
         refusals: counters.refusals(),
         digest: Digest(result.digest).to_string(),
-        failure: None,
         oracle: None,
         wall,
     };

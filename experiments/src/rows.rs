@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use simulation::end_reason::EndReason;
 
 /// Sim time between two samples of a series, seconds.
 pub const SAMPLE_PERIOD_S: f64 = 10.0;
@@ -71,8 +72,7 @@ impl FailedRun {
             agents,
             axes,
             duration_s,
-            reason: "failed".to_owned(),
-            failure: Some(reason),
+            reason: EndReason::Failed(reason),
             ..RunRow::default()
         };
         StoredRun { row, series: Vec::new(), made }
@@ -127,7 +127,7 @@ pub struct RunRow {
     /// Sim time at which it ended, s.
     pub end_s: f64,
     /// Why it ended, as in the result message.
-    pub reason: String,
+    pub reason: EndReason,
     /// Free cells of the true map.
     pub free_cells: u64,
     /// Share of the free cells that the team has seen at the end.
@@ -200,15 +200,22 @@ pub struct RunRow {
     /// Number of messages of agents that the server has refused.
     pub refusals: u64,
     pub digest: String,
-    /// Why the run has failed; `None` in all records of runs. With it the row stands for a
-    /// [`FailedRun`] among the others: it has explored nothing, and its other metrics have no
-    /// meaning.
-    #[serde(skip)]
-    pub failure: Option<String>,
     /// Present if the plan asks for it. Like the other metrics it is a function of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub oracle: Option<OracleRow>,
     pub wall: WallRow,
+}
+
+impl RunRow {
+    /// Why the run has failed, which no record of a run has: the row then stands for a [`FailedRun`]
+    /// among the others. It has explored nothing, and its other metrics have no meaning.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        match &self.reason {
+            EndReason::Failed(reason) => Some(reason),
+            _ => None,
+        }
+    }
 }
 
 /// Sim times at which the team had seen so many per cent of the free cells, s; `None` if it never

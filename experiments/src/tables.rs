@@ -74,7 +74,7 @@ pub fn runs(records: &[RunRecord]) -> Table {
     }
     table.number("duration_s", |record| record.row.duration_s);
     table.number("end_s", |record| record.row.end_s);
-    table.text("reason", |record| record.row.reason.clone());
+    table.text("reason", |record| record.row.reason.to_string());
     table.whole("free_cells", |record| record.row.free_cells);
     table.number("explored", |record| record.row.explored);
     table.number("covered", |record| record.row.covered);

@@ -49,7 +49,7 @@ impl PyRunResult {
     /// Why it ended.
     #[getter]
     fn reason(&self) -> &str {
-        &self.record.row.reason
+        self.record.row.reason.text()
     }
 
     /// The last tick.

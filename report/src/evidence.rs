@@ -16,7 +16,7 @@ pub(super) fn first_of_each(of: &[usize], runs: &[RunRecord], made: &[Made]) -> 
     let key = |i: usize| (map_of(&runs[i].row, &made[i]), outcome(&runs[i]));
     let keys: Vec<_> = of.iter().map(|&i| key(i)).collect();
     // How it would have ended is not known of a run that has failed, so it repeats none.
-    let has_failed = |place: usize| runs[of[place]].row.failure.is_some();
+    let has_failed = |place: usize| runs[of[place]].row.failure().is_some();
     let first = |(place, own): (usize, &_)| {
         let same = keys[..place].iter().position(|other| other == own);
         same.filter(|_| !has_failed(place)).unwrap_or(place)

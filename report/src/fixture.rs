@@ -26,7 +26,7 @@ pub(crate) fn run(controller: &str, seed: u64, agents: u32) -> RunRecord {
         axes: BTreeMap::new(),
         duration_s: 60.0,
         end_s: 20.0,
-        reason: "explored".to_owned(),
+        reason: "explored".into(),
         // Each seed has a map of its own.
         free_cells: 1000 + seed,
         explored: 0.9,
@@ -60,7 +60,6 @@ pub(crate) fn run(controller: &str, seed: u64, agents: u32) -> RunRecord {
         search_failures: 1,
         refusals: 0,
         digest: "00ff".to_owned(),
-        failure: None,
         oracle: None,
         wall: WallRow {
             wall_s: 0.5,

@@ -44,7 +44,7 @@ impl Metric {
 
     /// The value of a run; `None` if the run has failed and does not count.
     pub(super) fn value_of(&self, run: &RunRecord) -> Option<f64> {
-        if run.row.failure.is_some() { self.of_failed } else { Some((self.value)(&run.row)) }
+        if run.row.failure().is_some() { self.of_failed } else { Some((self.value)(&run.row)) }
     }
 }
 

@@ -90,7 +90,7 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
     let mut counts = study.cells().map(|(condition, variant, _)| study.all_of_cell(condition, variant).len());
     let rows = rows(study, |runs| {
         let mut row = vec![Entry::Count(counts.next().unwrap_or_default()), Entry::Count(runs.len())];
-        let failed = runs.iter().filter(|run| run.row.failure.is_some()).count();
+        let failed = runs.iter().filter(|run| run.row.failure().is_some()).count();
         row.extend(has_failures.then_some(Entry::Count(failed)));
         for metric in [EXPLORED, AREA] {
             let values = metric.values(runs);
@@ -208,7 +208,7 @@ fn endings(study: &Study) -> Table {
         let runs = study.all_of_cell(condition, variant);
         let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
         for run in &runs {
-            *reasons.entry(&run.row.reason).or_default() += 1;
+            *reasons.entry(run.row.reason.text()).or_default() += 1;
         }
         for (reason, count) in reasons {
             let mut row = cell_entries(study, condition, variant);

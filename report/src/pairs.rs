@@ -155,7 +155,7 @@ fn comparison(
 ) -> Result<Option<Comparison>, StatisticsError> {
     let failed = {
         let pairs = study.pairs(condition, a, b);
-        [&pairs.a, &pairs.b].map(|runs| runs.iter().filter(|run| run.row.failure.is_some()).count())
+        [&pairs.a, &pairs.b].map(|runs| runs.iter().filter(|run| run.row.failure().is_some()).count())
     };
     let pairs = compared.pairs(study, condition, a, b);
     if pairs.a.is_empty() {

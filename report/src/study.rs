@@ -199,12 +199,12 @@ impl Study {
 
     /// The runs of [`Self::cell`] that have not failed; may be empty.
     pub(super) fn measured(&self, condition: &Condition, variant: usize) -> Vec<&RunRecord> {
-        self.cell(condition, variant).into_iter().filter(|run| run.row.failure.is_none()).collect()
+        self.cell(condition, variant).into_iter().filter(|run| run.row.failure().is_none()).collect()
     }
 
     /// Number of runs that have failed.
     pub(super) fn failed(&self) -> usize {
-        self.runs.iter().filter(|run| run.row.failure.is_some()).count()
+        self.runs.iter().filter(|run| run.row.failure().is_some()).count()
     }
 
     /// Condition, variant and independent runs of every cell.
@@ -219,7 +219,7 @@ impl Study {
 
     /// Those of [`Self::pairs`] of which no run has failed.
     pub(super) fn measured_pairs(&self, condition: &Condition, a: usize, b: usize) -> Pairs<'_> {
-        self.pairs_of(condition, (a, b), |run| run.row.failure.is_none())
+        self.pairs_of(condition, (a, b), |run| run.row.failure().is_none())
     }
 
     fn pairs_of(

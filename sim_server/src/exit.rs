@@ -5,7 +5,7 @@ use std::process::ExitCode;
 pub use system::exit_code::{AGENTS_LOST, AGENTS_MISSING, BAD_INPUT, BY_SIGNAL, DIFFERENT, FAILED};
 
 use crate::recorder::RecordError;
-use crate::session::{INTERRUPTED, Outcome, QUIT, RunError};
+use crate::session::{Outcome, RunError};
 use crate::verify::VerifyError;
 
 /// An error with its causes, as far as its own text does not have them already.
@@ -23,11 +23,7 @@ pub fn described(error: &anyhow::Error) -> String {
 /// Exit code of a run with a result.
 #[must_use]
 pub fn of_outcome(outcome: &Outcome) -> ExitCode {
-    if [INTERRUPTED, QUIT].contains(&outcome.result.reason.as_str()) {
-        ExitCode::from(BY_SIGNAL)
-    } else {
-        ExitCode::SUCCESS
-    }
+    if outcome.reason().is_early() { ExitCode::from(BY_SIGNAL) } else { ExitCode::SUCCESS }
 }
 
 /// Exit code of a run that its memory limit has ended: a failure, and another error keeps its code.

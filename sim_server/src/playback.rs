@@ -18,6 +18,7 @@ use thiserror::Error;
 use crate::comparison;
 use crate::recording::{End, Message, Messages, Recording};
 use simulation::digest::Digest;
+use simulation::end_reason::EndReason;
 
 /// Why a recording cannot be re-executed.
 #[derive(Debug, Error)]
@@ -46,7 +47,7 @@ pub enum Horizon {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ending {
     /// Reason in the result.
-    pub reason: String,
+    pub reason: EndReason,
     /// Whether its last tick had begun: scans were cast and observations sent, but not all commands
     /// received.
     pub is_mid_tick: bool,
@@ -108,7 +109,7 @@ impl<'a> Playback<'a> {
             if message.channel.topic == topics::result().name {
                 let result: maes_msgs::Result =
                     message.decode().map_err(|source| undecodable(recording.file(), &message, source))?;
-                reason = Some(result.reason);
+                reason = Some(EndReason::from(result.reason));
                 horizon = Horizon::Ended(tick);
             } else if let Horizon::Open(last) = &mut horizon {
                 *last = tick.max(*last);

@@ -3,9 +3,9 @@
 //! A run admits its agents, and then repeats per tick: look, request commands from the agents that
 //! are due, commit their replies, communicate and move, record. In reading order: [`RunConfig`]
 //! says what is run; this file has the loop; `admission` its start and `result` its end; `engine`
-//! executes a tick; `agents` speaks the protocol; `re_execution` takes the place of the agents for
-//! ticks that a recording already has; `control` answers requests; `log` and `observers` write and
-//! publish; `phase` names the parts of the loop.
+//! executes a tick; `agents` speaks the [protocol](simulation::lockstep) over the transport;
+//! `re_execution` takes the place of the agents for ticks that a recording already has; `control`
+//! answers requests; `log` and `observers` write and publish; `phase` names the parts of the loop.
 //!
 //! Wall time decides only when to resend, when to give up, and how fast to go; a run that is not
 //! given up has one result.
@@ -42,16 +42,19 @@ use crate::playback::{Playback, RecordedTick};
 use crate::transport::{Level, Transport};
 use crate::wall_clock::nanoseconds;
 use simulation::digest::Digest;
+pub use simulation::end_reason::EndReason;
+pub use simulation::lockstep::JoinPolicy;
+use simulation::lockstep::{AgentSessions, MissingReplies, ObservationRequest, ReplayPolicy, Replies, TimeoutPolicy};
 use simulation::scenario::{OnAgentLoss, Scenario};
 use simulation::wire;
 use simulation::world::World;
 
-use agents::{AgentSessions, MissingReplies, ObservationRequest, Replies, TimeoutPolicy, WaitContext};
+use agents::{Agents, Awaited, WaitContext};
 use engine::Engine;
 use log::{Kind, SessionLog};
 use observers::Observers;
 
-pub use config::{JoinPolicy, Mode, RunConfig, RunStart};
+pub use config::{Mode, RunConfig, RunStart};
 pub use error::RunError;
 pub use log::{Checker, RecordingSinks};
 pub use null::{NullObserver, NullTransport};
@@ -67,21 +70,6 @@ const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 /// thousandths.
 pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
 
-/// Reason of a result: the team has seen every free cell.
-pub const EXPLORED: &str = "explored";
-
-/// Reason of a result: bodies have been in every free cell.
-pub const COVERED: &str = "covered";
-
-/// Reason of a result: the duration is over.
-pub const DURATION: &str = "duration";
-
-/// Reason of a result: the stop flag was set.
-pub const INTERRUPTED: &str = "interrupted";
-
-/// Reason of a result: a control request has ended the run.
-pub const QUIT: &str = "quit";
-
 /// The outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
@@ -93,6 +81,14 @@ pub struct Outcome {
     /// Agent processes that have started themselves again because their start stalled. It depends
     /// on the machine, so that it is no part of the result.
     pub restarted: usize,
+}
+
+impl Outcome {
+    /// Why the run has ended.
+    #[must_use]
+    pub fn reason(&self) -> EndReason {
+        EndReason::from(self.result.reason.as_str())
+    }
 }
 
 /// An observer of the progress of a run: a progress bar, a log.
@@ -145,13 +141,13 @@ pub fn run(
         scenario,
         external: scenario.driven(),
         engine,
-        sessions: AgentSessions::new(
-            start,
-            agents::with_external(&policy, &scenario.unsigned()),
+        begun,
+        agents: Agents::new(AgentSessions::new(
+            start.identity,
+            policy.with_external(&scenario.unsigned()),
             agents,
-            keeps_log,
-            allows_replacement,
-        ),
+            ReplayPolicy { keeps_log, allows_replacement },
+        )),
         control: SimulationControl::new(
             start.is_paused,
             start.rtf,
@@ -168,7 +164,7 @@ pub fn run(
         stop,
     };
     session.log.write(Kind::Scenario, Tick::ZERO, &announcement)?;
-    session.sessions.announce(&announcement, session.transport);
+    session.agents.announce(&announcement, session.transport);
     session.transport.real_time_factor(start.rtf);
     let admitted = session.admit();
     session.observers.start_clock(session.transport.now());
@@ -182,7 +178,7 @@ pub fn run(
         session.control.end_steps("the simulation was reset");
         return Err(RunError::Reset(start.reset(is_paused, session.control.rtf())));
     }
-    let is_complete = matches!(ended.as_deref(), Ok(EXPLORED | COVERED | DURATION));
+    let is_complete = ended.as_ref().is_ok_and(EndReason::is_complete);
     if session.playback.is_some() && !is_complete && session.log.checker().is_none() {
         // The recording that was to be resumed holds more than what was re-executed of it.
         session.log.discard();
@@ -190,9 +186,9 @@ pub fn run(
     let wall = session.observers.elapsed(session.transport.now());
     let reason = match &ended {
         Ok(reason) => reason.clone(),
-        Err(error) => error.to_string(),
+        Err(error) => EndReason::Failed(error.to_string()),
     };
-    let outcome = session.finish(reason, ended.is_ok(), wall)?;
+    let outcome = session.finish(&reason, ended.is_ok(), wall)?;
     ended.map(|_| outcome)
 }
 
@@ -202,7 +198,9 @@ struct Session<'c, 'p> {
     /// Agents that external nodes control through standard messages.
     external: BTreeSet<AgentId>,
     engine: Engine<'c>,
-    sessions: AgentSessions,
+    /// The start of the session, wall time.
+    begun: Instant,
+    agents: Agents,
     control: SimulationControl,
     /// A request that has arrived and was not answered yet.
     pending_request: Option<Request>,
@@ -220,7 +218,7 @@ struct Session<'c, 'p> {
 
 impl<'c> Session<'c, '_> {
     /// Executes ticks until the run is over; returns the reason.
-    fn execute(&mut self) -> Result<String, RunError> {
+    fn execute(&mut self) -> Result<EndReason, RunError> {
         self.control.restart_pacing(self.engine.tick(), self.wall_ns());
         if self.playback.is_some()
             && let ControlFlow::Break(reason) = self.re_execute()?
@@ -239,39 +237,39 @@ impl<'c> Session<'c, '_> {
             let reason = self.end_of_run()?;
             self.end_phase(Phase::Publish);
             if let Some(reason) = reason {
-                return Ok(reason.to_owned());
+                return Ok(reason);
             }
             if let ControlFlow::Break(reason) = self.advance()? {
-                return Ok(reason.to_owned());
+                return Ok(reason);
             }
         }
     }
 
     /// Reports progress if it is due, and returns the reason if the run ends before the present
     /// tick.
-    fn end_of_run(&mut self) -> Result<Option<&'static str>, RunError> {
+    fn end_of_run(&mut self) -> Result<Option<EndReason>, RunError> {
         let now = self.transport.now();
         if now.duration_since(self.reported) >= REPORT_PERIOD {
             self.reported = now;
             self.log.save_provisionally(now)?;
             self.engine.settle();
-            self.observer.progress(&self.engine.world);
+            self.observer.progress(self.engine.world());
         }
         let Scenario { stop_when_covered, stop_when_explored, .. } = *self.engine.scenario();
         if stop_when_covered || stop_when_explored {
             self.engine.settle();
         }
-        let (world, scenario) = (&self.engine.world, self.engine.scenario());
+        let (world, scenario) = (self.engine.world(), self.engine.scenario());
         let is_covered = stop_when_covered && world.coverage().is_covered();
         let is_explored = !stop_when_covered && stop_when_explored && world.coverage().is_explored();
         Ok(if is_covered {
-            Some(COVERED)
+            Some(EndReason::Covered)
         } else if is_explored {
-            Some(EXPLORED)
+            Some(EndReason::Explored)
         } else if self.engine.tick() >= scenario.duration_ticks() {
-            Some(DURATION)
+            Some(EndReason::Duration)
         } else if self.is_stopped() {
-            Some(INTERRUPTED)
+            Some(EndReason::Interrupted)
         } else {
             None
         })
@@ -279,13 +277,13 @@ impl<'c> Session<'c, '_> {
 
     /// Executes the present tick live, once control and pace allow. Breaks with the reason if the
     /// run ends instead.
-    fn advance(&mut self) -> Result<ControlFlow<&'static str>, RunError> {
+    fn advance(&mut self) -> Result<ControlFlow<EndReason>, RunError> {
         if self.wait_for_turn()?.is_break() {
-            return Ok(ControlFlow::Break(if self.is_stopped() { INTERRUPTED } else { QUIT }));
+            return Ok(ControlFlow::Break(if self.is_stopped() { EndReason::Interrupted } else { EndReason::Quit }));
         }
         self.end_phase(Phase::Pace);
         if self.tick(None)?.is_break() {
-            return Ok(ControlFlow::Break(INTERRUPTED));
+            return Ok(ControlFlow::Break(EndReason::Interrupted));
         }
         self.control.ticked();
         Ok(ControlFlow::Continue(()))
@@ -308,7 +306,7 @@ impl<'c> Session<'c, '_> {
         let replies = match recorded {
             Some(recorded) => self.recorded_replies(&requests, recorded).map(ControlFlow::Continue),
             None if requests.is_empty() => Ok(ControlFlow::Continue(Replies::new())),
-            None => self.await_replies(&requests),
+            None => self.await_replies(),
         };
         let replies = match replies {
             Ok(ControlFlow::Continue(replies)) => replies,
@@ -320,7 +318,7 @@ impl<'c> Session<'c, '_> {
         self.end_phase(Phase::Agents);
         let (committed, actions) = self.engine.commit(requests, replies, &mut self.log)?;
         for exchange in committed {
-            self.sessions.append(exchange.agent, exchange.fragments, &exchange.reply.message, is_live);
+            self.agents.sessions_mut().append(exchange.agent, exchange.fragments, &exchange.reply.message, is_live);
         }
         self.end_phase(Phase::Record);
         self.engine.step(actions);
@@ -333,40 +331,41 @@ impl<'c> Session<'c, '_> {
     fn requests(&mut self, recorded: Option<&RecordedTick>) -> Vec<ObservationRequest> {
         let is_live = self.playback.is_none();
         let due = self.engine.due(recorded);
+        self.agents.sessions_mut().enter(self.engine.tick());
         let mut requests = Vec::with_capacity(due.len());
         for (agent, since) in due {
             if is_live && self.external.contains(&agent) {
-                observers::send_sensors(&mut self.engine, agent, self.transport);
+                observers::send_sensors(self.engine.world(), agent, self.transport);
             }
             let request = self.engine.request(agent, since, Fragment::RUNNING);
             if recorded.is_none() {
-                self.sessions.send_ahead(&request, self.transport);
+                self.agents.request(&request, self.transport);
             }
             requests.push(request);
         }
         requests
     }
 
-    /// Requests the commands of a live tick. Agents without a reply are lost, as the scenario says.
-    fn await_replies(&mut self, requests: &[ObservationRequest]) -> Result<ControlFlow<(), Replies>, RunError> {
+    /// Waits for the replies of a live tick. Agents without one are lost, as the scenario says.
+    fn await_replies(&mut self) -> Result<ControlFlow<(), Replies>, RunError> {
         let tick = self.engine.tick();
         let timeout = self.reply_timeout();
-        let policy = TimeoutPolicy::of(self.scenario.faults.on_agent_loss);
-        let (sessions, mut context) = self.waiting();
-        let MissingReplies { received, missing } =
-            match sessions.request_commands(tick, requests, timeout, policy, &mut context)? {
-                Ok(replies) => return Ok(ControlFlow::Continue(replies)),
-                Err(missing) => missing,
-            };
-        if self.is_stopped() {
-            return Ok(ControlFlow::Break(()));
-        }
+        let policy = timeout_policy(self.scenario.faults.on_agent_loss);
+        let (agents, mut context) = self.waiting();
+        let MissingReplies { received, missing } = match agents.await_replies(timeout, policy, &mut context)? {
+            Awaited::Answered(replies) => return Ok(ControlFlow::Continue(replies)),
+            Awaited::Incomplete(_) | Awaited::Stopped(_) if self.is_stopped() => return Ok(ControlFlow::Break(())),
+            Awaited::Incomplete(missing) | Awaited::Stopped(missing) => missing,
+        };
         let lost = RunError::AgentsLost { lost: missing.clone(), tick, seconds: timeout.as_secs_f64() };
         match self.scenario.faults.on_agent_loss {
             OnAgentLoss::Abort | OnAgentLoss::Wait => Err(lost),
             OnAgentLoss::Drop => {
                 self.note(Level::Error, &format!("{lost}; the run continues without"));
-                self.engine.lost.extend(missing);
+                for agent in missing {
+                    self.engine.lose(agent);
+                    self.agents.sessions_mut().leave(agent);
+                }
                 Ok(ControlFlow::Continue(received))
             }
         }
@@ -380,11 +379,11 @@ impl<'c> Session<'c, '_> {
         Duration::from_secs_f64(execution.decision_timeout_s.max(joining_s))
     }
 
-    /// The sessions with what they need while they wait.
-    fn waiting(&mut self) -> (&mut AgentSessions, WaitContext<'_, 'c>) {
-        let Self { sessions, transport, observer, observers, log, stop, .. } = self;
+    /// The agents, with what the session attends to while it waits for them.
+    fn waiting(&mut self) -> (&mut Agents, WaitContext<'_, 'c>) {
+        let Self { begun, agents, transport, observer, observers, log, stop, .. } = self;
         let (transport, observer, phase_times) = (&mut **transport, &mut **observer, observers.phase_times());
-        (sessions, WaitContext { transport, observer, phase_times, log, stop })
+        (agents, WaitContext { begun: *begun, transport, observer, phase_times, log, stop })
     }
 
     /// Publishes what is due.
@@ -406,5 +405,13 @@ impl<'c> Session<'c, '_> {
     /// Wall time since the start of the ticks, nanoseconds.
     fn wall_ns(&self) -> u64 {
         nanoseconds(self.observers.elapsed(self.transport.now()))
+    }
+}
+
+/// What follows when the replies of a tick are overdue.
+fn timeout_policy(on_agent_loss: OnAgentLoss) -> TimeoutPolicy {
+    match on_agent_loss {
+        OnAgentLoss::Wait => TimeoutPolicy::Hold,
+        OnAgentLoss::Abort | OnAgentLoss::Drop => TimeoutPolicy::ReturnIncomplete,
     }
 }

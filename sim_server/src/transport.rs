@@ -14,46 +14,16 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::ANSWER_BYTES_MAX;
-use msgs::maes_msgs::{
-    Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
-};
+use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
 use msgs::nav_msgs::Odometry;
 pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
-use simulation::lockstep::SourceId;
+pub use simulation::lockstep::{Inbound, Incoming};
 use simulation::scenario::Rtf;
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
 use crate::control::Request;
 use crate::wall_clock;
-
-/// A message from an agent process.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Inbound {
-    /// From the topic `join` of an agent, over a private transport.
-    Join(Join),
-    /// From the topic `join` of an agent.
-    SignedJoin(SignedJoin),
-    /// From the topic `command` of an agent, or made from a standard message.
-    Command(Command),
-    /// From the topic `command` of an agent.
-    SignedCommand(SignedCommand),
-    /// Bytes on one of these topics that do not decode.
-    Undecodable {
-        /// The decoding error.
-        reason: String,
-    },
-}
-
-/// A message from an agent process, with its origin.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Incoming {
-    /// The agent whose topic carried it.
-    pub topic_agent: AgentId,
-    /// The process that sent it.
-    pub source: SourceId,
-    pub message: Inbound,
-}
 
 /// The server's side of the protocol with the agents.
 pub trait AgentTransport {

@@ -24,6 +24,7 @@ use crate::recording::{End, Recording};
 use crate::session::{self, Checker, Mode, NullObserver, NullTransport, RecordingSinks, RunConfig, RunError};
 use crate::setup::{self, SetupError};
 use simulation::digest::Digest;
+use simulation::end_reason::EndReason;
 
 /// A verified recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,7 +36,7 @@ pub struct Verified {
     /// Digest after these ticks.
     pub digest: Digest,
     /// Reason of the result, if the recording has one.
-    pub reason: Option<String>,
+    pub reason: Option<EndReason>,
     /// Where the file ends.
     pub end: End,
 }
@@ -160,7 +161,7 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
 pub fn text(verified: &Verified) -> String {
     let Verified { ticks, messages, reason, .. } = verified;
     let ending = match reason {
-        Some(reason) => format!("up to the end of the run: {}", printable::line(reason)),
+        Some(reason) => format!("up to the end of the run: {}", printable::line(reason.text())),
         None => "up to the end of the file, before the end of the run".to_owned(),
     };
     let text = format!("verified {ticks} ticks and {messages} messages, {ending}");

@@ -2,7 +2,8 @@
 //!
 //! In reading order: [`scenario`] defines a run; [`world`] is its physics; [`lockstep`] decides
 //! which agent is due and when the replies of a tick are complete; [`wire`] converts to and from
-//! messages; [`digest`] proves that two runs are equal; [`visualisation`] makes the standard
+//! messages; [`digest`] proves that two runs are equal; [`end_reason`] says why a run has ended;
+//! [`visualisation`] makes the standard
 //! messages of visualisation tools, [`twist`] the commands of externally controlled agents,
 //! [`parameters`] the ROS parameters of a scenario, and [`pacer`] limits the real-time factor.
 //!
@@ -12,6 +13,7 @@
 #![warn(missing_docs)]
 
 pub mod digest;
+pub mod end_reason;
 pub mod lockstep;
 pub mod pacer;
 pub mod parameters;

@@ -1,26 +1,40 @@
-//! The lock-step protocol: the membership of a run, the triggers that make agents due, and the
+//! The lock-step protocol: the sessions with the agents, the triggers that make agents due, and the
 //! barrier of a tick.
 //!
-//! Three pure state machines. [`Membership`] leases each agent id to one process.
-//! [`Trigger`](msgs::trigger::Trigger) says whether an agent is due. [`Barrier`] collects the
-//! replies of one tick.
+//! Pure state machines. [`AgentSessions`] is the protocol of the server, to be driven by whoever
+//! has a transport and a clock: its membership leases each agent id to one process, and a session
+//! for each agent says how it stands with that process. [`Trigger`](msgs::trigger::Trigger) says
+//! whether an agent is due. [`Barrier`] collects the replies of one tick.
 //!
 //! Invariants: an id belongs to one process at a time; the barrier of a tick is complete exactly
 //! when every awaited agent has given one legal reply for that tick, whatever the order of arrival;
-//! a refused message changes nothing.
+//! a refused message changes nothing. `tests/lockstep_model.rs` checks them, and that a run ends,
+//! in all orders of events of a small team.
 //!
-//! This module knows no transport, no threads and no wall time: timeouts belong to the session
-//! loop.
+//! This module knows no transport, no threads and no clock: times are arguments.
 
+mod agent_session;
+mod agent_sessions;
+mod authentication;
+mod identity;
+mod inbound;
 mod membership;
+mod messages;
 mod refusal;
+mod resend_estimator;
+mod timers;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use msgs::ids::{AgentId, Tick};
 
-pub use membership::{JoinRequest, Lease, Membership};
+pub use agent_sessions::{AgentSessions, ReplayPolicy, TimeoutPolicy};
+pub use identity::{JoinPolicy, RunIdentity};
+use membership::Lease;
+pub use messages::{
+    CommandReply, Event, Inbound, Incoming, MissingReplies, Notice, ObservationRequest, Replies, Transmit,
+};
 pub use refusal::Refusal;
 
 /// The process that sent a message, as the transport identifies it: one value for each process.
@@ -40,6 +54,11 @@ impl<C: PartialEq> Barrier<C> {
     #[must_use]
     pub fn new(tick: Tick, awaited: BTreeSet<AgentId>) -> Self {
         Self { tick, awaited, answers: BTreeMap::new() }
+    }
+
+    /// Awaits a reply from one more agent.
+    pub fn request(&mut self, agent: AgentId) {
+        self.awaited.insert(agent);
     }
 
     /// The tick.

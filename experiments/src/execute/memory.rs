@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use agent_node::controllers::Registry;
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
-use sim_server::session::{INTERRUPTED, Phase, RunObserver};
+use sim_server::session::{EndReason, Phase, RunObserver};
 use simulation::world::World;
 
 use super::{RunFailure, machine};
@@ -38,7 +38,7 @@ pub(super) fn carry_out(
     let completed = in_process::run(&scenario, &options, &mut end, &own_stop)
         .map_err(|error| RunFailure::Failed(error.to_string()))?;
     let result = &completed.outcome.result;
-    if result.reason == INTERRUPTED {
+    if completed.outcome.reason() == EndReason::Interrupted {
         return Err(RunFailure::Interrupted);
     }
     let wall = measure::wall_row(Tick(result.tick), completed.outcome.wall, &times.sorted(), &machine());

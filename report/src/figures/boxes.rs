@@ -29,7 +29,7 @@ pub(super) fn outcome(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
 }
 
 pub(super) fn real_time_factor(study: &Study) -> Result<Option<Figure>, StatisticsError> {
-    let mut measured = study.runs.iter().filter(|run| run.row.failure.is_none());
+    let mut measured = study.runs.iter().filter(|run| run.row.failure().is_none());
     let positive = measured.all(|run| run.row.wall.real_time_factor > 0.0) && study.failed() < study.runs.len();
     if positive { boxes(study, REAL_TIME_FACTOR, true).map(Some) } else { Ok(None) }
 }

@@ -21,7 +21,7 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
         let cells: Vec<_> = cells(study, condition).collect();
         for (variant, runs) in &cells {
             sheet.svg.begin_variant(*variant, false);
-            for run in runs.iter().filter(|run| run.row.failure.is_none()) {
+            for run in runs.iter().filter(|run| run.row.failure().is_none()) {
                 let points: Vec<_> = run
                     .series
                     .iter()

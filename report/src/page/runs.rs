@@ -58,7 +58,7 @@ pub(super) fn html(study: &Study, kept: &Kept) -> String {
                 });
                 entries.extend(others);
                 let reason = if independent.contains(row.id.as_str()) {
-                    row.failure.as_ref().map_or_else(|| row.reason.clone(), |why| format!("failed: {why}"))
+                    row.failure().map_or_else(|| row.reason.to_string(), |why| format!("failed: {why}"))
                 } else {
                     format!("{} (repeats a run)", row.reason)
                 };

@@ -8,21 +8,21 @@ use msgs::ids::Tick;
 use super::agents::POLL_PERIOD;
 use super::control::Phase;
 use super::log::Kind;
-use super::{RunError, Session};
+use super::{EndReason, RunError, Session};
 use crate::playback::Playback;
 use crate::transport::Level;
 
 impl Session<'_, '_> {
     /// Waits until every id has a process. Breaks with the reason if the run ends before its first
     /// tick.
-    pub(super) fn admit(&mut self) -> Result<ControlFlow<String>, RunError> {
+    pub(super) fn admit(&mut self) -> Result<ControlFlow<EndReason>, RunError> {
         if self.log.checker().is_some() {
             return self.admit_recorded();
         }
         let seconds = self.scenario.execution.join_timeout_s;
         let deadline = self.transport.now() + Duration::from_secs_f64(seconds);
         loop {
-            let missing = self.sessions.missing();
+            let missing = self.agents.sessions().missing();
             if missing.is_empty() {
                 break;
             }
@@ -40,11 +40,11 @@ impl Session<'_, '_> {
             if self.answer_requests(Phase::Admission)?.is_break() {
                 return Ok(ControlFlow::Continue(()));
             }
-            let (sessions, mut context) = self.waiting();
-            sessions.listen(Tick::ZERO, POLL_PERIOD, &mut context)?;
+            let (agents, mut context) = self.waiting();
+            agents.listen(Tick::ZERO, POLL_PERIOD, &mut context)?;
         }
         self.check_controllers()?;
-        for (agent, join) in self.sessions.joins() {
+        for (agent, join) in self.agents.joins() {
             self.log.write(Kind::Join(agent), Tick::ZERO, &join)?;
         }
         if self.playback.is_none() {
@@ -59,7 +59,7 @@ impl Session<'_, '_> {
     /// Fails if an agent of a resumed run runs another controller than in the recording.
     fn check_controllers(&self) -> Result<(), RunError> {
         let recorded = self.playback.as_ref().map(Playback::joins);
-        for (agent, join) in self.sessions.joins() {
+        for (agent, join) in self.agents.joins() {
             if let Some(before) = recorded.and_then(|joins| joins.get(&agent))
                 && before.controller != join.controller
             {

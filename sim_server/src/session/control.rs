@@ -18,7 +18,6 @@ use super::agents::POLL_PERIOD;
 use super::{RunError, Session};
 use crate::control::Request;
 use crate::control::entities::{self, Team};
-use simulation::world::Presence;
 
 /// Most requests that are answered between two ticks, so that a flood does not stop the clock.
 const REQUESTS_MAX: usize = 32;
@@ -72,8 +71,8 @@ impl Session<'_, '_> {
     /// Receives for a moment while the clock is held, and publishes what is due.
     fn listen(&mut self, wait: Duration) -> Result<(), RunError> {
         let tick = self.engine.tick();
-        let (sessions, mut context) = self.waiting();
-        sessions.listen(tick, wait.min(PUBLISH_PERIOD), &mut context)?;
+        let (agents, mut context) = self.waiting();
+        agents.listen(tick, wait.min(PUBLISH_PERIOD), &mut context)?;
         self.publish();
         Ok(())
     }
@@ -133,11 +132,14 @@ impl Session<'_, '_> {
     }
 
     fn with_team<T>(&self, read: impl FnOnce(&Team<'_>) -> T) -> T {
-        let world = &self.engine.world;
-        let is_out = |agent| self.engine.lost.contains(&agent) || world.presence(agent) != Presence::Active;
-        let has_left: Vec<bool> = world.agents().map(is_out).collect();
+        let world = self.engine.world();
+        let has_left: Vec<bool> = world.agents().map(|agent| !self.engine.takes_part(agent)).collect();
+        let mut controllers = vec![String::new(); self.engine.agents()];
+        for (agent, controller) in self.agents.sessions().controllers() {
+            controller.clone_into(&mut controllers[agent.index()]);
+        }
         let answer_bytes_max = self.transport.answer_bytes_max();
-        read(&Team { world, controllers: &self.sessions.controllers(), has_left: &has_left, answer_bytes_max })
+        read(&Team { world, controllers: &controllers, has_left: &has_left, answer_bytes_max })
     }
 
     fn set_entity_state(&mut self, request: &SetEntityStateRequest, phase: Phase) -> Result<Outcome, RunError> {

@@ -14,17 +14,19 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
+use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Counter, Observation as Fragment};
+use msgs::maes_msgs::{Counter, Observation as Fragment, Progress};
+use msgs::shared_bytes::SharedBytes;
 
-use super::agents::{CommandReply, ObservationRequest, Replies};
 use super::log::{Kind, SessionLog};
 use super::{MILESTONE_COUNTER, RunError};
 use crate::playback::RecordedTick;
 use crate::setup;
 use msgs::trigger::Trigger;
 use simulation::digest::{Chain, Digest};
-use simulation::scenario::{MapKind, Scenario, ScheduledEvent};
+use simulation::lockstep::{CommandReply, ObservationRequest, Replies};
+use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent};
 use simulation::wire::{self, Change};
 use simulation::workers::Workers;
 use simulation::world::body::Pose;
@@ -33,8 +35,17 @@ use simulation::world::{Action, Commit, Presence, World};
 /// A committed exchange with an agent.
 pub(super) struct Committed {
     pub(super) agent: AgentId,
-    pub(super) fragments: Vec<Fragment>,
+    pub(super) fragments: Arc<Vec<Fragment>>,
     pub(super) reply: CommandReply,
+}
+
+/// What is shown of a run.
+pub(super) struct Shown<'e> {
+    pub(super) world: &'e mut World,
+    /// The last information text of each agent.
+    pub(super) infos: &'e [String],
+    /// Agents without a process.
+    pub(super) lost: &'e BTreeSet<AgentId>,
 }
 
 /// Beyond so many bytes the digest waits for no scans any more: in a tick in which a thousand
@@ -45,26 +56,26 @@ const KEPT_BYTES_MAX: usize = 1 << 25;
 pub(super) struct Engine<'a> {
     scenario: &'a Scenario,
     /// The scenarios that have held so far because of events, the present one last.
-    pub(super) changed: Vec<Scenario>,
+    changed: Vec<Scenario>,
     /// Events to come, ascending.
-    pub(super) schedule: VecDeque<ScheduledEvent>,
+    schedule: VecDeque<ScheduledEvent>,
     /// Late agents whose time has come, and that have no room yet.
-    pub(super) joining: BTreeSet<AgentId>,
-    pub(super) world: World,
-    pub(super) chain: Chain,
+    joining: BTreeSet<AgentId>,
+    world: World,
+    chain: Chain,
     workers: Arc<Workers>,
-    pub(super) triggers: Vec<Trigger>,
+    triggers: Vec<Trigger>,
     /// Agents without a process: lost, removed, or retired.
-    pub(super) lost: BTreeSet<AgentId>,
+    lost: BTreeSet<AgentId>,
     /// Agents removed since the last tick, whose bodies stop in this one.
     removed: Vec<AgentId>,
     /// Agents that an event has taken out of the run.
-    pub(super) retired: BTreeSet<AgentId>,
+    retired: BTreeSet<AgentId>,
     interventions: u64,
     decisions: u64,
     failed_searches: Vec<u32>,
     /// The last information text of each agent.
-    pub(super) infos: Vec<String>,
+    infos: Vec<String>,
 }
 
 impl<'a> Engine<'a> {
@@ -98,9 +109,47 @@ impl<'a> Engine<'a> {
         self.changed.last().unwrap_or(self.scenario)
     }
 
+    /// The world, to be read.
+    pub(super) fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// Whether an agent has no process: it was lost or has left.
+    pub(super) fn is_lost(&self, agent: AgentId) -> bool {
+        self.lost.contains(&agent)
+    }
+
+    /// Agents without a process, ascending.
+    pub(super) fn lost(&self) -> impl Iterator<Item = AgentId> + '_ {
+        self.lost.iter().copied()
+    }
+
+    /// Notes that an agent has no process any more.
+    pub(super) fn lose(&mut self, agent: AgentId) {
+        self.lost.insert(agent);
+    }
+
+    /// Agents that an event or a request has taken out of the run, ascending.
+    pub(super) fn retired(&self) -> impl Iterator<Item = AgentId> + '_ {
+        self.retired.iter().copied()
+    }
+
     /// Whether an agent is asked for commands.
-    fn takes_part(&self, agent: AgentId) -> bool {
-        !self.lost.contains(&agent) && self.world.presence(agent) == Presence::Active
+    pub(super) fn takes_part(&self, agent: AgentId) -> bool {
+        !self.is_lost(agent) && self.world.presence(agent) == Presence::Active
+    }
+
+    /// What is shown of a run, once all scans are counted.
+    pub(super) fn shown(&mut self) -> Shown<'_> {
+        self.settle();
+        let Self { world, infos, lost, .. } = self;
+        Shown { world, infos, lost }
+    }
+
+    /// The progress of the run.
+    pub(super) fn progress(&mut self) -> Progress {
+        self.settle();
+        wire::progress(&mut self.world)
     }
 
     pub(super) fn tick(&self) -> Tick {
@@ -175,7 +224,7 @@ impl<'a> Engine<'a> {
     /// The observation of an agent as a request.
     pub(super) fn request(&mut self, agent: AgentId, since: Commit, phase: u8) -> ObservationRequest {
         let observation = self.world.observe(agent, since);
-        ObservationRequest { agent, since, fragments: wire::observation_parts(observation, phase) }
+        ObservationRequest { agent, since, fragments: Arc::new(wire::observation_parts(observation, phase)) }
     }
 
     /// Commits and logs the exchanges of a tick. Returns them, and the actions for
@@ -199,7 +248,7 @@ impl<'a> Engine<'a> {
                 Commit::Speculative if reply.is_no_op() => continue,
                 Commit::Speculative => self.request(agent, Commit::Committed, Fragment::RUNNING).fragments,
             };
-            for fragment in &fragments {
+            for fragment in &*fragments {
                 log.write_digested(Kind::Observation(agent), tick, fragment, &mut self.chain)?;
                 if self.chain.kept_bytes() >= KEPT_BYTES_MAX {
                     self.settle();
@@ -225,6 +274,73 @@ impl<'a> Engine<'a> {
         self.world.step(actions);
         self.world.cast_ahead(&self.workers);
         self.chain.close(&self.world);
+    }
+
+    /// The next event that is due in this tick, which enters the digest.
+    pub(super) fn next_event(&mut self) -> Option<EventAction> {
+        let tick = self.tick();
+        let ScheduledEvent { digested, action, .. } = self.schedule.pop_front_if(|event| event.tick <= tick)?;
+        self.chain.message(digested.as_bytes());
+        Some(action)
+    }
+
+    /// Lets a late agent join as soon as there is room for it.
+    pub(super) fn expect_join(&mut self, agent: AgentId) {
+        self.joining.insert(agent);
+    }
+
+    /// Lets late agents join that have room now.
+    pub(super) fn admit_late(&mut self) {
+        let Self { joining, world, .. } = self;
+        joining.retain(|&agent| !world.join(agent));
+    }
+
+    /// Takes an agent out of the run. Returns whether it has a process, which has to end.
+    pub(super) fn retire(&mut self, agent: AgentId) -> bool {
+        self.joining.remove(&agent);
+        self.retired.insert(agent);
+        !self.is_lost(agent)
+    }
+
+    /// Takes the body of a retired agent out of the world.
+    pub(super) fn withdraw(&mut self, agent: AgentId) {
+        self.world.leave(agent);
+    }
+
+    /// Leaves the body of a retired agent in the world, where it does nothing more.
+    pub(super) fn break_down(&mut self, agent: AgentId) {
+        self.world.break_down(agent);
+    }
+
+    /// Switches the radio of an agent on or off.
+    pub(super) fn switch_radio(&mut self, agent: AgentId, is_on: bool) {
+        self.world.switch_radio(agent, is_on);
+    }
+
+    /// Lets another scenario hold from now on. The agents receive it, except `external` ones; those
+    /// whose controller or its settings change hand over their bodies and LiDARs, and are due.
+    pub(super) fn change(&mut self, scenario: Scenario, external: &BTreeSet<AgentId>) {
+        let before = self.scenario();
+        let choices = before.agents.controllers().into_iter().zip(scenario.agents.controllers());
+        let takes_over: Vec<bool> = choices.map(|(old, new)| old != new).collect();
+        let has_other_radio = before.communication != scenario.communication;
+        let extent = self.world.terrain().extent();
+        let announcement = wire::scenario(&scenario, &extent, self.world.rays());
+        let is_news = announcement != wire::scenario(before, &extent, self.world.rays());
+        if has_other_radio {
+            self.world.set_radios(scenario.communication.comms(scenario.seed));
+        }
+        let data = SharedBytes::from(cdr::encode(&announcement));
+        for agent in self.world.agents().filter(|agent| !self.lost.contains(agent) && !external.contains(agent)) {
+            if is_news {
+                self.world.tell(agent, data.clone());
+            }
+            if takes_over[agent.index()] && self.world.presence(agent) == Presence::Active {
+                self.world.hand_over(agent);
+                self.triggers[agent.index()] = Trigger::NEXT_TICK;
+            }
+        }
+        self.changed.push(scenario);
     }
 
     /// Moves an agent to a pose at rest, or returns the reason why it cannot be there.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 
-use super::engine::Engine;
+use super::engine::{Engine, Shown};
 use super::{Phase, PhaseTimes};
 use crate::transport::Transport;
 use crate::wall_clock::nanoseconds;
@@ -16,6 +16,7 @@ use simulation::visualisation::{
     self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
 };
 use simulation::wire;
+use simulation::world::World;
 
 /// The visualisation topics of a run, and its wall clock.
 pub(super) struct Observers {
@@ -58,8 +59,7 @@ impl Observers {
         if !self.views.records() {
             return Vec::new();
         }
-        engine.settle();
-        let Engine { world, infos, lost, .. } = engine;
+        let Shown { world, infos, lost } = engine.shown();
         self.views.due_for_recording(world, &RunStatus { infos, lost, live: None })
     }
 
@@ -77,10 +77,9 @@ impl Observers {
             true => {}
             false => self.phase_times.stop(),
         }
-        engine.settle();
         let rtf = (!elapsed.is_zero()).then(|| sim_time(engine.tick()).div_duration_f64(elapsed));
         let phases_s = Phase::ALL.map(|phase| (phase.name(), self.phase_times.of(phase).as_secs_f64()));
-        let Engine { world, infos, lost, .. } = engine;
+        let Shown { world, infos, lost } = engine.shown();
         let run_status = RunStatus { infos, lost, live: Some(LiveStatus { rtf, phases_s: &phases_s }) };
         let moment = PublishTime { wall_ns: nanoseconds(elapsed), is_paused: !may_tick };
         for (view, picture) in self.views.due_live(world, &run_status, subscribers, moment) {
@@ -98,8 +97,7 @@ impl Observers {
 }
 
 /// Sends the odometry and the scan of this tick to an externally controlled agent.
-pub(super) fn send_sensors(engine: &mut Engine<'_>, agent: AgentId, transport: &mut dyn Transport) {
-    let world = &engine.world;
+pub(super) fn send_sensors(world: &World, agent: AgentId, transport: &mut dyn Transport) {
     let has_scan = world.last_scan(agent).is_some_and(|(_, tick)| tick == world.tick());
     let points = if has_scan { visualisation::points(world, agent) } else { None };
     let mut odometry = visualisation::odometry(world, agent);

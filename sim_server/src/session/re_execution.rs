@@ -9,12 +9,13 @@ use std::ops::ControlFlow;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Intervention, Observation as Fragment};
 
-use super::agents::{CommandReply, MissingReplies, ObservationRequest, Replies, TimeoutPolicy, recorded_join};
+use super::agents::{Awaited, recorded_join};
 use super::log::Kind;
-use super::{COVERED, DURATION, EXPLORED, INTERRUPTED, QUIT, RunError, Session};
+use super::{EndReason, RunError, Session, timeout_policy};
 use crate::playback::{Ending, Playback, RecordedTick};
 use crate::transport::Level;
 use simulation::digest::Digest;
+use simulation::lockstep::{CommandReply, MissingReplies, ObservationRequest, Replies};
 use simulation::scenario::OnAgentLoss;
 use simulation::wire::{self, Change};
 use simulation::world::{Commit, Presence};
@@ -26,13 +27,13 @@ enum NextTick {
     /// Nothing more: the tick is the first that is executed live.
     Live,
     /// The run that is verified ends here, for this reason.
-    End(String),
+    End(EndReason),
 }
 
 impl Session<'_, '_> {
     /// Admits the recorded agents of a run that is verified. Breaks with the reason if it had no
     /// tick.
-    pub(super) fn admit_recorded(&mut self) -> Result<ControlFlow<String>, RunError> {
+    pub(super) fn admit_recorded(&mut self) -> Result<ControlFlow<EndReason>, RunError> {
         let agents = self.engine.agents();
         let joins = self.playback.as_ref().map(Playback::joins).into_iter().flatten();
         let joins: Vec<(AgentId, String)> = joins.map(|(&agent, join)| (agent, join.controller.clone())).collect();
@@ -45,9 +46,7 @@ impl Session<'_, '_> {
         let ending = self.playback.as_ref().and_then(Playback::ending);
         match ending {
             _ if is_complete => Ok(ControlFlow::Continue(())),
-            Some(Ending { reason, .. }) if [INTERRUPTED, QUIT].contains(&reason.as_str()) => {
-                Ok(ControlFlow::Continue(()))
-            }
+            Some(Ending { reason, .. }) if reason.is_early() => Ok(ControlFlow::Continue(())),
             Some(Ending { reason, .. }) => Ok(ControlFlow::Break(reason.clone())),
             None => Ok(ControlFlow::Break(self.end_check())),
         }
@@ -55,27 +54,27 @@ impl Session<'_, '_> {
 
     /// Executes the recorded ticks. Continues with the first live tick executed, or breaks with the
     /// reason of the end.
-    pub(super) fn re_execute(&mut self) -> Result<ControlFlow<String>, RunError> {
+    pub(super) fn re_execute(&mut self) -> Result<ControlFlow<EndReason>, RunError> {
         loop {
             self.record_state()?;
             let digest = self.engine.digest();
             self.apply_events()?;
             if let Some(reason) = self.end_of_run()? {
-                return Ok(ControlFlow::Break(reason.to_owned()));
+                return Ok(ControlFlow::Break(reason));
             }
             match self.recorded_tick(digest)? {
                 NextTick::Recorded(recorded) => {
                     if self.tick(Some(recorded))?.is_break() {
-                        return Ok(ControlFlow::Break(INTERRUPTED.to_owned()));
+                        return Ok(ControlFlow::Break(EndReason::Interrupted));
                     }
                     self.control.ticked();
                 }
                 NextTick::Live => {
                     if self.go_live()?.is_break() {
-                        return Ok(ControlFlow::Break(INTERRUPTED.to_owned()));
+                        return Ok(ControlFlow::Break(EndReason::Interrupted));
                     }
                     // The state of this tick is recorded already.
-                    return Ok(self.advance()?.map_break(str::to_owned));
+                    return self.advance();
                 }
                 NextTick::End(reason) => return Ok(ControlFlow::Break(reason)),
             }
@@ -90,7 +89,7 @@ impl Session<'_, '_> {
         let is_known = playback.covers(tick);
         let recorded = playback.read_tick(tick)?;
         if self.log.checker().is_some_and(|checker| checker.is_done()) {
-            return Ok(NextTick::End(String::new()));
+            return Ok(NextTick::End(EndReason::Unknown));
         }
         let is_verified = self.log.checker().is_some();
         if let Some(before) = recorded.digest.filter(|before| !is_verified && *before != digest) {
@@ -119,7 +118,7 @@ impl Session<'_, '_> {
         let mut replayed = self.replay_observation_logs()?;
         if replayed.is_continue() {
             // The processes of agents that have left before have nothing more to wait for.
-            for agent in self.engine.retired.iter().copied().collect::<Vec<_>>() {
+            for agent in self.engine.retired().collect::<Vec<_>>() {
                 self.dismiss(agent)?;
             }
         }
@@ -132,12 +131,12 @@ impl Session<'_, '_> {
     }
 
     /// Ends a verified run as its recording ends; returns the reason.
-    fn end_recorded(&mut self) -> Result<String, RunError> {
+    fn end_recorded(&mut self) -> Result<EndReason, RunError> {
         let tick = self.engine.tick();
         let Some(Ending { reason, is_mid_tick }) = self.playback.as_ref().and_then(Playback::ending).cloned() else {
             return Ok(self.end_check());
         };
-        if [EXPLORED, COVERED, DURATION].contains(&reason.as_str()) {
+        if reason.is_complete() {
             let reason = format!("the run has ended there, for the reason `{reason}`, and continues here");
             return Err(RunError::OtherRun { tick, reason });
         }
@@ -151,11 +150,11 @@ impl Session<'_, '_> {
     }
 
     /// Ends the check of a recording without a result: it lacks what the end of a run writes.
-    fn end_check(&mut self) -> String {
+    fn end_check(&mut self) -> EndReason {
         if let Some(checker) = self.log.checker() {
             checker.close();
         }
-        String::new()
+        EndReason::Unknown
     }
 
     fn repeat_intervention(&mut self, intervention: &Intervention) -> Result<(), RunError> {
@@ -165,7 +164,7 @@ impl Session<'_, '_> {
         if agent.index() >= self.engine.agents() {
             return Err(misfit(format!("an intervention names agent {agent}, which is not in the run")));
         }
-        let is_absent = self.engine.world.presence(agent) == Presence::Absent;
+        let is_absent = self.engine.world().presence(agent) == Presence::Absent;
         let done = match wire::change(intervention).map_err(misfit)? {
             Change::Join(_) if !is_absent => Err("it joins there, and is in the world or has left here"),
             Change::Join(pose) => self.engine.join(agent, pose, &mut self.log)?,
@@ -200,7 +199,7 @@ impl Session<'_, '_> {
                     replies.insert(agent, CommandReply { message, action, trigger });
                 }
                 None if self.scenario.faults.on_agent_loss == OnAgentLoss::Drop => {
-                    self.engine.lost.insert(agent);
+                    self.engine.lose(agent);
                 }
                 None => return Err(misfit(format!("agent {agent} is asked here, and has answered nothing there"))),
             }
@@ -214,16 +213,18 @@ impl Session<'_, '_> {
     /// Replays the observation logs to the agents of a resumed run.
     fn replay_observation_logs(&mut self) -> Result<ControlFlow<()>, RunError> {
         // The interface of external agents has no observations to replay.
-        for &agent in self.engine.lost.iter().chain(&self.external) {
-            self.sessions.skip_log(agent);
-        }
         let (tick, timeout) = (self.engine.tick(), self.reply_timeout());
-        let policy = TimeoutPolicy::of(self.scenario.faults.on_agent_loss);
-        let (sessions, mut context) = self.waiting();
-        match sessions.request_commands(tick, &[], timeout, policy, &mut context)? {
-            Ok(_) => Ok(ControlFlow::Continue(())),
-            Err(_) if self.is_stopped() => Ok(ControlFlow::Break(())),
-            Err(MissingReplies { missing: lost, .. }) => {
+        let sessions = self.agents.sessions_mut();
+        for agent in self.engine.lost().chain(self.external.iter().copied()) {
+            sessions.skip_replay(agent);
+        }
+        sessions.enter(tick);
+        let policy = timeout_policy(self.scenario.faults.on_agent_loss);
+        let (agents, mut context) = self.waiting();
+        match agents.await_replies(timeout, policy, &mut context)? {
+            Awaited::Answered(_) => Ok(ControlFlow::Continue(())),
+            Awaited::Stopped(_) => Ok(ControlFlow::Break(())),
+            Awaited::Incomplete(MissingReplies { missing: lost, .. }) => {
                 Err(RunError::AgentsLost { lost, tick, seconds: timeout.as_secs_f64() })
             }
         }

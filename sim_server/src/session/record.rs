@@ -4,9 +4,9 @@
 use msgs::ids::Tick;
 use msgs::maes_msgs;
 
-use super::agents::ObservationRequest;
 use super::log::Kind;
 use super::{RunError, Session};
+use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use simulation::wire;
 use simulation::world::Commit;
@@ -30,7 +30,7 @@ impl Session<'_, '_> {
         let tick = self.engine.tick();
         let poses_period = u64::from(self.scenario.recording.poses_period_ticks);
         if poses_period > 0 && tick.0.is_multiple_of(poses_period) && self.log.is_recording() {
-            self.log.write(Kind::Transforms, tick, &wire::transforms(&self.engine.world))?;
+            self.log.write(Kind::Transforms, tick, &wire::transforms(self.engine.world()))?;
         }
         if tick.0.is_multiple_of(DIGEST_TICKS) {
             self.record_digest()?;
@@ -68,8 +68,7 @@ impl Session<'_, '_> {
         let tick = self.engine.tick();
         if self.recorded.progress != Some(tick) {
             self.recorded.progress = Some(tick);
-            self.engine.settle();
-            let progress = wire::progress(&mut self.engine.world);
+            let progress = self.engine.progress();
             self.transport.progress(&progress);
             self.log.write(Kind::Progress, tick, &progress)?;
         }
@@ -80,7 +79,7 @@ impl Session<'_, '_> {
     pub(super) fn record_unanswered(&mut self, requests: &[ObservationRequest]) -> Result<(), RunError> {
         let tick = self.engine.tick();
         for request in requests.iter().filter(|request| request.since == Commit::Committed) {
-            for fragment in &request.fragments {
+            for fragment in &*request.fragments {
                 self.log.write(Kind::Observation(request.agent), tick, fragment)?;
             }
         }

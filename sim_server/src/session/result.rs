@@ -5,47 +5,47 @@ use std::time::Duration;
 
 use msgs::maes_msgs::{self, Observation as Fragment};
 
-use super::agents::{ObservationRequest, WaitContext};
+use super::agents::WaitContext;
 use super::engine::counter;
 use super::log::Kind;
-use super::{Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
+use super::{EndReason, Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
 use crate::transport::Level;
 use simulation::digest::Digest;
+use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
-use simulation::wire;
 use simulation::world::Commit;
 
 impl Session<'_, '_> {
     /// Shuts the agents down, and completes the recording.
-    pub(super) fn finish(mut self, reason: String, ended_well: bool, wall: Duration) -> Result<Outcome, RunError> {
+    pub(super) fn finish(mut self, reason: &EndReason, ended_well: bool, wall: Duration) -> Result<Outcome, RunError> {
         let tick = self.engine.tick();
         let mut last: Vec<ObservationRequest> = Vec::new();
-        for agent in self.engine.world.agents() {
+        for agent in self.engine.world().agents() {
             last.push(self.engine.request(agent, Commit::Committed, Fragment::ENDED));
         }
         self.control.end_steps("the run has ended");
-        let is_present = |request: &&ObservationRequest| !self.engine.lost.contains(&request.agent);
+        let is_present = |request: &&ObservationRequest| !self.engine.is_lost(request.agent);
         let present: Vec<ObservationRequest> = last.iter().filter(is_present).cloned().collect();
         // The agents come first: an error of the recording does not concern them. The stop flag
         // does not cut this wait short.
-        let Self { sessions, transport, observer, observers, log, .. } = &mut self;
+        let Self { begun, agents, transport, observer, observers, log, .. } = &mut self;
         let never = AtomicBool::new(false);
         let (transport, observer, phase_times) = (&mut **transport, &mut **observer, observers.phase_times());
-        let mut context = WaitContext { transport, observer, phase_times, log, stop: &never };
-        sessions.shut_down(tick, &present, SHUTDOWN_TIMEOUT, &mut context)?;
+        let mut context = WaitContext { begun: *begun, transport, observer, phase_times, log, stop: &never };
+        agents.shut_down(tick, &present, SHUTDOWN_TIMEOUT, &mut context)?;
         for request in &last {
-            for fragment in &request.fragments {
+            for fragment in &*request.fragments {
                 self.log.write(Kind::Observation(request.agent), tick, fragment)?;
             }
         }
         let digest = self.engine.digest();
-        let progress = wire::progress(&mut self.engine.world);
+        let progress = self.engine.progress();
         let mut counters = self.engine.counters();
-        counters.extend(self.sessions.refusals().map(|(name, value)| counter(name, value)));
+        counters.extend(self.agents.sessions().refusals().map(|(name, value)| counter(name, value)));
         let result = maes_msgs::Result {
             header: progress.header,
             tick: tick.0,
-            reason,
+            reason: reason.text().to_owned(),
             explored: progress.explored,
             covered: progress.covered,
             explored_by: progress.explored_by,
@@ -59,7 +59,7 @@ impl Session<'_, '_> {
         self.record_progress()?;
         self.log.write(Kind::Result, tick, &result)?;
         self.publish_result(&result, ended_well);
-        let restarted = self.sessions.restarted();
+        let restarted = self.agents.sessions().restarted();
         self.log.finish()?;
         Ok(Outcome { result, digest, wall, restarted })
     }

@@ -1,23 +1,20 @@
-//! The membership of a run: which process holds which agent id.
+//! The membership of a run: the sessions with all agents, and which process holds which agent id.
 //!
-//! Invariants: an id belongs to one process at a time; a process that another one replaces loses
-//! all its ids; a refused request changes nothing. When a process counts as lost is not decided
-//! here.
-
-use std::collections::BTreeSet;
+//! Invariants: an id belongs to one process at a time; a process that another one replaces is given
+//! up with all its ids, because a process ends as a whole; a refused request changes nothing. When
+//! a process counts as lost is not decided here.
 
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
 
+use super::agent_session::{AgentSession, Holder, State, numbered};
+use super::authentication::Grant;
 use super::{Refusal, SourceId};
 
 /// The membership of a run: which process holds which agent id.
 #[derive(Debug, Clone)]
-pub struct Membership {
-    leases: Vec<Option<Lease>>,
-    /// Processes of which another one has taken an id: they are given up with all that they still
-    /// hold, because a process ends as a whole.
-    given_up: BTreeSet<SourceId>,
+pub(super) struct Membership {
+    sessions: Vec<AgentSession>,
 }
 
 /// Longest controller label that is kept, characters: it is displayed and recorded, and a sample
@@ -26,13 +23,13 @@ const CONTROLLER_CHARS_MAX: usize = 1_024;
 
 /// The lease of an agent id to a process.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Lease {
+pub(super) struct Lease {
     /// The process, as the transport knows it.
-    pub source: SourceId,
+    pub(super) source: SourceId,
     /// The random number that the process drew at its start.
-    pub instance: u64,
+    pub(super) instance: u64,
     /// Its controller.
-    pub controller: String,
+    pub(super) controller: String,
 }
 
 impl Lease {
@@ -44,42 +41,73 @@ impl Lease {
 
 /// A request for an id.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct JoinRequest {
+pub(super) struct JoinRequest {
     /// The agent whose topic carried it.
-    pub topic: AgentId,
+    pub(super) topic: AgentId,
     /// The requested id.
-    pub agent: AgentId,
+    pub(super) agent: AgentId,
     /// Version of the protocol.
-    pub protocol: u32,
+    pub(super) protocol: u32,
     /// The lease that it asks for.
-    pub lease: Lease,
+    pub(super) lease: Lease,
 }
 
 impl Membership {
     /// A membership of `agents` ids without processes.
-    #[must_use]
-    pub fn new(agents: u32) -> Self {
-        Self { leases: vec![None; agents as usize], given_up: BTreeSet::new() }
+    pub(super) fn new(agents: u32) -> Self {
+        Self { sessions: vec![AgentSession::default(); agents as usize] }
+    }
+
+    /// Number of ids.
+    pub(super) fn agents(&self) -> u32 {
+        self.sessions.len() as u32
+    }
+
+    /// The session with an agent.
+    ///
+    /// # Panics
+    /// If the id is not one of the run's.
+    pub(super) fn session(&self, agent: AgentId) -> &AgentSession {
+        &self.sessions[agent.index()]
+    }
+
+    /// See [`Membership::session`].
+    pub(super) fn session_mut(&mut self, agent: AgentId) -> &mut AgentSession {
+        &mut self.sessions[agent.index()]
+    }
+
+    /// All sessions, ascending by agent.
+    pub(super) fn sessions(&self) -> impl Iterator<Item = (AgentId, &AgentSession)> {
+        numbered(&self.sessions)
+    }
+
+    /// See [`Membership::sessions`].
+    pub(super) fn sessions_mut(&mut self) -> impl Iterator<Item = (AgentId, &mut AgentSession)> {
+        numbered(&mut self.sessions)
     }
 
     /// Grants an id, or confirms it to the process that holds it.
     ///
     /// # Errors
     /// If the id is not one of the run's or belongs to another process, or the protocol is another.
-    pub fn join(&mut self, request: JoinRequest) -> Result<(), Refusal> {
+    pub(super) fn join(&mut self, request: JoinRequest, grant: impl FnOnce() -> Grant) -> Result<(), Refusal> {
         self.check_request(&request)?;
-        let agent = request.agent;
-        if self.is_given_up(request.lease.source) {
-            return Err(Refusal::IdTaken { agent });
-        }
-        let lease = &mut self.leases[agent.index()];
-        match lease {
-            None => {
-                *lease = Some(request.lease.shortened());
+        let JoinRequest { agent, lease, .. } = request;
+        match &self.session(agent).state {
+            State::Absent if !self.is_given_up(lease.source) => {
+                self.session_mut(agent).begin(Holder::new(lease.shortened(), grant()));
                 Ok(())
             }
-            Some(taken) if taken.source == request.lease.source && taken.instance == request.lease.instance => Ok(()),
-            Some(_) => Err(Refusal::IdTaken { agent }),
+            State::Live { holder }
+            | State::Contended { holder, .. }
+            | State::Replaying { holder, .. }
+            | State::Lost { holder, .. }
+            | State::Left { holder }
+                if holder.process() == (lease.source, lease.instance) =>
+            {
+                Ok(())
+            }
+            _ => Err(Refusal::IdTaken { agent }),
         }
     }
 
@@ -87,7 +115,7 @@ impl Membership {
     ///
     /// # Errors
     /// If the id is not one of the run's, or the protocol is another.
-    pub fn check_request(&self, request: &JoinRequest) -> Result<(), Refusal> {
+    pub(super) fn check_request(&self, request: &JoinRequest) -> Result<(), Refusal> {
         let agent = request.agent;
         if request.topic != agent {
             return Err(Refusal::WrongTopic { topic: request.topic, named: agent });
@@ -95,67 +123,100 @@ impl Membership {
         if request.protocol != PROTOCOL {
             return Err(Refusal::WrongProtocol { agent, got: request.protocol, expected: PROTOCOL });
         }
-        let agents = self.leases.len() as u32;
-        if agent.index() >= self.leases.len() {
+        let agents = self.agents();
+        if agent.0 >= agents {
             return Err(Refusal::UnknownAgent { agent, agents });
         }
         Ok(())
     }
 
-    /// Transfers an id from a process that is given up, with its other ids.
+    /// Transfers an id from a process that is lost or given up, which is given up with its other
+    /// ids.
     ///
     /// # Errors
     /// If the new one runs another controller.
-    pub fn replace(&mut self, agent: AgentId, lease: Lease) -> Result<(), Refusal> {
+    pub(super) fn replace(
+        &mut self,
+        agent: AgentId,
+        lease: Lease,
+        grant: impl FnOnce() -> Grant,
+    ) -> Result<(), Refusal> {
         let lease = lease.shortened();
-        let taken = &mut self.leases[agent.index()];
-        if let Some(before) = taken.as_ref().map(|lease| lease.controller.clone()).filter(|it| *it != lease.controller)
-        {
-            return Err(Refusal::OtherController { agent, got: lease.controller, before });
+        let before = self.session(agent).holder().map(|holder| holder.lease.clone());
+        if let Some(before) = before.as_ref().filter(|before| before.controller != lease.controller) {
+            let (got, before) = (lease.controller, before.controller.clone());
+            return Err(Refusal::OtherController { agent, got, before });
         }
         let successor = lease.source;
-        let predecessor = taken.replace(lease).map(|lease| lease.source);
-        self.given_up.extend(predecessor.filter(|predecessor| *predecessor != successor));
-        let Self { leases, given_up } = self;
-        given_up.retain(|source| leases.iter().flatten().any(|lease| lease.source == *source));
+        self.session_mut(agent).begin(Holder::new(lease, grant()));
+        if let Some(predecessor) = before.map(|lease| lease.source).filter(|source| *source != successor) {
+            self.of_process_mut(predecessor).for_each(AgentSession::give_up);
+        }
         Ok(())
     }
 
-    /// Whether a process is given up: another one has taken an id of it.
-    #[must_use]
-    pub fn is_given_up(&self, source: SourceId) -> bool {
-        self.given_up.contains(&source)
+    /// Whether a process is given up: another one has taken an id of it, and it holds others.
+    pub(super) fn is_given_up(&self, source: SourceId) -> bool {
+        let is_of = |session: &AgentSession| matches!(&session.state, State::GivenUp { holder } if holder.lease.source == source);
+        self.sessions.iter().any(is_of)
     }
 
-    /// All agents of a process, ascending.
-    pub fn agents_of(&self, source: SourceId) -> impl Iterator<Item = AgentId> + '_ {
-        let is_of = move |lease: &Option<Lease>| lease.as_ref().is_some_and(|lease| lease.source == source);
-        (0..).map(AgentId).zip(&self.leases).filter(move |(_, lease)| is_of(lease)).map(|(agent, _)| agent)
+    /// The sessions of a process.
+    fn of_process_mut(&mut self, source: SourceId) -> impl Iterator<Item = &mut AgentSession> {
+        let is_of =
+            move |session: &&mut AgentSession| session.holder().is_some_and(|holder| holder.lease.source == source);
+        self.sessions.iter_mut().filter(is_of)
+    }
+
+    /// Notes that the process of an agent does not answer, as none of its agents: a process fails
+    /// as a whole.
+    pub(super) fn lose(&mut self, agent: AgentId) {
+        if let Some(source) = self.session(agent).holder().map(|holder| holder.lease.source) {
+            for session in self.of_process_mut(source) {
+                session.lose();
+            }
+        }
+    }
+
+    /// Notes that the process of an agent answers. Returns whether it was lost.
+    pub(super) fn revive(&mut self, agent: AgentId) -> bool {
+        let source = match &self.session(agent).state {
+            State::Lost { holder, .. } => holder.lease.source,
+            _ => return false,
+        };
+        for session in self.of_process_mut(source) {
+            session.revive();
+        }
+        true
     }
 
     /// Whether `source` holds `agent`.
     ///
     /// # Errors
     /// If it does not.
-    pub fn check(&self, agent: AgentId, source: SourceId) -> Result<(), Refusal> {
-        let agents = self.leases.len() as u32;
-        match self.leases.get(agent.index()) {
+    pub(super) fn check(&self, agent: AgentId, source: SourceId) -> Result<&Holder, Refusal> {
+        let agents = self.agents();
+        match self.sessions.get(agent.index()).map(|session| &session.state) {
             None => Err(Refusal::UnknownAgent { agent, agents }),
-            Some(Some(lease)) if lease.source == source && !self.is_given_up(source) => Ok(()),
+            Some(
+                State::Live { holder }
+                | State::Contended { holder, .. }
+                | State::Replaying { holder, .. }
+                | State::Lost { holder, .. }
+                | State::Left { holder },
+            ) if holder.lease.source == source => Ok(holder),
             Some(_) => Err(Refusal::NotJoined { agent }),
         }
     }
 
-    /// The lease of an agent id, if it is held.
-    #[must_use]
-    pub fn lease(&self, agent: AgentId) -> Option<&Lease> {
-        self.leases.get(agent.index()).and_then(Option::as_ref)
+    /// The process that holds an agent id, if there is one.
+    pub(super) fn holder(&self, agent: AgentId) -> Option<&Holder> {
+        self.sessions.get(agent.index()).and_then(AgentSession::holder)
     }
 
     /// Ids that no process holds, ascending.
-    #[must_use]
-    pub fn missing(&self) -> Vec<AgentId> {
-        (0..).map(AgentId).zip(&self.leases).filter(|(_, lease)| lease.is_none()).map(|(agent, _)| agent).collect()
+    pub(super) fn missing(&self) -> Vec<AgentId> {
+        self.sessions().filter(|(_, session)| !session.has_process()).map(|(agent, _)| agent).collect()
     }
 }
 
@@ -176,26 +237,29 @@ mod tests {
     fn an_id_belongs_to_one_process() {
         let mut membership = Membership::new(2);
         assert_eq!(membership.missing(), [AgentId(0), AgentId(1)]);
-        membership.join(request(1, 7, 1)).unwrap();
-        membership.join(request(1, 7, 1)).unwrap();
-        assert_eq!(membership.join(request(1, 8, 2)), Err(Refusal::IdTaken { agent: AgentId(1) }));
+        membership.join(request(1, 7, 1), Grant::default).unwrap();
+        membership.join(request(1, 7, 1), Grant::default).unwrap();
+        assert_eq!(membership.join(request(1, 8, 2), Grant::default), Err(Refusal::IdTaken { agent: AgentId(1) }));
         assert_eq!(membership.missing(), [AgentId(0)]);
-        assert_eq!(membership.lease(AgentId(1)).unwrap().instance, 7);
+        assert_eq!(membership.holder(AgentId(1)).unwrap().lease.instance, 7);
         assert!(membership.check(AgentId(1), SourceId([1; 16])).is_ok());
-        assert_eq!(membership.check(AgentId(1), SourceId([2; 16])), Err(Refusal::NotJoined { agent: AgentId(1) }));
+        assert_eq!(
+            membership.check(AgentId(1), SourceId([2; 16])).err(),
+            Some(Refusal::NotJoined { agent: AgentId(1) })
+        );
     }
 
     #[test]
     fn a_process_is_given_up_with_all_its_ids() {
         let (old, new) = (SourceId([1; 16]), SourceId([2; 16]));
         let mut membership = Membership::new(3);
-        (0..3).for_each(|agent| membership.join(request(agent, 7, 1)).unwrap());
-        membership.replace(AgentId(0), request(0, 8, 2).lease).unwrap();
+        (0..3).for_each(|agent| membership.join(request(agent, 7, 1), Grant::default).unwrap());
+        membership.replace(AgentId(0), request(0, 8, 2).lease, Grant::default).unwrap();
         assert!(membership.is_given_up(old) && !membership.is_given_up(new));
         for agent in [1, 2].map(AgentId) {
-            assert_eq!(membership.check(agent, old), Err(Refusal::NotJoined { agent }));
-            assert_eq!(membership.join(request(agent.0, 7, 1)), Err(Refusal::IdTaken { agent }));
-            membership.replace(agent, request(agent.0, 8, 2).lease).unwrap();
+            assert_eq!(membership.check(agent, old).err(), Some(Refusal::NotJoined { agent }));
+            assert_eq!(membership.join(request(agent.0, 7, 1), Grant::default), Err(Refusal::IdTaken { agent }));
+            membership.replace(agent, request(agent.0, 8, 2).lease, Grant::default).unwrap();
             assert!(membership.check(agent, new).is_ok());
         }
         assert!(!membership.is_given_up(old), "it holds nothing");
@@ -206,25 +270,28 @@ mod tests {
         let mut membership = Membership::new(1);
         let mut endless = request(0, 1, 1);
         endless.lease.controller = "\u{e9}".repeat(1_000_000);
-        membership.join(endless).unwrap();
-        assert_eq!(membership.lease(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
+        membership.join(endless, Grant::default).unwrap();
+        assert_eq!(membership.holder(AgentId(0)).unwrap().lease.controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
         // Its replacement has the same label, and is accepted.
         let mut successor = request(0, 2, 2).lease;
         successor.controller = "\u{e9}".repeat(1_000_000);
-        membership.replace(AgentId(0), successor).unwrap();
-        assert_eq!(membership.lease(AgentId(0)).unwrap().controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
+        membership.replace(AgentId(0), successor, Grant::default).unwrap();
+        assert_eq!(membership.holder(AgentId(0)).unwrap().lease.controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
     }
 
     #[test]
     fn foreign_requests_are_refused() {
         let mut membership = Membership::new(2);
-        assert!(matches!(membership.join(request(2, 1, 1)), Err(Refusal::UnknownAgent { agents: 2, .. })));
+        assert!(matches!(
+            membership.join(request(2, 1, 1), Grant::default),
+            Err(Refusal::UnknownAgent { agents: 2, .. })
+        ));
         let mut wrong = request(0, 1, 1);
         wrong.protocol = 99;
-        assert!(matches!(membership.join(wrong), Err(Refusal::WrongProtocol { got: 99, .. })));
+        assert!(matches!(membership.join(wrong, Grant::default), Err(Refusal::WrongProtocol { got: 99, .. })));
         let mut wrong = request(0, 1, 1);
         wrong.topic = AgentId(1);
-        assert!(matches!(membership.join(wrong), Err(Refusal::WrongTopic { .. })));
+        assert!(matches!(membership.join(wrong, Grant::default), Err(Refusal::WrongTopic { .. })));
         assert_eq!(membership.missing().len(), 2);
     }
 }

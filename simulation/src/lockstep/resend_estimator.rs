@@ -7,7 +7,7 @@
 //! Invariants: the first resend is [`FIRST_MIN`] to [`FIRST_MAX`] after the request; later
 //! intervals double, up to [`INTERVAL_MAX`]. The result of a run does not depend on it.
 
-use std::time::Duration;
+use core::time::Duration;
 
 /// Shortest wall time until the first resend: longer than most decisions take.
 const FIRST_MIN: Duration = Duration::from_millis(20);
@@ -23,14 +23,14 @@ const RESENT_MAX: u32 = 3;
 
 /// How long replies take.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct ResendTimer {
+pub(super) struct ResendEstimator {
     /// Smoothed wait and its smoothed deviation, seconds.
     usual_s: Option<(f64, f64)>,
     /// Waits with resends since the last one without.
     resent: u32,
 }
 
-impl ResendTimer {
+impl ResendEstimator {
     /// Notes how long replies took that came without a resend.
     pub(super) fn note(&mut self, waited: Duration) {
         self.resent = 0;
@@ -69,7 +69,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     fn first_after(waits: impl IntoIterator<Item = Duration>) -> Duration {
-        let mut timer = ResendTimer::default();
+        let mut timer = ResendEstimator::default();
         waits.into_iter().for_each(|waited| timer.note(waited));
         timer.first()
     }
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn waits_with_resends_get_more_time_until_one_without() {
-        let mut timer = ResendTimer::default();
+        let mut timer = ResendEstimator::default();
         (0..50).for_each(|_| timer.note(MS));
         let firsts: Vec<u128> = std::iter::repeat_with(|| {
             timer.note_resent();
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn intervals_double_up_to_a_second() {
-        let intervals = std::iter::successors(Some(FIRST_MIN), |&interval| Some(ResendTimer::next(interval)));
+        let intervals = std::iter::successors(Some(FIRST_MIN), |&interval| Some(ResendEstimator::next(interval)));
         let all: Vec<u128> = intervals.take(8).map(|interval| interval.as_millis()).collect();
         assert_eq!(all, [20, 40, 80, 160, 320, 640, 1000, 1000]);
     }
