@@ -14,6 +14,7 @@ pub mod collision_recovery;
 pub mod ctx;
 pub mod dsvp;
 pub mod dsvp_maes3d;
+mod failed_goals;
 pub mod lvd;
 pub mod lvd_maes3d;
 pub mod nearest_frontier;
@@ -25,6 +26,7 @@ pub mod settings;
 mod suggestion;
 #[cfg(test)]
 pub(crate) mod testing;
+mod viewpoints;
 /// The example of docs/controllers.md, word for word.
 #[cfg(test)]
 pub mod zigzag;

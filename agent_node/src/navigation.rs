@@ -4,6 +4,9 @@
 //! Invariants: a result is available in the tick fixed at the request, on any machine; every motion
 //! leads only through cells that were known to be free at the request.
 //!
+//! For a body wider than a cell the navigation task also knows which cells it can reach
+//! ([`NavigationTask::approach`]), and searches no path to the others.
+//!
 //! Only one request is pending at a time: a request for another cell replaces it.
 
 use std::num::NonZeroU64;
@@ -15,7 +18,9 @@ use voxels::Cell;
 
 use crate::command::{Motion, Trigger};
 use crate::exploration_map::ExplorationMap;
-use crate::path::{Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Search, direct, straighten_from};
+use crate::path::{
+    Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Reachable, Search, direct, straighten_from,
+};
 
 /// The sim time of a path search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,6 +88,7 @@ pub struct NavigationTask {
     cells_max: u64,
     pending: Option<Pending>,
     failures: u32,
+    reachable: Reachable,
 }
 
 impl NavigationTask {
@@ -96,6 +102,7 @@ impl NavigationTask {
             cells_max: u64::MAX,
             pending: None,
             failures: 0,
+            reachable: Reachable::default(),
         }
     }
 
@@ -125,6 +132,18 @@ impl NavigationTask {
         self.cells_max = cells_max;
     }
 
+    /// Where a body goes to see a cell from nearby: that cell, or for a body wider than a cell the
+    /// nearest one that it can reach from `from`, within a few cells beyond its radius, and from
+    /// which the cell is in sight.
+    pub fn approach(&mut self, map: &ExplorationMap, from: &Point3<f64>, cell: Cell) -> Option<Cell> {
+        if !self.to_all.are_wide() {
+            return Some(cell);
+        }
+        let graph = Graph::new(map, &self.to_all);
+        self.reachable.update(graph, map.extent().cell_of(from));
+        graph.cells_near(cell).find(|&near| self.reachable.holds(graph, near) && map.is_in_sight(near, cell))
+    }
+
     /// The motion from a point (metres, frame `map`) to a cell: straight if that is clear, else
     /// along the cheapest path through `neighbours`, with as few legs as possible. A pending search
     /// continues with the same request and the body at rest.
@@ -142,6 +161,14 @@ impl NavigationTask {
             return NavigationStatus::Go(Motion::Path(vec![map.extent().centre(goal)]));
         }
         let start = map.extent().cell_of(from);
+        if self.to_all.are_wide() {
+            let graph = Graph::new(map, &self.to_all);
+            self.reachable.update(graph, start);
+            if !self.reachable.holds(graph, goal) {
+                self.pending = None;
+                return NavigationStatus::NoPath;
+            }
+        }
         let Poll::Ready(path) = self.search(map, start, goal, neighbours, time, now) else {
             let at = self.pending.as_ref().map_or(Tick::ZERO, |pending| pending.answer.usable_at());
             return NavigationStatus::Searching(Trigger { at, events: 0 });

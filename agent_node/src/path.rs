@@ -15,6 +15,7 @@
 mod graph;
 mod legs;
 mod quickest;
+mod reachable;
 mod search;
 mod sweep;
 #[cfg(test)]
@@ -25,6 +26,7 @@ mod trajectory;
 pub use graph::{Graph, Moves, Neighbours};
 pub use legs::{direct, straighten, straighten_from};
 pub use quickest::quicker;
+pub(crate) use reachable::Reachable;
 pub use search::{Goal, Progress, Search, distances, find, nearest_distances};
 pub use timing::{Background, Budgeted};
 pub use trajectory::{BodyState, HeldVelocity, Trajectory};

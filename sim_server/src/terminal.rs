@@ -19,7 +19,7 @@ use msgs::printable;
 use crate::session::{self, Outcome, RunObserver};
 use crate::wall_clock::now;
 use simulation::lockstep::listed;
-use simulation::world::World;
+use simulation::world::{World, attainable};
 
 /// Minimum wall time between two plain progress lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);
@@ -38,6 +38,8 @@ pub struct Terminal {
     waiting_for: Vec<AgentId>,
     waiting_written: Option<Instant>,
     log: Option<File>,
+    /// Whether it has been said what wide bodies can reach and see.
+    has_told_attainable: bool,
 }
 
 impl Terminal {
@@ -62,6 +64,7 @@ impl Terminal {
             waiting_for: Vec::new(),
             waiting_written: None,
             log: None,
+            has_told_attainable: false,
         }
     }
 
@@ -133,6 +136,14 @@ impl RunObserver for Terminal {
     }
 
     fn progress(&mut self, world: &World) {
+        if !std::mem::replace(&mut self.has_told_attainable, true) {
+            for (radius_m, attainable) in attainable::of_wide_bodies(world) {
+                let (reached, seen) = (attainable.reached_share() * 100.0, attainable.seen_share() * 100.0);
+                self.say(&format!(
+                    "a body of {radius_m} m radius reaches {reached:.1} % of the free cells and sees about {seen:.1} %"
+                ));
+            }
+        }
         let now = now();
         let started = *self.started.get_or_insert(now);
         let sim_s = world.tick().time_ns() as f64 * 1e-9;

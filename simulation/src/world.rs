@@ -12,6 +12,7 @@
 //! This module has no ROS, no files and no wall clock, and does not decide which agent is due: see
 //! [`crate::lockstep`].
 
+pub mod attainable;
 pub mod body;
 pub mod collision;
 pub mod comms;

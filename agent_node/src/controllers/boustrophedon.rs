@@ -8,10 +8,14 @@
 //! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
 //! the nearest of all. Cells that others report as covered are left out.
 //!
+//! A body wider than a cell cannot be in every free cell: once it knows no other cell to be in, it
+//! goes where it sees something unexplored (`viewpoints.rs`).
+//!
 //! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
 //! seen.
 
 use std::collections::BTreeSet;
+use std::task::Poll;
 
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::Point3;
@@ -19,6 +23,7 @@ use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::settings::{SettingError, Settings};
+use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, collision_recovery};
 use crate::command::{Command, Motion, Stage, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
@@ -51,13 +56,15 @@ enum Task {
 }
 
 /// The controller of one agent.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Boustrophedon {
     search_time: SearchTime,
     rng: ChaCha8Rng,
     task: Task,
     /// Cells without a path to them.
     abandoned: BTreeSet<Cell>,
+    /// Of a body wider than a cell, once it knows no other cell to be in.
+    viewpoints: Option<Viewpoints>,
 }
 
 impl Boustrophedon {
@@ -67,7 +74,7 @@ impl Boustrophedon {
     /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
-        Ok(Self { search_time, rng, task: Task::None, abandoned: BTreeSet::new() })
+        Ok(Self { search_time, rng, task: Task::None, abandoned: BTreeSet::new(), viewpoints: None })
     }
 
     /// Marks the cells of the line up to the body as covered, since the controller is not called in
@@ -115,6 +122,16 @@ impl Boustrophedon {
         let ours = ctx.nearest(|map, cell| is_wanted(map, cell) && is_ours(map, cell));
         if ours.is_some() || others.is_empty() { ours } else { ctx.nearest(is_wanted) }
     }
+
+    /// Where a body wider than a cell sees something unexplored.
+    fn viewpoint(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Cell>> {
+        if !ctx.is_wide() {
+            return Poll::Ready(None);
+        }
+        let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
+        viewpoints.visit(ctx.map().extent(), ctx.cell());
+        viewpoints.next(ctx).map(|found| found.map(|viewpoint| viewpoint.cell))
+    }
 }
 
 impl Controller for Boustrophedon {
@@ -139,11 +156,27 @@ impl Controller for Boustrophedon {
             Task::Transit(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
             _ => None,
         };
-        let Some(goal) = under_way.or_else(|| self.nearest(observation, ctx)) else {
-            self.task = Task::None;
-            return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
-                .with_stage(Stage::Waiting)
-                .with_info("knows nothing to cover");
+        let goal = match under_way.or_else(|| self.nearest(observation, ctx)) {
+            Some(goal) => Poll::Ready(Some(goal)),
+            None => self.viewpoint(ctx),
+        };
+        let goal = match goal {
+            Poll::Ready(Some(goal)) => goal,
+            Poll::Ready(None) => {
+                self.task = Task::None;
+                let info = match ctx.is_wide() && ctx.map().frontier_count() > 0 {
+                    true => NOTHING_TO_SEE,
+                    false => "knows nothing to cover",
+                };
+                return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                    .with_stage(Stage::Waiting)
+                    .with_info(info);
+            }
+            Poll::Pending => {
+                return Command::new(Motion::Stop, Trigger::NEXT_TICK)
+                    .with_stage(Stage::Waiting)
+                    .with_info("looks for a viewpoint");
+            }
         };
         self.task = Task::Transit(goal);
         match ctx.go_to_cell(goal, self.search_time) {
@@ -155,6 +188,9 @@ impl Controller for Boustrophedon {
             NavigationStatus::Searching(trigger) => Command::new(Motion::Stop, trigger).with_info("searches a way"),
             NavigationStatus::NoPath => {
                 self.abandoned.insert(goal);
+                if let Some(viewpoints) = &mut self.viewpoints {
+                    viewpoints.visit(ctx.map().extent(), goal);
+                }
                 self.task = Task::None;
                 Command::new(Motion::Stop, Trigger::NEXT_TICK)
             }

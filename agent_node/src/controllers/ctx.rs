@@ -128,6 +128,13 @@ impl<'a> Ctx<'a> {
         self.navigation.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
     }
 
+    /// Where the body goes to see a cell from nearby: that cell, or for a body wider than a cell the
+    /// nearest one that it can reach within a few cells beyond its radius, and from which the cell
+    /// is in sight.
+    pub fn approach(&mut self, cell: Cell) -> Option<Cell> {
+        self.navigation.approach(self.map, &self.pose.position, cell)
+    }
+
     /// Limits all later path searches to this number of expanded cells, beyond which they find no
     /// path. This bounds the wall time of a decision: 10 000 cells take some milliseconds.
     pub fn limit_searches(&mut self, cells_max: u64) {
@@ -157,6 +164,13 @@ impl<'a> Ctx<'a> {
         let is_goal = |cell| is_wanted(self.map, cell);
         let path = find(self.graph(Neighbours::TwentySix), self.cell(), Goal::Where(&is_goal))?;
         path.cells.last().copied()
+    }
+
+    /// Whether the body is wider than a cell, so that there are free cells that it cannot be in
+    /// without touching others.
+    #[must_use]
+    pub fn is_wide(&self) -> bool {
+        self.navigation.moves(Neighbours::TwentySix).are_wide()
     }
 
     /// The moves of the body on its map, for path searches of a controller's own; see

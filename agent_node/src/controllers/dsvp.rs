@@ -12,6 +12,9 @@
 //! longest, to deliver its map, and explores again when map updates bring frontiers. Agents report
 //! to each other who knows none, and rest when all have none (see `dsvp/pursuit.rs`).
 //!
+//! A body wider than a cell cannot be in most frontiers, and some it cannot come near: once no other
+//! stage has a goal, it goes where it sees what is behind those ([`super::viewpoints`]).
+//!
 //! **Frontiers of other agents.** Frontiers are a function of the map: merging another agent's map
 //! brings its frontiers, except those that the own map already resolves. So exchanging maps
 //! exchanges frontiers.
@@ -20,12 +23,13 @@
 //! knows a reachable frontier or the last position of another agent.
 
 mod avoidance;
+mod blockage;
 mod coordination;
 mod driving;
 mod dtw;
 mod expectation;
 mod exploration;
-mod gain;
+pub(super) mod gain;
 mod goal;
 mod obstacles;
 mod params;
@@ -49,13 +53,15 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
+use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, Setup};
 use crate::abstract_graph::{AbstractGraph, ShortestPaths};
 use crate::command::{Command, Motion, ScanRequest, Stage, Trigger};
-use crate::exploration_map::ExplorationMap;
+use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::Observation;
 use crate::path::Neighbours;
 use avoidance::{Waypoints, hold, motion_to, obstacles_near, path_length_m};
+use blockage::Blockages;
 use coordination::Coordination;
 use driving::Driving;
 use gain::{GainEstimator, Likelihood};
@@ -110,12 +116,18 @@ struct Dsvp<C> {
     scanning: Scanning,
     /// Until when it waits at rest because another agent blocked its path.
     waits_until: Option<Tick>,
+    /// The agents that blocked its paths.
+    blockages: Blockages,
+    /// Whether it rests because another agent stays in its way.
+    is_resting: bool,
     /// Since when it has been at rest, waiting for a scan from here.
     at_rest_since: Option<Tick>,
     /// Frontiers that stayed frontiers when observed from the nearest viewpoint.
     abandoned: BTreeSet<Cell>,
     /// Viewpoints from which a scan did not reveal the cells they were chosen for.
     unproductive: BTreeSet<Cell>,
+    /// Of a body wider than a cell, once it has needed them.
+    viewpoints: Option<Viewpoints>,
 }
 
 impl<C: Coordination> Dsvp<C> {
@@ -142,9 +154,12 @@ impl<C: Coordination> Dsvp<C> {
             is_contested: false,
             scanning: Scanning::default(),
             waits_until: None,
+            blockages: Blockages::default(),
+            is_resting: false,
             at_rest_since: None,
             abandoned: BTreeSet::new(),
             unproductive: BTreeSet::new(),
+            viewpoints: None,
         }
     }
 
@@ -172,6 +187,7 @@ impl<C: Coordination> Dsvp<C> {
                 left >= self.params.gain_min && f64::from(left) >= self.params.gain_left * f64::from(gain)
             }
             Some(Goal::Frontier { frontier, .. }) => ctx.map().is_frontier(frontier),
+            Some(Goal::Sight { target, .. }) => ctx.map().state(target) == CellState::Unexplored,
             Some(Goal::Pursuit { agent, .. }) => {
                 self.pursuit.is_sought(agent, &observation.contacts) && !self.has_map_changed(ctx.map())
             }
@@ -193,7 +209,10 @@ impl<C: Coordination> Dsvp<C> {
         let obstacles = obstacles_near(observation, ctx);
         let plan = match C::first_stage(self, observation, ctx, &obstacles) {
             Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
-                Plan::Nothing => self.pursue(observation, ctx, &obstacles),
+                Plan::Nothing => match self.look_from_afar(observation, ctx, &obstacles) {
+                    Plan::Nothing => self.pursue(observation, ctx, &obstacles),
+                    plan => plan,
+                },
                 plan => plan,
             },
             plan => plan,
@@ -203,13 +222,24 @@ impl<C: Coordination> Dsvp<C> {
         match plan {
             Plan::Go(goal, motion) => self.go(goal, motion, observation, ctx, &obstacles),
             Plan::Blocked => self.resolve_blockage(observation, ctx, &obstacles),
+            Plan::Pending => {
+                self.goal = None;
+                Command::new(hold(observation), Trigger::NEXT_TICK)
+                    .with_stage(Stage::Waiting)
+                    .with_info("looks for a viewpoint")
+            }
             Plan::Nothing => {
                 self.goal = None;
                 let trigger = Trigger::at(observation.tick.after(IDLE_TICKS));
                 let has_finished = self.pursuit.have_all_finished();
+                let info = match (has_finished, ctx.is_wide() && ctx.map().frontier_count() > 0) {
+                    (_, true) => NOTHING_TO_SEE,
+                    (true, false) => "nothing left to do",
+                    (false, false) => "waiting for news",
+                };
                 Command::new(hold(observation), trigger.or(Trigger::on(Events::CONTACTS | Events::PARCEL)))
                     .with_stage(Stage::Waiting)
-                    .with_info(if has_finished { "nothing left to do" } else { "waiting for news" })
+                    .with_info(info)
             }
         }
     }
@@ -224,7 +254,7 @@ impl<C: Coordination> Dsvp<C> {
     ) -> Command {
         self.goal = Some(goal);
         match goal {
-            Goal::Viewpoint { cell, .. } | Goal::Frontier { cell, .. } => {
+            Goal::Viewpoint { cell, .. } | Goal::Frontier { cell, .. } | Goal::Sight { cell, .. } => {
                 self.pursuit.report(false, observation.tick);
                 self.coordination.claim(cell, path_length_m(&ctx.position(), &motion), observation.tick);
             }
@@ -253,8 +283,13 @@ impl<C: Coordination> Dsvp<C> {
     }
 
     /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
-    /// other for ever.
+    /// other for ever; rests if one of them has not moved for long.
     fn resolve_blockage(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Command {
+        if let Some(rest) = self.blockages.note(observation, ctx) {
+            self.goal = None;
+            self.is_resting = true;
+            return Command::new(hold(observation), rest.trigger).with_stage(Stage::Waiting).with_info(rest.info);
+        }
         if self.rng.random_bool(0.5)
             && let Some((goal, motion)) = self.evade(ctx, obstacles)
         {
@@ -293,6 +328,8 @@ enum Plan {
     Go(Goal, Motion),
     /// There are goals, but other agents block the paths to them.
     Blocked,
+    /// The search for a goal continues in the next tick.
+    Pending,
     /// No goal.
     Nothing,
 }
@@ -330,7 +367,8 @@ impl<C: Coordination> Dsvp<C> {
         {
             return Command::keep(Trigger::at(until));
         }
-        let has_waited = self.waits_until.take().is_some();
+        let has_rested = std::mem::take(&mut self.is_resting);
+        let has_waited = self.waits_until.take().is_some() || has_rested;
         if !has_waited && observation.collision.is_some_and(|collision| collision.with_agent) {
             self.update_graph(ctx);
             let obstacles = obstacles_near(observation, ctx);

@@ -25,11 +25,17 @@
 //! own. The reference throws if a stage finds no destination, which ends the tick for the whole
 //! team; here the agent tries again.
 //!
+//! The reference has no bodies wider than a cell. Nodes for such a body are cells in which it has
+//! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier
+//! as it can, and without frontiers on its list to where it sees something unexplored
+//! ([`super::viewpoints`]).
+//!
 //! Lengths are in cells. Axes: x is the reference's x, y its z, z its y.
 
 mod tree;
 
 use std::collections::BTreeSet;
+use std::task::Poll;
 
 use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
@@ -38,12 +44,13 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, FACES};
 
+use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx};
 use crate::command::{Command, Motion, Stage, Trigger};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::{Cells, Observation};
-use crate::path::Neighbours;
+use crate::path::{Graph, Neighbours};
 use tree::{Index, Tree};
 
 /// The direction of exploration: the reference's (0, 0, 1).
@@ -77,12 +84,15 @@ const GAIN_WALL: f64 = -1.0;
 /// The neighbour without a gain: the reference's +z.
 const LEFT_OUT: Cell = Cell::new(0, 1, 0);
 
+/// Ticks after which a body wider than a cell without a destination looks again: 5 s.
+const IDLE_TICKS: u64 = 250;
+
 /// The list is purged of former frontiers when it has this many entries, and again each time its
 /// length has doubled.
 const CLEARED_FROM: usize = 4096;
 
 /// The planner of one agent.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct DsvpMaes3d {
     rng: ChaCha8Rng,
     trees: Option<Trees>,
@@ -94,6 +104,8 @@ pub struct DsvpMaes3d {
     /// Whether the last stage found no destination.
     is_trying_again: bool,
     is_done: bool,
+    /// Of a body wider than a cell, once its list is empty.
+    viewpoints: Option<Viewpoints>,
 }
 
 impl DsvpMaes3d {
@@ -108,6 +120,7 @@ impl DsvpMaes3d {
             notices_at: None,
             is_trying_again: false,
             is_done: false,
+            viewpoints: None,
         }
     }
 
@@ -121,26 +134,33 @@ impl DsvpMaes3d {
         if !self.is_trying_again {
             others.into_iter().for_each(|cell| self.frontiers.push(cell, map));
         }
-        trees.grow(&mut self.rng, map, &chosen);
+        trees.grow(&mut self.rng, ctx.graph(Neighbours::Six), &chosen);
         if chosen.is_empty() {
             self.is_trying_again = false;
             return self.relocate(ctx);
         }
-        let best = trees.local.best_branch(|at| viewpoint_gain(map, cell_of(at)));
+        let best = trees.local.best_branch(|at| viewpoint_gain(ctx.graph(Neighbours::Six), cell_of(at)));
         self.is_trying_again = best.is_none();
         let Some(node) = best else {
+            if ctx.is_wide() {
+                return self.looks_from_afar(ctx);
+            }
             let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(scan_period(ctx)) };
             return Command::keep(Trigger { at, events: Events::PARCEL })
                 .with_stage(Stage::Exploring)
                 .with_info("exploration: no destination");
         };
         let at = trees.local.at(node);
-        trees.destination = Some((at, node));
         let cell = cell_of(at);
+        if ctx.is_wide() && viewpoint_gain(ctx.graph(Neighbours::Six), cell) <= 0.0 {
+            return self.relocate(ctx);
+        }
+        trees.destination = Some((at, node));
         match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
             NavigationStatus::Go(motion) => {
                 self.goes(motion, Stage::Exploring, format!("exploration: to {}", text(cell)))
             }
+            NavigationStatus::NoPath | NavigationStatus::Searching(_) if ctx.is_wide() => self.looks_from_afar(ctx),
             NavigationStatus::NoPath | NavigationStatus::Searching(_) => Command::keep(Trigger::NEXT_TICK)
                 .with_stage(Stage::Exploring)
                 .with_info(format!("exploration: no way to {}", text(cell))),
@@ -160,24 +180,62 @@ impl DsvpMaes3d {
             if goes_on {
                 continue;
             }
-            command = match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-                NavigationStatus::Go(motion) => {
+            let to = ctx.approach(cell);
+            command = match to.map(|to| ctx.go_to_cell_by(to, Neighbours::Six, SearchTime::Instant)) {
+                Some(NavigationStatus::Go(motion)) => {
                     self.goes(motion, Stage::Relocating, format!("relocation: to {}", text(cell)))
                 }
-                NavigationStatus::NoPath | NavigationStatus::Searching(_) => Command::keep(Trigger::NEXT_TICK)
-                    .with_stage(Stage::Relocating)
-                    .with_info(format!("relocation: no way to {}", text(cell))),
+                _ if ctx.is_wide() => {
+                    self.frontiers.list_again();
+                    return self.looks_from_afar(ctx);
+                }
+                Some(NavigationStatus::NoPath | NavigationStatus::Searching(_)) | None => {
+                    Command::keep(Trigger::NEXT_TICK)
+                        .with_stage(Stage::Relocating)
+                        .with_info(format!("relocation: no way to {}", text(cell)))
+                }
             };
             break;
         }
         self.frontiers.list_again();
         if self.frontiers.list.is_empty() {
+            if ctx.is_wide() {
+                return if command.motion == Motion::Keep { self.looks_from_afar(ctx) } else { command };
+            }
             self.is_done = true;
             command.trigger = NEVER;
             command.stage = command.stage.or(Some(Stage::Waiting));
             command.info.push_str(if command.info.is_empty() { "no frontiers left" } else { "; no frontiers left" });
         }
         command
+    }
+
+    /// A body wider than a cell without another destination goes where it sees something unexplored.
+    fn looks_from_afar(&mut self, ctx: &mut Ctx<'_>) -> Command {
+        let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
+        viewpoints.visit(ctx.map().extent(), ctx.cell());
+        match viewpoints.next(ctx) {
+            Poll::Ready(Some(viewpoint)) => {
+                let cell = viewpoint.cell;
+                match ctx.go_to_cell_by(cell, Neighbours::TwentySix, SearchTime::Instant) {
+                    NavigationStatus::Go(motion) => {
+                        if let Some(trees) = &mut self.trees {
+                            trees.relocate_to(centre(cell));
+                        }
+                        self.goes(motion, Stage::Relocating, format!("relocation: to the viewpoint {}", text(cell)))
+                    }
+                    NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
+                        viewpoints.visit(ctx.map().extent(), cell);
+                        Command::keep(Trigger::NEXT_TICK)
+                    }
+                }
+            }
+            Poll::Pending => Command::keep(Trigger::NEXT_TICK),
+            Poll::Ready(None) => {
+                let trigger = Trigger::at(ctx.tick().after(IDLE_TICKS)).or(Trigger::on(Events::PARCEL));
+                Command::keep(trigger).with_stage(Stage::Waiting).with_info(NOTHING_TO_SEE)
+            }
+        }
     }
 
     fn goes(&mut self, motion: Motion, stage: Stage, info: String) -> Command {
@@ -336,7 +394,7 @@ impl Trees {
     }
 
     /// Grows both trees towards random samples.
-    fn grow(&mut self, rng: &mut ChaCha8Rng, map: &ExplorationMap, chosen: &[Cell]) {
+    fn grow(&mut self, rng: &mut ChaCha8Rng, graph: Graph<'_>, chosen: &[Cell]) {
         let root = self.local.at(self.local.root());
         for _ in 0..SAMPLES {
             let target = sample(rng, root, chosen);
@@ -344,12 +402,12 @@ impl Trees {
             let near_at = self.local.at(near);
             let near_global = self.nearest_of_all(near_at);
             let new = step(near_at, target);
-            if is_open(map, new) {
+            if is_open(graph, new) {
                 let node = self.local.add(new, near);
                 self.local_index.insert(new, node);
             }
             let new = step(self.global.at(near_global), target);
-            if is_open(map, new) {
+            if is_open(graph, new) {
                 let node = self.global.add(new, near_global);
                 self.global_index.insert(new, node);
             }
@@ -381,17 +439,23 @@ fn step(from: Point3<f64>, to: Point3<f64>) -> Point3<f64> {
     if distance <= STEP { to } else { from + (to - from) * (STEP / distance) }
 }
 
-fn is_open(map: &ExplorationMap, at: Point3<f64>) -> bool {
-    map.state(cell_of(at)) == CellState::Free
+fn is_open(graph: Graph<'_>, at: Point3<f64>) -> bool {
+    let cell = cell_of(at);
+    graph.map().state(cell) == CellState::Free && (!graph.is_body_wide() || graph.is_usable(cell))
 }
 
-fn viewpoint_gain(map: &ExplorationMap, cell: Cell) -> f64 {
-    let gain = |offset: Cell| match map.state(cell + offset) {
+fn viewpoint_gain(graph: Graph<'_>, cell: Cell) -> f64 {
+    let gain = |cell: Cell| match graph.map().state(cell) {
         CellState::Unexplored => GAIN_UNEXPLORED,
         CellState::Wall => GAIN_WALL,
         CellState::Free | CellState::Covered => 0.0,
     };
-    FACES.into_iter().filter(|&offset| offset != LEFT_OUT).map(gain).sum()
+    let beside = FACES.into_iter().filter(|&offset| offset != LEFT_OUT);
+    if graph.is_body_wide() {
+        graph.cells_beside_body(cell, beside).into_iter().map(gain).sum()
+    } else {
+        beside.map(|offset| gain(cell + offset)).sum()
+    }
 }
 
 fn cells<'a>(indices: &'a [u32], map: &'a ExplorationMap) -> impl Iterator<Item = Cell> + 'a {

@@ -34,7 +34,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
+use super::failed_goals::FailedGoals;
 use super::settings::{SettingError, Settings};
+use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx};
 use crate::command::{Command, Motion, Stage, Trigger};
 use crate::exploration_map::CellState;
@@ -61,6 +63,9 @@ const POCKET_CELLS_MAX: usize = 4096;
 /// Most cells that a path search expands: about a millisecond.
 const SEARCH_CELLS_MAX: u64 = 1 << 12;
 
+/// The same for bodies wider than a cell, whose cells are short.
+const WIDE_SEARCH_CELLS_MAX: u64 = 1 << 14;
+
 /// Destinations farther away than this many steps are approached in stages, each of which a search
 /// is sure to find.
 const STAGE_STEPS: usize = 48;
@@ -81,6 +86,8 @@ enum Purpose {
     Remembered,
     /// A stage on the path to the given destination.
     Towards(Cell),
+    /// A place from which a body wider than a cell sees something unexplored.
+    Viewpoint,
     /// A clear neighbour, to let another agent pass.
     Evade,
 }
@@ -88,6 +95,11 @@ enum Purpose {
 impl Purpose {
     fn is_search(self) -> bool {
         matches!(self, Self::OcclusionPoint | Self::Boundary | Self::Remembered | Self::Towards(_))
+    }
+
+    /// Whether it ends with a visit to the destination, or to one farther on.
+    fn is_visit(self) -> bool {
+        matches!(self, Self::Explore | Self::Remembered | Self::Towards(_))
     }
 
     /// The final destination of a stage, or the cell itself.
@@ -101,9 +113,18 @@ impl Purpose {
             Self::OcclusionPoint => "search mode: looking behind a corner",
             Self::Boundary => "search mode: to the boundary of the region",
             Self::Remembered | Self::Towards(_) => "search mode: back to what is unvisited",
+            Self::Viewpoint => "search mode: to a viewpoint",
             Self::Evade => "making way",
         }
     }
+}
+
+/// What a body wider than a cell remembers beside that.
+#[derive(Debug)]
+struct Wide {
+    /// Destinations without a path.
+    failed: FailedGoals,
+    viewpoints: Viewpoints,
 }
 
 /// The exploration of one agent.
@@ -122,6 +143,8 @@ pub struct Lvd {
     destination: Option<(Cell, Purpose)>,
     /// Destinations to avoid, and until when.
     refused: Vec<(Cell, Tick)>,
+    /// Of a body wider than a cell.
+    wide: Option<Wide>,
     waits_until: Tick,
     has_asked_for_view: bool,
     last_info: String,
@@ -162,6 +185,7 @@ impl Lvd {
             places: Places::new(merge_m),
             destination: None,
             refused: Vec::new(),
+            wide: None,
             waits_until: Tick::ZERO,
             has_asked_for_view: false,
             last_info: String::new(),
@@ -170,9 +194,16 @@ impl Lvd {
 
     fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
         self.destination = Some((goal, purpose));
-        ctx.limit_searches(SEARCH_CELLS_MAX);
-        let is_cut_off = !ctx.is_clear_to(goal) && self.flood.is_cut_off(ctx.map(), goal, ctx.cell(), POCKET_CELLS_MAX);
-        let status = if is_cut_off { NavigationStatus::NoPath } else { ctx.go_to_cell(goal, self.search_time) };
+        ctx.limit_searches(if ctx.is_wide() { WIDE_SEARCH_CELLS_MAX } else { SEARCH_CELLS_MAX });
+        let to = ctx.approach(goal);
+        // As near as a wide body comes, and still it has not been visited.
+        let is_in_vain = |to: Cell| ctx.is_wide() && to == ctx.cell() && purpose.is_visit();
+        let status = match to.filter(|&to| !is_in_vain(to)) {
+            Some(to) if ctx.is_clear_to(to) || !self.flood.is_cut_off(ctx.map(), to, ctx.cell(), POCKET_CELLS_MAX) => {
+                ctx.go_to_cell(to, self.search_time)
+            }
+            _ => NavigationStatus::NoPath,
+        };
         match status {
             NavigationStatus::Go(motion) => {
                 let command = Command::new(motion, Trigger::on(UNDER_WAY));
@@ -183,7 +214,14 @@ impl Lvd {
             }
             NavigationStatus::Searching(trigger) => Command::keep(trigger),
             NavigationStatus::NoPath => {
-                self.refuse(purpose.aim(goal), observation.tick);
+                let aim = purpose.aim(goal);
+                self.refuse(aim, observation.tick);
+                if let Some(wide) = &mut self.wide {
+                    wide.failed.insert(aim);
+                    if purpose == Purpose::Viewpoint {
+                        wide.viewpoints.visit(ctx.map().extent(), aim);
+                    }
+                }
                 self.destination = None;
                 self.request_view(observation)
             }
@@ -220,7 +258,7 @@ impl Lvd {
         let is_done = match purpose {
             Purpose::Explore | Purpose::Remembered => ctx.map().state(goal) == CellState::Covered,
             Purpose::Towards(goal) => ctx.map().state(goal) == CellState::Covered,
-            Purpose::OcclusionPoint | Purpose::Boundary | Purpose::Evade => false,
+            Purpose::OcclusionPoint | Purpose::Boundary | Purpose::Viewpoint | Purpose::Evade => false,
         };
         if is_done || purpose.is_search() && self.sees_unvisited(observation, ctx) {
             return self.abort_task();
@@ -236,7 +274,7 @@ impl Lvd {
             let cell = extent.cell_at(index as usize);
             ctx.map().state(cell) == CellState::Free
                 && region.holds(&extent.centre(cell))
-                && !is_refused(&self.refused, cell)
+                && !is_refused(&self.refused, self.wide.as_ref(), cell)
         })
     }
 
@@ -265,7 +303,7 @@ impl Lvd {
             region: &region,
             places: &self.places,
             visits_max: self.visits_max,
-            is_refused: &|cell| is_refused(&self.refused, cell),
+            is_refused: &|cell| is_refused(&self.refused, self.wide.as_ref(), cell),
         };
         let in_sight = search
             .occlusion_point()
@@ -281,6 +319,7 @@ impl Lvd {
                 self.pursue(observation, ctx, stage, purpose)
             }
             Poll::Pending => self.request_view(observation),
+            Poll::Ready(None) if ctx.is_wide() => self.look_from_afar(observation, ctx),
             Poll::Ready(None) => {
                 self.destination = None;
                 let trigger =
@@ -291,8 +330,25 @@ impl Lvd {
         }
     }
 
+    /// A body wider than a cell goes where it sees something unexplored, if there is such a place.
+    fn look_from_afar(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let Some(wide) = &mut self.wide else { return Command::keep(Trigger::NEXT_TICK) };
+        wide.viewpoints.visit(ctx.map().extent(), ctx.cell());
+        match wide.viewpoints.next(ctx) {
+            Poll::Ready(Some(viewpoint)) => self.pursue(observation, ctx, viewpoint.cell, Purpose::Viewpoint),
+            Poll::Pending => self.request_view(observation),
+            Poll::Ready(None) => {
+                self.destination = None;
+                let trigger =
+                    Trigger { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
+                self.with_new_info(Command::keep(trigger), NOTHING_TO_SEE.to_owned())
+            }
+        }
+    }
+
     fn nearest_unvisited(&self, ctx: &Ctx<'_>, region: &Region) -> Option<Cell> {
-        let compass = exploring::compass(ctx, &self.scan, region, |cell| is_refused(&self.refused, cell));
+        let compass =
+            exploring::compass(ctx, &self.scan, region, |cell| is_refused(&self.refused, self.wide.as_ref(), cell));
         let extent = ctx.map().extent();
         let in_m = |squared_cells: i32| f64::from(squared_cells).sqrt() * extent.cell_m();
         let nearest_m = compass.iter().flatten().map(|&(distance, _)| in_m(distance)).min_by(f64::total_cmp)?;
@@ -308,8 +364,8 @@ impl Lvd {
     }
 }
 
-fn is_refused(refused: &[(Cell, Tick)], cell: Cell) -> bool {
-    refused.iter().any(|&(other, _)| other == cell)
+fn is_refused(refused: &[(Cell, Tick)], wide: Option<&Wide>, cell: Cell) -> bool {
+    refused.iter().any(|&(other, _)| other == cell) || wide.is_some_and(|wide| wide.failed.holds(cell))
 }
 
 impl Controller for Lvd {
@@ -319,6 +375,14 @@ impl Controller for Lvd {
             return Command::keep(Trigger::at(now.after(WAIT_TICKS)));
         }
         self.refused.retain(|&(_, until)| until > now);
+        if ctx.is_wide() {
+            let (run_info, radius_m) = (ctx.run_info(), ctx.body().radius_m);
+            let wide = self.wide.get_or_insert_with(|| Wide {
+                failed: FailedGoals::new(radius_m, run_info.extent.cell_m()),
+                viewpoints: Viewpoints::new(run_info, radius_m),
+            });
+            wide.failed.update(ctx.map());
+        }
         if let Some(view) = &observation.view {
             self.scan.load(ctx.map().extent(), view);
         }
@@ -343,6 +407,10 @@ impl Controller for Lvd {
             }
             if purpose == Purpose::Explore && ctx.map().state(goal) == CellState::Free {
                 self.refuse(goal, now);
+            }
+            let is_unvisited = purpose.is_visit() && ctx.map().state(goal) == CellState::Free;
+            if let Some(wide) = self.wide.as_mut().filter(|_| is_unvisited && purpose.aim(goal) == goal) {
+                wide.failed.insert(goal);
             }
         }
         if observation.view.is_none() && (observation.scan_tick.is_none() || !self.has_asked_for_view) {

@@ -17,23 +17,30 @@
 //! - a wall at the edge of the map that is seen in search mode is an error, and the agent does
 //!   nothing in that tick.
 //!
+//! The reference has no bodies wider than a cell. Such a body goes as near to a cell as it can, to
+//! no cell again to which it found no path until something near it changes, and without a
+//! destination to where it sees something unexplored ([`super::viewpoints`]).
+//!
 //! Not reproducible: the order of rays on the same circle about the pole (here upwards, then along
 //! x), walls listed once for each of their rays (here once), straight paths checked on the true map
 //! (here on the agent's own), the duration of a search on another thread (here none), and paths
 //! some cells longer than necessary.
 
 use std::collections::BTreeMap;
+use std::task::Poll;
 
 use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
 
+use super::failed_goals::FailedGoals;
 use super::lvd::last_scan::LastScan;
 use super::lvd::occlusion;
 use super::lvd::places::squared;
+use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, Stage, Trigger};
 use crate::exploration_map::CellState;
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
@@ -49,7 +56,7 @@ const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
 struct OutOfBounds;
 
 /// The exploration of one agent.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct LvdMaes3d {
     scan: LastScan,
     /// Selections by occlusion point.
@@ -59,6 +66,15 @@ pub struct LvdMaes3d {
     /// The tick in which the end of the present task is noticed.
     notices_at: Option<Tick>,
     said: String,
+    /// Of a body wider than a cell.
+    wide: Option<Wide>,
+}
+
+/// What a body wider than a cell remembers beside that.
+#[derive(Debug)]
+struct Wide {
+    failed: FailedGoals,
+    viewpoints: Viewpoints,
 }
 
 impl LvdMaes3d {
@@ -90,7 +106,7 @@ impl LvdMaes3d {
         let own = ctx.cell();
         let cells = self.scan.free().iter().map(|&index| extent.cell_at(index as usize));
         let unvisited = cells.filter(|&cell| ctx.map().state(cell) == CellState::Free);
-        unvisited.filter(|&cell| is_own(own, others, cell)).min_by_key(|&cell| {
+        unvisited.filter(|&cell| is_own(own, others, cell) && !self.has_failed(cell)).min_by_key(|&cell| {
             let offset = cell - own;
             (squared(offset), -offset.y, offset.z, offset.x)
         })
@@ -104,7 +120,7 @@ impl LvdMaes3d {
         for wall in self.walls_in_ray_order(extent, own) {
             let is_wall = |cell| Ok(self.scan.is_wall(extent, inside(cell)?));
             occlusion::candidates(own, wall, is_wall, |cell| {
-                if !self.scan.is_free(extent, inside(cell)?) || !is_own(own, others, cell) {
+                if !self.scan.is_free(extent, inside(cell)?) || !is_own(own, others, cell) || self.has_failed(cell) {
                     return Ok(());
                 }
                 let distance = squared(cell - own);
@@ -133,11 +149,43 @@ impl LvdMaes3d {
         walls.into_iter().map(|(_, cell)| cell).collect()
     }
 
+    /// Whether a body wider than a cell has found no path to a cell.
+    fn has_failed(&self, cell: Cell) -> bool {
+        self.wide.as_ref().is_some_and(|wide| wide.failed.holds(cell))
+    }
+
     fn goes_to(&mut self, ctx: &mut Ctx<'_>, cell: Cell) -> Command {
-        match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
-            NavigationStatus::Go(motion) => self.sets_out(ctx, cell, motion),
+        let to = ctx.approach(cell).filter(|&to| !ctx.is_wide() || to != ctx.cell());
+        match to.map(|to| ctx.go_to_cell_by(to, Neighbours::Six, SearchTime::Instant)) {
+            Some(NavigationStatus::Go(motion)) => self.sets_out(ctx, cell, motion),
             // It becomes idle again.
-            NavigationStatus::Searching(_) | NavigationStatus::NoPath => looks_again(Trigger::NEXT_TICK),
+            Some(NavigationStatus::Searching(_) | NavigationStatus::NoPath) | None => {
+                if let Some(wide) = &mut self.wide {
+                    wide.failed.insert(cell);
+                }
+                looks_again(Trigger::NEXT_TICK)
+            }
+        }
+    }
+
+    /// A body wider than a cell without a destination goes where it sees something unexplored.
+    fn looks_from_afar(&mut self, ctx: &mut Ctx<'_>) -> Command {
+        let Some(wide) = &mut self.wide else { return looks_again(Trigger::NEXT_TICK) };
+        wide.viewpoints.visit(ctx.map().extent(), ctx.cell());
+        match wide.viewpoints.next(ctx) {
+            Poll::Ready(Some(viewpoint)) => {
+                let cell = viewpoint.cell;
+                let status = ctx.go_to_cell_by(cell, Neighbours::TwentySix, SearchTime::Instant);
+                if let NavigationStatus::Go(motion) = status {
+                    return self.sets_out(ctx, cell, motion);
+                }
+                wide.viewpoints.visit(ctx.map().extent(), cell);
+                looks_again(Trigger::NEXT_TICK)
+            }
+            Poll::Pending => looks_again(Trigger::NEXT_TICK),
+            Poll::Ready(None) => looks_again(Trigger::on(Events::PARCEL | Events::CONTACTS))
+                .with_stage(Stage::Waiting)
+                .with_info(NOTHING_TO_SEE),
         }
     }
 
@@ -174,6 +222,7 @@ impl LvdMaes3d {
         self.is_in_search_mode = true;
         match self.occlusion_point(extent, ctx.cell(), &others) {
             Ok(Some(cell)) => self.goes_to(ctx, cell),
+            Ok(None) | Err(OutOfBounds) if ctx.is_wide() => self.looks_from_afar(ctx),
             Ok(None) | Err(OutOfBounds) => looks_again(Trigger::NEXT_TICK),
         }
     }
@@ -198,6 +247,14 @@ impl Controller for LvdMaes3d {
         }
         if let Some(view) = &observation.view {
             self.scan.load(extent, view);
+        }
+        if ctx.is_wide() {
+            let (run_info, radius_m) = (ctx.run_info(), ctx.body().radius_m);
+            let wide = self.wide.get_or_insert_with(|| Wide {
+                failed: FailedGoals::new(radius_m, extent.cell_m()),
+                viewpoints: Viewpoints::new(run_info, radius_m),
+            });
+            wide.failed.update(ctx.map());
         }
         let is_idle = !observation.is_active && {
             let notices_at = *self.notices_at.get_or_insert(now.next());

@@ -5,12 +5,17 @@
 //! map for the frontier with the shortest path, moves there, and looks for the next one once that
 //! cell is no frontier any more, which mostly happens long before it arrives.
 //!
+//! A body wider than a cell cannot be in a frontier without touching what is unexplored: it goes to
+//! a viewpoint from which it sees that (`viewpoints.rs`), and rests once there is none.
+//!
 //! With `relays=on` it drops relays where it would lose contact ([`super::relays`]). It does not
 //! coordinate: agents with equal maps go to the same frontiers. It does not find a path around an
 //! agent that stays in a passage one cell wide.
 
 use std::collections::BTreeSet;
+use std::task::Poll;
 
+use msgs::ids::Tick;
 use msgs::maes_msgs::Wake as Events;
 use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
@@ -18,8 +23,10 @@ use voxels::Cell;
 
 use super::relays::Relays;
 use super::settings::{SettingError, Settings};
+use super::viewpoints::{NOTHING_TO_SEE, Viewpoint, Viewpoints};
 use super::{Controller, Ctx, collision_recovery};
 use crate::command::{Command, Motion, Stage, Trigger};
+use crate::exploration_map::CellState;
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
 
@@ -27,7 +34,7 @@ use crate::observation::Observation;
 const RELAY_MARK: u8 = 0;
 
 /// The controller of one agent: its state between decisions.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct NearestFrontier {
     search_time: SearchTime,
     /// Its own random stream. Any other source of randomness would make runs unrepeatable.
@@ -37,6 +44,9 @@ pub struct NearestFrontier {
     /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach
     /// there.
     abandoned: BTreeSet<Cell>,
+    /// Of a body wider than a cell: its viewpoints, and the one it moves to.
+    viewpoints: Option<Viewpoints>,
+    viewpoint: Option<Viewpoint>,
     relays: Relays,
     /// The waypoints ahead of it.
     waypoints: Vec<Point3<f64>>,
@@ -50,7 +60,16 @@ impl NearestFrontier {
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
         let relays = Relays::new(settings)?;
-        Ok(Self { search_time, rng, goal: None, abandoned: BTreeSet::new(), relays, waypoints: Vec::new() })
+        Ok(Self {
+            search_time,
+            rng,
+            goal: None,
+            abandoned: BTreeSet::new(),
+            viewpoints: None,
+            viewpoint: None,
+            relays,
+            waypoints: Vec::new(),
+        })
     }
 
     /// The frontier with the shortest path.
@@ -77,6 +96,62 @@ impl NearestFrontier {
     }
 }
 
+/// Under way it decides in each new cell, since it may have seen beyond the frontier from there.
+const UNDER_WAY: Trigger =
+    Trigger { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
+
+impl NearestFrontier {
+    /// The decision of a body wider than a cell, after its first scan and without a collision.
+    fn go_to_viewpoint(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
+        let is_hidden = |viewpoint: &Viewpoint| ctx.map().state(viewpoint.target) == CellState::Unexplored;
+        let mut goal = self.viewpoint.take().filter(is_hidden);
+        if observation.is_active {
+            if goal.is_some() {
+                self.viewpoint = goal;
+                return self.with_relay_if_needed(Command::keep(UNDER_WAY), observation, ctx);
+            }
+        } else {
+            viewpoints.visit(ctx.map().extent(), ctx.cell());
+            goal = goal.filter(|goal| goal.cell != ctx.cell());
+        }
+        let goal = match goal.map_or_else(|| viewpoints.next(ctx), |goal| Poll::Ready(Some(goal))) {
+            Poll::Ready(Some(goal)) => goal,
+            Poll::Ready(None) => {
+                return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                    .with_stage(Stage::Waiting)
+                    .with_info(NOTHING_TO_SEE);
+            }
+            Poll::Pending => {
+                return Command::new(Motion::Stop, Trigger::NEXT_TICK)
+                    .with_stage(Stage::Waiting)
+                    .with_info("looks for a viewpoint");
+            }
+        };
+        self.viewpoint = Some(goal);
+        let Cell { x, y, z } = goal.cell;
+        match ctx.go_to_cell(goal.cell, self.search_time) {
+            NavigationStatus::Go(motion) => {
+                if let Motion::Path(waypoints) = &motion {
+                    self.waypoints.clone_from(waypoints);
+                }
+                let command = Command::new(motion, UNDER_WAY)
+                    .with_stage(Stage::Relocating)
+                    .with_info(format!("goes to the viewpoint {x} {y} {z}"));
+                self.with_relay_if_needed(command, observation, ctx)
+            }
+            NavigationStatus::Searching(trigger) => {
+                Command::new(Motion::Stop, trigger).with_info(format!("searches a way to {x} {y} {z}"))
+            }
+            NavigationStatus::NoPath => {
+                viewpoints.visit(ctx.map().extent(), goal.cell);
+                self.viewpoint = None;
+                Command::new(Motion::Stop, Trigger::NEXT_TICK)
+            }
+        }
+    }
+}
+
 impl Controller for NearestFrontier {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         // Before the first scan only the own cell is known. The task of the body, here none, is
@@ -86,16 +161,16 @@ impl Controller for NearestFrontier {
         }
         // Events are those since the last decision; `observation.collision` would include old
         // collisions.
-        if self.goal.is_some() && observation.events & Events::COLLISION != 0 {
-            self.goal = None;
+        if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events & Events::COLLISION != 0 {
+            (self.goal, self.viewpoint) = (None, None);
             return collision_recovery::step_aside(&mut self.rng, ctx);
         }
-        // Under way it decides in each new cell, since it may have seen beyond the frontier from
-        // there.
-        let under_way = Trigger::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL);
+        if ctx.is_wide() {
+            return self.go_to_viewpoint(observation, ctx);
+        }
         let mut goal = self.goal.filter(|&goal| ctx.map().is_frontier(goal));
         if goal.is_some() && observation.is_active {
-            return self.with_relay_if_needed(Command::keep(under_way), observation, ctx);
+            return self.with_relay_if_needed(Command::keep(UNDER_WAY), observation, ctx);
         }
         if let Some(reached) = goal.filter(|&goal| goal == ctx.cell()) {
             self.abandoned.insert(reached);
@@ -116,7 +191,7 @@ impl Controller for NearestFrontier {
                 if let Motion::Path(waypoints) = &motion {
                     self.waypoints.clone_from(waypoints);
                 }
-                let command = Command::new(motion, under_way)
+                let command = Command::new(motion, UNDER_WAY)
                     .with_stage(Stage::Relocating)
                     .with_info(format!("goes to the frontier {x} {y} {z}"));
                 self.with_relay_if_needed(command, observation, ctx)
@@ -135,8 +210,6 @@ impl Controller for NearestFrontier {
 
 #[cfg(test)]
 mod tests {
-    use msgs::ids::Tick;
-
     use super::collision_recovery::HOLD_TICKS;
     use super::*;
     use crate::command::ScanRequest;

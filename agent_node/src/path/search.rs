@@ -10,7 +10,7 @@ use std::collections::BinaryHeap;
 
 use voxels::Cell;
 
-use super::{Graph, Path};
+use super::{EDGE_COST, Graph, Path};
 
 /// Scratch memory of searches, reusable for any number of searches, one after the other.
 ///
@@ -228,6 +228,13 @@ impl<'a> Search<'a> {
     #[must_use]
     pub fn expansions(&self) -> u64 {
         self.expansions
+    }
+
+    /// Length of the cheapest path to a cell that has been expanded, in cells.
+    #[must_use]
+    pub(crate) fn length_cells(&self, cell: Cell) -> f64 {
+        let index = self.graph.map().extent().index(cell).expect("cells that were expanded lie in the map");
+        self.scratch.nodes[index][0] as f64 / EDGE_COST as f64
     }
 
     fn estimate(&self, cell: Cell) -> u32 {

@@ -1,11 +1,13 @@
 //! `maes map check`: what agents could do in a map.
 //!
 //! The map is repaired as a run repairs it. A body goes through faces of cells, from centre to
-//! centre, and fits where no wall is nearer than its radius.
+//! centre, and fits where no wall is nearer than its radius. What it sees from there no team of such
+//! bodies can exceed.
 
 use std::io::Write;
 
 use mapgen::repair;
+use simulation::world::attainable::Attainable;
 use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::clearance::REACH_CELLS;
 use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
@@ -17,6 +19,9 @@ const PART: f64 = 0.01;
 
 /// Share of the free cells that is enough to be called reachable.
 const ENOUGH: f64 = 0.95;
+
+/// Most free cells that are examined for whether they are seen: some seconds.
+const SEEN_CELLS: usize = 1 << 20;
 
 /// Most parts and passages that a report names.
 const SHOWN: usize = 3;
@@ -63,6 +68,9 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let (room, reached) = (100.0 * here.room, 100.0 * here.reached);
     report.line("body", format_args!("radius {} m: fits in {room:.1} % of the free cells", args.radius_m))?;
     report.line("reachable", format_args!("{reached:.1} % of the free cells, from the largest part with room"))?;
+    let starts_at: Vec<voxels::Cell> = here.start.iter().map(|&index| extent.cell_at(index)).collect();
+    let seen = Attainable::of(&terrain, &clearance, radius_cells, &starts_at, f64::INFINITY, SEEN_CELLS);
+    report.line("seen", format_args!("{:.1} % of the free cells, from there", 100.0 * seen.seen_share()))?;
     let passages = clearance.passages(((PART * free as f64) as usize).max(1));
     narrow(&mut report, &passages, extent)?;
     if here.reached < ENOUGH {
@@ -110,13 +118,20 @@ struct Body {
     room: f64,
     /// Share of the largest connected part of those.
     reached: f64,
+    /// Index of a cell of that part.
+    start: Option<usize>,
 }
 
 impl Body {
     fn new(clearance: &Clearance, radius_cells: f64, free: u64) -> Self {
-        let parts = free_components(&clearance.room(radius_cells)).sizes;
+        let parts = free_components(&clearance.room(radius_cells));
         let share = |cells: usize| cells as f64 / free as f64;
-        Self { room: share(parts.iter().sum()), reached: share(parts.iter().max().copied().unwrap_or_default()) }
+        let largest = parts.largest().map(|part| part as usize);
+        Self {
+            room: share(parts.sizes.iter().sum()),
+            reached: share(largest.map_or(0, |part| parts.sizes[part])),
+            start: largest.map(|part| parts.firsts[part]),
+        }
     }
 }
 

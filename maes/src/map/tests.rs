@@ -316,7 +316,12 @@ fn check_says_what_a_body_can_do() {
     assert_eq!(value(&report, "leaks"), "none: the shell is closed");
     assert!(value(&report, "narrowest").starts_with("for bodies of radius 0.25 m and less at ("), "{report}");
     assert_eq!(value(&report, "advice"), "none: the map is sound for these bodies");
+    assert_eq!(value(&report, "seen"), "100.0 % of the free cells, from there");
     let report = scratch.map("check @rooms.txt --radius-m 0.4 --agents 200").unwrap();
+    // The body stays in one room, and sees the other one through a gap of a cell.
+    assert_eq!(value(&report, "reachable"), "2.7 % of the free cells, from the largest part with room");
+    let seen: f64 = value(&report, "seen").split_once(' ').unwrap().0.parse().unwrap();
+    assert!((51.0..100.0).contains(&seen), "{report}");
     assert_eq!(value(&report, "advice"), "body.radius_m = 0.25 reaches 100.0 %");
     assert!(report.contains("fewer agents (agents.count)"), "{report}");
 

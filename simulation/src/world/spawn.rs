@@ -5,6 +5,7 @@
 //!
 //! Whether a team fits is decided by placing it: the error reports how many bodies found room.
 
+mod cluster;
 mod cube;
 mod placed_bodies;
 mod queue;
@@ -33,7 +34,8 @@ use mapgen::Entrance;
 )]
 pub enum SpawnSpec {
     /// The cells of the free cube nearest to the origin of the map, one for each agent (MAES3D).
-    /// The cube has three cells along each edge, or more if the team needs them.
+    /// The cube has three cells along each edge, or more if the team needs them. Bodies wider than a
+    /// cell start side by side, the first in the cell with room that is nearest to the origin.
     NearestOrigin {
         /// Heading of all agents, radians.
         #[serde(default)]
@@ -144,17 +146,6 @@ pub enum SpawnError {
         radius_m: f64,
         /// The obstacle, in words.
         reason: &'static str,
-    },
-    /// The bodies are too large for cells.
-    #[error(
-        "spawn: bodies of radius {radius_m} m do not fit side by side into cells of {cell_m} m; set `body.radius_m` to at most \
-         {fits_m}, or `spawn.kind` to \"scattered\"", fits_m = cell_m / 2.0
-    )]
-    BodyTooLarge {
-        /// Radius of the body, metres.
-        radius_m: f64,
-        /// Edge of a cell, metres.
-        cell_m: f64,
     },
 }
 

@@ -137,10 +137,28 @@ impl GainEstimator {
         gain / WHOLE
     }
 
+    /// Cells on all rays of a viewpoint, at least 1.
+    pub(in crate::controllers) fn ray_cells(&mut self, map: &ExplorationMap) -> usize {
+        self.rays(map).cells.len().max(1)
+    }
+
+    /// The first unexplored cell that a ray from the centre of a cell meets, in the order of the
+    /// rays.
+    pub(in crate::controllers) fn first_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell) -> Option<Cell> {
+        let rays = self.rays(map);
+        let mut start = 0;
+        rays.ends.iter().find_map(|&end| {
+            let ray = &rays.cells[start..end as usize];
+            start = end as usize;
+            let end = ray.iter().map(|at| viewpoint + at.by).find(|&cell| !map.state(cell).is_free())?;
+            (map.state(end) == CellState::Unexplored).then_some(end)
+        })
+    }
+
     /// Appends the unexplored cells that the viewpoint is expected to see, by index, each with the
     /// probability that it is free and seen, in units of 1 / [`WHOLE`]: that of all unexplored
     /// cells on the ray up to it.
-    pub(in crate::controllers) fn expected(
+    pub(super) fn expected(
         &mut self,
         map: &ExplorationMap,
         viewpoint: Cell,

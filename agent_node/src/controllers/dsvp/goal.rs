@@ -22,6 +22,13 @@ pub(super) enum Goal {
         /// The frontier.
         frontier: Cell,
     },
+    /// A place from which a body that is too wide to go there sees something unexplored.
+    Sight {
+        /// The place.
+        cell: Cell,
+        /// What is seen from there.
+        target: Cell,
+    },
     /// Pursuit of another agent at its last known position, to deliver the map.
     Pursuit {
         /// The agent.
@@ -47,6 +54,7 @@ impl Goal {
         match self {
             Self::Viewpoint { cell, .. }
             | Self::Frontier { cell, .. }
+            | Self::Sight { cell, .. }
             | Self::Pursuit { cell, .. }
             | Self::Wandering { cell }
             | Self::Evasion { cell } => cell,
@@ -57,7 +65,7 @@ impl Goal {
     pub(super) fn stage(self) -> Stage {
         match self {
             Self::Viewpoint { .. } => Stage::Exploring,
-            Self::Frontier { .. } => Stage::Relocating,
+            Self::Frontier { .. } | Self::Sight { .. } => Stage::Relocating,
             Self::Pursuit { .. } | Self::Wandering { .. } => Stage::Carrying,
             Self::Evasion { .. } => Stage::Waiting,
         }
@@ -69,6 +77,7 @@ impl Goal {
         match self {
             Self::Viewpoint { cell, gain } => format!("exploration to {}, {gain} unexplored cells", at(cell)),
             Self::Frontier { cell, .. } => format!("relocation to {}", at(cell)),
+            Self::Sight { cell, .. } => format!("to {}, to look from there", at(cell)),
             Self::Pursuit { agent, cell } => format!("with news to agent {agent}, last at {}", at(cell)),
             Self::Evasion { cell } => format!("out of the way to {}", at(cell)),
             Self::Wandering { cell } => format!("with news to {}", at(cell)),

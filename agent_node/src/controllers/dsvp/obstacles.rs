@@ -40,6 +40,12 @@ struct Obstacle {
     clearance_m: f64,
 }
 
+/// Whether an agent in contact is near a body with a radius at `here`; metres, frame `map`.
+pub(super) fn is_near(contact: &Contact, here: &Point3<f64>, radius_m: f64, bodies: &Bodies) -> bool {
+    let touch_m = radius_m + bodies.of(contact.agent).radius_m;
+    (contact.position - here).norm() < NEAR * touch_m
+}
+
 impl Obstacles {
     /// The obstacles near a body with a radius at `here`; metres, frame `map`. `bodies` are those
     /// of the team.
@@ -50,12 +56,12 @@ impl Obstacles {
         bodies: &Bodies,
         extent: Extent,
     ) -> Self {
-        let is_near = |contact: &Contact| {
+        let obstacle = |contact: &Contact| {
             let touch_m = radius_m + bodies.of(contact.agent).radius_m;
             let obstacle = Obstacle { at: contact.position, clearance_m: CLEARANCE * touch_m };
-            ((contact.position - here).norm() < NEAR * touch_m).then_some(obstacle)
+            is_near(contact, here, radius_m, bodies).then_some(obstacle)
         };
-        let near: Vec<Obstacle> = contacts.iter().filter_map(is_near).collect();
+        let near: Vec<Obstacle> = contacts.iter().filter_map(obstacle).collect();
         // A centre within the clearance is within the cells of these corners; one more for
         // rounding.
         let corner = |by: f64, pick: fn(f64, f64) -> f64| {

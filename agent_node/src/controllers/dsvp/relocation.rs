@@ -1,18 +1,21 @@
-//! The stages without gain nearby: relocation to a frontier, and pursuit of other agents without
-//! any.
+//! The stages without gain nearby: relocation to a frontier, for wide bodies to where they see what
+//! they cannot come near, and pursuit of other agents without any.
 
 use std::collections::BTreeSet;
+use std::task::Poll;
 
 use rand::seq::IndexedRandom;
 
-use super::avoidance::motion_to;
+use super::avoidance::{motion_along, motion_to};
 use super::coordination::Coordination;
 use super::goal::Goal;
 use super::obstacles::Obstacles;
 use super::{ATTEMPTS, Dsvp, Plan, by_distance};
 use crate::abstract_graph::{AbstractGraph, Region, RegionId};
 use crate::controllers::Ctx;
+use crate::controllers::viewpoints::Viewpoints;
 use crate::observation::Observation;
+use crate::path::{Goal as SearchGoal, Neighbours, Search};
 use voxels::Cell;
 
 impl<C: Coordination> Dsvp<C> {
@@ -50,6 +53,31 @@ impl<C: Coordination> Dsvp<C> {
             }
         }
         if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
+    }
+
+    /// The last stage of a body wider than a cell: to the nearest place from which it sees something
+    /// unexplored.
+    pub(super) fn look_from_afar(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
+        if !ctx.is_wide() {
+            return Plan::Nothing;
+        }
+        let (extent, here) = (ctx.map().extent(), ctx.cell());
+        let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
+        if !observation.is_active {
+            viewpoints.visit(extent, here);
+        }
+        let viewpoint = match viewpoints.next(ctx) {
+            Poll::Ready(Some(viewpoint)) => viewpoint,
+            Poll::Ready(None) => return Plan::Nothing,
+            Poll::Pending => return Plan::Pending,
+        };
+        let is_open = |cell| !obstacles.occupy(cell);
+        let moves = ctx.graph(Neighbours::TwentySix);
+        let path = Search::new(moves, here, SearchGoal::Cell(viewpoint.cell)).within(&is_open).run();
+        match path.and_then(|path| motion_along(ctx, &path, obstacles, self.params.waypoints)) {
+            Some(motion) => Plan::Go(Goal::Sight { cell: viewpoint.cell, target: viewpoint.target }, motion),
+            None => Plan::Blocked,
+        }
     }
 
     /// No frontier is left on this map: carries the map to the agent out of contact for longest of

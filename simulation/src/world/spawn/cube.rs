@@ -8,11 +8,12 @@ use super::SpawnError;
 /// The shortest edge of the cube, in cells.
 const EDGE_MIN: i32 = 3;
 
-/// The centres of the cells of the cube, one for each body.
+/// The centres of the cells of the cube, one for each body; bodies wider than a cell stand side by
+/// side.
 pub(super) fn nearest_origin(terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Point3<f64>>, SpawnError> {
     let (agents, extent) = (radii_m.len(), terrain.extent());
-    if let Some(&radius_m) = radii_m.iter().find(|&&radius_m| 2.0 * radius_m > extent.cell_m()) {
-        return Err(SpawnError::BodyTooLarge { radius_m, cell_m: extent.cell_m() });
+    if radii_m.iter().any(|&radius_m| 2.0 * radius_m > extent.cell_m()) {
+        return super::cluster::nearest_origin(terrain, radii_m);
     }
     let room = |edge: i32| (edge.unsigned_abs() as usize).pow(3);
     let mut edge = EDGE_MIN;

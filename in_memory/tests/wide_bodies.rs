@@ -1,0 +1,232 @@
+//! Complete runs of bodies wider than a cell: they move, see all that can be seen from where they
+//! can be, say so, and rest.
+
+use std::ops::Range;
+use std::sync::atomic::AtomicBool;
+
+use in_memory::in_process::{AgentOptions, ThreadLayout, run};
+use msgs::maes_msgs::Result as RunResult;
+use proptest::prelude::*;
+use sim_server::session::NullObserver;
+use simulation::scenario::Scenario;
+use simulation::world::body::Pose;
+use simulation::world::lidar::{Pattern, Scanner, SensorMemory};
+use voxels::{Cell, CellSet, Clearance, Extent, Grid, Terrain};
+
+/// Controllers that plan with a map.
+const PLANNERS: [&str; 7] =
+    ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "dsvp-maes3d", "lvd", "lvd-maes3d"];
+
+/// A solid map.
+fn solid(size: [u32; 3], cell_m: f64) -> Grid<Terrain> {
+    Grid::new(Extent::new(size, cell_m).expect("a legal size"), Terrain::Wall)
+}
+
+/// Sets a box of cells.
+fn fill(terrain: &mut Grid<Terrain>, [x, y, z]: [Range<i32>; 3], to: Terrain) {
+    for (x, y, z) in z.flat_map(|z| {
+        y.clone().flat_map({
+            let x = x.clone();
+            move |y| x.clone().map(move |x| (x, y, z))
+        })
+    }) {
+        terrain.set(Cell::new(x, y, z), to);
+    }
+}
+
+/// The result of a scenario on a map; `keys` are lines of the scenario.
+fn result(terrain: &Grid<Terrain>, keys: &str) -> RunResult {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("map.txt");
+    let text = format!("cell_m = {}\n{}", terrain.extent().cell_m(), terrain.to_text());
+    std::fs::write(&file, text).expect("a map file");
+    let scenario =
+        format!("seed = 1\nmap = {{ kind = \"file\", file = {file:?} }}\nexecution = {{ threads = 1 }}\n{keys}");
+    let scenario = Scenario::parse("the test's scenario", &scenario, &[]).expect("a legal scenario");
+    let options = AgentOptions { threads: ThreadLayout::Together, ..AgentOptions::default() };
+    let completed = run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
+    let result = completed.outcome.result;
+    let refused = result.counters.iter().filter(|one| one.name.starts_with("refused_") && one.value > 0);
+    assert_eq!(refused.count(), 0, "{:?}", result.counters);
+    result
+}
+
+fn counter(result: &RunResult, name: &str) -> u64 {
+    result.counters.iter().find(|counter| counter.name == name).map_or(0, |counter| counter.value)
+}
+
+/// The share of the free cells that scans from all centres of cells that a body reaches see.
+fn visible_share(terrain: &Grid<Terrain>, radius_m: f64, start: Cell, range_m: f64) -> f64 {
+    let extent = terrain.extent();
+    let room = Clearance::of(terrain).room(radius_m / extent.cell_m());
+    let scanner = Scanner::new(Pattern::Lattice { rays: 5124 }, range_m, std::f64::consts::TAU);
+    let mut memory = SensorMemory::new(terrain);
+    let (mut free, mut walls) = (Vec::new(), Vec::new());
+    let mut reached = CellSet::new(extent.volume());
+    let mut next = vec![start];
+    while let Some(cell) = next.pop() {
+        let Some(index) = extent.index(cell).filter(|&index| room[index] == Terrain::Free && !reached.contains(index))
+        else {
+            continue;
+        };
+        reached.insert(index);
+        scanner.scan(&mut memory, &Pose { position: extent.centre(cell), yaw_rad: 0.0 }, &mut free, &mut walls);
+        next.extend(cell.neighbours6());
+    }
+    free.len() as f64 / terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count() as f64
+}
+
+/// Rooms of a storey with doors, a low passage, and a table; 0.2 m cells.
+fn office() -> Grid<Terrain> {
+    let mut office = solid([40, 30, 12], 0.2);
+    fill(&mut office, [1..39, 1..29, 1..11], Terrain::Free);
+    fill(&mut office, [18..20, 1..29, 1..11], Terrain::Wall);
+    fill(&mut office, [18..20, 12..17, 1..9], Terrain::Free);
+    fill(&mut office, [20..39, 14..15, 1..11], Terrain::Wall);
+    fill(&mut office, [30..34, 14..15, 1..9], Terrain::Free);
+    fill(&mut office, [5..12, 20..26, 4..5], Terrain::Wall);
+    fill(&mut office, [1..10, 9..10, 1..11], Terrain::Wall);
+    office
+}
+
+const OFFICE: &str = "body = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\nduration_s = 300.0\n";
+
+#[test]
+fn every_planner_sees_all_of_an_office_that_can_be_seen() {
+    let office = office();
+    let visible = visible_share(&office, 0.3, Cell::new(3, 3, 3), 4.5);
+    for controller in PLANNERS {
+        let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
+        let result = result(&office, &keys);
+        assert!(result.distance_m.iter().all(|&metres| metres > 1.0), "{controller}: {:?}", result.distance_m);
+        // From elsewhere than the centres of cells a scan sees a little more or less.
+        assert!(result.explored > visible - 0.001, "{controller}: {} of {visible}", result.explored);
+        let failed = counter(&result, "failed_searches");
+        assert!(failed < 200, "{controller}: {failed} failed searches");
+    }
+}
+
+#[test]
+fn coverage_and_walks_move_wide_bodies() {
+    for controller in ["boustrophedon", "rbw", "rbw-maes3d"] {
+        let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
+        let result = result(&office(), &keys.replace("300.0", "60.0"));
+        assert!(result.distance_m.iter().all(|&metres| metres > 5.0), "{controller}: {:?}", result.distance_m);
+    }
+}
+
+/// A hall in three parts with rows of columns between them, through which rays pass and bodies of
+/// 0.8 m do not; cells of 0.5 m.
+fn columns() -> Grid<Terrain> {
+    let mut hall = solid([48, 25, 8], 0.5);
+    fill(&mut hall, [1..47, 1..24, 1..7], Terrain::Free);
+    for y in (1..24).step_by(2) {
+        fill(&mut hall, [16..18, y..y + 1, 1..7], Terrain::Wall);
+        fill(&mut hall, [30..32, y..y + 1, 1..7], Terrain::Wall);
+    }
+    hall
+}
+
+#[test]
+fn what_is_behind_columns_is_seen_through_them() {
+    let hall = columns();
+    let visible = visible_share(&hall, 0.4, Cell::new(6, 6, 4), f64::INFINITY);
+    for controller in ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd"] {
+        let keys = format!(
+            "duration_s = 600.0\nbody = {{ radius_m = 0.4 }}\nagents = {{ count = 3, controller = \"{controller}\" }}\n\
+             spawn = {{ kind = \"list\", poses = [[3.25, 3.25, 2.25], [3.25, 6.25, 2.25], [3.25, 9.25, 2.25]] }}\n"
+        );
+        let result = result(&hall, &keys);
+        assert!(result.explored > (visible - 0.001).max(0.99), "{controller}: {} of {visible}", result.explored);
+        let failed = counter(&result, "failed_searches");
+        assert!(failed < 200, "{controller}: {failed} failed searches");
+    }
+}
+
+#[test]
+fn passages_into_the_border_are_explored() {
+    // A cross of two passages that run into the border on all four sides.
+    let mut cross = solid([46, 36, 6], 1.0);
+    fill(&mut cross, [0..46, 15..21, 1..5], Terrain::Free);
+    fill(&mut cross, [20..26, 0..36, 1..5], Terrain::Free);
+    for controller in ["nearest-frontier", "dsvp-auction", "dsvp-team", "lvd"] {
+        let keys = format!(
+            "duration_s = 600.0\nlidar = {{ range_m = 6.0 }}\nagents = {{ count = 2, controller = \"{controller}\" }}\n"
+        );
+        let result = result(&cross, &keys);
+        assert_eq!((result.explored, result.reason.as_str()), (1.0, "explored"), "{controller}");
+    }
+}
+
+/// A room, a lane as wide as one body, and a hall behind it; cells of 1 m.
+fn lane() -> Grid<Terrain> {
+    let mut cave = solid([61, 30, 8], 1.0);
+    fill(&mut cave, [1..14, 1..14, 1..7], Terrain::Free);
+    fill(&mut cave, [14..33, 7..8, 3..4], Terrain::Free);
+    fill(&mut cave, [33..60, 1..29, 1..7], Terrain::Free);
+    cave
+}
+
+/// Three agents, of which the first breaks down in the lane.
+fn in_the_lane(controller: &str, duration_s: f64, more: &str) -> RunResult {
+    let keys = format!(
+        "duration_s = {duration_s:?}\nagents = {{ count = 3, controller = \"{controller}\" }}\n\
+         spawn = {{ kind = \"list\", poses = [[20.5, 7.5, 3.5], [4.5, 4.5, 3.5], [4.5, 10.5, 3.5]] }}\n\
+         [[event]]\nat_s = 1.0\nkind = \"break_down\"\nagent = 0\n{more}"
+    );
+    result(&lane(), &keys)
+}
+
+#[test]
+fn teams_rest_before_a_lane_that_is_blocked() {
+    for controller in ["dsvp", "dsvp-auction", "dsvp-team"] {
+        let metres = |duration_s| in_the_lane(controller, duration_s, "").distance_m.iter().sum::<f64>();
+        let (first, later) = (metres(200.0), metres(600.0));
+        assert!(later < first + 10.0, "{controller}: {first} m in 200 s, {later} m in 600 s");
+    }
+}
+
+#[test]
+fn teams_notice_that_a_lane_is_freed() {
+    for controller in ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd"] {
+        let freed = "[[event]]\nat_s = 250.0\nkind = \"leave\"\nagent = 0\n";
+        let result = in_the_lane(controller, 900.0, freed);
+        assert!(result.explored > 0.999, "{controller}: {}", result.explored);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    /// Bodies of 0.1 to 0.6 m in cells of 0.1 to 1 m. The world itself asserts that none overlaps
+    /// anything.
+    #[test]
+    fn no_planner_rests_while_something_can_be_seen(
+        cell_m in 0.1..1.0_f64,
+        radius_m in 0.1..0.6_f64,
+        boxes in prop::collection::vec((0..30_i32, 0..20_i32, 0..10_i32, 1..8_i32, 1..8_i32, 1..6_i32), 0..14),
+        controller in 0..PLANNERS.len(),
+    ) {
+        // Not more than four cells of radius: the maps are small.
+        let radius_m = radius_m.min(4.0 * cell_m);
+        let mut terrain = solid([34, 24, 14], cell_m);
+        fill(&mut terrain, [1..33, 1..23, 1..13], Terrain::Free);
+        for (x, y, z, dx, dy, dz) in boxes {
+            let clip = |from: i32, by: i32, end: i32| from.max(1)..(from + by).min(end).max(from.max(1));
+            fill(&mut terrain, [clip(x, dx, 33), clip(y, dy, 23), clip(z, dz, 13)], Terrain::Wall);
+        }
+        voxels::keep_largest_component(&mut terrain);
+        let room = Clearance::of(&terrain).room(radius_m / cell_m + 1e-6);
+        let parts = voxels::free_components(&room);
+        prop_assume!(parts.sizes.len() == 1 && radius_m > cell_m / 2.0);
+        let start = terrain.extent().cell_at(parts.firsts[0]);
+        let range_m = 12.0 * cell_m;
+        let visible = visible_share(&terrain, radius_m + 1e-6, start, range_m);
+        let keys = format!(
+            "duration_s = 900.0\nbody = {{ kind = \"aerial\", radius_m = {radius_m:?} }}\nlidar = {{ range_m = {range_m:?} }}\n\
+             agents = {{ count = 1, controller = \"{}\" }}\n", PLANNERS[controller]
+        );
+        let result = result(&terrain, &keys);
+        prop_assert!(result.explored > visible - 0.003, "{}: {} of {visible}", PLANNERS[controller], result.explored);
+    }
+}
