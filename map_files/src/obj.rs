@@ -44,10 +44,29 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     }
     let note = (groups > 0).then(|| Note::new("groups", format!("{groups}, which come out as their union")));
     let notes = note.into_iter().chain(mesh::note_of_skipped(skipped)).collect();
+    if let Some(up) = up_by_comment(&spec.bytes) {
+        return mesh::map_up(spec, &mesh, (up, "as a comment of the file says"), notes);
+    }
     match writer_of_y(&spec.bytes) {
         Some(writer) => mesh::map_up(spec, &mesh, (Up::Y, &format!("as {writer} writes it by default")), notes),
         None => mesh::map(spec, &mesh, notes),
     }
+}
+
+/// The axis upwards that the comments at the beginning of a file name: `z up` or `up: y`, in any
+/// spelling of these words.
+fn up_by_comment(bytes: &[u8]) -> Option<Up> {
+    let mut text = Bytes::new(bytes);
+    std::iter::from_fn(|| text.line()).map_while(|(_, line)| line.strip_prefix(b"#")).find_map(|comment| {
+        let comment = String::from_utf8_lossy(comment).to_lowercase();
+        let words: Vec<&str> =
+            comment.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        words.windows(2).find_map(|pair| match pair {
+            ["z", "up"] | ["up", "z"] => Some(Up::Z),
+            ["y", "up"] | ["up", "y"] => Some(Up::Y),
+            _ => None,
+        })
+    })
 }
 
 /// The next line, with those that it continues on after a `\` at its end.
@@ -114,6 +133,9 @@ mod tests {
             assert_eq!(up(first, [6, 4, 5], None), ([8, 7, 6], note));
         }
         assert_eq!(up("# Blender 3.4.1", [6, 4, 5], Some(Up::Z)), ([8, 6, 7], "z, by the option up".to_owned()));
+        let said = "as a comment of the file says; the option up changes that";
+        assert_eq!(up("# walls, Y-up", [6, 4, 5], None), ([8, 7, 6], format!("y, {said}")));
+        assert_eq!(up("# Blender 3.4.1\n# up: Z", [6, 4, 5], None).1, format!("z, {said}"));
         let open = "z, as the format leaves it open";
         assert_eq!(up("# walls", [6, 4, 5], None).1, format!("{open}; the option up changes that"));
         assert!(up("# a hall", [24, 5, 10], None).1.contains("y is by far the shortest side"));
