@@ -7,18 +7,19 @@
 //! (`KHR_mesh_quantization`), and views compressed ([`meshopt`]). Sparse data and Draco are refused,
 //! and so is an extension that a file requires and that may change the shape of its meshes.
 
+mod document;
 mod meshopt;
 
 use std::borrow::Cow;
 use std::path::{Component, PathBuf};
 
 use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
-use serde::Deserialize;
 
 use super::bytes::{Bytes, shown};
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
+use document::{Accessor, Buffer, Document, Node, Places, View};
 use meshopt::Mode;
 
 /// A scene of meshes, as text or binary.
@@ -74,166 +75,6 @@ const OF_LOOKS: [&str; 9] = [
     "MSFT_texture_",
     "ADOBE_materials_",
 ];
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct Asset {
-    generator: String,
-}
-
-#[derive(Deserialize)]
-struct Document<'a> {
-    #[serde(default)]
-    asset: Asset,
-    scene: Option<usize>,
-    #[serde(default)]
-    scenes: Vec<Scene>,
-    #[serde(default)]
-    nodes: Vec<Node>,
-    #[serde(default)]
-    meshes: Vec<MeshOfScene>,
-    #[serde(default)]
-    accessors: Vec<Accessor>,
-    #[serde(default, rename = "bufferViews")]
-    views: Vec<View>,
-    #[serde(default, borrow)]
-    buffers: Vec<Buffer<'a>>,
-    #[serde(default, rename = "extensionsRequired")]
-    required: Vec<String>,
-}
-
-#[derive(Deserialize)]
-struct Scene {
-    #[serde(default)]
-    nodes: Vec<usize>,
-}
-
-#[derive(Deserialize)]
-struct Node {
-    #[serde(default)]
-    children: Vec<usize>,
-    mesh: Option<usize>,
-    matrix: Option<Box<[f64; 16]>>,
-    translation: Option<[f64; 3]>,
-    rotation: Option<[f64; 4]>,
-    scale: Option<[f64; 3]>,
-    #[serde(default)]
-    extensions: ExtensionsOfNode,
-}
-
-#[derive(Default, Deserialize)]
-struct ExtensionsOfNode {
-    #[serde(rename = "EXT_mesh_gpu_instancing")]
-    instancing: Option<Instancing>,
-}
-
-/// Copies of the mesh of a node.
-#[derive(Deserialize)]
-struct Instancing {
-    attributes: Places,
-}
-
-/// The accessors of the places of copies.
-#[derive(Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
-struct Places {
-    translation: Option<usize>,
-    rotation: Option<usize>,
-    scale: Option<usize>,
-}
-
-#[derive(Deserialize)]
-struct MeshOfScene {
-    #[serde(default)]
-    primitives: Vec<Primitive>,
-}
-
-#[derive(Deserialize)]
-struct Primitive {
-    attributes: Attributes,
-    indices: Option<usize>,
-    mode: Option<u32>,
-    #[serde(default)]
-    extensions: Extensions,
-}
-
-#[derive(Default, Deserialize)]
-struct Extensions {
-    #[serde(rename = "KHR_draco_mesh_compression")]
-    draco: Option<serde::de::IgnoredAny>,
-}
-
-#[derive(Deserialize)]
-struct Attributes {
-    #[serde(rename = "POSITION")]
-    position: Option<usize>,
-}
-
-#[derive(Deserialize)]
-struct Accessor {
-    #[serde(rename = "bufferView")]
-    view: Option<usize>,
-    #[serde(default, rename = "byteOffset")]
-    offset: usize,
-    #[serde(rename = "componentType")]
-    component: u32,
-    count: usize,
-    #[serde(default)]
-    normalized: bool,
-    #[serde(rename = "type")]
-    kind: String,
-    sparse: Option<serde::de::IgnoredAny>,
-}
-
-#[derive(Deserialize)]
-struct View {
-    buffer: usize,
-    #[serde(default, rename = "byteOffset")]
-    offset: usize,
-    #[serde(rename = "byteLength")]
-    length: usize,
-    #[serde(rename = "byteStride")]
-    stride: Option<usize>,
-    #[serde(default)]
-    extensions: ExtensionsOfView,
-}
-
-#[derive(Default, Deserialize)]
-struct ExtensionsOfView {
-    #[serde(rename = "EXT_meshopt_compression", alias = "KHR_meshopt_compression")]
-    meshopt: Option<Box<Packed>>,
-}
-
-/// Where the compressed bytes of a view are, and how they are compressed.
-#[derive(Deserialize)]
-struct Packed {
-    buffer: usize,
-    #[serde(default, rename = "byteOffset")]
-    offset: usize,
-    #[serde(rename = "byteLength")]
-    length: usize,
-    #[serde(rename = "byteStride")]
-    stride: usize,
-    count: usize,
-    mode: String,
-    #[serde(default)]
-    filter: Option<String>,
-}
-
-#[derive(Deserialize)]
-struct Buffer<'a> {
-    #[serde(default, borrow)]
-    uri: Option<Cow<'a, str>>,
-    #[serde(default)]
-    extensions: ExtensionsOfBuffer,
-}
-
-#[derive(Default, Deserialize)]
-struct ExtensionsOfBuffer {
-    /// Of a buffer without data, which is for readers that do not unpack views.
-    #[serde(rename = "EXT_meshopt_compression", alias = "KHR_meshopt_compression")]
-    meshopt: Option<serde::de::IgnoredAny>,
-}
 
 impl Buffer<'_> {
     /// The other file that has its data, as the document names it.
