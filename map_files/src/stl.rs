@@ -81,7 +81,7 @@ fn ascii(bytes: &[u8]) -> Result<Mesh, FormatError> {
                     triangle.map_err(|_| FormatError::line(line, format!("a loop of {count} vertices, expected 3")))?,
                 );
             }
-            None | Some(b"solid" | b"facet" | b"outer" | b"endfacet" | b"endsolid") => {}
+            None | Some(b"solid" | b"facet" | b"outer" | b"endfacet" | b"endsolid" | b"end") => {}
             Some(word) => return Err(FormatError::line(line, format!("{} is no key of an STL file", shown(word)))),
         }
         if corners.len() > 3 {
@@ -117,7 +117,12 @@ mod tests {
         assert_eq!(trailing.terrain, binary.terrain);
         assert!(trailing.notes.iter().any(|note| note.text == "9 bytes after the last triangle"));
         let capitals = TRIANGLE_TEXT.to_ascii_uppercase();
-        for text in [capitals.clone(), format!("\u{feff}{capitals}"), format!("\r\n  {TRIANGLE_TEXT}")] {
+        for text in [
+            capitals.clone(),
+            capitals.replace("ENDSOLID", "END SOLID"),
+            format!("\u{feff}{capitals}"),
+            format!("\r\n  {TRIANGLE_TEXT}"),
+        ] {
             assert_eq!(read(&shell(text.into())).unwrap(), ascii);
         }
         assert!(mapgen::free_cells(&ascii.terrain) < ascii.terrain.extent().volume() as u64);
