@@ -97,6 +97,47 @@ pub(super) fn number<T: std::str::FromStr>(line: usize, word: Option<&[u8]>, wha
     parsed.ok_or_else(|| FormatError::line(line, format!("{what} is {}, expected a number", shown(word))))
 }
 
+/// A word as a number with a fraction, or as one that is not finite in the words of any C library.
+///
+/// # Errors
+/// If it is not a number; the error names the line and `what`.
+pub(super) fn float(line: usize, word: Option<&[u8]>, what: &str) -> Result<f64, FormatError> {
+    let Some(word) = word else {
+        return Err(FormatError::line(line, format!("{what} is missing")));
+    };
+    parse_float(word).ok_or_else(|| {
+        let advice = match decimal_comma(word) {
+            Some(_) => "; write numbers with a point (LC_NUMERIC=C)",
+            None => "",
+        };
+        FormatError::line(line, format!("{what} is {}, expected a number{advice}", shown(word)))
+    })
+}
+
+/// As [`float`], without a reason.
+pub(super) fn parse_float(word: &[u8]) -> Option<f64> {
+    if let Ok(number) = str::from_utf8(word).ok()?.parse() {
+        return Some(number);
+    }
+    // Those of Windows: 1.#QNAN, -1.#IND00 and nan(ind); of others: -nan(0x7ffff).
+    let lower = word.to_ascii_lowercase();
+    let unsigned = lower.strip_prefix(b"-").or(lower.strip_prefix(b"+")).unwrap_or(&lower);
+    let is_nan = [b"1.#qnan".as_slice(), b"1.#snan", b"1.#ind", b"nan("].iter().any(|nan| unsigned.starts_with(nan));
+    (is_nan || unsigned.starts_with(b"1.#inf")).then_some(f64::NAN)
+}
+
+/// A word with a comma between digits, as some languages write fractions, as a number.
+pub(super) fn decimal_comma(word: &[u8]) -> Option<f64> {
+    let at = word.iter().position(|&byte| byte == b',')?;
+    let is_digit = |byte: Option<&u8>| byte.is_some_and(u8::is_ascii_digit);
+    if !is_digit(word[..at].last()) || !is_digit(word.get(at + 1)) {
+        return None;
+    }
+    let mut pointed = word.to_vec();
+    pointed[at] = b'.';
+    parse_float(&pointed)
+}
+
 /// Three numbers.
 ///
 /// # Errors
@@ -108,7 +149,7 @@ pub(super) fn three<'a>(
 ) -> Result<[f64; 3], FormatError> {
     let mut place = [0.0; 3];
     for along in &mut place {
-        *along = number(line, words.next(), what)?;
+        *along = float(line, words.next(), what)?;
     }
     Ok(place)
 }
@@ -116,4 +157,25 @@ pub(super) fn three<'a>(
 /// An excerpt of a file for an error message: one line, whatever the file contains.
 pub(super) fn shown(piece: &[u8]) -> String {
     format!("{:?}", String::from_utf8_lossy(&piece[..piece.len().min(SHOWN_MAX)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_read_in_all_spellings() {
+        for nan in ["nan", "-nan", "NaN", "-nan(ind)", "nan(snan)", "1.#QNAN", "-1.#IND00", "-nan(0x8000)", "1.#INF"] {
+            assert!(parse_float(nan.as_bytes()).is_some_and(|number| !number.is_finite()), "{nan}");
+        }
+        assert_eq!(["1.5", "-2e3", "+4"].map(|word| parse_float(word.as_bytes())), [Some(1.5), Some(-2e3), Some(4.0)]);
+        assert_eq!(["", "x", "1.#", "1,5", "nano"].map(|word| parse_float(word.as_bytes())), [None; 5]);
+        assert_eq!(["-1,5", "2,25e1"].map(|word| decimal_comma(word.as_bytes())), [Some(-1.5), Some(22.5)]);
+        assert_eq!(["1,", ",5", "1,2,3", "1.5,2", "15"].map(|word| decimal_comma(word.as_bytes())), [None; 5]);
+        let refused = float(3, Some(b"0,5"), "a coordinate").unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "line 3: a coordinate is \"0,5\", expected a number; write numbers with a point (LC_NUMERIC=C)"
+        );
+    }
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use voxels::{Cell, Grid, Terrain, m3dm, packed};
 
 use super::{FormatError, MapReader, cell_length};
-use surface::rectangles;
+use surface::triangles;
 
 /// A writer of a file format. A new format is one, and its line in [`WRITERS`].
 #[derive(Debug)]
@@ -176,20 +176,20 @@ pub fn floor_plan(terrain: &Grid<Terrain>, image: &str, [x, y, yaw]: [f64; 3]) -
     FloorPlan { yaml: yaml.into_bytes(), image: picture, layer: layer as u32 }
 }
 
-/// The surface of the walls as a mesh in Wavefront's format, in metres; its normals point into free
-/// space.
+/// The surface of the free space as a mesh of triangles in Wavefront's format, in metres, which is
+/// closed; its triangles face the wall.
 #[must_use]
 pub fn obj(terrain: &Grid<Terrain>) -> Vec<u8> {
     let cell_m = terrain.extent().cell_m();
     let mut vertices = std::collections::BTreeMap::new();
     let mut faces = String::new();
     let mut text = format!("# the surface between wall and free cells, in metres, z up, cell_m = {cell_m:?}\n");
-    for rectangle in rectangles(terrain) {
+    for triangle in triangles(terrain) {
         faces.push('f');
-        for corner in rectangle.corners() {
+        for corner in triangle.corners {
             let next = vertices.len() + 1;
             let number = *vertices.entry(corner).or_insert_with(|| {
-                let [x, y, z] = corner.map(|along| f64::from(along) * cell_m);
+                let [x, y, z] = corner.map(|along| f64::from(along) / 2.0 * cell_m);
                 // Writing to a string cannot fail.
                 let _ = writeln!(text, "v {x} {y} {z}");
                 next
@@ -208,19 +208,14 @@ pub fn stl(terrain: &Grid<Terrain>) -> Vec<u8> {
     let cell_m = terrain.extent().cell_m();
     let mut bytes = format!("the surface of walls, in metres, z up, cell_m = {cell_m:?}").into_bytes();
     bytes.resize(STL_TITLE, b' ');
-    bytes.extend([0; 4]);
-    let mut count = 0u32;
-    for rectangle in rectangles(terrain) {
-        let [a, b, c, d] = rectangle.corners().map(|corner| corner.map(|along| (f64::from(along) * cell_m) as f32));
-        for corners in [[a, b, c], [a, c, d]] {
-            let normal = rectangle.normal().map(|along| along as f32);
-            let numbers = normal.into_iter().chain(corners.into_iter().flatten());
-            bytes.extend(numbers.flat_map(f32::to_le_bytes));
-            bytes.extend([0; 2]);
-            count += 1;
-        }
+    let triangles = triangles(terrain);
+    bytes.extend((triangles.len() as u32).to_le_bytes());
+    for triangle in triangles {
+        let corners = triangle.corners.into_iter().flatten().map(|along| (f64::from(along) / 2.0 * cell_m) as f32);
+        let numbers = triangle.normal.into_iter().map(f32::from).chain(corners);
+        bytes.extend(numbers.flat_map(f32::to_le_bytes));
+        bytes.extend([0; 2]);
     }
-    bytes[STL_TITLE..STL_TITLE + 4].copy_from_slice(&count.to_le_bytes());
     bytes
 }
 

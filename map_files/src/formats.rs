@@ -25,8 +25,8 @@ pub struct MapReader {
     /// The cell length of a file, metres, without its cells being read; `None` where files of the
     /// format contain none.
     pub(super) stored_cell_m: Option<fn(&[u8]) -> Option<f64>>,
-    /// The file that a file needs, relative to its folder.
-    pub(super) companion: Option<fn(&[u8]) -> Option<PathBuf>>,
+    /// The files that a file needs, relative to its folder.
+    pub(super) companions: Option<fn(&[u8]) -> Vec<PathBuf>>,
 }
 
 /// All formats of single files that are read.
@@ -122,12 +122,22 @@ pub enum FormatError {
     #[error(transparent)]
     Extent(ExtentError),
     /// The content of the file does not fit into a map.
-    #[error("{reason}, with cells of {cell_m} m; choose longer ones")]
+    #[error("{reason}, with cells of {cell_m} m; {advice}")]
     Box {
         /// The axis that is too long.
         reason: ExtentError,
         /// Length of a cell, metres.
         cell_m: f64,
+        /// With what it fits.
+        advice: String,
+    },
+    /// The content of the file lies in one cell, or leaves no more than one free.
+    #[error("the file spans {span}: {lack}; choose shorter cells (--cell-m), or give the unit of the file (--scale)")]
+    TooSmall {
+        /// The size of its content.
+        span: String,
+        /// What is wrong with the map.
+        lack: String,
     },
     /// The map has more cells than its reader allows.
     #[error(
@@ -161,6 +171,14 @@ pub enum FormatError {
     /// The cells of the file have another length than the requested one.
     #[error("the file has cells of {stored} m, asked for are cells of {asked} m; leave cell_m out, or let them agree")]
     CellLength {
+        /// Cell length of the file, metres.
+        stored: f64,
+        /// Requested cell length, metres.
+        asked: f64,
+    },
+    /// The requested cells do not consist of whole cells of the file.
+    #[error("the file has cells of {stored} m, asked for are cells of {asked} m; allowed are multiples")]
+    NoMultiple {
         /// Cell length of the file, metres.
         stored: f64,
         /// Requested cell length, metres.
@@ -232,7 +250,7 @@ impl MapReader {
         options: &'static [&'static str],
         read: fn(&ImportSpec) -> Result<Imported, FormatError>,
     ) -> Self {
-        Self { name, extensions, options, read, stored_cell_m: None, companion: None }
+        Self { name, extensions, options, read, stored_cell_m: None, companions: None }
     }
 
     /// The reader of a file by the extension of its name, ignoring case.

@@ -13,6 +13,15 @@ use super::{FormatError, ImportSpec, Note, new_grid};
 /// number: files with numbers of 32 and of 64 bits get the same cells.
 const WHOLE: f64 = 1e-3;
 
+/// Length from which that of a map is probably in millimetres, metres.
+const LONG_M: f64 = 5000.0;
+
+/// Cells along the longest side up to which cells are probably too long.
+const FEW_CELLS: f64 = 3.0;
+
+/// Length from which it is shown as a power of ten, metres.
+const HUGE_M: f64 = 1e9;
+
 /// Axes, units and cells.
 #[derive(Clone, Copy)]
 pub(super) struct Units {
@@ -41,6 +50,11 @@ impl Units {
         Self { up, ..self }
     }
 
+    /// The length of a cell, metres.
+    pub(super) fn length_m(&self) -> f64 {
+        self.cell_m
+    }
+
     /// The position in map axes, in lengths of cells.
     pub(super) fn cells(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let ours = match self.up {
@@ -52,12 +66,68 @@ impl Units {
 }
 
 impl Units {
+    /// What makes a map of bounds that are too long for one.
+    fn advice(&self, bounds: Bounds) -> String {
+        let longest = (0..3).map(|axis| bounds.high[axis] - bounds.low[axis]).fold(0.0, f64::max);
+        let longest_m = longest * self.cell_m;
+        let around = 2.0 * (self.margin + 2.0);
+        let least_m = longest_m / (f64::from(Extent::AXIS_MAX) - around);
+        // Two digits, rounded up.
+        let digit_m = libm::pow(10.0, libm::floor(libm::log10(least_m)) - 1.0);
+        let rounded_m = libm::ceil(least_m / digit_m) * digit_m;
+        let digits = libm::ceil(-libm::log10(digit_m)).clamp(0.0, 9.0) as usize;
+        let rounded = if rounded_m < HUGE_M { format!("{rounded_m:.digits$}") } else { format!("{rounded_m:.2e}") };
+        let longer = format!("choose cells of {rounded} m or longer (--cell-m)");
+        let span = self.span(bounds);
+        // Few places are longer than this, and many files are in millimetres.
+        if longest_m >= LONG_M {
+            let scale = self.metres / 1000.0;
+            format!("it spans {span}: millimetres? --scale {scale}; else {longer}")
+        } else {
+            format!("it spans {span}; {longer}")
+        }
+    }
+
+    /// Refuses bounds that lie in one cell.
+    ///
+    /// # Errors
+    /// [`FormatError::TooSmall`].
+    pub(super) fn check_span(&self, spec: &ImportSpec, bounds: Bounds) -> Result<(), FormatError> {
+        if bounds.spans_more_than(1.0) || self.is_of_file(spec) {
+            return Ok(());
+        }
+        Err(self.too_small(bounds, format!("less than a cell of {} m", self.cell_m)))
+    }
+
+    /// Refuses a small map with one free cell or none, of a file within bounds.
+    ///
+    /// # Errors
+    /// [`FormatError::TooSmall`].
+    pub(super) fn check_free(&self, spec: &ImportSpec, bounds: Bounds, free: u64) -> Result<(), FormatError> {
+        if free > 1 || bounds.spans_more_than(FEW_CELLS) || self.is_of_file(spec) {
+            return Ok(());
+        }
+        Err(self.too_small(bounds, format!("{free} free cell(s) of {} m", self.cell_m)))
+    }
+
+    /// Whether the length of cells is that of the file, which knows what it holds.
+    fn is_of_file(&self, spec: &ImportSpec) -> bool {
+        spec.stored_cell_m() == Some(self.cell_m)
+    }
+
+    fn too_small(&self, bounds: Bounds, lack: String) -> FormatError {
+        FormatError::TooSmall { span: self.span(bounds), lack }
+    }
+
     /// The size of what lies within bounds, in metres.
     pub(super) fn span(&self, bounds: Bounds) -> String {
         let [x, y, z] = [0, 1, 2].map(|axis| {
             let metres = (bounds.high[axis] - bounds.low[axis]) * self.cell_m;
+            if metres >= HUGE_M {
+                return format!("{metres:.3e}");
+            }
             // Four digits tell metres from millimetres.
-            let digits = libm::ceil(libm::log10(metres)).clamp(-9.0, 4.0);
+            let digits = if metres > 0.0 { libm::ceil(libm::log10(metres)).clamp(-9.0, 4.0) } else { 4.0 };
             format!("{metres:.*}", (4.0 - digits) as usize)
         });
         format!("{x} m x {y} m x {z} m, with scale = {}", self.metres)
@@ -82,6 +152,13 @@ impl Bounds {
             let [x, y, z] = [0, 1, 2].map(along);
             Some(Self { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] })
         })
+    }
+}
+
+impl Bounds {
+    /// Whether one side is longer than so many cells.
+    fn spans_more_than(self, cells: f64) -> bool {
+        (0..3).any(|axis| self.high[axis] - self.low[axis] > cells)
     }
 }
 
@@ -110,7 +187,10 @@ impl Frame {
             // The cast saturates at a size larger than any map.
             size[axis] = (end.max(first[axis] + 1.0) + units.margin + 1.0 - low[axis]) as u32;
         }
-        let in_cells = |reason: ExtentError| FormatError::Box { reason, cell_m: units.cell_m };
+        let in_cells = |reason: ExtentError| {
+            let advice = units.advice(bounds);
+            FormatError::Box { reason, cell_m: units.cell_m, advice }
+        };
         Ok(Self { units, low, extent: Extent::new(size, units.cell_m).map_err(in_cells)? })
     }
 

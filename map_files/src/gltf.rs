@@ -1,22 +1,32 @@
-//! Scenes of meshes in glTF 2.0: `.glb` in one piece, and `.gltf` with its data inside.
+//! Scenes of meshes in glTF 2.0: `.glb` in one piece, and `.gltf` with its data inside or in files
+//! below its folder.
 //!
 //! The nodes of the scene place meshes of triangles; materials, skins and animations are ignored.
 //! The axis y points upwards, as the format has it, save in files of [`AS_GIVEN`], which write
-//! coordinates as they are; `up` overrides both. Sparse and compressed data are refused, and so is
-//! an extension that a file requires and that may change the shape of its meshes.
+//! coordinates as they are; `up` overrides both. Coordinates may be integers
+//! (`KHR_mesh_quantization`), and views compressed ([`meshopt`]). Sparse data and Draco are refused,
+//! and so is an extension that a file requires and that may change the shape of its meshes.
+
+mod document;
+mod meshopt;
 
 use std::borrow::Cow;
+use std::path::{Component, PathBuf};
 
 use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
-use serde::Deserialize;
 
 use super::bytes::{Bytes, shown};
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
+use document::{Accessor, Buffer, Document, Node, Places, View};
+use meshopt::Mode;
 
 /// A scene of meshes, as text or binary.
-pub(super) const READER: MapReader = MapReader::new("scene of glTF", &["gltf", "glb"], mesh::OPTIONS, read);
+pub(super) const READER: MapReader = MapReader {
+    companions: Some(companions),
+    ..MapReader::new("scene of glTF", &["gltf", "glb"], mesh::OPTIONS, read)
+};
 
 /// Largest document: each of its bytes may become some fifty in memory.
 const DOCUMENT_BYTES_MAX: usize = 1 << 24;
@@ -25,6 +35,8 @@ const DOCUMENT_BYTES_MAX: usize = 1 << 24;
 const DEPTH_MAX: usize = 256;
 
 /// Types of the numbers of an accessor.
+const I8: u32 = 5120;
+const I16: u32 = 5122;
 const U8: u32 = 5121;
 const U16: u32 = 5123;
 const U32: u32 = 5125;
@@ -39,6 +51,18 @@ const FAN: u32 = 6;
 /// their axes: trimesh (5.2) and Open3D (0.20), as files of theirs show.
 const AS_GIVEN: [&str; 2] = ["trimesh", "Open3D"];
 
+/// Extensions that are read, or refused where they are used.
+const KNOWN: [&str; 5] = [
+    "EXT_mesh_gpu_instancing",
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+];
+
+/// Most bytes that a byte of a compressed view stands for.
+const UNPACKED_MAX: usize = 64;
+
 /// Beginnings of the names of extensions that change looks and not shapes.
 const OF_LOOKS: [&str; 9] = [
     "KHR_materials_",
@@ -52,129 +76,50 @@ const OF_LOOKS: [&str; 9] = [
     "ADOBE_materials_",
 ];
 
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct Asset {
-    generator: String,
+impl Buffer<'_> {
+    /// The other file that has its data, as the document names it.
+    fn file(&self) -> Option<&str> {
+        self.uri.as_deref().filter(|uri| !uri.starts_with("data:"))
+    }
 }
 
-#[derive(Deserialize)]
-struct Document<'a> {
-    #[serde(default)]
-    asset: Asset,
-    scene: Option<usize>,
-    #[serde(default)]
-    scenes: Vec<Scene>,
-    #[serde(default)]
-    nodes: Vec<Node>,
-    #[serde(default)]
-    meshes: Vec<MeshOfScene>,
-    #[serde(default)]
-    accessors: Vec<Accessor>,
-    #[serde(default, rename = "bufferViews")]
-    views: Vec<View>,
-    #[serde(default, borrow)]
-    buffers: Vec<Buffer<'a>>,
-    #[serde(default, rename = "extensionsRequired")]
-    required: Vec<String>,
+/// The files that a document needs, relative to its folder, in the order of its buffers; none if one
+/// of them may not be read.
+fn companions(bytes: &[u8]) -> Vec<PathBuf> {
+    let document = pieces(bytes).ok().and_then(|(text, _)| parsed(text).ok());
+    let buffers = document.iter().flat_map(|document| &document.buffers);
+    let files: Option<Vec<PathBuf>> = buffers.filter_map(Buffer::file).map(below_folder).collect();
+    files.unwrap_or_default()
 }
 
-#[derive(Deserialize)]
-struct Scene {
-    #[serde(default)]
-    nodes: Vec<usize>,
+/// The path of a URI of a file below the folder of the document; `None` if it is elsewhere.
+fn below_folder(uri: &str) -> Option<PathBuf> {
+    let mut bytes = Vec::new();
+    let mut rest = uri.bytes();
+    while let Some(byte) = rest.next() {
+        bytes.push(match byte {
+            b'%' => {
+                let digits = [rest.next()?, rest.next()?];
+                u8::from_str_radix(str::from_utf8(&digits).ok()?, 16).ok()?
+            }
+            byte => byte,
+        });
+    }
+    let path = PathBuf::from(String::from_utf8(bytes).ok()?);
+    let is_below = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    (is_below && !uri.contains("://") && path.file_name().is_some()).then_some(path)
 }
 
-#[derive(Deserialize)]
-struct Node {
-    #[serde(default)]
-    children: Vec<usize>,
-    mesh: Option<usize>,
-    matrix: Option<Box<[f64; 16]>>,
-    translation: Option<[f64; 3]>,
-    rotation: Option<[f64; 4]>,
-    scale: Option<[f64; 3]>,
-    #[serde(default)]
-    extensions: ExtensionsOfNode,
-}
-
-#[derive(Default, Deserialize)]
-struct ExtensionsOfNode {
-    #[serde(rename = "EXT_mesh_gpu_instancing")]
-    instancing: Option<Instancing>,
-}
-
-/// Copies of the mesh of a node.
-#[derive(Deserialize)]
-struct Instancing {
-    attributes: Places,
-}
-
-/// The accessors of the places of copies.
-#[derive(Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
-struct Places {
-    translation: Option<usize>,
-    rotation: Option<usize>,
-    scale: Option<usize>,
-}
-
-#[derive(Deserialize)]
-struct MeshOfScene {
-    #[serde(default)]
-    primitives: Vec<Primitive>,
-}
-
-#[derive(Deserialize)]
-struct Primitive {
-    attributes: Attributes,
-    indices: Option<usize>,
-    mode: Option<u32>,
-    #[serde(default)]
-    extensions: Extensions,
-}
-
-#[derive(Default, Deserialize)]
-struct Extensions {
-    #[serde(rename = "KHR_draco_mesh_compression")]
-    draco: Option<serde::de::IgnoredAny>,
-}
-
-#[derive(Deserialize)]
-struct Attributes {
-    #[serde(rename = "POSITION")]
-    position: Option<usize>,
-}
-
-#[derive(Deserialize)]
-struct Accessor {
-    #[serde(rename = "bufferView")]
-    view: Option<usize>,
-    #[serde(default, rename = "byteOffset")]
-    offset: usize,
-    #[serde(rename = "componentType")]
-    component: u32,
-    count: usize,
-    #[serde(rename = "type")]
-    kind: String,
-    sparse: Option<serde::de::IgnoredAny>,
-}
-
-#[derive(Deserialize)]
-struct View {
-    buffer: usize,
-    #[serde(default, rename = "byteOffset")]
-    offset: usize,
-    #[serde(rename = "byteLength")]
-    length: usize,
-    #[serde(rename = "byteStride")]
-    stride: Option<usize>,
-}
-
-#[derive(Deserialize)]
-struct Buffer<'a> {
-    #[serde(default, borrow)]
-    uri: Option<Cow<'a, str>>,
+/// The document of a file.
+fn parsed(text: &[u8]) -> Result<Document<'_>, FormatError> {
+    if text.len() > DOCUMENT_BYTES_MAX {
+        let reason = format!("a document of {} bytes, allowed are {DOCUMENT_BYTES_MAX}; save it as .glb", text.len());
+        return Err(FormatError::byte(0, reason));
+    }
+    serde_json::from_slice(text).map_err(|error| {
+        let reason = error.to_string();
+        FormatError::line(error.line(), reason.split(" at line").next().unwrap_or_default().escape_debug().to_string())
+    })
 }
 
 /// A fault in the document, by the place in it.
@@ -188,29 +133,35 @@ fn fault(place: impl std::fmt::Display, reason: impl std::fmt::Display) -> Forma
 /// If the file is malformed or has what is not read, or its meshes do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let (text, binary) = pieces(&spec.bytes)?;
-    if text.len() > DOCUMENT_BYTES_MAX {
-        let reason = format!("a document of {} bytes, allowed are {DOCUMENT_BYTES_MAX}; save it as .glb", text.len());
-        return Err(FormatError::byte(0, reason));
-    }
-    let document: Document<'_> = serde_json::from_slice(text).map_err(|error| {
-        let reason = error.to_string();
-        FormatError::line(error.line(), reason.split(" at line").next().unwrap_or_default().escape_debug().to_string())
-    })?;
-    let is_known = |name: &str| {
-        ["EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression"].contains(&name)
-            || OF_LOOKS.iter().any(|beginning| name.starts_with(beginning))
-    };
+    let document = parsed(text)?;
+    let is_known = |name: &str| KNOWN.contains(&name) || OF_LOOKS.iter().any(|beginning| name.starts_with(beginning));
     if let Some(name) = document.required.iter().find(|name| !is_known(name)) {
         let name = shown(name.as_bytes());
         return Err(fault("extensionsRequired", format_args!("{name} is not read; save the scene without it")));
     }
+    let mut files = spec.companions.iter();
     let buffers: Vec<Cow<'_, [u8]>> = document
         .buffers
         .iter()
         .enumerate()
         .map(|(number, buffer)| match (&buffer.uri, binary) {
-            (None, Some(binary)) if number == 0 => Ok(Cow::Borrowed(binary)),
+            (Some(_), _) if buffer.file().is_some() => {
+                let place = format!("buffers[{number}].uri");
+                let file = buffer.file().unwrap_or_default();
+                if below_folder(file).is_none() {
+                    let name = shown(file.as_bytes());
+                    let reason =
+                        format!("{name} is no file below the folder of the scene; put it there, or save as .glb");
+                    return Err(fault(place, reason));
+                }
+                let bytes = files.next();
+                bytes.map(|bytes| Cow::Borrowed(bytes.as_slice())).ok_or_else(|| {
+                    fault(place, "the data are in another file, which is not at hand; save the scene as .glb")
+                })
+            }
             (Some(uri), _) => data(number, uri).map(Cow::Owned),
+            (None, _) if buffer.extensions.meshopt.is_some() => Ok(Cow::Borrowed([].as_slice())),
+            (None, Some(binary)) if number == 0 => Ok(Cow::Borrowed(binary)),
             (None, _) => Err(fault(format_args!("buffers[{number}]"), "there are no data")),
         })
         .collect::<Result<_, _>>()?;
@@ -281,7 +232,7 @@ fn pieces(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatError> {
 fn data(number: usize, uri: &str) -> Result<Vec<u8>, FormatError> {
     let place = || format!("buffers[{number}].uri");
     let Some(text) = uri.strip_prefix("data:").and_then(|rest| rest.split_once(";base64,")) else {
-        return Err(fault(place(), "the data are in another file; save the scene as .glb, in one piece"));
+        return Err(fault(place(), "it has no data in base64"));
     };
     let mut bytes = Vec::with_capacity(text.1.len() / 4 * 3);
     let (mut bits, mut count) = (0u32, 0);
@@ -322,6 +273,24 @@ fn placed(translation: [f64; 3], [x, y, z, w]: [f64; 4], scale: [f64; 3]) -> Mat
     translation.to_homogeneous() * rotation.to_homogeneous() * Matrix4::new_nonuniform_scaling(&Vector3::from(scale))
 }
 
+impl Accessor {
+    /// A number of an element.
+    fn number(&self, bytes: &[u8]) -> f64 {
+        let mut low = [0; 4];
+        low[..bytes.len()].copy_from_slice(bytes);
+        let unsigned = u32::from_le_bytes(low);
+        let (number, largest): (f64, f64) = match self.component {
+            I8 => (f64::from(unsigned as u8 as i8), i8::MAX.into()),
+            U8 => (unsigned.into(), u8::MAX.into()),
+            I16 => (f64::from(unsigned as u16 as i16), i16::MAX.into()),
+            U16 => (unsigned.into(), u16::MAX.into()),
+            U32 => return unsigned.into(),
+            _ => return f32::from_bits(unsigned).into(),
+        };
+        if self.normalized { (number / largest).max(-1.0) } else { number }
+    }
+}
+
 struct Reader<'a> {
     document: &'a Document<'a>,
     buffers: Vec<Cow<'a, [u8]>>,
@@ -347,8 +316,7 @@ impl Reader<'_> {
             let position = primitive.attributes.position;
             let position = position.ok_or_else(|| fault(&place, "it has no POSITION"))?;
             let first = mesh.vertices.len();
-            self.each(position, "VEC3", &[F32], |numbers| {
-                let [x, y, z] = [0, 1, 2].map(|axis| f64::from(f32::from_le_bytes(numbers[axis])));
+            self.each(position, "VEC3", &[F32, I8, U8, I16, U16], |[x, y, z, _]| {
                 let at = here * nalgebra::Vector4::new(x, y, z, 1.0);
                 mesh.vertices.push([at.x, at.y, at.z]);
             })?;
@@ -356,7 +324,8 @@ impl Reader<'_> {
             let mut corners: Vec<u32> = Vec::new();
             match primitive.indices {
                 Some(indices) => self.each(indices, "SCALAR", &[U8, U16, U32], |numbers| {
-                    corners.push(u32::from_le_bytes(numbers[0]));
+                    // Exact, as all numbers of 32 bits are.
+                    corners.push(numbers[0] as u32);
                 })?,
                 None => corners.extend(0..count as u32),
             }
@@ -383,9 +352,8 @@ impl Reader<'_> {
         let read = |accessor: Option<usize>, kind: &str| -> Result<Option<Vec<[f64; 4]>>, FormatError> {
             let Some(accessor) = accessor else { return Ok(None) };
             let mut values = Vec::new();
-            self.each(accessor, kind, &[F32], |numbers| {
-                values.push(numbers.map(|number| f64::from(f32::from_le_bytes(number))));
-            })?;
+            let components: &[u32] = if kind == "VEC4" { &[F32, I8, I16] } else { &[F32] };
+            self.each(accessor, kind, components, |numbers| values.push(numbers))?;
             Ok(Some(values))
         };
         let translation = read(places.translation, "VEC3")?;
@@ -403,13 +371,46 @@ impl Reader<'_> {
         Ok((0..count).map(|at| placed(three(&translation, at, 0.0), turned(at), three(&scale, at, 1.0))).collect())
     }
 
-    /// Visits the numbers of each element of an accessor, in four bytes each.
+    /// The bytes of a view.
+    fn view<'v>(&'v self, view: &View, wrong: &impl Fn(&str) -> FormatError) -> Result<Cow<'v, [u8]>, FormatError> {
+        let part = |buffer: usize, offset: usize, length: usize| -> Result<&'v [u8], FormatError> {
+            let buffer = self.buffers.get(buffer).ok_or_else(|| wrong("there is no such buffer"))?;
+            let data = offset.checked_add(length).and_then(|end| buffer.get(offset..end));
+            data.ok_or_else(|| wrong("it lies behind the end of its buffer"))
+        };
+        let Some(packed) = &view.extensions.meshopt else {
+            return part(view.buffer, view.offset, view.length).map(Cow::Borrowed);
+        };
+        let data = part(packed.buffer, packed.offset, packed.length)?;
+        let mode = match packed.mode.as_str() {
+            "ATTRIBUTES" => Mode::Attributes,
+            "TRIANGLES" => Mode::Triangles,
+            "INDICES" => Mode::Indices,
+            _ => return Err(wrong("the mode of its compression is none of ATTRIBUTES, TRIANGLES and INDICES")),
+        };
+        let is_length = packed.count.checked_mul(packed.stride) == Some(view.length);
+        if !is_length || view.length > data.len().saturating_mul(UNPACKED_MAX) {
+            return Err(wrong("the length of its compressed data does not fit"));
+        }
+        let damaged = || wrong("its compressed data are damaged, or of a version that is not read");
+        let mut bytes = meshopt::unpack(data, mode, packed.count, packed.stride).ok_or_else(damaged)?;
+        match packed.filter.as_deref() {
+            None | Some("NONE") => {}
+            Some("EXPONENTIAL") if packed.stride % 4 == 0 => meshopt::from_exponents(&mut bytes),
+            Some(_) => {
+                return Err(wrong("its compressed data have a filter for directions; save the scene without it"));
+            }
+        }
+        Ok(Cow::Owned(bytes))
+    }
+
+    /// Visits the numbers of each element of an accessor; those that it lacks are 0.
     fn each(
         &self,
         number: usize,
         kind: &str,
         components: &[u32],
-        mut visit: impl FnMut([[u8; 4]; 4]),
+        mut visit: impl FnMut([f64; 4]),
     ) -> Result<(), FormatError> {
         let place = format!("accessors[{number}]");
         let wrong = |reason: &str| fault(&place, reason);
@@ -426,14 +427,11 @@ impl Reader<'_> {
             return Err(wrong("it is sparse or has no bufferView, which is not read"));
         };
         let view = self.document.views.get(view).ok_or_else(|| wrong("there is no such bufferView"))?;
-        let buffer = self.buffers.get(view.buffer).ok_or_else(|| wrong("there is no such buffer"))?;
-        let end = view.offset.checked_add(view.length);
-        let data = end.and_then(|end| buffer.get(view.offset..end));
-        let data = data.and_then(|data| data.get(accessor.offset..));
-        let data = data.ok_or_else(|| wrong("it lies behind the end of its buffer"))?;
+        let bytes = self.view(view, &wrong)?;
+        let data = bytes.get(accessor.offset..).ok_or_else(|| wrong("it lies behind the end of its buffer"))?;
         let width = match accessor.component {
-            U8 => 1,
-            U16 => 2,
+            I8 | U8 => 1,
+            I16 | U16 => 2,
             _ => 4,
         };
         let numbers = match kind {
@@ -453,10 +451,10 @@ impl Reader<'_> {
             return Err(wrong(&format!("{} elements do not fit into its {} bytes", accessor.count, data.len())));
         }
         for element in 0..accessor.count {
-            let mut values = [[0; 4]; 4];
+            let mut values = [0.0; 4];
             for (at, value) in values.iter_mut().enumerate().take(numbers) {
                 let from = element * stride + at * width;
-                value[..width].copy_from_slice(&data[from..from + width]);
+                *value = accessor.number(&data[from..from + width]);
             }
             visit(values);
         }

@@ -63,8 +63,9 @@ pub struct ImportSpec {
     pub file: String,
     /// The content of the file.
     pub bytes: Vec<u8>,
-    /// The content of the file that [`ImportSpec::names`], if it has been read.
-    pub companion: Option<Vec<u8>>,
+    /// The contents of the files that it [names](ImportSpec::names), in this order, if they have been
+    /// read.
+    pub companions: Vec<Vec<u8>>,
     /// Names and contents of the pictures of a folder; empty for a file.
     pub layers: Vec<(String, Vec<u8>)>,
     /// The import options.
@@ -99,6 +100,8 @@ pub struct Note {
     pub name: &'static str,
     /// Its text.
     pub text: String,
+    /// Whether the map is probably not what its user wants.
+    pub is_warning: bool,
 }
 
 /// The reason why a map file cannot be read.
@@ -113,7 +116,11 @@ pub struct ImportError {
 
 impl Note {
     fn new(name: &'static str, text: impl Into<String>) -> Self {
-        Self { name, text: text.into() }
+        Self { name, text: text.into(), is_warning: false }
+    }
+
+    fn warning(name: &'static str, text: impl Into<String>) -> Self {
+        Self { is_warning: true, ..Self::new(name, text) }
     }
 }
 
@@ -122,8 +129,16 @@ impl ImportSpec {
     #[must_use]
     pub fn new(file: impl Into<String>, bytes: Vec<u8>) -> Self {
         let cells_max = cells_max(bytes.len());
-        let (companion, layers) = (None, Vec::new());
-        Self { file: file.into(), bytes, companion, layers, options: ImportOptions::default(), cell_m: None, cells_max }
+        let (companions, layers) = (Vec::new(), Vec::new());
+        Self {
+            file: file.into(),
+            bytes,
+            companions,
+            layers,
+            options: ImportOptions::default(),
+            cell_m: None,
+            cells_max,
+        }
     }
 
     /// A folder of pictures with the default options, of which each is a layer of cells.
@@ -153,11 +168,20 @@ impl ImportSpec {
         Self { cells_max: self.cells_max.max(cells), ..self }
     }
 
-    /// The file that this one needs, as the picture of a `map.yaml`, relative to its folder; `None`
-    /// if it needs none, or is faulty, which reading it reports.
+    /// The files that this one needs, as the picture of a `map.yaml` or the data of a `.gltf`,
+    /// relative to its folder; none if it needs none, or is faulty, which reading it reports. Only a
+    /// `map.yaml` may name files that are not below its folder.
     #[must_use]
-    pub fn names(&self) -> Option<PathBuf> {
-        self.format().ok()?.companion.and_then(|companion| companion(&self.bytes))
+    pub fn names(&self) -> Vec<PathBuf> {
+        let companions = self.format().ok().and_then(|format| format.companions);
+        companions.map_or_else(Vec::new, |companions| companions(&self.bytes))
+    }
+
+    /// The same map with the contents of the files that it names.
+    #[must_use]
+    pub fn with_companions(self, companions: Vec<Vec<u8>>) -> Self {
+        let bytes = self.bytes.len() + companions.iter().map(Vec::len).sum::<usize>();
+        Self { cells_max: self.cells_max.max(cells_max(bytes)), companions, ..self }
     }
 
     /// Reads the terrain, unrepaired.

@@ -20,7 +20,7 @@ mod orientation;
 mod touch;
 mod winding;
 
-use voxels::{Terrain, close_shell};
+use voxels::{Cell, FACES, Grid, Terrain, close_shell};
 
 use super::cloud::keep_from;
 use super::frame::{Bounds, Frame, Units};
@@ -50,6 +50,10 @@ const UNDECIDED: f64 = 1e-6;
 /// How many times shorter than the others the side along y is of a mesh that probably has y
 /// upwards.
 const FLAT_Y: f64 = 2.0;
+
+/// What to say if all free space lies around a mesh.
+const AROUND: &str = "the inside of the mesh is wall, and what is free lies around it; map.import.inside = \"free\" \
+                      (--inside free) makes a cave of it, \"wall\" says that this is meant";
 
 /// Where winding numbers are taken: this far from a centre along x, y and z, in lengths of cells,
 /// as a small picture of the step that decides ties.
@@ -149,6 +153,7 @@ pub(super) fn map_up(
     let mut triangles = mesh.sound(units);
     lattice::put_on(&mut triangles);
     let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
+    units.check_span(spec, bounds)?;
     let frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),
@@ -208,9 +213,38 @@ pub(super) fn map_up(
         notes.push(Note::new("fill", format!("shell: {touched} free cells that the surface touches become wall")));
     }
     close_shell(&mut terrain, 1);
+    let free = mapgen::free_cells(&terrain);
+    if free == 1 || inside == Kind::Free {
+        units.check_free(spec, bounds, free)?;
+    }
+    if spec.options.inside.is_none() && is_free_around(&terrain) {
+        notes.push(Note::warning("inside", AROUND));
+    }
     notes.push(frame.note());
     notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| frame.cell_of_place(place))?);
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
+}
+
+/// Whether no free space is enclosed by the mesh: all of it is connected with the outermost layer
+/// of free cells, or there is none.
+fn is_free_around(terrain: &Grid<Terrain>) -> bool {
+    let mut left = terrain.clone();
+    let last = terrain.extent().size().map(|cells| cells as i32 - 2);
+    let is_outermost =
+        |cell: &Cell| [cell.x, cell.y, cell.z].into_iter().zip(last).any(|(at, last)| at == 1 || at == last);
+    let mut open: Vec<Cell> = terrain.extent().cells().filter(is_outermost).collect();
+    while let Some(cell) = open.pop() {
+        if left.get(cell) == Some(&Terrain::Free) {
+            left.set(cell, Terrain::Wall);
+            open.extend(FACES.map(|face| cell + face));
+        }
+    }
+    mapgen::free_cells(&left) == 0
+}
+
+/// A note on faces that a reader left out.
+pub(super) fn note_of_skipped(faces: u64) -> Option<Note> {
+    (faces > 0).then(|| Note::new("skipped", format!("{faces} faces of less than 3 corners")))
 }
 
 /// What is open. `holes` are the lines along each axis that come through holes, if lines decide

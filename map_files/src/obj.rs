@@ -1,6 +1,8 @@
 //! Meshes in Wavefront's OBJ format: vertices and faces, of all objects and groups; everything else
 //! is ignored.
 
+use std::borrow::Cow;
+
 use super::bytes::{Bytes, number, shown, three, words};
 use super::mesh::{self, Mesh};
 use super::options::Up;
@@ -20,8 +22,9 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut mesh = Mesh::default();
     let mut groups = 0u64;
     let mut text = Bytes::new(&spec.bytes);
-    while let Some((line, content)) = text.line() {
-        let mut words = words(content);
+    let mut skipped = 0u64;
+    while let Some((line, content)) = whole_line(&mut text) {
+        let mut words = words(&content);
         match words.next() {
             Some(b"v") => mesh.vertices.push(three(line, &mut words, "a coordinate")?),
             Some(b"f") => {
@@ -29,24 +32,60 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
                     words.map(|word| corner(line, word, mesh.vertices.len())).collect();
                 let corners = corners?;
                 if corners.len() < 3 {
-                    return Err(FormatError::line(
-                        line,
-                        format!("a face of {} corners, expected 3 or more", corners.len()),
-                    ));
+                    skipped += 1;
+                } else {
+                    mesh.add_polygon(&corners);
+                    mesh.check_count()?;
                 }
-                mesh.add_polygon(&corners);
-                mesh.check_count()?;
             }
             Some(b"o" | b"g") => groups += 1,
             _ => {}
         }
     }
     let note = (groups > 0).then(|| Note::new("groups", format!("{groups}, which come out as their union")));
-    let notes = note.into_iter().collect();
+    let notes = note.into_iter().chain(mesh::note_of_skipped(skipped)).collect();
+    if let Some(up) = up_by_comment(&spec.bytes) {
+        return mesh::map_up(spec, &mesh, (up, "as a comment of the file says"), notes);
+    }
     match writer_of_y(&spec.bytes) {
         Some(writer) => mesh::map_up(spec, &mesh, (Up::Y, &format!("as {writer} writes it by default")), notes),
         None => mesh::map(spec, &mesh, notes),
     }
+}
+
+/// The axis upwards that the comments at the beginning of a file name: `z up` or `up: y`, in any
+/// spelling of these words.
+fn up_by_comment(bytes: &[u8]) -> Option<Up> {
+    let mut text = Bytes::new(bytes);
+    std::iter::from_fn(|| text.line()).map_while(|(_, line)| line.strip_prefix(b"#")).find_map(|comment| {
+        let comment = String::from_utf8_lossy(comment).to_lowercase();
+        let words: Vec<&str> =
+            comment.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        words.windows(2).find_map(|pair| match pair {
+            ["z", "up"] | ["up", "z"] => Some(Up::Z),
+            ["y", "up"] | ["up", "y"] => Some(Up::Y),
+            _ => None,
+        })
+    })
+}
+
+/// The next line, with those that it continues on after a `\` at its end.
+fn whole_line<'a>(text: &mut Bytes<'a>) -> Option<(usize, Cow<'a, [u8]>)> {
+    let (line, content) = text.line()?;
+    let Some(mut begun) = content.strip_suffix(b"\\").map(<[u8]>::to_vec) else {
+        return Some((line, Cow::Borrowed(content)));
+    };
+    while let Some((_, more)) = text.line() {
+        begun.push(b' ');
+        match more.strip_suffix(b"\\") {
+            Some(more) => begun.extend(more),
+            None => {
+                begun.extend(more);
+                break;
+            }
+        }
+    }
+    Some((line, Cow::Owned(begun)))
 }
 
 /// The program that has written a file, by its first line, if it has y upwards unless its user
@@ -94,6 +133,9 @@ mod tests {
             assert_eq!(up(first, [6, 4, 5], None), ([8, 7, 6], note));
         }
         assert_eq!(up("# Blender 3.4.1", [6, 4, 5], Some(Up::Z)), ([8, 6, 7], "z, by the option up".to_owned()));
+        let said = "as a comment of the file says; the option up changes that";
+        assert_eq!(up("# walls, Y-up", [6, 4, 5], None), ([8, 7, 6], format!("y, {said}")));
+        assert_eq!(up("# Blender 3.4.1\n# up: Z", [6, 4, 5], None).1, format!("z, {said}"));
         let open = "z, as the format leaves it open";
         assert_eq!(up("# walls", [6, 4, 5], None).1, format!("{open}; the option up changes that"));
         assert!(up("# a hall", [24, 5, 10], None).1.contains("y is by far the shortest side"));
@@ -110,13 +152,23 @@ mod tests {
         assert_eq!(terrain.extent().size(), [4; 3]);
         assert_eq!(mapgen::free_cells(&terrain), 8);
         assert_eq!(notes[0].text, "12 triangles in 1 part(s), 0 dropped because they have no area or are not finite");
+        // In lines that go on, and with faces that are none.
+        let broken = text.replace(" 3 2\n", " \\\r\n  3 \\\n2\n").replace("s off\n", "f 1 2\nf 3\nf 1 1 2\n");
+        let continued = read(&ImportSpec { bytes: broken.into(), ..spec }).unwrap();
+        assert_eq!(continued.terrain, terrain);
+        assert!(
+            continued.notes.iter().any(|note| note.text == "2 faces of less than 3 corners"),
+            "{:?}",
+            continued.notes
+        );
     }
 
     #[test]
     fn errors_name_the_line() {
         let refuse = |text: &str| read(&ImportSpec::new("a.obj", text.into())).unwrap_err().to_string();
         assert_eq!(refuse("v 1 2\n"), "line 1: a coordinate is missing");
-        assert_eq!(refuse("v 1 2 3\nf 1 1\n"), "line 2: a face of 2 corners, expected 3 or more");
+        assert_eq!(refuse("v 1 2 3\nf 1 1\n"), "the file has no triangle");
+        assert_eq!(refuse("v 1 2 3\nf 1 \\\n1 \\\r\n2\nf x\n"), "line 2: \"2\" is none of the 1 vertices before it");
         assert_eq!(refuse("v 1 2 3\nf 1 1 2\n"), "line 2: \"2\" is none of the 1 vertices before it");
         assert_eq!(refuse("v 1 2 3\nf 1 0 1\n"), "line 2: \"0\" is none of the 1 vertices before it");
         assert_eq!(

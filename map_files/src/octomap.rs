@@ -6,12 +6,17 @@
 //!
 //! **Full trees (`.ot`).** After a header of the same kind, each node has the logarithm of its odds
 //! of being occupied as four bytes, in `ColorOcTree` three more, and a byte with a bit for each
-//! child, which follow. A leaf is occupied from even odds on.
+//! child, which follow. A leaf is occupied from even odds on. Nodes of a tree that is not known have
+//! the length that follows from their number.
 //!
 //! Child i is on the upper side of x if bit 0 of i is set, of y if bit 1 is, of z if bit 2 is. Both
 //! trees are 16 levels deep, and the origin of the file is their middle.
+//!
+//! **Longer cells.** A cell of several of the tree's is occupied if one of these is, else free if
+//! one is, as inner nodes of OctoMap have the largest odds of their known children. Such cells lie
+//! on multiples of their length from the origin of the file.
 
-use voxels::{Cell, Extent, Terrain};
+use voxels::{Cell, Extent, ExtentError, Terrain};
 
 use super::bytes::{Bytes, number, shown, words};
 use super::cloud::keep_from;
@@ -27,6 +32,12 @@ pub(super) const READER: MapReader = MapReader {
 /// Levels of the tree below its root.
 const DEPTH: u32 = 16;
 
+/// Cells of the tree between its lowest corner and the origin of the file.
+const MIDDLE: i32 = 1 << (DEPTH - 1);
+
+/// Most bytes of a node with its children, of a tree that is not known.
+const NODE_BYTES_MAX: usize = 256;
+
 /// The state of a leaf.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Leaf {
@@ -40,55 +51,105 @@ enum Leaf {
 /// If the file is malformed, or the known cells do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut bytes = Bytes::new(&spec.bytes);
-    let Header { resolution_m, kind } = header(&mut bytes)?;
+    let header = header(&mut bytes)?;
     let (start, tree) = (bytes.at(), bytes.rest());
-    let mut low = [u32::MAX; 3];
-    let mut high = [0; 3];
-    let left = walk(kind, tree, start, |_, corner, edge| {
-        for axis in 0..3 {
-            low[axis] = low[axis].min(corner[axis]);
-            high[axis] = high[axis].max(corner[axis] + edge);
-        }
-    })?;
-    if high == [0; 3] {
-        return Err(FormatError::Nothing("cell that is free or occupied"));
+    let (kind, note_of_kind) = header.tree(tree.len())?;
+    let cell_m = spec.cell_m.unwrap_or(header.resolution_m);
+    let times = libm::round(cell_m / header.resolution_m);
+    let is_multiple = times >= 1.0 && (cell_m - times * header.resolution_m).abs() <= 1e-9 * cell_m;
+    if !is_multiple || times > f64::from(MIDDLE) {
+        return Err(FormatError::NoMultiple { stored: header.resolution_m, asked: cell_m });
     }
-    let extent =
-        Extent::new([0, 1, 2].map(|axis| high[axis] - low[axis]), resolution_m).map_err(FormatError::Extent)?;
+    let times = times as i32;
+    let mut bounds: Option<[[i32; 3]; 2]> = None;
+    let left = walk(kind, tree, start, |_, corner, edge| {
+        let [low, high] = coarse(corner, edge, times);
+        let [lowest, highest] = bounds.unwrap_or([low, high]);
+        bounds = Some([
+            [0, 1, 2].map(|axis| lowest[axis].min(low[axis])),
+            [0, 1, 2].map(|axis| highest[axis].max(high[axis])),
+        ]);
+    })?;
+    let [low, high] = bounds.ok_or(FormatError::Nothing("cell that is free or occupied"))?;
+    let size = [0, 1, 2].map(|axis| (high[axis] - low[axis]) as u32);
+    let extent = Extent::new(size, cell_m).map_err(|reason| match reason {
+        reason @ ExtentError::Size { .. } => {
+            FormatError::Box { reason, cell_m, advice: longer_cells(size, cell_m, times) }
+        }
+        reason => FormatError::Extent(reason),
+    })?;
     let unknown = match spec.options.unknown.unwrap_or(Kind::Wall) {
         Kind::Wall => Terrain::Wall,
         Kind::Free => Terrain::Free,
     };
     let mut terrain = new_grid(extent, unknown, spec)?;
     let mut known = [0u64; 2];
-    walk(kind, tree, start, |leaf, corner, edge| {
-        let first = [0, 1, 2].map(|axis| (corner[axis] - low[axis]) as i32);
-        let edge = edge as i32;
-        let here = if leaf == Leaf::Free { Terrain::Free } else { Terrain::Wall };
-        known[here as usize] += (edge as u64).pow(3);
-        for (z, y) in (0..edge).flat_map(|z| (0..edge).map(move |y| (z, y))) {
-            let row = extent.index(Cell::new(first[0], first[1] + y, first[2] + z)).expect("leaves are in the extent");
-            terrain.as_mut_slice()[row..row + edge as usize].fill(here);
-        }
-    })?;
+    // Occupied cells after free ones, which may share a longer cell.
+    for pass in [Leaf::Free, Leaf::Occupied] {
+        walk(kind, tree, start, |leaf, corner, edge| {
+            if leaf != pass {
+                return;
+            }
+            known[usize::from(leaf == Leaf::Occupied)] += u64::from(edge).pow(3);
+            let [first, end] = coarse(corner, edge, times);
+            let [first, end] = [first, end].map(|place| [0, 1, 2].map(|axis| place[axis] - low[axis]));
+            let here = if leaf == Leaf::Free { Terrain::Free } else { Terrain::Wall };
+            for (z, y) in (first[2]..end[2]).flat_map(|z| (first[1]..end[1]).map(move |y| (z, y))) {
+                let row = extent.index(Cell::new(first[0], y, z)).expect("leaves are in the extent");
+                terrain.as_mut_slice()[row..row + (end[0] - first[0]) as usize].fill(here);
+            }
+        })?;
+    }
 
     let [free, occupied] = known;
-    let rest = extent.volume() as u64 - free - occupied;
     let becomes = if unknown == Terrain::Wall { "wall" } else { "free" };
-    let text = format!("{occupied} occupied, {free} free, {rest} unknown, which become {becomes}");
+    let text = if times == 1 {
+        let rest = extent.volume() as u64 - free - occupied;
+        format!("{occupied} occupied, {free} free, {rest} unknown, which become {becomes}")
+    } else {
+        format!(
+            "{occupied} occupied and {free} free of {} m; {times} of these along a cell, wall if one is occupied, else \
+             free if one is; unknown ones become {becomes}",
+            header.resolution_m
+        )
+    };
     let mut notes = vec![Note::new("tree", text)];
+    notes.extend(note_of_kind);
     notes.extend((left > 0).then(|| Note::new("ignored", format!("{left} bytes after the tree"))));
     let (mut terrain, closed) = surrounded(terrain, spec)?;
     let layers = if closed.is_some() { 1.0 } else { 0.0 };
     notes.extend(closed);
-    let begin = low.map(|along| f64::from(along) - f64::from(1 << (DEPTH - 1)) - layers);
-    let [x, y, z] = begin.map(|along| along * resolution_m);
+    let begin = low.map(|along| f64::from(along) - layers);
+    let [x, y, z] = begin.map(|along| along * cell_m);
     notes.push(Note::new("origin", format!("the map begins at ({x}, {y}, {z}) m of the file")));
     notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| {
-        let [x, y, z] = [0, 1, 2].map(|axis| libm::floor(place[axis] / resolution_m - begin[axis]) as i32);
+        let [x, y, z] = [0, 1, 2].map(|axis| libm::floor(place[axis] / cell_m - begin[axis]) as i32);
         Cell::new(x, y, z)
     })?);
     Ok(Imported { terrain, notes, stores_cell_m: true, origin_m: Some([x, y, z]), yaw_rad: 0.0 })
+}
+
+/// The cells, of `times` cells of the tree along each edge, in which a leaf lies: the first ones and
+/// those after the last, counted from the origin of the file.
+fn coarse(corner: [u32; 3], edge: u32, times: i32) -> [[i32; 3]; 2] {
+    let from_origin = corner.map(|along| along as i32 - MIDDLE);
+    [
+        from_origin.map(|along| along.div_euclid(times)),
+        from_origin.map(|along| (along + edge as i32 - 1).div_euclid(times) + 1),
+    ]
+}
+
+/// The shortest length of cells with which a map of this size fits, as advice.
+fn longer_cells(size: [u32; 3], cell_m: f64, times: i32) -> String {
+    let longest = size.into_iter().max().unwrap_or(1);
+    // One cell more, because longer cells need not begin where the map does.
+    let most = Extent::AXIS_MAX - 1;
+    let factor = longest.div_ceil(most);
+    let resolution_m = cell_m / f64::from(times);
+    format!(
+        "with map.cell_m (--cell-m) = {} or more, a multiple of {resolution_m}, it fits",
+        f64::from(factor) * cell_m
+    )
 }
 
 /// The resolution in the header, metres.
@@ -110,12 +171,48 @@ enum Tree {
 
 struct Header {
     resolution_m: f64,
-    kind: Tree,
+    id: String,
+    is_full: bool,
+    /// Nodes and leaves.
+    nodes: Option<usize>,
+}
+
+impl Header {
+    /// The encoding of the tree, which has so many bytes, and a note if it is not known.
+    ///
+    /// # Errors
+    /// If it follows from nothing.
+    fn tree(&self, bytes: usize) -> Result<(Tree, Option<Note>), FormatError> {
+        if !self.is_full {
+            // All kinds of trees have the same binary form.
+            return Ok((Tree::Binary, None));
+        }
+        match self.id.as_str() {
+            // The stamp of a node is not written.
+            "OcTree" | "OcTreeStamped" => return Ok((Tree::Full(4), None)),
+            "ColorOcTree" => return Ok((Tree::Full(7), None)),
+            _ => {}
+        }
+        let id = shown(self.id.as_bytes());
+        let each = self.nodes.filter(|&nodes| nodes > 0 && bytes % nodes == 0).map(|nodes| bytes / nodes);
+        let Some(node_bytes) = each.filter(|each| (5..=NODE_BYTES_MAX).contains(each)) else {
+            let reason = format!(
+                "it is of kind {id}, whose nodes are not known, as their number does not fit the length of the file; write \
+                 it as a binary tree (.bt)"
+            );
+            return Err(FormatError::Entry { place: "the tree".to_owned(), reason });
+        };
+        let text = format!(
+            "of kind {id}, which is not known: the first 4 of {} bytes of each node are taken for its odds",
+            node_bytes - 1
+        );
+        Ok((Tree::Full(node_bytes - 1), Some(Note::new("tree", text))))
+    }
 }
 
 fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
     let mut resolution_m = None;
-    let (mut is_full, mut node_bytes) = (false, 4);
+    let (mut is_full, mut id, mut nodes) = (false, "OcTree".to_owned(), None);
     loop {
         let (at, line) = bytes.header_line("data")?;
         if at == 1 {
@@ -130,25 +227,17 @@ fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
         }
         let mut words = words(line);
         match words.next() {
-            Some(b"id") => {
-                let id = words.next().unwrap_or_default();
-                // Trees with colours have the same binary form.
-                if !matches!(id, b"OcTree" | b"ColorOcTree") {
-                    return Err(FormatError::line(at, format!("id {}, expected OcTree", shown(id))));
-                }
-                node_bytes = if id == b"OcTree" { 4 } else { 7 };
-            }
+            Some(b"id") => id = String::from_utf8_lossy(words.next().unwrap_or_default()).into_owned(),
+            Some(b"size") => nodes = number(at, words.next(), "size").ok(),
             Some(b"res") => {
                 let metres: f64 = number(at, words.next(), "res")?;
                 Extent::new([1; 3], metres).map_err(|reason| FormatError::line(at, reason.to_string()))?;
                 resolution_m = Some(metres);
             }
             Some(b"data") => {
-                let kind = if is_full { Tree::Full(node_bytes) } else { Tree::Binary };
                 let missing = || FormatError::line(at, "data without a line res before them");
-                return Ok(Header { resolution_m: resolution_m.ok_or_else(missing)?, kind });
+                return Ok(Header { resolution_m: resolution_m.ok_or_else(missing)?, id, is_full, nodes });
             }
-            // Comments, and the number of nodes, which follows from the tree.
             _ => {}
         }
     }
@@ -263,6 +352,30 @@ mod tests {
     }
 
     #[test]
+    fn longer_cells_are_those_of_octomap() {
+        // Free at (0, 0, 0) and (0, 1, 1), occupied at (1, 0, 0), all in one cell of 0.5 m; free at
+        // (-1, -1, -1) in another one, whose other cells are unknown.
+        let upper = std::iter::once(0b11u16 << 14 | 0b11).chain([0b11; 14]).chain([0b01 | 0b10 << 2 | 0b01 << 12]);
+        let lower = std::iter::repeat_n(0b11u16 << 14, 14).chain([0b01 << 14]);
+        let tree: Vec<u8> = upper.take(1).chain(lower).flat_map(u16::to_le_bytes).collect();
+        let rest: Vec<u8> =
+            [0b11u16; 14].into_iter().chain([0b01 | 0b10 << 2 | 0b01 << 12]).flat_map(u16::to_le_bytes).collect();
+        let bytes = [HEADER.replace("OcTree\nsize", "OwnTree\nsize").as_bytes(), &tree, &rest].concat();
+        let spec = |cell_m| ImportSpec { cell_m: Some(cell_m), ..ImportSpec::new("a.bt", bytes.clone()) };
+        assert_eq!(free_cells(&spec(0.25).read().unwrap().terrain), 3);
+        let Imported { terrain, origin_m, stores_cell_m, .. } = spec(0.5).read().unwrap();
+        assert_eq!((terrain.extent().size(), terrain.extent().cell_m(), stores_cell_m), ([4; 3], 0.5, true));
+        assert_eq!(origin_m, Some([-1.0; 3]));
+        assert_eq!(free_cells(&terrain), 1);
+        assert_eq!(terrain.get(Cell::new(1, 1, 1)), Some(&Terrain::Free));
+        let error = spec(0.3).read().unwrap_err().to_string();
+        assert!(
+            error.ends_with("the file has cells of 0.25 m, asked for are cells of 0.3 m; allowed are multiples"),
+            "{error}"
+        );
+    }
+
+    #[test]
     fn full_trees_have_odds() {
         let node = |log_odds: f32, children: u8, extra: &[u8]| [&log_odds.to_le_bytes(), extra, &[children]].concat();
         let tree = |extra: &[u8]| {
@@ -279,6 +392,12 @@ mod tests {
         assert_eq!(plain.notes[0].text, "1 occupied, 1 free, 2 unknown, which become wall");
         assert_eq!(plain.terrain.extent().size(), [4, 4, 3]);
         assert_eq!(read_tree("ColorOcTree", &tree(&[1, 2, 3])).unwrap(), plain);
+        assert_eq!(read_tree("OcTreeStamped", &tree(&[])).unwrap(), plain);
+        let other = read_tree("OwnTree", &tree(&[9; 5])).unwrap();
+        assert_eq!(other.terrain, plain.terrain);
+        assert!(other.notes[1].text.ends_with("the first 4 of 9 bytes of each node are taken for its odds"));
+        let error = read_tree("OwnTree", &tree(&[])[1..]).unwrap_err().to_string();
+        assert!(error.starts_with("the tree: it is of kind \"OwnTree\""), "{error}");
         let error = read_tree("OcTree", &tree(&[])[..50]).unwrap_err().to_string();
         assert!(error.ends_with("the file ends within the tree, 1 nodes are missing"), "{error}");
     }
@@ -299,7 +418,6 @@ mod tests {
             "line 1: the file begins with \"x\", expected # Octomap OcTree binary file or # Octomap OcTree file"
         );
         let header = |rest: &str| refuse(&format!("# Octomap OcTree binary file\n{rest}"));
-        assert_eq!(header("id Tree"), "line 2: id \"Tree\", expected OcTree");
         assert_eq!(header("res 0"), "line 2: cell_m is 0, allowed are finite lengths in metres above 0");
         assert_eq!(header("data\n"), "line 2: data without a line res before them");
         assert_eq!(refuse(HEADER), "the file has no cell that is free or occupied");
@@ -307,7 +425,11 @@ mod tests {
         let refuse = |tree: &[u8]| read(&bytes(tree)).unwrap_err().to_string();
         assert_eq!(refuse(&[3]), "byte 74: the file ends within the tree, 1 nodes are missing");
         assert_eq!(refuse(&[0x0f, 0, 1, 0]), "byte 77: the file ends within the tree, 1 nodes are missing");
-        assert_eq!(refuse(&[1, 0]), "map size along x is 32768 cells, allowed are 1 to 1024");
+        assert_eq!(
+            refuse(&[1, 0]),
+            "map size along x is 32768 cells, allowed are 1 to 1024, with cells of 0.25 m; with map.cell_m (--cell-m) = \
+             8.25 or more, a multiple of 0.25, it fits"
+        );
         let deep = [3, 0].repeat(16);
         assert_eq!(refuse(&deep), "byte 103: child 0 is below level 16, and has children");
     }

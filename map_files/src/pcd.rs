@@ -1,10 +1,13 @@
-//! Point clouds of the Point Cloud Library (PCD 0.7): ascii, binary and binary_compressed.
+//! Point clouds of the Point Cloud Library (PCD 0.7 and before): ascii, binary and binary_compressed.
 //!
 //! The fields x, y and z are used, of any numeric type, and as the position of the sensor the
 //! fields vp_x, vp_y and vp_z of each point, or VIEWPOINT, unless it is the origin of the file,
-//! which stands for none. Compressed data are LZF, field by field.
+//! which stands for none. Compressed data are LZF, field by field, or stored as they are where LZF
+//! would not make them shorter.
 
-use super::bytes::{Bytes, number, shown, three, words};
+use std::borrow::Cow;
+
+use super::bytes::{Bytes, float, number, shown, three, words};
 use super::cloud::{self, Sensors};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
@@ -94,16 +97,20 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
 fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
     let mut fields: Vec<Field> = Vec::new();
     let mut points = None;
+    let (mut width, mut height): (Option<usize>, usize) = (None, 1);
     let mut viewpoint = [0.0; 3];
     loop {
         let (at, line) = bytes.header_line("DATA")?;
         let mut words = words(line);
         let Some(key) = words.next() else { continue };
         match key {
-            b"VERSION" | b"WIDTH" | b"HEIGHT" => {}
+            b"VERSION" => {}
+            b"WIDTH" => width = Some(number(at, words.next(), "WIDTH")?),
+            b"HEIGHT" => height = number(at, words.next(), "HEIGHT")?,
             b"VIEWPOINT" => viewpoint = three(at, &mut words, "VIEWPOINT")?,
             _ if key.starts_with(b"#") => {}
-            b"FIELDS" => {
+            // Before version 0.6 they were columns.
+            b"FIELDS" | b"COLUMNS" => {
                 let field = |name: &[u8]| Field { name: name.to_vec(), size: 4, number: Number::Float, count: 1 };
                 fields = words.map(field).collect();
             }
@@ -151,7 +158,8 @@ fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
                         return Err(FormatError::line(at, reason));
                     }
                 };
-                let points = points.ok_or_else(|| FormatError::line(at, "DATA comes before POINTS"))?;
+                let points = points.or(width.map(|width| width.saturating_mul(height)));
+                let points = points.ok_or_else(|| FormatError::line(at, "DATA comes before POINTS or WIDTH"))?;
                 let header = Header { fields, points, data, viewpoint };
                 if header.stride() > STRIDE_MAX {
                     return Err(FormatError::line(at, format!("a point has more than {STRIDE_MAX} bytes")));
@@ -214,7 +222,7 @@ fn ascii(bytes: &mut Bytes<'_>, header: &Header, wanted: &[Coordinate]) -> Resul
         }
         let values: Vec<&[u8]> = words(text).collect();
         for coordinate in wanted {
-            read.push(number(line, values.get(coordinate.values).copied(), "a coordinate")?);
+            read.push(float(line, values.get(coordinate.values).copied(), "a coordinate")?);
         }
         points += 1;
     }
@@ -242,7 +250,11 @@ fn compressed(bytes: &mut Bytes<'_>, header: &Header, wanted: &[Coordinate]) -> 
         return Err(FormatError::byte(at + 4, reason));
     }
     let start = bytes.at();
-    let data = unpack(bytes.take(packed, "the compressed data")?, length, start)?;
+    let stored = bytes.take(packed, "the compressed data")?;
+    let data = match unpack(stored, length, start) {
+        Err(_) if packed == length => Cow::Borrowed(stored),
+        data => Cow::Owned(data?),
+    };
     // All values of a field stand together.
     let value = |point: usize, coordinate: &Coordinate| {
         let field = &header.fields[coordinate.field];
@@ -355,6 +367,22 @@ mod tests {
         assert_eq!(text(&ascii), format!("{wall}\n#####\n#..##\n#...#\n##..#\n#####\n\n{wall}"));
         assert_eq!(ascii, binary);
         assert_eq!(ascii, compressed);
+        let stored = with_lengths(&by_field, by_field.len());
+        let stored = read(&spec([format!("{HEADER}binary_compressed\n").as_bytes(), &stored].concat())).unwrap();
+        assert_eq!(ascii, stored);
+    }
+
+    #[test]
+    fn headers_of_old_and_short_files_are_read() {
+        let points = "0 0 0\n3 0 0\n";
+        let read = |header: &str, more: &str| read(&spec(format!("{header}DATA ascii\n{points}{more}").into_bytes()));
+        let today = read("FIELDS x y z\nPOINTS 2\n", "").unwrap();
+        for header in ["COLUMNS x y z\nPOINTS 2\n", "FIELDS x y z\nWIDTH 1\nHEIGHT 2\n", "COLUMNS x y z\nWIDTH 2\n"] {
+            assert_eq!(read(header, "").unwrap(), today, "{header}");
+        }
+        let windows = read("FIELDS x y z\nPOINTS 4\n", "-nan(ind) 1.#QNAN nan\n-1.#IND 1 2\n").unwrap();
+        assert_eq!(windows.terrain, today.terrain);
+        assert_eq!(windows.notes[0].text, "2 in 2 cells, 2 dropped because they are not finite");
     }
 
     #[test]
@@ -389,7 +417,7 @@ mod tests {
         assert_eq!(refuse("PONITS 3\n"), "line 1: \"PONITS\" is no key of a PCD header");
         assert_eq!(refuse("FIELDS x y\nPOINTS 1\nDATA ascii\n"), "line 3: there is no field 'z' in FIELDS");
         let xyz = |rest: &str| refuse(&format!("FIELDS x y z\n{rest}"));
-        assert_eq!(xyz("DATA ascii\n"), "line 2: DATA comes before POINTS");
+        assert_eq!(xyz("DATA ascii\n"), "line 2: DATA comes before POINTS or WIDTH");
         assert_eq!(xyz("POINTS 9\nDATA ascii\n1 2 3\n"), "byte 39: the file ends here after 1 of 9 points");
         assert_eq!(xyz("POINTS 1\nDATA ascii\n1 2 z\n"), "line 4: a coordinate is \"z\", expected a number");
         assert_eq!(

@@ -1,9 +1,13 @@
-//! Grey pictures of floor plans: PGM (P2 in text and P5 in bytes) and PNG.
+//! Grey pictures of floor plans: PGM (P2 in text and P5 in bytes), PNG, BMP and JPEG.
+//!
+//! Errors repeat nothing of a picture: a map.yaml may name any file as its picture.
 
 use std::io::Cursor;
 
+use image::{ImageFormat, ImageReader, Limits};
+
 use super::FormatError;
-use super::bytes::{shown, words};
+use super::bytes::words;
 
 /// The largest maximum grey value of PGM.
 const MAXIMUM: u32 = 65535;
@@ -45,8 +49,8 @@ impl Pixel {
 }
 
 impl Picture {
-    /// A PNG file if it begins as one, else a PGM file. `check` refuses a size before there are
-    /// pixels.
+    /// A file of the format that it begins as, whatever its name. `check` refuses a size before there
+    /// are pixels.
     ///
     /// # Errors
     /// If the file is malformed.
@@ -57,7 +61,12 @@ impl Picture {
             }
             None => check(size),
         };
-        if bytes.starts_with(b"\x89PNG") { png(bytes, check) } else { pgm(bytes, check) }
+        match bytes {
+            [0x89, b'P', b'N', b'G', ..] => png(bytes, check),
+            [b'B', b'M', ..] => other(bytes, ImageFormat::Bmp, check),
+            [0xff, 0xd8, 0xff, ..] => other(bytes, ImageFormat::Jpeg, check),
+            _ => pgm(bytes, check),
+        }
     }
 }
 
@@ -85,13 +94,42 @@ fn png(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
     Ok(Picture { width, height, maximum: 255, has_alpha, pixels })
 }
 
+/// A picture of a format of the crate `image`.
+fn other(
+    bytes: &[u8],
+    format: ImageFormat,
+    check: impl Fn([u32; 2]) -> Result<(), FormatError>,
+) -> Result<Picture, FormatError> {
+    // Its reasons may repeat bytes of the file.
+    let fault = |_| FormatError::byte(0, format!("the {format:?} file is damaged, or of a kind that is not read"));
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(SIDE_MAX);
+    limits.max_image_height = Some(SIDE_MAX);
+    let reader = || {
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        reader.limits(limits.clone());
+        reader
+    };
+    let (width, height) = reader().into_dimensions().map_err(fault)?;
+    check([width, height])?;
+    let picture = reader().decode().map_err(fault)?;
+    let has_alpha = picture.color().has_alpha();
+    let pixel = |pixel: &image::Rgba<u8>| {
+        let [red, green, blue, alpha] = pixel.0;
+        let sum: u16 = [red, green, blue].into_iter().map(u16::from).sum();
+        Pixel { brightness: f32::from(sum) / 3.0, alpha: f32::from(alpha) }
+    };
+    let pixels = picture.to_rgba8().pixels().map(pixel).collect();
+    Ok(Picture { width, height, maximum: 255, has_alpha, pixels })
+}
+
 fn pgm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
     let mut tokens = Tokens { bytes, at: 0 };
     let is_text = match tokens.next("P2 or P5")? {
         (_, b"P2") => true,
         (_, b"P5") => false,
-        (at, word) => {
-            return Err(FormatError::byte(at, format!("the file begins with {}, expected P2 or P5", shown(word))));
+        (at, _) => {
+            return Err(FormatError::byte(at, "the file begins as no PGM (P2 or P5), PNG, BMP or JPEG"));
         }
     };
     let (width, height) = (tokens.number("the width", u32::MAX)?, tokens.number("the height", u32::MAX)?);
@@ -165,8 +203,8 @@ impl<'a> Tokens<'a> {
     fn number(&mut self, what: &str, largest: u32) -> Result<u32, FormatError> {
         let (at, word) = self.next(what)?;
         let number = str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-        number.filter(|&number| number <= largest).ok_or_else(|| {
-            FormatError::byte(at, format!("{what} is {}, allowed is a number up to {largest}", shown(word)))
-        })
+        number
+            .filter(|&number| number <= largest)
+            .ok_or_else(|| FormatError::byte(at, format!("{what} is none, allowed is a number up to {largest}")))
     }
 }

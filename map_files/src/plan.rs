@@ -3,7 +3,8 @@
 //! A pixel is a column of cells of one kind, from floor to ceiling. The first row of the picture
 //! has the highest y.
 
-use std::path::PathBuf;
+use std::borrow::Cow;
+use std::path::{Component, Path, PathBuf};
 
 use voxels::{Cell, Extent, Terrain};
 
@@ -13,14 +14,18 @@ use super::picture::{Picture, Pixel};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrounded};
 
 /// A floor plan as a picture.
-pub(super) const READER: MapReader =
-    MapReader::new("floor plan", &["pgm", "png"], &["height_cells", "threshold", "cells_max"], read);
+pub(super) const READER: MapReader = MapReader::new(
+    "floor plan",
+    &["pgm", "png", "bmp", "jpg", "jpeg"],
+    &["height_cells", "threshold", "cells_max"],
+    read,
+);
 
 /// A map of ROS 2's map server, with its picture in another file.
 pub(super) const YAML_READER: MapReader = MapReader {
     stored_cell_m: Some(resolution_m),
-    companion: Some(|bytes| image(bytes).ok()),
-    ..MapReader::new("map of the map server", &["yaml"], &["unknown", "height_cells", "cells_max"], read_yaml)
+    companions: Some(|bytes| image(bytes).into_iter().collect()),
+    ..MapReader::new("map of the map server", &["yaml", "yml"], &["unknown", "height_cells", "cells_max"], read_yaml)
 };
 
 /// Height of a map of the map server, metres, unless an option gives it in cells: that of a room.
@@ -137,7 +142,7 @@ pub(super) fn resolution_m(bytes: &[u8]) -> Option<f64> {
 /// If one of the files is malformed, or too large for a map.
 pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let keys = keys(&spec.bytes)?;
-    let picture = spec.companion.as_deref().ok_or_else(|| FormatError::Companion {
+    let picture = spec.companions.first().ok_or_else(|| FormatError::Companion {
         file: shown(keys.image.as_bytes()),
         reason: "it is not at hand".to_owned(),
     })?;
@@ -152,7 +157,10 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let extent = |[x, y]: [u32; 2]| {
         let size = [x.div_ceil(pixels_per_cell), y.div_ceil(pixels_per_cell), height + 2];
         Extent::new(size, cell_m).map_err(|reason| match reason {
-            reason @ voxels::ExtentError::Size { .. } => FormatError::Box { reason, cell_m },
+            reason @ voxels::ExtentError::Size { .. } => {
+                let advice = format!("choose longer ones, a multiple of {} m (--cell-m)", keys.resolution_m);
+                FormatError::Box { reason, cell_m, advice }
+            }
             reason => FormatError::Extent(reason),
         })
     };
@@ -172,6 +180,11 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
         count(Ground::Unknown)
     );
     let mut notes = vec![Note::new("pixels", text)];
+    let image = Path::new(&keys.image);
+    if image.components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
+        let text = format!("{}, which does not lie below the folder of the file", shown(keys.image.as_bytes()));
+        notes.push(Note::new("image", text));
+    }
     notes.extend(keys.note_of_grey(&picture));
     notes.push(Note::new("height", format!("{height} cells from floor to ceiling")));
     let plan = Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell, ground };
@@ -260,9 +273,16 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
     let mut origin: Option<Vec<f64>> = None;
     let (mut occupied_thresh, mut free_thresh, mut negate, mut mode) = (0.65, 0.25, false, Mode::Trinary);
     let mut is_list = false;
-    for (index, line) in text.lines().enumerate() {
+    let mut lines = text.lines().enumerate();
+    while let Some((index, line)) = lines.next() {
         let at = index + 1;
-        let line = without_comment(line).trim_end();
+        let mut line = Cow::Borrowed(without_comment(line).trim_end());
+        // A list in brackets may go on in the next lines.
+        while line.contains('[') && !line.contains(']') {
+            let Some((_, more)) = lines.next() else { break };
+            line = Cow::Owned(format!("{line} {}", without_comment(more).trim()));
+        }
+        let line = line.as_ref();
         if line.trim().is_empty() || line == "---" || line == "..." {
             continue;
         }
@@ -273,7 +293,8 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
             let number: Option<f64> = value.trim().parse().ok().filter(|number: &f64| number.is_finite());
             number.ok_or_else(|| wrong(what, value, "a number"))
         };
-        if let (true, Some(item)) = (is_list, line.trim_start().strip_prefix("- ")) {
+        if let (true, Some(item)) = (is_list, line.trim_start().strip_prefix('-').filter(|item| item.starts_with(' ')))
+        {
             origin.get_or_insert_default().push(number("origin", item)?);
             continue;
         }
@@ -291,6 +312,8 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
             "origin" => {
                 let items = value.strip_prefix('[').and_then(|value| value.strip_suffix(']'));
                 let items = items.ok_or_else(|| wrong("origin", value, "[x, y, yaw]"))?;
+                // A comma may stand behind the last one.
+                let items = items.trim_end().strip_suffix(',').unwrap_or(items);
                 origin = Some(items.split(',').map(|item| number("origin", item)).collect::<Result<_, _>>()?);
             }
             "occupied_thresh" => occupied_thresh = number("occupied_thresh", value)?,

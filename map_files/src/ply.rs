@@ -4,20 +4,31 @@
 //! Of the element `vertex`, the properties x, y and z are used, of the element `face` the list
 //! `vertex_indices` or `vertex_index`, and of the element `tristrips` likewise the strips of
 //! triangles, between which stands -1. A file with faces or strips is a mesh, one without a point
-//! cloud. Other elements are skipped.
+//! cloud. Of a point cloud, the sensor is where `vp_x`, `vp_y` and `vp_z` of each point or PCL's
+//! element `camera` have it. Elements `origin` and `voxel_size` before the vertices, as Open3D
+//! writes them, make indices of voxels of them. Other elements are skipped.
 
-use super::bytes::{Bytes, number, shown, words};
+use voxels::Extent;
+
+use super::bytes::{Bytes, float, number, shown, words};
 use super::cloud::{self, Sensors};
 use super::mesh::{self, Mesh};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// A mesh or a point cloud in the Polygon File Format.
-pub(super) const READER: MapReader = MapReader::new(
-    "polygon file",
-    &["ply"],
-    &["fill", "inside", "up", "scale", "margin_cells", "free_from", "sensor", "unknown", "cells_max", "steps_max"],
-    read,
-);
+pub(super) const READER: MapReader = MapReader {
+    stored_cell_m: Some(|bytes| voxel_grid(bytes).map(|grid| grid.size)),
+    ..MapReader::new(
+        "polygon file",
+        &["ply"],
+        &["fill", "inside", "up", "scale", "margin_cells", "free_from", "sensor", "unknown", "cells_max", "steps_max"],
+        read,
+    )
+};
+
+/// Part of a voxel by which its centre is moved upwards, so that all voxels of a grid fall into
+/// cells of their own whose boundaries are exactly where the centres are.
+const NUDGE: f64 = 1e-6;
 
 /// Largest number of bytes, or words, of an element.
 const ELEMENT_MAX: usize = 1 << 20;
@@ -76,7 +87,14 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     }
     let last = faces.iter().map(|&(faces, _)| faces).max().unwrap_or(vertices);
 
+    let camera = place(b"camera").filter(|&camera| faces.is_empty() && elements[camera].count > 0);
+    let camera_at = camera.and_then(|camera| positions(&elements[camera], ["view_px", "view_py", "view_pz"], at).ok());
+    let grid = voxel_grid(&spec.bytes).filter(|_| faces.is_empty());
+    let last = last.max(if camera_at.is_some() { camera.unwrap_or(0) } else { 0 });
+
     let mut mesh = Mesh::default();
+    let mut skipped = 0;
+    let mut seen_by_camera = None;
     for (number, element) in elements[..=last].iter().enumerate() {
         // An element without properties takes no bytes, however many there are of it.
         let count = if element.properties.is_empty() { 0 } else { element.count };
@@ -88,35 +106,95 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             if number == vertices {
                 mesh.vertices.push(coordinates.map(|property| values[property]));
                 from.extend(seen_from.map(|seen_from| seen_from.map(|property| values[property])));
+            } else if camera == Some(number) {
+                seen_by_camera = seen_by_camera.or(camera_at.map(|camera| camera.map(|property| values[property])));
             } else if list.is_some() && element.name == b"tristrips" {
                 for strip in items.split(|&item| item == -1.0).filter(|strip| !strip.is_empty()) {
                     mesh.add_strip(&corners_in(strip, mesh.vertices.len(), at)?);
+                    skipped += u64::from(strip.len() < 3);
                     mesh.check_count()?;
                 }
             } else if list.is_some() {
-                mesh.add_polygon(&corners_in(&items, mesh.vertices.len(), at)?);
-                mesh.check_count()?;
+                let corners = corners_in(&items, mesh.vertices.len(), at)?;
+                if corners.len() < 3 {
+                    skipped += 1;
+                } else {
+                    mesh.add_polygon(&corners);
+                    mesh.check_count()?;
+                }
             }
         }
     }
-    let used = |number: usize| number == vertices || list_of(number).is_some();
+    let is_of_grid =
+        |element: &Element| grid.is_some() && [b"origin".as_slice(), b"voxel_size"].contains(&&*element.name);
+    let used = |number: usize| {
+        let is_camera = camera == Some(number) && camera_at.is_some();
+        number == vertices || list_of(number).is_some() || is_camera || is_of_grid(&elements[number])
+    };
     let ignored = elements.iter().enumerate().filter(|&(number, element)| !used(number) && element.count > 0);
     let notes = ignored.map(|(_, element)| {
         let text = format!("{} elements {}", element.count, String::from_utf8_lossy(&element.name).escape_debug());
         Note::new("ignored", text)
     });
+    let mut notes: Vec<Note> = notes.chain(mesh::note_of_skipped(skipped)).collect();
     let given = |names: [&str; 2]| spec.options.given().find(|name| names.contains(name));
     if !faces.is_empty() {
         if let Some(name) = given(["sensor", "unknown"]) {
             return Err(FormatError::HasFaces { name });
         }
-        return mesh::map(spec, &mesh, notes.collect());
+        return mesh::map(spec, &mesh, notes);
     }
     if let Some(name) = given(["fill", "inside"]) {
         return Err(FormatError::NoFaces { name });
     }
-    let sensors = if seen_from.is_some() { Sensors::Each(from) } else { Sensors::None };
-    cloud::map(spec, &mesh.vertices, &sensors, notes.collect())
+    if let Some(VoxelGrid { origin, size }) = grid {
+        let scale = spec.options.scale.unwrap_or(1.0);
+        if spec.length_m() < size * scale * (1.0 - NUDGE) {
+            return Err(FormatError::CellLength { stored: size * scale, asked: spec.length_m() });
+        }
+        for voxel in &mut mesh.vertices {
+            *voxel = [0, 1, 2].map(|axis| origin[axis] + (voxel[axis] + 0.5 + NUDGE) * size);
+        }
+        let [x, y, z] = origin;
+        notes.push(Note::new("voxels", format!("indices of voxels of {size} from ({x}, {y}, {z}) on")));
+    }
+    let sensors = match seen_by_camera {
+        _ if seen_from.is_some() => Sensors::Each(from),
+        Some(camera) if camera != [0.0; 3] => Sensors::One(camera),
+        _ => Sensors::None,
+    };
+    cloud::map(spec, &mesh.vertices, &sensors, notes)
+}
+
+/// What Open3D writes before the indices of voxels.
+struct VoxelGrid {
+    /// The lowest corner of voxel 0 0 0, in units of the file.
+    origin: [f64; 3],
+    /// The edge of a voxel.
+    size: f64,
+}
+
+/// The grid whose voxels are the vertices of a file; `None` if they are none.
+fn voxel_grid(bytes: &[u8]) -> Option<VoxelGrid> {
+    let mut bytes = Bytes::new(bytes);
+    let (order, elements) = header(&mut bytes).ok()?;
+    let (mut origin, mut size) = (None, None);
+    for element in elements.iter().take_while(|element| element.name != b"vertex") {
+        // Only elements of one piece stand before the vertices of such a file.
+        if element.count != 1 || element.properties.is_empty() {
+            return None;
+        }
+        let at = bytes.at();
+        let values = values(&mut bytes, order, element, 0, None).ok()?;
+        match element.name.as_slice() {
+            b"origin" => origin = Some(positions(element, ["x", "y", "z"], at).ok()?.map(|property| values[property])),
+            b"voxel_size" => size = values.first().copied(),
+            _ => {}
+        }
+    }
+    let (origin, size) = (origin?, size?);
+    Extent::new([1; 3], size).ok()?;
+    origin.iter().all(|along| along.is_finite()).then_some(VoxelGrid { origin, size })
 }
 
 /// The places of three numbers among the properties of a vertex.
@@ -143,9 +221,6 @@ fn corners_of(face: &Element, at: usize) -> Result<usize, FormatError> {
 
 /// The items of the list of a face that begins at a byte, as numbers of vertices.
 fn corners_in(items: &[f64], vertices: usize, at: usize) -> Result<Vec<u32>, FormatError> {
-    if items.len() < 3 {
-        return Err(FormatError::byte(at, format!("a face of {} corners, expected 3 or more", items.len())));
-    }
     let corner = |&item: &f64| {
         let is_vertex = item >= 0.0 && item < vertices as f64 && item.fract() == 0.0;
         let error = || FormatError::byte(at, format!("a face has the corner {item}, there are {vertices} vertices"));
@@ -256,11 +331,11 @@ fn values(
     }
     let mut words = words(text);
     for (place, property) in element.properties.iter().enumerate() {
-        let value = number(line, words.next(), "a property")?;
+        let value = float(line, words.next(), "a property")?;
         if property.length.is_some() {
             let items = checked_length(value, || FormatError::line(line, "a list is longer than its element may be"))?;
             for _ in 0..items {
-                keep(place, number(line, words.next(), "an item of a list")?);
+                keep(place, float(line, words.next(), "an item of a list")?);
             }
         }
         values.push(value);
@@ -299,6 +374,51 @@ fn value(bytes: &mut Bytes<'_>, order: Order, number: Number) -> Result<f64, For
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn camera_is_the_sensor_of_a_cloud() {
+        // Both points lie in one row of cells, which the sensor sees from above.
+        let cloud = |camera: &str| {
+            let header = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
+                          element camera 1\nproperty float view_px\nproperty float view_py\nproperty float view_pz\n\
+                          property float x_axisx\nproperty int viewportx\nend_header\n0.5 0.5 0.5\n6.5 0.5 0.5\n";
+            read(&ImportSpec::new("a.ply", format!("{header}{camera} 1 640\n").into_bytes())).unwrap()
+        };
+        let seen = cloud("0.5 0.5 3.5");
+        let option = ImportOptions { sensor: Some([0.5, 0.5, 3.5]), ..ImportOptions::default() };
+        let points = "0.5 0.5 0.5\n6.5 0.5 0.5\n";
+        let asked = ImportSpec { options: option, ..ImportSpec::new("a.xyz", points.into()) }.read().unwrap();
+        assert_eq!(seen.terrain, asked.terrain);
+        assert!(seen.notes.iter().all(|note| note.name != "ignored"), "{:?}", seen.notes);
+        assert_eq!(cloud("0 0 0").terrain, ImportSpec::new("a.xyz", points.into()).read().unwrap().terrain);
+    }
+
+    #[test]
+    fn voxels_of_open3d_have_their_size_and_place() {
+        let grid = |voxels: &[[i32; 3]], cell_m| {
+            let values: String = voxels.iter().map(|[x, y, z]| format!("{x} {y} {z} 9 9 9\n")).collect();
+            let text = format!(
+                "ply\nformat ascii 1.0\ncomment Created by Open3D\nelement origin 1\nproperty double x\nproperty double y\n\
+                 property double z\nelement voxel_size 1\nproperty double val\nelement vertex {}\nproperty double x\n\
+                 property double y\nproperty double z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
+                 end_header\n-0.15 0.25 1.05\n0.1\n{values}",
+                voxels.len()
+            );
+            ImportSpec { cell_m, ..ImportSpec::new("a.ply", text.into_bytes()) }.read()
+        };
+        // Every voxel of a row is a cell, though their centres lie on boundaries of cells.
+        let row: Vec<[i32; 3]> = (0..40).map(|x| [x, 0, 0]).collect();
+        let Imported { terrain, stores_cell_m, notes, origin_m, .. } = grid(&row, None).unwrap();
+        assert_eq!((terrain.extent().size(), terrain.extent().cell_m()), ([42, 3, 3], 0.1));
+        assert!(stores_cell_m);
+        assert_eq!(mapgen::free_cells(&terrain), 0);
+        assert!(notes.iter().any(|note| note.name == "voxels"));
+        let origin = origin_m.unwrap();
+        assert!((origin[0] + 0.2).abs() < 1e-9 && (origin[2] - 1.0).abs() < 1e-9, "{origin:?}");
+        assert_eq!(grid(&row, Some(0.5)).unwrap().terrain.extent().size(), [11, 3, 3]);
+        let error = grid(&row, Some(0.05)).unwrap_err().to_string();
+        assert!(error.contains("the file has cells of 0.1 m, asked for are cells of 0.05 m"), "{error}");
+    }
 
     #[test]
     fn strips_of_triangles_are_a_mesh() {
@@ -346,7 +466,7 @@ mod tests {
     #[test]
     fn options_of_points_are_refused_with_faces() {
         let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
-                    element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 1\n3 0 1 2\n";
+                    element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n4 0 0\n0 4 4\n3 0 1 2\n";
         let with = |options| ImportSpec { options, ..ImportSpec::new("a.ply", mesh.into()) }.read();
         let sensor = ImportOptions { sensor: Some([0.0; 3]), ..ImportOptions::default() };
         assert_eq!(

@@ -1,10 +1,11 @@
 //! Meshes of triangles in the STL format, ascii and binary.
 //!
-//! A file is binary if its length matches its number of triangles, whatever it begins with.
+//! A file is binary if it is long enough for its number of triangles, whatever it begins with; a
+//! text has a number there that no file is long enough for. Words of a text may be in capitals.
 
-use super::bytes::{Bytes, shown, three, words};
+use super::bytes::{BYTE_ORDER_MARK, Bytes, shown, three, words};
 use super::mesh::{self, Mesh};
-use super::{FormatError, ImportSpec, Imported, MapReader, cell_length};
+use super::{FormatError, ImportSpec, Imported, MapReader, Note, cell_length};
 
 /// A mesh of triangles.
 pub(super) const READER: MapReader = MapReader {
@@ -22,9 +23,19 @@ const TRIANGLE: usize = 50;
 /// If the file is malformed, or its mesh does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let bytes = spec.bytes.as_slice();
+    let text = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes).trim_ascii_start();
+    let begins_as_text = text.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    let is_text = begins_as_text && !bytes[..bytes.len().min(HEADER)].contains(&0);
+    let mut notes = Vec::new();
     let mesh = match binary_length(bytes) {
-        Some(length) if length == bytes.len() as u64 => binary(&bytes[HEADER..]),
-        _ if bytes.trim_ascii_start().starts_with(b"solid") => ascii(bytes)?,
+        Some(length) if length <= bytes.len() as u64 => {
+            let (triangles, rest) = bytes[HEADER..].split_at(length as usize - HEADER);
+            if !rest.is_empty() {
+                notes.push(Note::new("ignored", format!("{} bytes after the last triangle", rest.len())));
+            }
+            binary(triangles)
+        }
+        _ if is_text => ascii(bytes)?,
         Some(length) => {
             let reason =
                 format!("the file ends here, expected length {length} bytes, or a text that begins with solid");
@@ -32,7 +43,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         }
         None => return Err(FormatError::byte(bytes.len(), "the file ends within its header of 84 bytes")),
     };
-    mesh::map(spec, &mesh, Vec::new())
+    mesh::map(spec, &mesh, notes)
 }
 
 /// The length that a binary file with this header has.
@@ -59,7 +70,8 @@ fn ascii(bytes: &[u8]) -> Result<Mesh, FormatError> {
     let mut text = Bytes::new(bytes);
     while let Some((line, content)) = text.line() {
         let mut words = words(content);
-        match words.next() {
+        let key = words.next().map(<[u8]>::to_ascii_lowercase);
+        match key.as_deref() {
             Some(b"vertex") => corners.push(three(line, &mut words, "a coordinate")?),
             Some(b"endloop") => {
                 let corners = std::mem::take(&mut corners);
@@ -69,7 +81,7 @@ fn ascii(bytes: &[u8]) -> Result<Mesh, FormatError> {
                     triangle.map_err(|_| FormatError::line(line, format!("a loop of {count} vertices, expected 3")))?,
                 );
             }
-            None | Some(b"solid" | b"facet" | b"outer" | b"endfacet" | b"endsolid") => {}
+            None | Some(b"solid" | b"facet" | b"outer" | b"endfacet" | b"endsolid" | b"end") => {}
             Some(word) => return Err(FormatError::line(line, format!("{} is no key of an STL file", shown(word)))),
         }
         if corners.len() > 3 {
@@ -98,8 +110,21 @@ mod tests {
         let triangle: Vec<u8> = floats.iter().flat_map(|float| float.to_le_bytes()).chain([0, 0]).collect();
         let mut header = b"solid, and binary all the same".to_vec();
         header.resize(80, b' ');
-        let binary = read(&shell([header, vec![1, 0, 0, 0], triangle].concat())).unwrap();
+        let binary_file = [header, vec![1, 0, 0, 0], triangle].concat();
+        let binary = read(&shell(binary_file.clone())).unwrap();
         assert_eq!(ascii, binary);
+        let trailing = read(&shell([binary_file, b"\nendsolid".to_vec()].concat())).unwrap();
+        assert_eq!(trailing.terrain, binary.terrain);
+        assert!(trailing.notes.iter().any(|note| note.text == "9 bytes after the last triangle"));
+        let capitals = TRIANGLE_TEXT.to_ascii_uppercase();
+        for text in [
+            capitals.clone(),
+            capitals.replace("ENDSOLID", "END SOLID"),
+            format!("\u{feff}{capitals}"),
+            format!("\r\n  {TRIANGLE_TEXT}"),
+        ] {
+            assert_eq!(read(&shell(text.into())).unwrap(), ascii);
+        }
         assert!(mapgen::free_cells(&ascii.terrain) < ascii.terrain.extent().volume() as u64);
     }
 

@@ -22,8 +22,9 @@ const BEGINNINGS: [(&str, &[u8]); 12] = [
 fn an_import_that_does_not_fit_names_the_file() {
     let import = |file: &str, text: &str| ImportSpec::new(file, text.as_bytes().to_vec());
     let message = |spec: ImportSpec| spec.read().unwrap_err().to_string();
-    let known = "known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, .gltf, .glb, .vox, .pgm, .png, .yaml, .xyz, .las and .laz";
-    assert_eq!(message(import("a.bmp", "")), format!("a.bmp: the file's extension is \"bmp\", {known}"));
+    let known = "known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, .gltf, .glb, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, \
+                 .xyzrgb, .xyzn, .asc, .pts, .csv, .las and .laz";
+    assert_eq!(message(import("a.tga", "")), format!("a.tga: the file's extension is \"tga\", {known}"));
     assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
     assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));
     assert!(message(import("a.TXT", "..\n.x\n")).starts_with("a.TXT: line 2, column 2: 'x'"));

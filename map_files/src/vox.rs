@@ -2,9 +2,10 @@
 //! box of a model is free.
 //!
 //! The models of a scene are placed by its transforms in their first frame; of a file without a
-//! scene the first model is read. Colours, materials, layers and cameras are ignored.
+//! scene the first model is read. What is hidden in the editor, a node or a layer, is left out.
+//! Colours, materials and cameras are ignored.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use voxels::{Cell, Extent, Terrain};
 
@@ -30,9 +31,31 @@ struct Model<'a> {
 
 /// A node of a scene.
 enum Node {
-    Transform(Transform, u32),
+    Transform(Placement),
     Group(Vec<u32>),
     Shape(Vec<u32>),
+}
+
+/// A transform of a child, and what hides the child.
+struct Placement {
+    transform: Transform,
+    child: u32,
+    layer: u32,
+    is_hidden: bool,
+}
+
+/// The content of a file.
+#[derive(Default)]
+struct Scene<'a> {
+    models: Vec<Model<'a>>,
+    nodes: BTreeMap<u32, Node>,
+    hidden_layers: BTreeSet<u32>,
+}
+
+/// The models of a scene with their transforms.
+struct Placed<'m, 'a> {
+    shown: Vec<(&'m Model<'a>, Transform)>,
+    hidden: usize,
 }
 
 /// A rotation by right angles, perhaps with a reflection, and then a shift in cells.
@@ -49,16 +72,23 @@ const UNTURNED: Transform = Transform { rows: [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
 /// # Errors
 /// If the file is malformed, or its models do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
-    let (models, nodes) = chunks(&spec.bytes)?;
+    let scene = chunks(&spec.bytes)?;
+    let models = &scene.models;
     let mut notes = Vec::new();
-    let placed: Vec<(&Model<'_>, Transform)> = if nodes.is_empty() {
+    let placed: Vec<(&Model<'_>, Transform)> = if scene.nodes.is_empty() {
         let dropped = models.len().saturating_sub(1);
         notes.push(Note::new("models", format!("the first is read, {dropped} without a place are dropped")));
         models.iter().take(1).map(|model| (model, UNTURNED)).collect()
     } else {
-        let placed = place(&nodes, &models)?;
-        notes.push(Note::new("models", format!("{} put into the scene, of {} models", placed.len(), models.len())));
-        placed
+        let Placed { shown, hidden } = scene.place()?;
+        notes.push(Note::new("models", format!("{} put into the scene, of {} models", shown.len(), models.len())));
+        if hidden > 0 {
+            notes.push(Note::new("hidden", format!("{hidden} left out, which a node or a layer hides")));
+            if shown.is_empty() {
+                return Err(FormatError::Nothing("model that is not hidden"));
+            }
+        }
+        shown
     };
     let mut low = [i64::MAX; 3];
     let mut high = [i64::MIN; 3];
@@ -111,16 +141,15 @@ fn dot(row: [i64; 3], column: [i64; 3]) -> i64 {
     (0..3).fold(0, |sum: i64, axis| sum.saturating_add(row[axis].saturating_mul(column[axis])))
 }
 
-/// All models and nodes of a file.
-fn chunks(bytes: &[u8]) -> Result<(Vec<Model<'_>>, BTreeMap<u32, Node>), FormatError> {
+/// All models, nodes and hidden layers of a file.
+fn chunks(bytes: &[u8]) -> Result<Scene<'_>, FormatError> {
     let mut file = Bytes::new(bytes);
     let magic = file.take(4, "the mark VOX")?;
     if magic != b"VOX " {
         return Err(FormatError::byte(0, format!("the file begins with {}, expected \"VOX \"", shown(magic))));
     }
     file.u32("the version")?;
-    let mut models = Vec::new();
-    let mut nodes = BTreeMap::new();
+    let mut scene = Scene::default();
     let mut size = None;
     while !file.rest().is_empty() {
         let at = file.at();
@@ -149,15 +178,26 @@ fn chunks(bytes: &[u8]) -> Result<(Vec<Model<'_>>, BTreeMap<u32, Node>), FormatE
                         format!("voxel {place} is outside its model of {}x{}x{} cells", size[0], size[1], size[2]);
                     return Err(FormatError::byte(start, reason));
                 }
-                models.push(Model { size, voxels });
+                scene.models.push(Model { size, voxels });
             }
-            b"nTRN" => chunk.transform(&mut nodes)?,
-            b"nGRP" => chunk.group(&mut nodes)?,
-            b"nSHP" => chunk.shape(&mut nodes)?,
+            b"nTRN" => chunk.transform(&mut scene.nodes)?,
+            b"nGRP" => chunk.group(&mut scene.nodes)?,
+            b"nSHP" => chunk.shape(&mut scene.nodes)?,
+            b"LAYR" => {
+                let layer = chunk.u32("the number of a layer")?;
+                if is_hidden(&chunk.pairs()?) {
+                    scene.hidden_layers.insert(layer);
+                }
+            }
             _ => {}
         }
     }
-    Ok((models, nodes))
+    Ok(scene)
+}
+
+/// Whether attributes hide what they belong to.
+fn is_hidden(attributes: &[[&[u8]; 2]]) -> bool {
+    attributes.iter().any(|[key, value]| *key == b"_hidden" && *value != b"0")
 }
 
 /// The content of a chunk, and its position in the file.
@@ -194,11 +234,10 @@ impl<'a> Chunk<'a> {
 
     fn transform(&mut self, nodes: &mut BTreeMap<u32, Node>) -> Result<(), FormatError> {
         let id = self.u32("the number of a node")?;
-        self.pairs()?;
+        let is_hidden = is_hidden(&self.pairs()?);
         let child = self.u32("the number of a node")?;
-        for what in ["a reserved number", "the number of a layer"] {
-            self.u32(what)?;
-        }
+        self.u32("a reserved number")?;
+        let layer = self.u32("the number of a layer")?;
         let mut transform = UNTURNED;
         let frames = self.u32("the number of frames")?;
         if frames > 0 {
@@ -213,7 +252,7 @@ impl<'a> Chunk<'a> {
                 }
             }
         }
-        nodes.insert(id, Node::Transform(transform, child));
+        nodes.insert(id, Node::Transform(Placement { transform, child, layer, is_hidden }));
         Ok(())
     }
 
@@ -265,38 +304,44 @@ fn rotation(text: &str) -> Option<[[i64; 3]; 3]> {
     Some(rows)
 }
 
-/// The models of a scene with their transforms, from its first node on.
-fn place<'m, 'a>(
-    nodes: &BTreeMap<u32, Node>,
-    models: &'m [Model<'a>],
-) -> Result<Vec<(&'m Model<'a>, Transform)>, FormatError> {
-    let scene = |reason: String| FormatError::Content { place: super::Place::Byte(0), reason };
-    let mut placed = Vec::new();
-    let (mut visits, mut voxels) = (0, 0);
-    let mut open = vec![(0, UNTURNED)];
-    while let Some((id, transform)) = open.pop() {
-        visits += 1;
-        if visits > VISITS_MAX || open.len() > VISITS_MAX {
-            return Err(scene(format!("the scene has more than {VISITS_MAX} nodes, or goes in circles")));
-        }
-        match nodes.get(&id) {
-            None => return Err(scene(format!("the scene names node {id}, which is not there"))),
-            Some(Node::Transform(own, child)) => open.push((*child, transform.after(own))),
-            Some(Node::Group(children)) => open.extend(children.iter().rev().map(|&child| (child, transform))),
-            Some(Node::Shape(shapes)) => {
-                for &number in shapes {
-                    let missing = || scene(format!("the scene names model {number} of {}", models.len()));
-                    let model = models.get(number as usize).ok_or_else(missing)?;
-                    voxels += model.voxels.len() / 4;
-                    if voxels > VOXELS_MAX {
-                        return Err(scene(format!("the scene has more than {VOXELS_MAX} voxels")));
+impl<'a> Scene<'a> {
+    /// The models with their transforms, from the first node on.
+    fn place(&self) -> Result<Placed<'_, 'a>, FormatError> {
+        let Self { models, nodes, hidden_layers } = self;
+        let fault = |reason: String| FormatError::Content { place: super::Place::Byte(0), reason };
+        let mut placed = Placed { shown: Vec::new(), hidden: 0 };
+        let (mut visits, mut voxels) = (0, 0);
+        let mut open = vec![(0, UNTURNED, false)];
+        while let Some((id, transform, is_hidden)) = open.pop() {
+            visits += 1;
+            if visits > VISITS_MAX || open.len() > VISITS_MAX {
+                return Err(fault(format!("the scene has more than {VISITS_MAX} nodes, or goes in circles")));
+            }
+            match nodes.get(&id) {
+                None => return Err(fault(format!("the scene names node {id}, which is not there"))),
+                Some(Node::Transform(own)) => {
+                    let is_hidden = is_hidden || own.is_hidden || hidden_layers.contains(&own.layer);
+                    open.push((own.child, transform.after(&own.transform), is_hidden));
+                }
+                Some(Node::Group(children)) => {
+                    open.extend(children.iter().rev().map(|&child| (child, transform, is_hidden)));
+                }
+                Some(Node::Shape(shapes)) if is_hidden => placed.hidden += shapes.len(),
+                Some(Node::Shape(shapes)) => {
+                    for &number in shapes {
+                        let missing = || fault(format!("the scene names model {number} of {}", models.len()));
+                        let model = models.get(number as usize).ok_or_else(missing)?;
+                        voxels += model.voxels.len() / 4;
+                        if voxels > VOXELS_MAX {
+                            return Err(fault(format!("the scene has more than {VOXELS_MAX} voxels")));
+                        }
+                        placed.shown.push((model, transform));
                     }
-                    placed.push((model, transform));
                 }
             }
         }
+        Ok(placed)
     }
-    Ok(placed)
 }
 
 #[cfg(test)]

@@ -1,15 +1,26 @@
-//! Point clouds as text (`.xyz`): a point in each line, its coordinates first, with spaces, commas
-//! or semicolons between them.
+//! Point clouds as text (`.xyz`, `.xyzrgb`, `.xyzn`, `.asc`, `.pts`, `.csv`): a point in each line,
+//! its coordinates first, with spaces, commas or semicolons between them.
 //!
-//! Empty lines, comments (`#`, `//`) and a first line without three numbers (a header, or the
-//! number of points) are skipped.
+//! Empty lines, comments (`#`, `//`), lines with nothing but a number of points and a first line
+//! without three numbers are skipped. If a comment or this line names columns x, y and z, the
+//! coordinates are these. A word with a comma between two digits is a number with a decimal comma
+//! if the line has three words or more between spaces or semicolons.
 
-use super::bytes::{Bytes, shown};
+use super::bytes::{Bytes, decimal_comma, parse_float, shown};
 use super::cloud::{self, Sensors};
-use super::{FormatError, ImportSpec, Imported, MapReader};
+use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// Points as text.
-pub(super) const READER: MapReader = MapReader::new("points as text", &["xyz"], cloud::OPTIONS, read);
+pub(super) const READER: MapReader =
+    MapReader::new("points as text", &["xyz", "xyzrgb", "xyzn", "asc", "pts", "csv"], cloud::OPTIONS, read);
+
+/// The columns of x, y and z, unless a line names others.
+const FIRST: [usize; 3] = [0, 1, 2];
+
+/// Names of the columns of x, y and z, in small letters: those of most programs, and of VeloView
+/// and ParaView.
+const NAMES: [[&str; 3]; 3] =
+    [["x", "y", "z"], ["points_m_xyz:0", "points_m_xyz:1", "points_m_xyz:2"], ["points:0", "points:1", "points:2"]];
 
 /// A map of a text file of points.
 ///
@@ -18,46 +29,133 @@ pub(super) const READER: MapReader = MapReader::new("points as text", &["xyz"], 
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut points = Vec::new();
     let mut text = Bytes::new(&spec.bytes);
-    let mut is_first = true;
+    let (mut is_first, mut columns, mut named, mut with_commas) = (true, FIRST, None, 0u64);
     while let Some((line, content)) = text.line() {
         let content = content.trim_ascii();
-        if content.is_empty() || content.starts_with(b"#") || content.starts_with(b"//") {
+        let comment = content.strip_prefix(b"#").or(content.strip_prefix(b"//"));
+        if content.is_empty() || comment.is_some() {
+            named = comment.filter(|_| points.is_empty()).and_then(named_columns).or(named);
             continue;
         }
-        match point(content) {
-            Some(point) => points.push(point),
-            None if is_first => {}
+        if is_first && content.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"ncols")) {
+            let reason = "a grid of heights (ESRI ASCII) is no point cloud; save it as points";
+            return Err(FormatError::line(line, reason));
+        }
+        if let Some((places, count)) = named.take() {
+            // A sentence may contain these letters, too.
+            let is_row = [b";".as_slice(), b",;"].iter().any(|separators| words(content, separators).count() == count);
+            columns = if is_row { places } else { columns };
+        }
+        match point(content, columns) {
+            Some((point, has_commas)) => {
+                points.push(point);
+                with_commas += u64::from(has_commas);
+            }
+            None if is_first => named = named_columns(content),
+            None if content.iter().all(u8::is_ascii_digit) => {}
+            None if columns != FIRST => {
+                let reason = format!("{} has no numbers in the columns x, y and z", shown(content));
+                return Err(FormatError::line(line, reason));
+            }
             None => {
                 return Err(FormatError::line(line, format!("{} does not begin with three numbers", shown(content))));
             }
         }
         is_first = false;
     }
-    cloud::map(spec, &points, &Sensors::None, Vec::new())
+    let mut notes = Vec::new();
+    if columns != FIRST {
+        let [x, y, z] = columns.map(|column| column + 1);
+        notes.push(Note::new("columns", format!("x, y and z are columns {x}, {y} and {z}, as their names say")));
+    }
+    if with_commas > 0 {
+        notes.push(Note::new("commas", format!("{with_commas} points with commas for decimal points")));
+    }
+    cloud::map(spec, &points, &Sensors::None, notes)
 }
 
-fn point(line: &[u8]) -> Option<[f64; 3]> {
-    let is_between = |byte: &u8| byte.is_ascii_whitespace() || matches!(byte, b',' | b';');
-    let mut words = line.split(is_between).filter(|word| !word.is_empty());
-    let mut along = || str::from_utf8(words.next()?).ok()?.parse().ok();
-    Some([along()?, along()?, along()?])
+/// The words of a line between spaces and `separators`.
+fn words<'a>(line: &'a [u8], separators: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
+    let is_between = |byte: &u8| byte.is_ascii_whitespace() || separators.contains(byte);
+    line.split(is_between).filter(|word| !word.is_empty())
+}
+
+/// The point of a line, and whether it has decimal commas.
+fn point(line: &[u8], columns: [usize; 3]) -> Option<([f64; 3], bool)> {
+    let pick = |words: &[&[u8]], parse: fn(&[u8]) -> Option<f64>| {
+        let [x, y, z] = columns.map(|column| words.get(column).and_then(|word| parse(word)));
+        Some([x?, y?, z?])
+    };
+    if line.contains(&b',') {
+        let apart: Vec<&[u8]> = words(line, b";").collect();
+        let either = |word: &[u8]| decimal_comma(word).or_else(|| parse_float(word));
+        if let Some(point) = pick(&apart, either) {
+            return Some((point, true));
+        }
+    }
+    pick(&words(line, b",;").collect::<Vec<_>>(), parse_float).map(|point| (point, false))
+}
+
+/// The columns that a line names x, y and z, and the number of names.
+fn named_columns(line: &[u8]) -> Option<([usize; 3], usize)> {
+    let trimmed = |word: &[u8]| String::from_utf8_lossy(word).trim_matches(['"', '\'', '/', '#']).to_lowercase();
+    let names: Vec<String> = words(line, b",;").map(trimmed).filter(|name| !name.is_empty()).collect();
+    let place = |wanted: &str| names.iter().position(|name| name == wanted);
+    NAMES.into_iter().find_map(|[x, y, z]| Some(([place(x)?, place(y)?, place(z)?], names.len())))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn of(file: &str, text: &str) -> Imported {
+        ImportSpec::new(file, text.into()).read().unwrap()
+    }
+
     #[test]
     fn lines_are_points() {
         let text = "x,y,z,red\n# a comment\n0.5,0.5,0.5,9\n\n2.5;0.5; 0.5\n// more\n 0.5\t2.5 0.5 1 2 3\n";
-        let terrain = read(&ImportSpec::new("a.xyz", text.into())).unwrap().terrain;
+        let terrain = of("a.xyz", text).terrain;
         assert_eq!(terrain.extent().size(), [5, 5, 3]);
         assert_eq!(mapgen::free_cells(&terrain), 9 - 3);
         let error = read(&ImportSpec::new("a.xyz", "1 2 3\n4 5\n".into())).unwrap_err().to_string();
         let marked = format!("\u{feff}{}", text.split_once('\n').unwrap().1);
-        assert_eq!(read(&ImportSpec::new("a.xyz", marked.into())).unwrap().terrain, terrain);
-        let only = |text: &str| read(&ImportSpec::new("a.xyz", text.into())).unwrap().terrain.extent().size();
+        assert_eq!(of("a.xyz", &marked).terrain, terrain);
+        let only = |text: &str| of("a.xyz", text).terrain.extent().size();
         assert_eq!(only("\u{feff}0.5 0.5 0.5\n4.5 0.5 0.5\n"), [7, 3, 3], "the first line counts");
         assert_eq!(error, "line 2: \"4 5\" does not begin with three numbers");
+    }
+
+    #[test]
+    fn all_extensions_and_spellings_give_the_same_map() {
+        let spaces = "0.5 0.5 0.5\n2.5 0.5 0.5\n0.5 2.5 0.5\n";
+        let terrain = of("a.xyz", spaces).terrain;
+        let pts = spaces.replace('\n', " -120 9 9 9\n");
+        let second = format!("1\n{}", "0.5 0.5 0.5\n");
+        let commas = spaces.replace('.', ",");
+        for (file, text) in [
+            ("a.xyzrgb", spaces.to_owned()),
+            ("a.asc", format!("//X Y Z\n{spaces}")),
+            ("a.asc", format!("# points with x, y and z\n# x y z\n{spaces}")),
+            ("a.asc", format!("# points with x, y and z\n{spaces}")),
+            ("a.pts", format!("3\n{pts}")),
+            ("a.pts", format!("3\n{spaces}{second}")),
+            ("a.csv", format!("\"X\",\"Y\",\"Z\"\n{}", spaces.replace(' ', ","))),
+            ("a.csv", "Intensity;X;Y;Z\n7;0.5;0.5;0.5\n7;2.5;0.5;0.5\n7;0.5;2.5;0.5\n".to_owned()),
+            ("a.csv", "id,y,x,z\n7,0.5,0.5,0.5\n8,0.5,2.5,0.5\n9,2.5,0.5,0.5\n".to_owned()),
+            ("a.csv", commas.replace(' ', ";")),
+            ("a.asc", commas.clone()),
+            ("a.xyz", commas.replace(' ', "\t")),
+        ] {
+            assert_eq!(of(file, &text).terrain, terrain, "{file}: {text}");
+        }
+        let notes = of("a.xyz", &commas).notes;
+        assert_eq!(notes[0].text, "3 points with commas for decimal points");
+        assert_eq!(of("a.csv", "1,2,3\n4,5,6\n").terrain, of("a.csv", "1, 2, 3\n4, 5, 6\n").terrain);
+        let refuse = |text: &str| ImportSpec::new("a.asc", text.into()).read().unwrap_err().to_string();
+        assert!(refuse("ncols 4\nnrows 3\n").contains("line 1: a grid of heights (ESRI ASCII) is no point cloud"));
+        assert!(
+            refuse("i x y z\n1 2 3 4\n5 6 7\n").contains("line 3: \"5 6 7\" has no numbers in the columns x, y and z")
+        );
     }
 }

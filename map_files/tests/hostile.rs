@@ -135,7 +135,11 @@ fn picture(width: u32, height: u32) -> Vec<u8> {
 #[track_caller]
 fn read((name, bytes, companion): Named, options: ImportOptions) -> Option<String> {
     let length = bytes.len() + companion.as_ref().map_or(0, Vec::len);
-    assert_within_bounds(name.clone(), length, ImportSpec { companion, options, ..ImportSpec::new(name, bytes) })
+    assert_within_bounds(
+        name.clone(),
+        length,
+        ImportSpec { options, companions: companion.into_iter().collect(), ..ImportSpec::new(name, bytes) },
+    )
 }
 
 #[track_caller]

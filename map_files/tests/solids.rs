@@ -226,11 +226,12 @@ fn no_format_loses_the_length_of_a_cell() {
                 height_cells: companion.is_some().then_some(2),
                 ..ImportOptions::default()
             };
-            let spec = ImportSpec { options, companion, ..ImportSpec::new(name.clone(), bytes) };
+            let companions: Vec<Vec<u8>> = companion.into_iter().collect();
+            let spec = ImportSpec { options, companions, ..ImportSpec::new(name.clone(), bytes) };
             let read = spec.read().unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(read.terrain, terrain, "{name}, cells of {cell_m} m");
             assert_eq!(read.stores_cell_m, cell_m != 1.0 || spec.stored_cell_m().is_some(), "{name}");
-            if spec.companion.is_some() {
+            if !spec.companions.is_empty() {
                 assert_eq!((read.origin_m.map(|[x, y, _]| [x, y]), read.yaw_rad), (Some([-3.7, 1.0 / 3.0]), 0.5));
             }
         }

@@ -94,6 +94,9 @@ pub struct MapReport {
     pub pockets_removed: u64,
     /// Cells of these caves.
     pub pocket_cells_removed: u64,
+    /// Why an imported map is probably not what its user wants; not part of a recording.
+    #[serde(skip)]
+    pub warnings: Vec<String>,
 }
 
 /// What Random Connected Spheres carved.
@@ -239,6 +242,7 @@ fn described(
         shell_cells_closed: shell_cells_closed as u64,
         pockets_removed: pockets.filled_components as u64,
         pocket_cells_removed: pockets.filled_cells as u64,
+        warnings: Vec::new(),
     };
     GeneratedMap { terrain, entrances: Vec::new(), report }
 }

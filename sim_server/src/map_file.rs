@@ -10,7 +10,8 @@ use crate::input_file::{self, MAP_BYTES_MAX};
 /// Most pictures of a folder, one for each layer of the highest map.
 const LAYERS_MAX: usize = 1024;
 
-/// A map file, and the picture of a `map.yaml` from its folder; of a folder, its PNG files.
+/// A map file, and the files that it names, as the picture of a `map.yaml`; of a folder, its PNG
+/// files. Of files that come from others, see [`is_self_contained`].
 ///
 /// # Errors
 /// See [`input_file::read`]; of a second file, the error names it. If a folder has no picture, too
@@ -19,15 +20,29 @@ pub fn load(file: &Path) -> io::Result<ImportSpec> {
     if file.is_dir() {
         return load_folder(file);
     }
-    let mut spec = ImportSpec::new(file.display().to_string(), input_file::read(file, MAP_BYTES_MAX)?);
-    if let Some(named) = spec.names() {
-        let other = file.parent().unwrap_or(Path::new("")).join(named);
-        let bytes = input_file::read(&other, MAP_BYTES_MAX);
-        spec.companion = Some(bytes.map_err(|error| {
-            io::Error::new(error.kind(), format!("its image {:?}: {error}", other.display().to_string()))
-        })?);
+    let spec = ImportSpec::new(file.display().to_string(), input_file::read(file, MAP_BYTES_MAX)?);
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let mut left = MAP_BYTES_MAX.saturating_sub(spec.bytes.len() as u64);
+    let mut companions = Vec::new();
+    for named in spec.names() {
+        let other = folder.join(named);
+        let bytes = input_file::read(&other, left).map_err(|error| {
+            io::Error::new(error.kind(), format!("it names {:?}: {error}", other.display().to_string()))
+        })?;
+        left -= bytes.len() as u64;
+        companions.push(bytes);
     }
-    Ok(spec)
+    Ok(spec.with_companions(companions))
+}
+
+/// Whether all files that a map file names lie below its folder, links followed. Whoever writes a
+/// map file chooses what it names: if that is not the user of this machine, nothing else is read.
+#[must_use]
+pub fn is_self_contained(file: &Path) -> bool {
+    let (Some(folder), Ok(bytes)) = (file.parent(), input_file::read(file, MAP_BYTES_MAX)) else { return false };
+    let Ok(folder) = folder.canonicalize() else { return false };
+    let names = ImportSpec::new(file.display().to_string(), bytes).names();
+    names.iter().all(|name| folder.join(name).canonicalize().is_ok_and(|named| named.starts_with(&folder)))
 }
 
 fn load_folder(folder: &Path) -> io::Result<ImportSpec> {

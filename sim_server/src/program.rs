@@ -405,6 +405,9 @@ impl<'a> Job<'a> {
         };
         let (free_cells, percent) = (map.free_cells, map.free_fraction * 100.0);
         terminal.say(&format!("map {origin}: {free_cells} free cells, {percent:.1} % of the volume"));
+        for warning in &map.warnings {
+            terminal.say(&printable::line(&format!("warning: {warning}")));
+        }
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
         let config = config.map(|config| config.with_policy(self.policy.clone()));
         let mut profile = self.profile.map(|_| Profile::default());

@@ -393,8 +393,12 @@ fn generator(scenario: &Scenario) -> Option<MapSpec> {
 fn imported(import: ImportSpec, scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
     let table = table(scenario);
-    let terrain = import.read().map_err(|source| SetupError::Import { table, source })?.terrain;
-    mapgen::repair(&import.file, terrain, scenario.map_seed()).map_err(map_error(scenario))
+    let imported = import.read().map_err(|source| SetupError::Import { table, source })?;
+    let warnings = imported.notes.into_iter().filter(|note| note.is_warning).map(|note| note.text).collect();
+    let repaired = mapgen::repair(&import.file, imported.terrain, scenario.map_seed());
+    let mut map = repaired.map_err(map_error(scenario))?;
+    map.report.warnings = warnings;
+    Ok(map)
 }
 
 /// Adds the table or key of the scenario to an error.

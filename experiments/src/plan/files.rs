@@ -40,8 +40,8 @@ struct Content {
     is_map: bool,
     /// Of a map.
     cells: u64,
-    /// A second file that it needs, relative to its folder: the picture of a `map.yaml`.
-    companion: Option<PathBuf>,
+    /// Files that it needs, relative to its folder, as the picture of a `map.yaml`.
+    companions: Vec<PathBuf>,
 }
 
 /// The files of a plan, each read once.
@@ -88,7 +88,7 @@ impl Files {
             let content = self.content("map.file", map, how, |file| read_map(file, scenario))?;
             files.hashes.push(content.hash);
             files.map_cells = Some(content.cells);
-            if let Some(named) = content.companion {
+            for named in content.companions {
                 let path = map.parent().unwrap_or(Path::new("")).join(named);
                 let companion = self.content("map.file", &path, String::new(), read_any)?;
                 if !content.is_map {
@@ -214,18 +214,18 @@ fn read_map(file: &Path, scenario: &Scenario) -> io::Result<Content> {
         return Err(io::Error::new(ErrorKind::InvalidInput, reason));
     }
     let import = ImportSpec { options: scenario.map.import, ..map_file::load(file)? };
-    let (of_bytes, companion) = (blake3::hash(&import.bytes), import.names());
+    let (of_bytes, companions) = (blake3::hash(&import.bytes), import.names());
     let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
     let imported = import.read().ok().map(|map| map.terrain);
     let cells = imported.as_ref().map_or(1, |terrain| terrain.extent().volume() as u64);
     // What is no map fails when it is run, with the reason.
     let Some(map) = imported.and_then(|terrain| mapgen::repair(&import.file, terrain, 0).ok()) else {
-        return Ok(Content { hash: of_bytes, is_map: false, cells, companion });
+        return Ok(Content { hash: of_bytes, is_map: false, cells, companions });
     };
     let mut hasher = blake3::Hasher::new();
     hasher.update(mapgen::terrain_hash(&map.terrain).as_bytes());
     hasher.update(&map.terrain.extent().cell_m().to_bits().to_le_bytes());
-    Ok(Content { hash: hasher.finalize(), is_map: true, cells, companion })
+    Ok(Content { hash: hasher.finalize(), is_map: true, cells, companions })
 }
 
 fn read_any(file: &Path) -> io::Result<Content> {
@@ -235,7 +235,7 @@ fn read_any(file: &Path) -> io::Result<Content> {
     }
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(&mut reader)?;
-    Ok(Content { hash: hasher.finalize(), is_map: false, cells: 1, companion: None })
+    Ok(Content { hash: hasher.finalize(), is_map: false, cells: 1, companions: Vec::new() })
 }
 
 #[cfg(test)]

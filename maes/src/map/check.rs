@@ -48,6 +48,7 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     if !imported.stores_cell_m && args.cell_m.is_none() {
         advice.push("give the length of a cell: map.cell_m (--cell-m)".to_owned());
     }
+    advice.extend(imported.notes.iter().filter(|note| note.is_warning).map(|note| note.text.clone()));
     let has_option = |name: &str| spec.options_of_format().contains(&name);
     if leaks(&mut report, &imported.terrain)? {
         let kept = "; map.import.margin_cells keeps free space of a mesh or cloud";

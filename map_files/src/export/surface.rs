@@ -1,8 +1,15 @@
-//! The surface between wall and free cells as rectangles, merged greedily.
+//! The surface between wall and free cells as triangles of rectangles, merged greedily.
 //!
 //! Layer by layer along each axis, and for each side: the first face that is left grows to the
 //! right as long as it can, and then upwards. All faces of the surface are covered once, those at
 //! the edge of the map included, because outside is wall.
+//!
+//! A rectangle that has corners of others on its edges becomes a fan around its middle, with all of
+//! them: so every edge of a triangle is a whole edge of another one, and the surface is watertight.
+//! It is that of the free space, seen from outside: triangles face the wall.
+
+use std::cmp::Ordering;
+use std::collections::HashSet;
 
 use voxels::{Cell, Grid, Terrain, is_wall_at};
 
@@ -19,7 +26,7 @@ pub(super) struct Rectangle {
 }
 
 impl Rectangle {
-    /// Its corners in cells, anticlockwise as seen from the free space.
+    /// Its corners in cells, anticlockwise as seen from the wall.
     pub(super) fn corners(&self) -> [[u32; 3]; 4] {
         let (u, v) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
         let corner = |along_u: u32, along_v: u32| {
@@ -31,18 +38,68 @@ impl Rectangle {
         let [along_u, along_v] = self.edges;
         let corners = [corner(0, 0), corner(along_u, 0), corner(along_u, along_v), corner(0, along_v)];
         let [a, b, c, d] = corners;
-        if self.is_up { corners } else { [a, d, c, b] }
+        if self.is_up { [a, d, c, b] } else { corners }
     }
 
-    /// The direction of the free space.
+    /// Its corners and those of others on its edges, in half cells, in the order of [`Self::corners`].
+    fn outline(&self, all: &HashSet<[u32; 3]>) -> Vec<[u32; 3]> {
+        let corners = self.corners();
+        let mut outline = Vec::new();
+        for (at, from) in corners.into_iter().enumerate() {
+            let to = corners[(at + 1) % corners.len()];
+            let length = (0..3).map(|axis| from[axis].abs_diff(to[axis])).max().unwrap_or(0);
+            let place = |step: u32| {
+                [0, 1, 2].map(|axis| match to[axis].cmp(&from[axis]) {
+                    Ordering::Less => from[axis] - step,
+                    Ordering::Equal => from[axis],
+                    Ordering::Greater => from[axis] + step,
+                })
+            };
+            outline.extend((0..length).map(place).filter(|place| all.contains(place)));
+        }
+        outline.into_iter().map(|corner| corner.map(|along| 2 * along)).collect()
+    }
+
+    /// The direction of the wall.
     pub(super) fn normal(&self) -> [i8; 3] {
         let mut normal = [0; 3];
-        normal[self.axis] = if self.is_up { 1 } else { -1 };
+        normal[self.axis] = if self.is_up { -1 } else { 1 };
         normal
     }
 }
 
-/// The surface of a map.
+/// A triangle of the surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Surface {
+    /// Its corners in half cells.
+    pub(super) corners: [[u32; 3]; 3],
+    /// The direction of the wall.
+    pub(super) normal: [i8; 3],
+}
+
+/// The triangles of the surface of a map.
+pub(super) fn triangles(terrain: &Grid<Terrain>) -> Vec<Surface> {
+    let rectangles = rectangles(terrain);
+    let corners: HashSet<[u32; 3]> = rectangles.iter().flat_map(Rectangle::corners).collect();
+    let mut found = Vec::new();
+    for rectangle in rectangles {
+        let outline = rectangle.outline(&corners);
+        let normal = rectangle.normal();
+        let mut add = |corners: [[u32; 3]; 3]| found.push(Surface { corners, normal });
+        if let [a, b, c, d] = outline[..] {
+            [[a, b, c], [a, c, d]].into_iter().for_each(&mut add);
+        } else {
+            let [a, _, c, _] = rectangle.corners();
+            let middle = [0, 1, 2].map(|axis| a[axis] + c[axis]);
+            for (at, &corner) in outline.iter().enumerate() {
+                add([middle, corner, outline[(at + 1) % outline.len()]]);
+            }
+        }
+    }
+    found
+}
+
+/// The surface of a map as rectangles.
 pub(super) fn rectangles(terrain: &Grid<Terrain>) -> Vec<Rectangle> {
     let size = terrain.extent().size();
     let mut found = Vec::new();

@@ -1,8 +1,9 @@
-use super::surface::Rectangle;
+use super::surface::{Rectangle, rectangles};
 use super::*;
 use crate::{ImportOptions, ImportSpec, Imported};
 use mapgen::{Kind, free_cells};
 use proptest::prelude::*;
+use std::collections::HashMap;
 use voxels::{Extent, is_wall_at};
 
 /// A closed map with cells of some length.
@@ -43,7 +44,7 @@ fn a_room_has_six_rectangles() {
 }
 
 #[test]
-fn faces_look_into_the_free_space() {
+fn faces_look_at_the_wall() {
     let room = Grid::from_text("###\n###\n###\n\n###\n#.#\n###\n\n###\n###\n###\n").unwrap();
     for rectangle in rectangles(&room) {
         let [a, b, c, _] = rectangle.corners().map(|corner| corner.map(f64::from));
@@ -52,7 +53,7 @@ fn faces_look_into_the_free_space() {
         let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
         assert_eq!(cross, rectangle.normal().map(f64::from));
         let middle = [0, 1, 2].map(|axis| 1.5 - a[axis]);
-        assert!((0..3).map(|axis| cross[axis] * middle[axis]).sum::<f64>() > 0.0);
+        assert!((0..3).map(|axis| cross[axis] * middle[axis]).sum::<f64>() < 0.0);
     }
 }
 
@@ -91,6 +92,26 @@ proptest! {
             prop_assert_eq!(free_from_lowest(&imported.terrain), free_from_lowest(&terrain), "{}", file);
             prop_assert!(imported.notes.iter().all(|note| note.name != "holes"), "{:?}", imported.notes);
         }
+    }
+
+    #[test]
+    fn surface_is_watertight_and_has_the_volume_of_the_free_space(terrain in closed_map()) {
+        let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
+        let mut volume = 0;
+        for triangle in triangles(&terrain) {
+            let [a, b, c] = triangle.corners;
+            for [from, to] in [[a, b], [b, c], [c, a]] {
+                *edges.entry([from, to]).or_default() += 1;
+                *edges.entry([to, from]).or_default() -= 1;
+            }
+            let [a, b, c] = [a, b, c].map(|corner| corner.map(i64::from));
+            let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+            volume += (0..3).map(|axis| a[axis] * cross[axis]).sum::<i64>();
+        }
+        // Each edge is gone along as often as back.
+        prop_assert!(edges.values().all(|&count| count == 0));
+        // Six volumes, in half cells.
+        prop_assert_eq!(volume, 6 * 8 * free_cells(&terrain) as i64);
     }
 
     #[test]

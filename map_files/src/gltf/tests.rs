@@ -61,8 +61,8 @@ fn copies_of_a_mesh_are_read() {
 #[test]
 fn required_extensions_are_read_or_refused_by_name() {
     cube("hand-made", "", r#","extensionsRequired":["KHR_materials_unlit"]"#);
-    let refused = refuse(br#"{"extensionsRequired":["KHR_materials_unlit","EXT_meshopt_compression"]}"#);
-    let expected = "extensionsRequired: \"EXT_meshopt_compression\" is not read; save the scene without it";
+    let refused = refuse(br#"{"extensionsRequired":["KHR_materials_unlit","KHR_other"]}"#);
+    let expected = "extensionsRequired: \"KHR_other\" is not read; save the scene without it";
     assert_eq!(refused, expected);
 }
 
@@ -78,6 +78,63 @@ fn writers_that_leave_coordinates_as_they_are_have_z_upwards() {
     }
 }
 
+/// A file of a tool, see cases/README.md.
+macro_rules! case {
+    ($name:literal) => {
+        include_bytes!(concat!("../../tests/cases/", $name)).to_vec()
+    };
+}
+
+#[test]
+fn optimised_scenes_are_those_that_they_were_made_of() {
+    let walls = |bytes: Vec<u8>| {
+        let imported = ImportSpec::new("a.glb", bytes).read().unwrap();
+        assert_eq!(mapgen::free_cells(&imported.terrain), 608, "{:?}", imported.notes);
+        imported.terrain
+    };
+    let plain = walls(case!("gltfpack_quantized.glb"));
+    assert_eq!(walls(case!("gltfpack_meshopt.glb")), plain);
+    assert_eq!(walls(case!("gltf_transform_quantized.glb")), plain);
+    let meshopt = case!("gltf_transform_meshopt.glb");
+    assert_eq!(walls(meshopt.clone()), plain);
+    // Cut or changed data are refused, or another map.
+    for at in meshopt.len() - 432..meshopt.len() {
+        let mut broken = meshopt.clone();
+        broken[at] ^= 0x55;
+        if let Err(error) = ImportSpec::new("a.glb", broken).read() {
+            assert!(!error.to_string().contains('\n'));
+        }
+    }
+}
+
+#[test]
+fn data_beside_the_document_are_read() {
+    let names = |uri: &str| {
+        let text = format!(r#"{{"buffers":[{{"byteLength":36,"uri":"{uri}"}}]}}"#);
+        let spec = ImportSpec::new("a.gltf", text.clone().into_bytes());
+        (spec.names(), refuse(text.as_bytes()))
+    };
+    assert_eq!(names("a%20b.bin").0, [PathBuf::from("a b.bin")]);
+    assert_eq!(names("./sub/a.bin").0, [PathBuf::from("./sub/a.bin")]);
+    for uri in ["/etc/passwd", "../a.bin", "sub/../../a.bin", "%2e%2e/a.bin", "file:///a.bin", "http://a/b.bin", ""] {
+        let (names, refused) = names(uri);
+        assert_eq!(names, Vec::<PathBuf>::new(), "{uri}");
+        assert!(
+            refused.contains("is no file below the folder of the scene; put it there, or save as .glb"),
+            "{refused}"
+        );
+    }
+    let text = scene(
+        r#""meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[{"bufferView":0,"componentType":5126,
+        "type":"VEC3","count":3}],"bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":"a.bin"}]"#,
+    );
+    let corners = [[0.0f32, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0]];
+    let data = corners.into_iter().flatten().flat_map(f32::to_le_bytes).collect();
+    let options = crate::ImportOptions { fill: Some(crate::options::Fill::Shell), ..Default::default() };
+    let spec = ImportSpec { options, ..ImportSpec::new("a.gltf", text) }.with_companions(vec![data]);
+    assert_eq!(spec.read().unwrap().terrain.extent().size(), [12, 3, 12]);
+}
+
 #[test]
 fn errors_name_the_entry() {
     assert_eq!(refuse(b"{"), "line 1: EOF while parsing an object");
@@ -87,7 +144,10 @@ fn errors_name_the_entry() {
     let cycle = br#"{"nodes":[{"children":[1]},{"children":[0]}],"scenes":[{"nodes":[0]}]}"#;
     assert_eq!(refuse(cycle), "nodes[0]: a node has two parents");
     let external = br#"{"buffers":[{"uri":"a.bin","byteLength":9}]}"#;
-    assert_eq!(refuse(external), "buffers[0].uri: the data are in another file; save the scene as .glb, in one piece");
+    assert_eq!(
+        refuse(external),
+        "buffers[0].uri: the data are in another file, which is not at hand; save the scene as .glb"
+    );
     let primitive = |accessor: &str| {
         refuse(&scene(&format!(
             r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],"accessors":[{accessor}],
@@ -96,7 +156,7 @@ fn errors_name_the_entry() {
     };
     assert_eq!(
         primitive(r#"{"bufferView":0,"componentType":5126,"type":"VEC2","count":1}"#),
-        "accessors[0]: it is of type VEC2 and componentType 5126, expected VEC3 of [5126]"
+        "accessors[0]: it is of type VEC2 and componentType 5126, expected VEC3 of [5126, 5120, 5121, 5122, 5123]"
     );
     assert_eq!(
         primitive(r#"{"bufferView":0,"componentType":5126,"type":"VEC3","count":2}"#),

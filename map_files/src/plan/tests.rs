@@ -31,18 +31,18 @@ fn binary_and_ascii_give_the_same_map() {
 fn errors_name_the_byte() {
     let refuse = |bytes: &[u8]| read(&spec(bytes, 1, None)).unwrap_err().to_string();
     assert_eq!(refuse(b""), "byte 0: the file ends here, before P2 or P5");
-    assert_eq!(refuse(b"P6 1 1"), "byte 0: the file begins with \"P6\", expected P2 or P5");
-    assert_eq!(refuse(b"P2 x"), "byte 3: the width is \"x\", allowed is a number up to 4294967295");
+    assert_eq!(refuse(b"P6 1 1"), "byte 0: the file begins as no PGM (P2 or P5), PNG, BMP or JPEG");
+    assert_eq!(refuse(b"P2 x"), "byte 3: the width is none, allowed is a number up to 4294967295");
     assert_eq!(refuse(b"P2 2000 1 9"), "map size along x is 2000 cells, allowed are 1 to 1024");
     assert_eq!(refuse(b"P2 1 1 0 0"), "byte 8: the largest brightness is 0, allowed is 1 to 65535");
-    assert_eq!(refuse(b"P2 1 1 9 10"), "byte 9: a pixel is \"10\", allowed is a number up to 9");
+    assert_eq!(refuse(b"P2 1 1 9 10"), "byte 9: a pixel is none, allowed is a number up to 9");
     assert_eq!(refuse(b"P2 1000 1000 9 1"), "byte 16: the file ends here, 1000000 pixels do not fit in");
     assert_eq!(refuse(b"P5 2 1 9 12"), "byte 9: a pixel is 49, allowed is 0 to 9");
     assert_eq!(refuse(b"P5 2 2 9 \x01"), "byte 10: the file ends here, expected length 13 bytes");
 }
 
 fn yaml(text: &str, image: &[u8]) -> ImportSpec {
-    ImportSpec { companion: Some(image.to_vec()), ..ImportSpec::new("map.yaml", text.into()) }
+    ImportSpec { companions: vec![image.to_vec()], ..ImportSpec::new("map.yaml", text.into()) }
 }
 
 const KEYS: &str = "image: map.pgm # beside it\nresolution: 0.05\norigin: [-10.5, 3, 0.0]\nnegate: 0\n\
@@ -53,7 +53,7 @@ fn a_map_of_the_map_server_is_read_with_its_metres_and_origin() {
     // Black, unknown, white; and a border of black.
     let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
     let spec = yaml(KEYS, image);
-    assert_eq!(spec.names(), Some(PathBuf::from("map.pgm")));
+    assert_eq!(spec.names(), [PathBuf::from("map.pgm")]);
     assert_eq!(spec.stored_cell_m(), Some(0.05));
     let imported = spec.read().unwrap();
     assert_eq!((imported.terrain.extent().size(), imported.terrain.extent().cell_m()), ([5, 3, 52], 0.05));
@@ -183,13 +183,60 @@ fn errors_of_a_yaml_name_line_or_key() {
     let without = ImportSpec::new("map.yaml", KEYS.into()).read().unwrap_err().to_string();
     assert_eq!(without, "map.yaml: image \"map.pgm\": it is not at hand");
     let broken = yaml(KEYS, b"P6").read().unwrap_err().to_string();
-    assert_eq!(broken, "map.yaml: image \"map.pgm\": byte 0: the file begins with \"P6\", expected P2 or P5");
+    assert_eq!(broken, "map.yaml: image \"map.pgm\": byte 0: the file begins as no PGM (P2 or P5), PNG, BMP or JPEG");
     let wide = yaml(KEYS, b"P5 2000 2 255 ").read().unwrap_err().to_string();
     assert_eq!(
         wide,
         "map.yaml: image \"map.pgm\": map size along x is 2000 cells, allowed are 1 to 1024, with cells of 0.05 m; choose \
-         longer ones"
+         longer ones, a multiple of 0.05 m (--cell-m)"
     );
+}
+
+#[test]
+fn lists_may_go_on_in_the_next_lines() {
+    let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
+    let whole = yaml(KEYS, image).read().unwrap();
+    for list in ["[-10.5,\n         3, 0.0]", "[ # the corner\n  -10.5,\r\n  3,\n  0.0,\n]", "\n- -10.5\n- 3\n-  0.0"] {
+        let keys = KEYS.replace("[-10.5, 3, 0.0]", list);
+        assert_eq!(yaml(&keys, image).read().unwrap(), whole, "{list}");
+        assert_eq!(yaml(&format!("\u{feff}{}", keys.replace('\n', "\r\n")), image).read().unwrap(), whole, "{list}");
+    }
+    let open = yaml(&KEYS.replace("0.0]", "0.0"), image).read().unwrap_err().to_string();
+    assert!(open.contains("expected [x, y, yaw]"), "{open}");
+}
+
+#[test]
+fn picture_that_lies_elsewhere_is_named_and_never_shown() {
+    let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
+    for (name, is_noted) in
+        [("map.pgm", false), ("./plans/map.pgm", false), ("../map.pgm", true), ("/srv/map.pgm", true)]
+    {
+        let notes = yaml(&KEYS.replace("map.pgm", name), image).read().unwrap().notes;
+        assert_eq!(notes.iter().any(|note| note.name == "image"), is_noted, "{name}: {notes:?}");
+    }
+    for secret in ["root:x:0:0", "P2 secret 1", "P2 1 1 9 secret", "P2 1 1 secret", "BMsecret", "\u{fffd}"] {
+        let error = yaml(KEYS, secret.as_bytes()).read().unwrap_err().to_string();
+        assert!(!error.contains("secret") && !error.contains("root"), "{error}");
+    }
+}
+
+#[test]
+fn pictures_may_be_bmp_and_jpeg() {
+    let image =
+        b"P2 8 8 255  ".iter().copied().chain((0..64).flat_map(|at| if at % 8 < 4 { *b"  0 " } else { *b"254 " }));
+    let grey = yaml(KEYS, &image.collect::<Vec<u8>>()).read().unwrap();
+    let pixels = (0..64u32).map(|at| if at % 8 < 4 { 0 } else { 254 }).collect();
+    let luma = image::GrayImage::from_raw(8, 8, pixels).unwrap();
+    for picture in [image::DynamicImage::from(luma.clone()), image::DynamicImage::from(luma).to_rgb8().into()] {
+        for format in [image::ImageFormat::Bmp, image::ImageFormat::Jpeg] {
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, format).unwrap();
+            let bytes = bytes.into_inner();
+            assert_eq!(yaml(KEYS, &bytes).read().unwrap().terrain, grey.terrain, "{format:?}");
+            let cut = yaml(KEYS, &bytes[..bytes.len() / 2]).read();
+            assert!(cut.is_err() || format == image::ImageFormat::Jpeg, "{cut:?}");
+        }
+    }
 }
 
 #[test]

@@ -67,6 +67,37 @@ fn a_scene_puts_models_where_they_belong() {
 }
 
 #[test]
+fn hidden_models_are_left_out() {
+    let group = chunk("nGRP", &numbers(&[1, 0, 2, 2, 4]));
+    let scene = |hidden_node: &[u8], hidden_layer: &[u8]| {
+        let second = [hidden_node, &numbers(&[5, u32::MAX, 7, 1]), &pair("_t", "9 0 0")].concat();
+        let scene = [
+            model(),
+            transform(0, 1, "_t", "0 0 0"),
+            group.clone(),
+            transform(2, 3, "_t", "0 0 0"),
+            shape(3, 0),
+            chunk("nTRN", &[&numbers(&[4]), &second[..]].concat()),
+            shape(5, 0),
+            // Layers may come after what is in them.
+            chunk("LAYR", &[&numbers(&[7]), hidden_layer, &numbers(&[u32::MAX])].concat()),
+        ];
+        read(&file(&scene)).unwrap()
+    };
+    let (no, yes, zero) = (numbers(&[0]), pair("_hidden", "1"), pair("_hidden", "0"));
+    for shown in [scene(&no, &no), scene(&zero, &zero)] {
+        assert_eq!(shown.terrain.extent().size(), [14, 4, 3]);
+        assert!(shown.notes.iter().all(|note| note.name != "hidden"));
+    }
+    for hidden in [scene(&yes, &no), scene(&no, &yes), scene(&yes, &yes)] {
+        assert_eq!(hidden.terrain, read(&file(&[model()])).unwrap().terrain);
+        assert_eq!(hidden.notes[1].text, "1 left out, which a node or a layer hides");
+    }
+    let nothing = [model(), chunk("nTRN", &[numbers(&[0]), yes, numbers(&[1, 0, 0, 0])].concat()), shape(1, 0)];
+    assert_eq!(refuse(&file(&nothing)), "the file has no model that is not hidden");
+}
+
+#[test]
 fn rotations_are_right_angles() {
     assert_eq!(rotation("4"), Some(UNTURNED.rows));
     // The first row looks at y, the second at x, negated.

@@ -2,7 +2,7 @@
 //!
 //! A client does not choose a path to write: it asks for a recording, and the server makes its name
 //! in one folder. A client reads maps of one folder only, and starts no program: a scenario with
-//! `agents.command` is refused. The answer is the same for a file that is
+//! `agents.command` is refused. So is a map that names a file outside its folder. The answer is the same for a file that is
 //! missing and one that is outside, so that it does not tell which files exist.
 
 use std::fs;
@@ -12,6 +12,7 @@ use simulation::scenario::{Override, Scenario};
 use thiserror::Error;
 
 use super::StartRequest;
+use crate::map_file;
 use crate::setup::{self, SetupError};
 
 /// What the scenario is called in errors.
@@ -100,6 +101,7 @@ impl RequestedRuns {
         };
         if let Some(file) = value(&table, MAP_FILE).and_then(toml::Value::as_str) {
             let map = self.folders.maps.as_deref().and_then(|folder| file_below(folder, Path::new(file)));
+            let map = map.filter(|map| map_file::is_self_contained(map));
             set(MAP_FILE, &map.ok_or_else(|| RequestError::Map(file.to_owned()))?);
         }
         let mut recording = None;

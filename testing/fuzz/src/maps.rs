@@ -76,7 +76,7 @@ pub(crate) fn full_octomap(bytes: &[u8]) {
 pub(crate) fn yaml(bytes: &[u8]) {
     let mut parts = bytes.splitn(2, |&byte| byte == 0);
     let (yaml, image) = (parts.next().unwrap_or_default(), parts.next().map(<[u8]>::to_vec));
-    read_spec(ImportSpec { companion: image, ..ImportSpec::new("fuzz.yaml", yaml.to_vec()) });
+    read_spec(ImportSpec::new("fuzz.yaml", yaml.to_vec()).with_companions(image.into_iter().collect()));
 }
 
 /// A mesh, filled as a solid and as a shell.

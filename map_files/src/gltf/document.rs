@@ -1,0 +1,165 @@
+//! The parts of a document of glTF 2.0 that place meshes, under the names of the specification.
+
+use std::borrow::Cow;
+
+use serde::Deserialize;
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Asset {
+    pub(super) generator: String,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Document<'a> {
+    #[serde(default)]
+    pub(super) asset: Asset,
+    pub(super) scene: Option<usize>,
+    #[serde(default)]
+    pub(super) scenes: Vec<Scene>,
+    #[serde(default)]
+    pub(super) nodes: Vec<Node>,
+    #[serde(default)]
+    pub(super) meshes: Vec<MeshOfScene>,
+    #[serde(default)]
+    pub(super) accessors: Vec<Accessor>,
+    #[serde(default, rename = "bufferViews")]
+    pub(super) views: Vec<View>,
+    #[serde(default, borrow)]
+    pub(super) buffers: Vec<Buffer<'a>>,
+    #[serde(default, rename = "extensionsRequired")]
+    pub(super) required: Vec<String>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Scene {
+    #[serde(default)]
+    pub(super) nodes: Vec<usize>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Node {
+    #[serde(default)]
+    pub(super) children: Vec<usize>,
+    pub(super) mesh: Option<usize>,
+    pub(super) matrix: Option<Box<[f64; 16]>>,
+    pub(super) translation: Option<[f64; 3]>,
+    pub(super) rotation: Option<[f64; 4]>,
+    pub(super) scale: Option<[f64; 3]>,
+    #[serde(default)]
+    pub(super) extensions: ExtensionsOfNode,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct ExtensionsOfNode {
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    pub(super) instancing: Option<Instancing>,
+}
+
+/// Copies of the mesh of a node.
+#[derive(Deserialize)]
+pub(super) struct Instancing {
+    pub(super) attributes: Places,
+}
+
+/// The accessors of the places of copies.
+#[derive(Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub(super) struct Places {
+    pub(super) translation: Option<usize>,
+    pub(super) rotation: Option<usize>,
+    pub(super) scale: Option<usize>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct MeshOfScene {
+    #[serde(default)]
+    pub(super) primitives: Vec<Primitive>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Primitive {
+    pub(super) attributes: Attributes,
+    pub(super) indices: Option<usize>,
+    pub(super) mode: Option<u32>,
+    #[serde(default)]
+    pub(super) extensions: Extensions,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct Extensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub(super) draco: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Attributes {
+    #[serde(rename = "POSITION")]
+    pub(super) position: Option<usize>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Accessor {
+    #[serde(rename = "bufferView")]
+    pub(super) view: Option<usize>,
+    #[serde(default, rename = "byteOffset")]
+    pub(super) offset: usize,
+    #[serde(rename = "componentType")]
+    pub(super) component: u32,
+    pub(super) count: usize,
+    #[serde(default)]
+    pub(super) normalized: bool,
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    pub(super) sparse: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct View {
+    pub(super) buffer: usize,
+    #[serde(default, rename = "byteOffset")]
+    pub(super) offset: usize,
+    #[serde(rename = "byteLength")]
+    pub(super) length: usize,
+    #[serde(rename = "byteStride")]
+    pub(super) stride: Option<usize>,
+    #[serde(default)]
+    pub(super) extensions: ExtensionsOfView,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct ExtensionsOfView {
+    #[serde(rename = "EXT_meshopt_compression", alias = "KHR_meshopt_compression")]
+    pub(super) meshopt: Option<Box<Packed>>,
+}
+
+/// Where the compressed bytes of a view are, and how they are compressed.
+#[derive(Deserialize)]
+pub(super) struct Packed {
+    pub(super) buffer: usize,
+    #[serde(default, rename = "byteOffset")]
+    pub(super) offset: usize,
+    #[serde(rename = "byteLength")]
+    pub(super) length: usize,
+    #[serde(rename = "byteStride")]
+    pub(super) stride: usize,
+    pub(super) count: usize,
+    pub(super) mode: String,
+    #[serde(default)]
+    pub(super) filter: Option<String>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Buffer<'a> {
+    #[serde(default, borrow)]
+    pub(super) uri: Option<Cow<'a, str>>,
+    #[serde(default)]
+    pub(super) extensions: ExtensionsOfBuffer,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct ExtensionsOfBuffer {
+    /// Of a buffer without data, which is for readers that do not unpack views.
+    #[serde(rename = "EXT_meshopt_compression", alias = "KHR_meshopt_compression")]
+    pub(super) meshopt: Option<serde::de::IgnoredAny>,
+}
