@@ -1,5 +1,11 @@
 use super::*;
-use crate::controllers::testing::{World, drawn, flat};
+use crate::controllers::testing::{RADIUS_M, World, drawn, flat};
+use crate::path::Moves;
+
+/// The moves of a body that fits into a cell.
+fn moves() -> Moves {
+    Moves::new(RADIUS_M, 1.0, Neighbours::Six)
+}
 
 fn rng() -> ChaCha8Rng {
     random_streams::stream(1, 0, "test")
@@ -142,16 +148,16 @@ fn samples_are_biased_near_and_within_the_horizon() {
 fn only_edge_ends_are_checked_and_covered_ends_refused() {
     // A wall between two rooms that a step of one cell can only cross at its corner.
     let mut map = drawn("..\n..\n");
-    assert!(is_open(&map, Point3::new(1.2, 1.2, 0.5)));
+    assert!(is_open(Graph::new(&map, &moves()), Point3::new(1.2, 1.2, 0.5)));
     map.note_covered(flat(1, 1));
-    assert!(!is_open(&map, Point3::new(1.2, 1.2, 0.5)), "covered");
-    assert!(!is_open(&map, Point3::new(-0.1, 0.5, 0.5)), "outside");
+    assert!(!is_open(Graph::new(&map, &moves()), Point3::new(1.2, 1.2, 0.5)), "covered");
+    assert!(!is_open(Graph::new(&map, &moves()), Point3::new(-0.1, 0.5, 0.5)), "outside");
 
     // A body could not pass between the walls at a corner; an edge of the tree does.
     let map = drawn("#.\n.#\n");
     let mut trees = Trees::new(Point3::new(0.9, 0.9, 0.5));
     for stage in 0..20 {
-        trees.grow(&mut random_streams::stream(1, stage, "test"), &map, &[flat(1, 1)]);
+        trees.grow(&mut random_streams::stream(1, stage, "test"), Graph::new(&map, &moves()), &[flat(1, 1)]);
     }
     let has_crossed = |tree: &Tree| tree.post_order().into_iter().any(|node| cell_of(tree.at(node)) == flat(1, 1));
     assert!(has_crossed(&trees.local) && has_crossed(&trees.global));
@@ -170,7 +176,7 @@ fn stage_always_draws_200_samples() {
     let map = drawn("....\n....\n");
     let mut trees = Trees::new(Point3::new(0.5, 0.5, 0.5));
     let mut drawn_by_stage = rng();
-    trees.grow(&mut drawn_by_stage, &map, &[]);
+    trees.grow(&mut drawn_by_stage, Graph::new(&map, &moves()), &[]);
     let mut drawn_here = rng();
     for _ in 0..200 {
         sample(&mut drawn_here, Point3::new(0.5, 0.5, 0.5), &[]);
@@ -192,7 +198,7 @@ fn neighbour_towards_y_has_no_gain() {
                 map.note_wall(&[index]);
             }
         }
-        viewpoint_gain(&map, Cell::new(1, 1, 1))
+        viewpoint_gain(Graph::new(&map, &moves()), Cell::new(1, 1, 1))
     };
     for offset in FACES {
         let counts = if offset == Cell::new(0, 1, 0) { 0.0 } else { 1.0 };
@@ -295,7 +301,7 @@ fn last_destination_is_the_root_even_if_not_reached() {
 fn relocation_persists() {
     let map = drawn(&room());
     let mut trees = Trees::new(Point3::new(4.5, 4.5, 0.5));
-    trees.grow(&mut rng(), &map, &[]);
+    trees.grow(&mut rng(), Graph::new(&map, &moves()), &[]);
     let grown = trees.global.len();
     trees.destination = Some((trees.local.at(3), 3));
     trees.begin_stage();
