@@ -125,6 +125,9 @@ impl<'a> Ctx<'a> {
 
     /// [`Ctx::go_to_cell`] with a choice of neighbours.
     pub fn go_to_cell_by(&mut self, goal: Cell, neighbours: Neighbours, time: SearchTime) -> NavigationStatus {
+        if let Some(motion) = self.recentring() {
+            return NavigationStatus::Go(motion);
+        }
         self.navigation.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
     }
 
@@ -139,6 +142,19 @@ impl<'a> Ctx<'a> {
     /// path. This bounds the wall time of a decision: 10 000 cells take some milliseconds.
     pub fn limit_searches(&mut self, cells_max: u64) {
         self.navigation.limit_searches(cells_max);
+    }
+
+    /// The motion to the centre of a cell nearby that the body has to make before it can follow paths,
+    /// which lead through centres: a body wider than a cell that was stopped between them may not
+    /// reach that of its own cell, because a wall is too near to it. `None` for all others, and if
+    /// there is no such cell.
+    #[must_use]
+    pub fn recentring(&self) -> Option<Motion> {
+        if !self.is_wide() || self.is_clear_to(self.cell()) {
+            return None;
+        }
+        let cell = self.graph(Neighbours::TwentySix).cells_near(self.cell()).find(|&cell| self.is_clear_to(cell))?;
+        Some(Motion::Path(vec![self.map.extent().centre(cell)]))
     }
 
     /// The motion along a path that begins in the cell of the body, with as few legs as possible.

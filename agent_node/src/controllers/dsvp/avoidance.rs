@@ -83,6 +83,9 @@ pub(super) fn motion_to(
 pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
     let (map, radius_m) = (ctx.map(), ctx.body().radius_m);
     let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);
+    if let Some(motion) = ctx.recentring() {
+        return Some(motion).filter(is_clear);
+    }
     let NavigationStatus::Go(straight) = ctx.follow(path) else { return None };
     let after = |steps: usize| {
         let rest = Path { cells: path.cells[steps..].to_vec(), cost: 0 };
