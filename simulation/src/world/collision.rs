@@ -18,6 +18,11 @@ const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// metres.
 const FAR_M: f64 = 1e-3;
 
+/// How much nearer than its radius a body may come to something, as a difference of squares, square
+/// metres: a body that fits exactly, as one of 0.3 m does beside a wall at 0.3 m, slides along it
+/// whatever the rounding of lengths that are no binary fractions.
+const SLACK_M2: f64 = 1e-12;
+
 /// The kind of surface that a body has hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
@@ -157,9 +162,10 @@ impl Sphere {
     }
 }
 
-/// The first t >= 0 at which `a t^2 + 2 b t + c` falls below `limit`, `None` if it does not
-/// decrease at 0.
+/// The first t >= 0 at which `a t^2 + 2 b t + c` falls below `limit` by more than rounding, `None`
+/// if it does not decrease at 0.
 fn first_time_within(a: f64, b: f64, c: f64, limit: f64) -> Option<f64> {
+    let limit = limit - SLACK_M2;
     if b >= 0.0 {
         return None;
     }
