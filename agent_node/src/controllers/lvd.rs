@@ -197,8 +197,8 @@ impl Lvd {
         ctx.limit_searches(if ctx.is_wide() { WIDE_SEARCH_CELLS_MAX } else { SEARCH_CELLS_MAX });
         let to = ctx.approach(goal);
         // As near as a wide body comes, and still it has not been visited.
-        let is_in_vain = |to: Cell| ctx.is_wide() && to == ctx.cell() && purpose.is_visit();
-        let status = match to.filter(|&to| !is_in_vain(to)) {
+        let is_pointless = |to: Cell| ctx.is_wide() && to == ctx.cell() && purpose.is_visit();
+        let status = match to.filter(|&to| !is_pointless(to)) {
             Some(to) if ctx.is_clear_to(to) || !self.flood.is_cut_off(ctx.map(), to, ctx.cell(), POCKET_CELLS_MAX) => {
                 ctx.go_to_cell(to, self.search_time)
             }
