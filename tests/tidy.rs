@@ -52,6 +52,7 @@ const USES: [(&str, &[&str]); 16] = [
             "agent_node",
             "in_memory",
             "map_files",
+            "mapgen",
             "msgs",
             "sim_server",
             "simulation",

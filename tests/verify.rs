@@ -479,7 +479,6 @@ fn rewritten_recordings_verify() {
         ("topics by name", Rewriting { topics_by_name: true, ..Rewriting::default() }),
         ("another topic", Rewriting { adds_a_topic: true, ..Rewriting::default() }),
     ] {
-        println!("{name}");
         site.file("rewritten.mcap", rewritten_as(&bytes, rewriting));
         let ended = verify(&site, "rewritten.mcap", &["--controllers"]).with_code(0);
         assert!(ended.stdout.starts_with("verified 1500 ticks and "), "{name}: {ended}");

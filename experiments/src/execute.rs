@@ -376,7 +376,7 @@ fn prune(plan: &Plan, store: &Store, done: &BTreeSet<String>, is_allowed: bool) 
             // Failures are no results: those of another plan or build go.
             let failures = store.failures()?;
             let others = failures.iter().filter(|failed| !planned.contains(&failed.id));
-            Ok(others.map(|failed| store.forget_failure(&failed.id)).collect::<Result<(), _>>()?)
+            Ok(others.into_iter().try_for_each(|failed| store.forget_failure(&failed.id))?)
         }
     }
 }

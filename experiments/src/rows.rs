@@ -37,8 +37,8 @@ impl StoredRun {
     }
 }
 
-/// A run that has failed, the content of `failures/<id>.json`: what was planned, and why there is no
-/// outcome.
+/// A run that has failed, the content of `failures/<id>.json`: what was planned, and why there is
+/// no outcome.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FailedRun {
@@ -207,8 +207,9 @@ pub struct RunRow {
 }
 
 impl RunRow {
-    /// Why the run has failed, which no record of a run has: the row then stands for a [`FailedRun`]
-    /// among the others. It has explored nothing, and its other metrics have no meaning.
+    /// Why the run has failed, which no record of a run has: the row then stands for a
+    /// [`FailedRun`] among the others. It has explored nothing, and its other metrics have no
+    /// meaning.
     #[must_use]
     pub fn failure(&self) -> Option<&str> {
         match &self.reason {

@@ -11,6 +11,12 @@ use mapgen::import_options::OptionError;
 use super::export::WRITERS;
 use super::{ImportSpec, Imported, gltf, las, m3dm, obj, octomap, pcd, plan, ply, stl, text, vox, xyz};
 
+/// The cell length in the bytes of a file, metres.
+pub(super) type CellLength = fn(&[u8]) -> Option<f64>;
+
+/// The files that the bytes of a file name, relative to its folder.
+pub(super) type Companions = fn(&[u8]) -> Vec<PathBuf>;
+
 /// A reader of a file format. A new format is a module with one, and its line in [`READERS`].
 #[derive(Debug)]
 pub struct MapReader {
@@ -24,9 +30,9 @@ pub struct MapReader {
     pub(super) read: fn(&ImportSpec) -> Result<Imported, FormatError>,
     /// The cell length of a file, metres, without its cells being read; `None` where files of the
     /// format contain none.
-    pub(super) stored_cell_m: Option<fn(&[u8]) -> Option<f64>>,
+    pub(super) stored_cell_m: Option<CellLength>,
     /// The files that a file needs, relative to its folder.
-    pub(super) companions: Option<fn(&[u8]) -> Vec<PathBuf>>,
+    pub(super) companions: Option<Companions>,
 }
 
 /// All formats of single files that are read.

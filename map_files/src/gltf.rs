@@ -4,8 +4,9 @@
 //! The nodes of the scene place meshes of triangles; materials, skins and animations are ignored.
 //! The axis y points upwards, as the format has it, save in files of [`AS_GIVEN`], which write
 //! coordinates as they are; `up` overrides both. Coordinates may be integers
-//! (`KHR_mesh_quantization`), and views compressed ([`meshopt`]). Sparse data and Draco are refused,
-//! and so is an extension that a file requires and that may change the shape of its meshes.
+//! (`KHR_mesh_quantization`), and views compressed ([`meshopt`]). Sparse data and Draco are
+//! refused, and so is an extension that a file requires and that may change the shape of its
+//! meshes.
 
 mod document;
 mod meshopt;
@@ -83,8 +84,8 @@ impl Buffer<'_> {
     }
 }
 
-/// The files that a document needs, relative to its folder, in the order of its buffers; none if one
-/// of them may not be read.
+/// The files that a document needs, relative to its folder, in the order of its buffers; none if
+/// one of them may not be read.
 fn companions(bytes: &[u8]) -> Vec<PathBuf> {
     let document = pieces(bytes).ok().and_then(|(text, _)| parsed(text).ok());
     let buffers = document.iter().flat_map(|document| &document.buffers);

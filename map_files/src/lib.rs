@@ -169,8 +169,8 @@ impl ImportSpec {
     }
 
     /// The files that this one needs, as the picture of a `map.yaml` or the data of a `.gltf`,
-    /// relative to its folder; none if it needs none, or is faulty, which reading it reports. Only a
-    /// `map.yaml` may name files that are not below its folder.
+    /// relative to its folder; none if it needs none, or is faulty, which reading it reports. Only
+    /// a `map.yaml` may name files that are not below its folder.
     #[must_use]
     pub fn names(&self) -> Vec<PathBuf> {
         let companions = self.format().ok().and_then(|format| format.companions);

@@ -6,8 +6,8 @@
 //!
 //! **Full trees (`.ot`).** After a header of the same kind, each node has the logarithm of its odds
 //! of being occupied as four bytes, in `ColorOcTree` three more, and a byte with a bit for each
-//! child, which follow. A leaf is occupied from even odds on. Nodes of a tree that is not known have
-//! the length that follows from their number.
+//! child, which follow. A leaf is occupied from even odds on. Nodes of a tree that is not known
+//! have the length that follows from their number.
 //!
 //! Child i is on the upper side of x if bit 0 of i is set, of y if bit 1 is, of z if bit 2 is. Both
 //! trees are 16 levels deep, and the origin of the file is their middle.
@@ -129,8 +129,8 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     Ok(Imported { terrain, notes, stores_cell_m: true, origin_m: Some([x, y, z]), yaw_rad: 0.0 })
 }
 
-/// The cells, of `times` cells of the tree along each edge, in which a leaf lies: the first ones and
-/// those after the last, counted from the origin of the file.
+/// The cells, of `times` cells of the tree along each edge, in which a leaf lies: the first ones
+/// and those after the last, counted from the origin of the file.
 fn coarse(corner: [u32; 3], edge: u32, times: i32) -> [[i32; 3]; 2] {
     let from_origin = corner.map(|along| along as i32 - MIDDLE);
     [
@@ -194,7 +194,7 @@ impl Header {
             _ => {}
         }
         let id = shown(self.id.as_bytes());
-        let each = self.nodes.filter(|&nodes| nodes > 0 && bytes % nodes == 0).map(|nodes| bytes / nodes);
+        let each = self.nodes.filter(|&nodes| nodes > 0 && bytes.is_multiple_of(nodes)).map(|nodes| bytes / nodes);
         let Some(node_bytes) = each.filter(|each| (5..=NODE_BYTES_MAX).contains(each)) else {
             let reason = format!(
                 "it is of kind {id}, whose nodes are not known, as their number does not fit the length of the file; write \

@@ -1,4 +1,5 @@
-//! Point clouds of the Point Cloud Library (PCD 0.7 and before): ascii, binary and binary_compressed.
+//! Point clouds of the Point Cloud Library (PCD 0.7 and before): ascii, binary and
+//! binary_compressed.
 //!
 //! The fields x, y and z are used, of any numeric type, and as the position of the sensor the
 //! fields vp_x, vp_y and vp_z of each point, or VIEWPOINT, unless it is the origin of the file,

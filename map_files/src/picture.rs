@@ -49,8 +49,8 @@ impl Pixel {
 }
 
 impl Picture {
-    /// A file of the format that it begins as, whatever its name. `check` refuses a size before there
-    /// are pixels.
+    /// A file of the format that it begins as, whatever its name. `check` refuses a size before
+    /// there are pixels.
     ///
     /// # Errors
     /// If the file is malformed.

@@ -229,7 +229,8 @@ impl Keys {
             Mode::Trinary => occupied(brightness),
             Mode::Scale if alpha < 1.0 => return Ground::Unknown,
             Mode::Scale => occupied(brightness),
-            // Values of 0 to 100 are the occupancy itself, others are unknown, and nothing is negated.
+            // Values of 0 to 100 are the occupancy itself, others are unknown, and nothing is
+            // negated.
             Mode::Raw => match libm::round(brightness * 255.0) {
                 percent if percent <= 100.0 => percent / 100.0,
                 _ => return Ground::Unknown,

@@ -422,7 +422,8 @@ mod tests {
 
     #[test]
     fn strips_of_triangles_are_a_mesh() {
-        // A tetrahedron as one strip of all four corners and the first two again, and as two strips.
+        // A tetrahedron as one strip of all four corners and the first two again, and as two
+        // strips.
         let read = |lists: &str| {
             let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
                           element tristrips 1\nproperty list int int vertex_indices\nend_header\n";

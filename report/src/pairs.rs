@@ -49,8 +49,8 @@ impl Compared {
         }
     }
 
-    /// The pairs of runs that count: for a metric without a value of failed runs, those that have not
-    /// failed.
+    /// The pairs of runs that count: for a metric without a value of failed runs, those that have
+    /// not failed.
     fn pairs<'a>(self, study: &'a Study, condition: &Condition, a: usize, b: usize) -> Pairs<'a> {
         match self {
             Self::Metric(metric, _) if metric.of_failed.is_none() => study.measured_pairs(condition, a, b),

@@ -325,8 +325,8 @@ impl Study {
     }
 }
 
-/// The runs that have failed, with what those on the same map know of it: its size, and the oracle of
-/// a team like theirs.
+/// The runs that have failed, with what those on the same map know of it: its size, and the oracle
+/// of a team like theirs.
 fn failed(failures: Vec<FailedRun>, runs: &[StoredRun]) -> Vec<StoredRun> {
     let complete = |failed: FailedRun| {
         let is_known = failed.size.is_some();

@@ -16,8 +16,6 @@
 mod follower;
 mod records;
 mod source;
-#[cfg(test)]
-mod tests;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -480,3 +478,6 @@ impl Iterator for Messages<'_> {
         None
     }
 }
+
+#[cfg(test)]
+mod tests;

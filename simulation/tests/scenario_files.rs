@@ -4,8 +4,6 @@
 //! A test fails when its file is stale; with the environment variable `UPDATE_DOCS` it writes the
 //! file: `UPDATE_DOCS=1 cargo test -p simulation --test scenario_files`.
 
-#![expect(clippy::disallowed_methods, reason = "this test reads and writes files; the crate does not")]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -131,9 +131,9 @@ impl<'a> Ctx<'a> {
         self.navigation.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
     }
 
-    /// Where the body goes to see a cell from nearby: that cell, or for a body wider than a cell the
-    /// nearest one that it can reach within a few cells beyond its radius, and from which the cell
-    /// is in sight.
+    /// Where the body goes to see a cell from nearby: that cell, or for a body wider than a cell
+    /// the nearest one that it can reach within a few cells beyond its radius, and from which the
+    /// cell is in sight.
     pub fn approach(&mut self, cell: Cell) -> Option<Cell> {
         self.navigation.approach(self.map, &self.pose.position, cell)
     }
@@ -144,10 +144,10 @@ impl<'a> Ctx<'a> {
         self.navigation.limit_searches(cells_max);
     }
 
-    /// The motion to the centre of a cell nearby that the body has to make before it can follow paths,
-    /// which lead through centres: a body wider than a cell that was stopped between them may not
-    /// reach that of its own cell, because a wall is too near to it. `None` for all others, and if
-    /// there is no such cell.
+    /// The motion to the centre of a cell nearby that the body has to make before it can follow
+    /// paths, which lead through centres: a body wider than a cell that was stopped between them
+    /// may not reach that of its own cell, because a wall is too near to it. `None` for all others,
+    /// and if there is no such cell.
     #[must_use]
     pub fn recentring(&self) -> Option<Motion> {
         if !self.is_wide() || self.is_clear_to(self.cell()) {

@@ -12,8 +12,8 @@
 //! longest, to deliver its map, and explores again when map updates bring frontiers. Agents report
 //! to each other who knows none, and rest when all have none (see `dsvp/pursuit.rs`).
 //!
-//! A body wider than a cell cannot be in most frontiers, and some it cannot come near: once no other
-//! stage has a goal, it goes where it sees what is behind those ([`super::viewpoints`]).
+//! A body wider than a cell cannot be in most frontiers, and some it cannot come near: once no
+//! other stage has a goal, it goes where it sees what is behind those (`viewpoints`).
 //!
 //! **Frontiers of other agents.** Frontiers are a function of the map: merging another agent's map
 //! brings its frontiers, except those that the own map already resolves. So exchanging maps

@@ -28,7 +28,7 @@
 //! The reference has no bodies wider than a cell. Nodes for such a body are cells in which it has
 //! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier
 //! as it can, and without frontiers on its list to where it sees something unexplored
-//! ([`super::viewpoints`]).
+//! (`viewpoints`).
 //!
 //! Lengths are in cells. Axes: x is the reference's x, y its z, z its y.
 
@@ -210,7 +210,8 @@ impl DsvpMaes3d {
         command
     }
 
-    /// A body wider than a cell without another destination goes where it sees something unexplored.
+    /// A body wider than a cell without another destination goes where it sees something
+    /// unexplored.
     fn looks_from_afar(&mut self, ctx: &mut Ctx<'_>) -> Command {
         let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
         viewpoints.visit(ctx.map().extent(), ctx.cell());

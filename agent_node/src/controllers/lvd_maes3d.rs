@@ -19,7 +19,7 @@
 //!
 //! The reference has no bodies wider than a cell. Such a body goes as near to a cell as it can, to
 //! no cell again to which it found no path until something near it changes, and without a
-//! destination to where it sees something unexplored ([`super::viewpoints`]).
+//! destination to where it sees something unexplored (`viewpoints`).
 //!
 //! Not reproducible: the order of rays on the same circle about the pole (here upwards, then along
 //! x), walls listed once for each of their rays (here once), straight paths checked on the true map

@@ -1,8 +1,8 @@
 //! `maes map check`: what agents could do in a map.
 //!
 //! The map is repaired as a run repairs it. A body goes through faces of cells, from centre to
-//! centre, and fits where no wall is nearer than its radius. What it sees from there no team of such
-//! bodies can exceed.
+//! centre, and fits where no wall is nearer than its radius. What it sees from there no team of
+//! such bodies can exceed.
 
 use std::io::Write;
 

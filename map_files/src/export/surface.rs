@@ -9,7 +9,7 @@
 //! It is that of the free space, seen from outside: triangles face the wall.
 
 use std::cmp::Ordering;
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 
 use voxels::{Cell, Grid, Terrain, is_wall_at};
 
@@ -41,8 +41,9 @@ impl Rectangle {
         if self.is_up { [a, d, c, b] } else { corners }
     }
 
-    /// Its corners and those of others on its edges, in half cells, in the order of [`Self::corners`].
-    fn outline(&self, all: &HashSet<[u32; 3]>) -> Vec<[u32; 3]> {
+    /// Its corners and those of others on its edges, in half cells, in the order of
+    /// [`Self::corners`].
+    fn outline(&self, all: &BTreeSet<[u32; 3]>) -> Vec<[u32; 3]> {
         let corners = self.corners();
         let mut outline = Vec::new();
         for (at, from) in corners.into_iter().enumerate() {
@@ -80,7 +81,7 @@ pub(super) struct Surface {
 /// The triangles of the surface of a map.
 pub(super) fn triangles(terrain: &Grid<Terrain>) -> Vec<Surface> {
     let rectangles = rectangles(terrain);
-    let corners: HashSet<[u32; 3]> = rectangles.iter().flat_map(Rectangle::corners).collect();
+    let corners: BTreeSet<[u32; 3]> = rectangles.iter().flat_map(Rectangle::corners).collect();
     let mut found = Vec::new();
     for rectangle in rectangles {
         let outline = rectangle.outline(&corners);

@@ -3,7 +3,7 @@ use super::*;
 use crate::{ImportOptions, ImportSpec, Imported};
 use mapgen::{Kind, free_cells};
 use proptest::prelude::*;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use voxels::{Extent, is_wall_at};
 
 /// A closed map with cells of some length.
@@ -96,7 +96,7 @@ proptest! {
 
     #[test]
     fn surface_is_watertight_and_has_the_volume_of_the_free_space(terrain in closed_map()) {
-        let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
+        let mut edges: BTreeMap<[[u32; 3]; 2], i32> = BTreeMap::new();
         let mut volume = 0;
         for triangle in triangles(&terrain) {
             let [a, b, c] = triangle.corners;

@@ -1,5 +1,5 @@
-//! Buffer views compressed by `EXT_meshopt_compression` of glTF, whose specification has the formats:
-//! version 0 of attributes, version 1 of triangles, and sequences of indices.
+//! Buffer views compressed by `EXT_meshopt_compression` of glTF, whose specification has the
+//! formats: version 0 of attributes, version 1 of triangles, and sequences of indices.
 //!
 //! The memory that a view takes when it is unpacked is bounded by its reader before.
 
@@ -71,7 +71,7 @@ fn with_width(indices: &[u32], stride: usize) -> Option<Vec<u8>> {
 }
 
 fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
-    if !(4..=256).contains(&stride) || stride % 4 != 0 {
+    if !(4..=256).contains(&stride) || !stride.is_multiple_of(4) {
         return None;
     }
     let mut rest = Rest(data);
@@ -81,7 +81,7 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let blocks_end = rest.0.len().checked_sub(stride.max(TAIL_BYTES))?;
     let mut last = rest.0[rest.0.len() - stride..].to_vec();
     rest.0 = &rest.0[..blocks_end];
-    let block = (BLOCK_BYTES / stride & !(GROUP - 1)).min(BLOCK_VERTICES);
+    let block = ((BLOCK_BYTES / stride) & !(GROUP - 1)).min(BLOCK_VERTICES);
     let mut unpacked = vec![0; count.checked_mul(stride)?];
     for vertices in unpacked.chunks_mut(block * stride) {
         let groups = (vertices.len() / stride).div_ceil(GROUP);
@@ -156,7 +156,7 @@ fn index(rest: &mut Rest<'_>, last: &mut u32) -> Option<u32> {
 }
 
 fn triangles(data: &[u8], count: usize) -> Option<Vec<u32>> {
-    if count % 3 != 0 {
+    if !count.is_multiple_of(3) {
         return None;
     }
     let mut rest = Rest(data);

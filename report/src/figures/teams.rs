@@ -27,11 +27,14 @@ fn figure(study: &Study, name: &str, title: &str, caption: &str, drawn: Drawn) -
     Figure { name, title, caption, legend: legend(study, Mark::Line), is_by_variant: true, drawn }
 }
 
+/// The estimate of a group of runs, `None` if there is none.
+type EstimateOf<'a> = dyn Fn(&[&RunRecord]) -> Result<Option<Estimate>, StatisticsError> + 'a;
+
 /// A metric over the team size.
 struct Scaled<'a> {
     label: String,
     /// `None` if no run counts.
-    estimate: &'a dyn Fn(&[&RunRecord]) -> Result<Option<Estimate>, StatisticsError>,
+    estimate: &'a EstimateOf<'a>,
 }
 
 /// Explored share, time to 99 % and distance over the team size; `None` if there is only one size.

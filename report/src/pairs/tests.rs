@@ -117,9 +117,9 @@ fn failed(RunRecord { row, .. }: RunRecord, made: Made) -> StoredRun {
     FailedRun { id, build, controller, seed, size, agents, axes, duration_s, reason, made }.into_stored()
 }
 
-/// A variant that is fast on 16 maps and fails on 24, and one that reaches 99 % on all 40. The means
-/// are those of lifelines 0.30 (`restricted_mean_survival_time` up to 60 s); 2000 exchanges within
-/// pairs in Python give p = 0.0005.
+/// A variant that is fast on 16 maps and fails on 24, and one that reaches 99 % on all 40. The
+/// means are those of lifelines 0.30 (`restricted_mean_survival_time` up to 60 s); 2000 exchanges
+/// within pairs in Python give p = 0.0005.
 #[test]
 fn variant_that_fails_does_not_win() {
     let mut runs = Vec::new();

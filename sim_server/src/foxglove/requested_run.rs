@@ -2,8 +2,9 @@
 //!
 //! A client does not choose a path to write: it asks for a recording, and the server makes its name
 //! in one folder. A client reads maps of one folder only, and starts no program: a scenario with
-//! `agents.command` is refused. So is a map that names a file outside its folder. The answer is the same for a file that is
-//! missing and one that is outside, so that it does not tell which files exist.
+//! `agents.command` is refused. So is a map that names a file outside its folder. The answer is the
+//! same for a file that is missing and one that is outside, so that it does not tell which files
+//! exist.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -279,7 +279,8 @@ impl<'a> Engine<'a> {
     /// The next event that is due in this tick, which enters the digest.
     pub(super) fn next_event(&mut self) -> Option<EventAction> {
         let tick = self.tick();
-        let ScheduledEvent { digested, action, .. } = self.schedule.pop_front_if(|event| event.tick <= tick)?;
+        self.schedule.front().filter(|event| event.tick <= tick)?;
+        let ScheduledEvent { digested, action, .. } = self.schedule.pop_front()?;
         self.chain.message(digested.as_bytes());
         Some(action)
     }

@@ -14,7 +14,7 @@ pub(super) enum Refusal {
     /// The change with this number cannot be made, for this reason.
     Key(usize, String),
     /// After the change with this number the keys are no scenario; before it they are.
-    Scenario(usize, toml::Table, toml::de::Error),
+    Scenario(usize, toml::Table, Box<toml::de::Error>),
 }
 
 /// The scenario after all changes of the keys `before`, which are a scenario. `read` counts how
@@ -27,7 +27,7 @@ pub(super) fn changed(before: &toml::Table, changes: &[Change<'_>], read: &mut u
         }
         *read += 1;
         let scenario: Result<Scenario, _> = table.clone().try_into();
-        scenario.map_err(|error| Refusal::Scenario(count.saturating_sub(1), table, error))
+        scenario.map_err(|error| Refusal::Scenario(count.saturating_sub(1), table, Box::new(error)))
     };
     let mut refusal = match after(changes.len()) {
         Err(refusal @ Refusal::Scenario(..)) => refusal,

@@ -343,7 +343,8 @@ mod tests {
 
     #[test]
     fn unknown_keys_are_visited_once_and_one_is_put_into_words() {
-        let keys: [(&str, fn(usize) -> String); 5] = [
+        type Text = fn(usize) -> String;
+        let keys: [(&str, Text); 5] = [
             ("at the top, the last one by name first", |number| format!("k{:05} = 1\n", 99_999 - number)),
             ("in inline tables", |number| format!("k{number} = {{ a = 1 }}\n")),
             ("in a table", |number| format!("lidar.k{number} = 1\n")),

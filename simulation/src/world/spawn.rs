@@ -34,8 +34,8 @@ use mapgen::Entrance;
 )]
 pub enum SpawnSpec {
     /// The cells of the free cube nearest to the origin of the map, one for each agent (MAES3D).
-    /// The cube has three cells along each edge, or more if the team needs them. Bodies wider than a
-    /// cell start side by side, the first in the cell with room that is nearest to the origin.
+    /// The cube has three cells along each edge, or more if the team needs them. Bodies wider than
+    /// a cell start side by side, the first in the cell with room that is nearest to the origin.
     NearestOrigin {
         /// Heading of all agents, radians.
         #[serde(default)]

@@ -55,8 +55,8 @@ impl<C: Coordination> Dsvp<C> {
         if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
     }
 
-    /// The last stage of a body wider than a cell: to the nearest place from which it sees something
-    /// unexplored.
+    /// The last stage of a body wider than a cell: to the nearest place from which it sees
+    /// something unexplored.
     pub(super) fn look_from_afar(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
         if !ctx.is_wide() {
             return Plan::Nothing;

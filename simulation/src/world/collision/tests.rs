@@ -48,7 +48,8 @@ fn edges_and_corners_are_round() {
 
 #[test]
 fn body_that_fits_exactly_slides_along_walls() {
-    // A corridor of three cells of 0.2 m, and a body of 0.6 m: its centre is where rounding takes it.
+    // A corridor of three cells of 0.2 m, and a body of 0.6 m: its centre is where rounding takes
+    // it.
     for first in 1..40 {
         let mut terrain = Grid::new(Extent::new([12, 44, 5], 0.2).unwrap(), Terrain::Wall);
         for (x, y, z) in (1..11).flat_map(|x| (0..3).flat_map(move |y| (1..4).map(move |z| (x, y, z)))) {
