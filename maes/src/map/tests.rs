@@ -158,7 +158,8 @@ fn bad_input_is_one_line_and_writes_nothing() {
         (
             "generate --size 30 -o @a",
             "a: the file's extension is missing, known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, \
-             .gltf, .glb, .vox, .pgm, .png, .yaml, .xyz, .las and .laz",
+             .gltf, .glb, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, .xyzn, .asc, .pts, .csv, \
+             .las and .laz",
         ),
         ("generate --size 2000 -o @a.txt", "map size along x is 2000 cells, allowed are 1 to 1024"),
         ("generate --size 30 --cell-m 0 -o @a.txt", "cell_m is 0, allowed are finite lengths in metres above 0"),
@@ -284,7 +285,7 @@ fn only_regular_files_are_maps() {
         let refuse = |file: &str| scratch.map(&command.replace("FILE", file)).unwrap_err();
         assert_eq!(refuse("zeros.m3dm"), "zeros.m3dm: cannot be read: a device; expected a regular file");
         assert_eq!(refuse("fifo.obj"), "fifo.obj: cannot be read: a FIFO; expected a regular file");
-        let expected = "map.yaml: cannot be read: its image \"image.pgm\": a device; expected a regular file";
+        let expected = "map.yaml: cannot be read: it names \"image.pgm\": a device; expected a regular file";
         assert_eq!(refuse("map.yaml"), expected);
     }
 }
