@@ -14,7 +14,7 @@ use agent_node::controllers::{self, Controller, NAMES};
 use agent_node::observation::RunInfo;
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use in_memory::AgentsEnd;
-use mcap::records::{MessageHeader, Metadata};
+use mcap::records::Metadata;
 use mcap::{Attachment, Compression, MessageStream, WriteOptions};
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
@@ -443,9 +443,13 @@ fn rewritten_as(bytes: &[u8], rewriting: Rewriting) -> Vec<u8> {
     for (number, message) in messages.into_iter().enumerate() {
         if rewriting.adds_a_topic && number % 50 == 10 {
             // Wall time, as loggers stamp.
-            let channel_id = writer.add_channel(0, "/of_a_tool", "json", &BTreeMap::new()).expect("memory");
-            let header = MessageHeader { channel_id, sequence: 0, log_time: 1_700_000_000 << 30, publish_time: 0 };
-            writer.write_to_known_channel(&header, b"{}").expect("memory");
+            let (topic, message_encoding) = ("/of_a_tool".to_owned(), "json".to_owned());
+            let channel =
+                mcap::Channel { id: 60_000, topic, schema: None, message_encoding, metadata: BTreeMap::new() };
+            let (channel, data) = (Arc::new(channel), b"{}".as_slice().into());
+            let log_time = 1_700_000_000 << 30;
+            let added = mcap::Message { channel, sequence: 0, log_time, publish_time: 0, data };
+            writer.write(&added).expect("memory can be written");
         }
         writer.write(&message).expect("memory can be written");
         if rewriting.metadata_in_the_middle && number == half {
