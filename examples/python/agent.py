@@ -29,7 +29,7 @@ from maes_msgs.msg import (
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-PROTOCOL = 6
+PROTOCOL = 7
 RELIABLE = QoSProfile(depth=16)
 LATCHED = QoSProfile(depth=256, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -42,7 +42,7 @@ using maes_msgs::msg::Wake;
 
 namespace
 {
-constexpr std::uint32_t PROTOCOL = 6;
+constexpr std::uint32_t PROTOCOL = 7;
 
 // The distributions of standard libraries differ; this one gives the same numbers everywhere.
 double uniform(std::mt19937_64 & rng, double from, double to)
