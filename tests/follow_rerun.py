@@ -48,6 +48,9 @@ with open(growing, "wb", buffering=0) as file:
             part = follower.read()
             parts += bool(part.topics())
             sender.send(part)
+    # The end is read with the magic bytes behind the last record.
+    file.write(data[written:])
+    sender.send(follower.read())
     assert follower.has_ended
     stream.disconnect()
 print(f"{parts} parts")
