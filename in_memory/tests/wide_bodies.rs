@@ -13,7 +13,8 @@ use simulation::world::body::Pose;
 use simulation::world::lidar::{Pattern, Scanner, SensorMemory};
 use voxels::{Cell, CellSet, Clearance, Extent, Grid, Terrain};
 
-/// Controllers that plan with a map. `dsvp-maes3d` is left out: bodies of many cells take it minutes.
+/// Controllers that plan with a map. `dsvp-maes3d` is left out: bodies of many cells take it
+/// minutes.
 const PLANNERS: [&str; 6] = ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd", "lvd-maes3d"];
 
 /// A solid map.
