@@ -12,7 +12,7 @@ use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};
 use simulation::scenario::OnAgentLoss;
 
-use crate::support::memory::{Play, Played, honest};
+use crate::support::memory::{FinishedRun, Play, honest};
 
 /// The instance number of a process that joins a second time.
 const BACK: u64 = 77;
@@ -107,7 +107,7 @@ fn serve(link: &mut dyn ServerTransport, instance: u64, ids: &[AgentId], is_over
 }
 
 /// A run in which agent 1 dies after so many replies and is restarted.
-fn dying_after(answers_left: u32) -> Played {
+fn dying_after(answers_left: u32) -> FinishedRun {
     let (is_taken, is_gone) = (AtomicBool::new(false), AtomicBool::new(false));
     of_three_processes().with(move |mut inner, ids, is_over| {
         if ids == [AgentId(0)] {

@@ -23,8 +23,8 @@ fn assert_sound(outcome: &Outcome, what: &str) {
     let result = Recording::from_bytes(&outcome.bytes).result();
     assert!(refusals(&result).is_empty(), "{what}: {:?}", refusals(&result));
     assert!(result.explored > 0.05, "{what}: {result:?}");
-    let by_kind = result.counters.iter().filter(|one| one.name.starts_with("parcel_bytes_delivered_kind_"));
-    assert_eq!(by_kind.map(|one| one.value).sum::<u64>(), counter(&result, "parcel_bytes_delivered"), "{what}");
+    let by_kind = result.counters.iter().filter(|one| one.name.starts_with("message_bytes_delivered_kind_"));
+    assert_eq!(by_kind.map(|one| one.value).sum::<u64>(), counter(&result, "message_bytes_delivered"), "{what}");
 }
 
 #[track_caller]

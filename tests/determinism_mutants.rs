@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex};
 use std::time::{Duration, Instant};
 
-use agent_node::command::{Command, Motion, Trigger};
+use agent_node::command::{Command, Motion, WakeCondition};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use in_memory::{AgentsEnd, ServerEnd};
@@ -27,7 +27,7 @@ use simulation::scenario::OnAgentLoss;
 use crate::agent_replacement::{Mortal, Successor, wait_for};
 use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::lock;
-use crate::support::memory::{Play, Played, serve};
+use crate::support::memory::{FinishedRun, Play, serve};
 use crate::support::runs::{Site, difference};
 
 /// Source of the angle that the controller turns by.
@@ -43,7 +43,7 @@ enum Source {
     Clock,
 }
 
-/// Turns by a number and triggers seven ticks later. It reads its position, so that tampered
+/// Turns by a number and wakes seven ticks later. It reads its position, so that tampered
 /// observations show.
 struct Turner {
     source: Source,
@@ -75,7 +75,7 @@ static BEGUN: LazyLock<Instant> = LazyLock::new(Instant::now);
 impl Controller for Turner {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         let heading = f64::from(self.heading()) * 0.003 + observation.pose.position.x * 0.01;
-        Command::new(Motion::Turn { angle_rad: heading - 1.5 }, Trigger::at(Tick(observation.tick.0 + 7)))
+        Command::new(Motion::Turn { angle_rad: heading - 1.5 }, WakeCondition::at(Tick(observation.tick.0 + 7)))
     }
 }
 
@@ -132,7 +132,7 @@ fn prepare(site: &Site, variant: Variant) -> Play {
     play
 }
 
-fn carry_out(play: Play, source: Source, is_delayed: bool) -> Played {
+fn carry_out(play: Play, source: Source, is_delayed: bool) -> FinishedRun {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
         let shared = Arc::new(Mutex::new(voxels::random_streams::stream(3, 0, "shared")));
         let controller = |id| Box::new(Turner::new(id, source, &shared)) as Box<dyn Controller>;
@@ -231,7 +231,7 @@ fn reply_order_is_irrelevant() {
 }
 
 /// Resumes the first half of a recorded run.
-fn resumed(source: Source) -> (Played, Vec<u8>, Vec<u8>) {
+fn resumed(source: Source) -> (FinishedRun, Vec<u8>, Vec<u8>) {
     let site = Site::new();
     carry_out(prepare(&site, APART), source, false).outcome();
     let whole = std::fs::read(site.path("run.mcap")).expect("there is a recording");
@@ -243,11 +243,11 @@ fn resumed(source: Source) -> (Played, Vec<u8>, Vec<u8>) {
 }
 
 #[track_caller]
-fn assert_diverged(played: Played) {
+fn assert_diverged(played: FinishedRun) {
     match played.outcome {
         Err(RunError::Diverged { agent, tick, what }) => {
             assert!(agent.0 < 3 && tick.0.is_multiple_of(7), "agent {agent}, tick {tick}");
-            assert!(what.starts_with("task.angle_rad was ") && what.contains(" and is "), "{what}");
+            assert!(what.starts_with("motion.angle_rad was ") && what.contains(" and is "), "{what}");
         }
         other => panic!("{other:?}\n{}", played.notes.join("\n")),
     }

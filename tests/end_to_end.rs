@@ -16,7 +16,7 @@ mod determinism;
 /// servers.
 mod determinism_mutants;
 /// Look-ahead is exact: requests at every tick do not change the run of agents that act only on
-/// their triggers.
+/// their wake-up conditions.
 mod look_ahead;
 
 /// Agents that are missing, die, hang, or join with an id in use.

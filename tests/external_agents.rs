@@ -1,5 +1,5 @@
-//! External agents on a real ROS 2 (rclpy on Fast DDS): one with the protocol of this project, and
-//! one with standard messages only. Both are the examples of docs/own-node.md.
+//! Third-party agents on a real ROS 2 (rclpy on Fast DDS): one with the protocol of this project,
+//! and one with standard messages only. Both are the examples of docs/own-node.md.
 
 use crate::support::processes::Process;
 use crate::support::recordings::Recording;

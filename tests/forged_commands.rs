@@ -8,14 +8,14 @@ use std::time::Duration;
 use agent_node::host::{Credentials, Options};
 use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, SignedCommand, SignedJoin, Task};
+use msgs::maes_msgs::{Command, Join, Motion, SignedCommand, SignedJoin};
 use msgs::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::JoinPolicy;
 use sim_server::transport::{AgentTransport, Inbound, Incoming, Transport};
 use simulation::lockstep::SourceId;
 
 use crate::support::interceptor::{Interceptor, intercepted};
-use crate::support::memory::{Play, Played, honest};
+use crate::support::memory::{FinishedRun, Play, honest};
 use crate::support::processes::Process;
 use crate::support::recordings::refusals;
 use crate::support::runs::{Site, scenario};
@@ -63,7 +63,7 @@ fn nothing(_: &Incoming, _: &[Incoming]) -> Vec<Inbound> {
 }
 
 fn stopped(command: &Command) -> Command {
-    Command { task: Task { kind: Task::STOP, ..Task::default() }, want_view: true, ..command.clone() }
+    Command { motion: Motion { kind: Motion::STOP, ..Motion::default() }, want_view: true, ..command.clone() }
 }
 
 /// A command without a code, with the code of the true command, and with a code by a key that the
@@ -108,7 +108,7 @@ fn secret() -> JoinSecret {
 }
 
 /// Runs two agents, with this secret on both sides.
-fn played(secret: Option<JoinSecret>, link: fn(ServerEnd) -> Box<dyn Transport>) -> Played {
+fn played(secret: Option<JoinSecret>, link: fn(ServerEnd) -> Box<dyn Transport>) -> FinishedRun {
     let mut play = Play::of_two(DURATION_S);
     play.policy = JoinPolicy { secret: secret.clone(), ..JoinPolicy::default() };
     play.server_link = link;

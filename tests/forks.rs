@@ -2,7 +2,7 @@
 
 use msgs::cdr;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Observation, Parcel};
+use msgs::maes_msgs::{AgentMessage, Command, Observation};
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics;
 
@@ -164,7 +164,7 @@ fn events_happen_when_they_are_to() {
     assert!(!contact(400, 800) && !contact(1500, 2001), "the radio of agent 0 is off, and then it has broken down");
     let changes: Vec<u64> = observations
         .iter()
-        .filter(|seen| seen.parcels.iter().any(|parcel| parcel.agent == Parcel::SERVER))
+        .filter(|seen| seen.messages.iter().any(|message| message.agent == AgentMessage::SERVER))
         .map(|seen| seen.tick)
         .collect();
     assert_eq!(changes, [1000], "the controller takes over at 20 s");

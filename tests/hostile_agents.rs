@@ -11,9 +11,9 @@ use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use in_memory::{AgentsEnd, ServerEnd};
 use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
+use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use msgs::maes_msgs::{
-    self, Command, Join, LidarRequest, Observation, Parcel, Scenario, SignedCommand, SignedObservation, Task,
+    self, AgentMessage, Command, Join, Motion, Observation, ScanRequest, Scenario, SignedCommand, SignedObservation,
 };
 use msgs::shared_bytes::SharedBytes;
 use msgs::signing::NONE;
@@ -55,36 +55,39 @@ fn illegal(command: &Command) -> Vec<Command> {
         change(&mut changed);
         changed
     };
-    let task = |task: Task| with(&|command| command.task = task.clone());
+    let motion = |motion: Motion| with(&|command| command.motion = motion.clone());
     let point = |x| Point { x, y: 1.0, z: 1.0 };
     let mut commands = vec![
-        task(Task { kind: 6, ..Task::default() }),
-        task(Task { kind: 255, ..Task::default() }),
-        task(Task { kind: Task::PATH, path: Vec::new(), ..Task::default() }),
-        task(Task { kind: Task::PATH, path: vec![point(1.0); PATH_POINTS_MAX + 1], ..Task::default() }),
-        with(&|command| command.lidar = LidarRequest { kind: 4, period_ticks: 1 }),
-        with(&|command| command.lidar = LidarRequest { kind: LidarRequest::EVERY, period_ticks: 0 }),
+        motion(Motion { kind: 6, ..Motion::default() }),
+        motion(Motion { kind: 255, ..Motion::default() }),
+        motion(Motion { kind: Motion::PATH, path: Vec::new(), ..Motion::default() }),
+        motion(Motion { kind: Motion::PATH, path: vec![point(1.0); PATH_POINTS_MAX + 1], ..Motion::default() }),
+        with(&|command| command.lidar = ScanRequest { kind: 4, period_ticks: 1 }),
+        with(&|command| command.lidar = ScanRequest { kind: ScanRequest::EVERY, period_ticks: 0 }),
         with(&|command| command.info = "x".repeat(INFO_BYTES_MAX + 1)),
         with(&|command| {
-            command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; PARCEL_BYTES_MAX + 1].into() }]
+            command.messages =
+                vec![AgentMessage { agent: 1, kind: 0, data: vec![0; AGENT_MESSAGE_BYTES_MAX + 1].into() }]
         }),
-        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: vec![0; 20_000].into() }; 3]),
-        with(&|command| command.parcels = vec![Parcel { agent: 1, kind: 0, data: SharedBytes::default() }; 10_000]),
-        with(&|command| command.parcels = vec![Parcel { agent: 2, kind: 0, data: vec![1].into() }]),
+        with(&|command| command.messages = vec![AgentMessage { agent: 1, kind: 0, data: vec![0; 20_000].into() }; 3]),
+        with(&|command| {
+            command.messages = vec![AgentMessage { agent: 1, kind: 0, data: SharedBytes::default() }; 10_000]
+        }),
+        with(&|command| command.messages = vec![AgentMessage { agent: 2, kind: 0, data: vec![1].into() }]),
     ];
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300] {
         commands.extend([
-            task(Task { kind: Task::MOVE, pitch_rad: wrong, distance_m: 1.0, ..Task::default() }),
-            task(Task { kind: Task::TURN, angle_rad: wrong, ..Task::default() }),
-            task(Task { kind: Task::VELOCITY, yaw_rate_rad_s: wrong, ..Task::default() }),
-            task(Task { kind: Task::PATH, path: vec![point(1.0), point(wrong)], ..Task::default() }),
+            motion(Motion { kind: Motion::MOVE, pitch_rad: wrong, distance_m: 1.0, ..Motion::default() }),
+            motion(Motion { kind: Motion::TURN, angle_rad: wrong, ..Motion::default() }),
+            motion(Motion { kind: Motion::VELOCITY, yaw_rate_rad_s: wrong, ..Motion::default() }),
+            motion(Motion { kind: Motion::PATH, path: vec![point(1.0), point(wrong)], ..Motion::default() }),
         ]);
-        let mut velocity = Task { kind: Task::VELOCITY, ..Task::default() };
+        let mut velocity = Motion { kind: Motion::VELOCITY, ..Motion::default() };
         velocity.linear_m_s.z = wrong;
-        commands.push(task(velocity));
+        commands.push(motion(velocity));
     }
     for wrong in [f64::NAN, f64::NEG_INFINITY, -0.1] {
-        commands.push(task(Task { kind: Task::MOVE, distance_m: wrong, ..Task::default() }));
+        commands.push(motion(Motion { kind: Motion::MOVE, distance_m: wrong, ..Motion::default() }));
     }
     commands
 }
@@ -148,8 +151,8 @@ impl ServerTransport for IllegalSender {
         self.inner.send_command(command);
         // Agent 1 replies after agent 0, so that the tick is not over yet.
         if command.agent == 0 {
-            let stop = Task { kind: Task::STOP, ..Task::default() };
-            self.send_illegal("refused_second_answer", &Command { task: stop, ..command.clone() });
+            let stop = Motion { kind: Motion::STOP, ..Motion::default() };
+            self.send_illegal("refused_second_answer", &Command { motion: stop, ..command.clone() });
         }
     }
 
@@ -174,7 +177,7 @@ fn hostile_commands_are_refused_without_effect() {
     assert!(sent["refused_illegal_command"] > 10_000 && sent["refused_wrong_tick"] > 10_000, "{sent:?}");
     assert_eq!(refusals(&played.outcome().result), sent);
     assert_eq!(played.digest(), undisturbed_digest());
-    assert!(played.notes.iter().any(|note| note.contains("agent 0, tick 0: task.kind = 6")), "{:?}", played.notes);
+    assert!(played.notes.iter().any(|note| note.contains("agent 0, tick 0: motion.kind = 6")), "{:?}", played.notes);
     assert!(played.notes.len() < 100, "a flood of illegal commands is no flood of notes: {}", played.notes.len());
 }
 
@@ -198,9 +201,9 @@ impl ForeignSender {
 
 impl Interceptor for ForeignSender {
     fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: &Observation) {
-        let stop = Task { kind: Task::STOP, ..Task::default() };
+        let stop = Motion { kind: Motion::STOP, ..Motion::default() };
         let run = part.run;
-        let command = Command { tick: part.tick, run, agent: agent.0, task: stop, ..Command::default() };
+        let command = Command { tick: part.tick, run, agent: agent.0, motion: stop, ..Command::default() };
         let other = 1 - agent.0;
         self.say(agent.0, FOREIGN, ToServer::Command(command.clone()));
         self.say(other, FOREIGN, ToServer::Command(command.clone()));
@@ -285,8 +288,12 @@ fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
                     end.send_join(&Join { run, agent: 1, instance: 2 + number, protocol: PROTOCOL, ..Join::default() });
                     end.send_join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
                 }
-                let parcel = Parcel { agent: Parcel::BROADCAST, kind: 7, data: vec![7; PARCEL_BYTES_MAX].into() };
-                end.send_command(&Command { parcels: vec![parcel], ..answer });
+                let message = AgentMessage {
+                    agent: AgentMessage::BROADCAST,
+                    kind: 7,
+                    data: vec![7; AGENT_MESSAGE_BYTES_MAX].into(),
+                };
+                end.send_command(&Command { messages: vec![message], ..answer });
             }
             _ => {}
         }
@@ -317,8 +324,8 @@ fn flooding_member_does_not_affect_others() {
     let count = |result: &maes_msgs::Result, name: &str| {
         result.counters.iter().find(|counter| counter.name == name).expect("it is counted").value
     };
-    assert!(count(&flooded, "parcels_inbox_full") > 0, "{:?}", flooded.counters);
-    assert_eq!(count(&flooded, "parcels_sent"), count(&quiet, "parcels_sent") + quiet.tick);
+    assert!(count(&flooded, "messages_inbox_full") > 0, "{:?}", flooded.counters);
+    assert_eq!(count(&flooded, "messages_sent"), count(&quiet, "messages_sent") + quiet.tick);
 }
 
 /// A stream of messages delays neither the timeout nor the end of a run.
@@ -419,8 +426,8 @@ fn undecodable_messages_are_refused_without_effect() {
     });
 
     let commands = rogue.publisher(&topics::signed_command(AgentId(0)));
-    let stop = Task { kind: Task::STOP, ..Task::default() };
-    let command = SignedCommand { command: Command { task: stop, ..Command::default() }, mac: NONE };
+    let stop = Motion { kind: Motion::STOP, ..Motion::default() };
+    let command = SignedCommand { command: Command { motion: stop, ..Command::default() }, mac: NONE };
     publish_until(&mut run, "a message on a topic of agent 0 is of another run", || {
         commands.publish(command.clone()).is_ok()
     });

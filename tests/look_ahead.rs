@@ -1,5 +1,5 @@
-//! Look-ahead is exact: agents that act only on their triggers have the same run with requests at
-//! every tick.
+//! Look-ahead is exact: agents that act only on their wake-up conditions have the same run with
+//! requests at every tick.
 //!
 //! The agents here use every feature of the protocol at random, and their choices depend on
 //! everything that they have observed: they send messages to each other, wait for every kind of
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use agent_node::command::{AgentMessage, Command, Motion, ScanRequest, Trigger};
+use agent_node::command::{AgentMessage, Command, Motion, ScanRequest, WakeCondition};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use in_memory::AgentsEnd;
@@ -19,7 +19,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use simulation::scenario::Scenario;
 
-use crate::support::memory::{Play, Played, serve};
+use crate::support::memory::{FinishedRun, Play, serve};
 use crate::support::recordings::counter;
 
 /// Four neighbouring agents that lose contact now and then.
@@ -36,11 +36,11 @@ count = 4
 range_m = 5.0
 ";
 
-/// Acts at random when it is due. Between its triggers it keeps its task, or turns with
+/// Acts at random when it is due. Between its wake-up conditions it keeps its task, or turns with
 /// `acts_between`.
 struct Gossip {
     rng: ChaCha8Rng,
-    trigger: Trigger,
+    wake: WakeCondition,
     observed: u64,
     acts_between: bool,
 }
@@ -48,7 +48,7 @@ struct Gossip {
 impl Gossip {
     fn new(agent: AgentId, acts_between: bool) -> Self {
         let rng = voxels::random_streams::stream(5, agent.0.into(), "gossip");
-        Self { rng, trigger: Trigger::NEXT_TICK, observed: 0, acts_between }
+        Self { rng, wake: WakeCondition::NEXT_TICK, observed: 0, acts_between }
     }
 
     fn mix(&mut self, number: u64) {
@@ -107,18 +107,18 @@ impl Gossip {
 }
 
 impl Controller for Gossip {
-    fn is_polled_between_triggers(&self) -> bool {
+    fn is_polled_between_wakes(&self) -> bool {
         true
     }
 
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let is_due = observation.tick >= self.trigger.at || observation.events & self.trigger.events != 0;
+        let is_due = observation.tick >= self.wake.at || observation.events & self.wake.events != 0;
         if !is_due {
             let turn = Motion::Turn { angle_rad: 0.1 };
-            return if self.acts_between { Command::new(turn, self.trigger) } else { Command::keep(self.trigger) };
+            return if self.acts_between { Command::new(turn, self.wake) } else { Command::keep(self.wake) };
         }
         self.mix_all(observation, ctx);
-        self.trigger = Trigger {
+        self.wake = WakeCondition {
             at: Tick(observation.tick.0 + self.rng.random_range(0..80)),
             // Each of the five kinds of events, and all of their combinations.
             events: self.rng.random_range(0..32),
@@ -134,7 +134,7 @@ impl Controller for Gossip {
             want_view: self.rng.random_bool(0.3),
             messages: self.messages(ctx),
             relays: Vec::new(),
-            trigger: self.trigger,
+            wake: self.wake,
             stage: None,
             info: if self.rng.random_bool(0.1) { format!("observed {:x}", self.observed) } else { String::new() },
         }
@@ -162,7 +162,7 @@ pub(crate) fn record(file: PathBuf) -> Scenario {
     scenario
 }
 
-fn play(setting: Setting) -> Played {
+fn play(setting: Setting) -> FinishedRun {
     carry_out(prepare(setting), setting)
 }
 
@@ -174,7 +174,7 @@ fn prepare(setting: Setting) -> Play {
     play
 }
 
-fn carry_out(play: Play, setting: Setting) -> Played {
+fn carry_out(play: Play, setting: Setting) -> FinishedRun {
     play.with(move |end: AgentsEnd, ids: Vec<AgentId>, is_over: &AtomicBool| {
         let controller = |id| Box::new(Gossip::new(id, setting.acts_between)) as Box<dyn Controller>;
         let mut rng = voxels::random_streams::stream(5, ids[0].0.into(), "delays");
@@ -196,7 +196,7 @@ fn disturb(delay: Duration) {
 fn look_ahead_does_not_change_the_run() {
     let first = play(PLAIN);
     let result = &first.outcome().result;
-    for name in ["collisions", "parcels_delivered", "parcels_out_of_contact", "scans_cast", "decisions"] {
+    for name in ["collisions", "messages_delivered", "messages_out_of_contact", "scans_cast", "decisions"] {
         assert!(counter(result, name) > 50, "the run has not enough {name}: {:?}", result.counters);
     }
     let ticks_of_all = 4 * result.tick;

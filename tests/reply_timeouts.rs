@@ -15,7 +15,7 @@ use sim_server::transport::{AgentTransport, Inbound as ToServer, Incoming};
 use simulation::scenario::Rtf;
 
 use crate::support::interceptor::{Interceptor, intercepted};
-use crate::support::memory::{Play, Played, honest};
+use crate::support::memory::{FinishedRun, Play, honest};
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::{OLDER_RECORDING, Recording, refusals};
 use crate::support::runs::{Site, scenario};
@@ -51,7 +51,7 @@ impl<F: FnMut(&mut AgentsEnd, &Command, u32)> ServerTransport for Slow<F> {
 
 /// A run in which a closure sends the commands of agent 1. Its last argument: how many times the
 /// tick was requested.
-fn with_answers(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Send + Sync + 'static) -> Played {
+fn with_answers(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Send + Sync + 'static) -> FinishedRun {
     play.with(move |inner, ids, is_over| {
         let options = honest(u64::from(ids[0].0), ids.clone());
         let answer = |end: &mut AgentsEnd, command: &Command, asked| {
@@ -86,7 +86,7 @@ fn first_reply_may_take_the_join_timeout() {
 fn repeated_reply_with_nan_is_idempotent() {
     let said_once = |end: &mut AgentsEnd, command: &Command, _| {
         let mut command = command.clone();
-        command.task.yaw_rate_rad_s = f64::NAN;
+        command.motion.yaw_rate_rad_s = f64::NAN;
         end.send_command(&command);
     };
     let once = run(Play::of_two(DURATION_S), said_once);

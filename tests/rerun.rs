@@ -183,11 +183,11 @@ fn assert_shows(shown: &Shown, recording: &Recording) {
         assert_eq!(places, poses.iter().map(|&(_, [place])| place).collect::<Vec<_>>());
 
         let commands: Vec<maes_msgs::Command> = recording.of(&format!("/agent_{agent}/command"));
-        let tasks = commands.iter().filter(|command| command.task.kind != maes_msgs::Task::KEEP);
+        let tasks = commands.iter().filter(|command| command.motion.kind != maes_msgs::Motion::KEEP);
         let expected: Vec<(u64, Vec<usize>)> = tasks
             .map(|command| {
-                let is_path = command.task.kind == maes_msgs::Task::PATH;
-                (command.tick * NS_PER_TICK, if is_path { vec![command.task.path.len() + 1] } else { vec![] })
+                let is_path = command.motion.kind == maes_msgs::Motion::PATH;
+                (command.tick * NS_PER_TICK, if is_path { vec![command.motion.path.len() + 1] } else { vec![] })
             })
             .collect();
         let paths: Vec<(u64, Vec<Vec<[f32; 3]>>)> =

@@ -18,7 +18,7 @@ use mcap::records::Metadata;
 use mcap::{Attachment, Compression, MessageStream, WriteOptions};
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, Intervention, Join, Observation, Task};
+use msgs::maes_msgs::{Command, Intervention, Join, Motion, Observation};
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
     EntityRequest, EntityState, SetEntityStateRequest, SetSimulationStateRequest, SimulationState,
@@ -311,8 +311,8 @@ impl ServerTransport for Forger {
 
     fn send_command(&mut self, command: &Command) {
         if command.agent == 1 && command.tick == 0 {
-            let task = Task { kind: Task::TURN, angle_rad: 0.25, ..Task::default() };
-            self.0.send_command(&Command { task, ..command.clone() });
+            let motion = Motion { kind: Motion::TURN, angle_rad: 0.25, ..Motion::default() };
+            self.0.send_command(&Command { motion, ..command.clone() });
         }
         self.0.send_command(command);
     }

@@ -16,7 +16,7 @@ use agent_node::observation::{Contact, ReceivedMessage};
 use agent_node::sharing::{DEFAULT_PERIOD_TICKS, Sharing};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PARCEL_BYTES_MAX;
+use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -85,7 +85,7 @@ struct Agent {
 impl Agent {
     fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent_node::command::AgentMessage> {
         self.sharing.incoming(&mut self.map, &self.received);
-        self.sharing.outgoing(&self.map, contacts, now, PARCEL_BYTES_MAX)
+        self.sharing.outgoing(&self.map, contacts, now, AGENT_MESSAGE_BYTES_MAX)
     }
 }
 
@@ -160,7 +160,7 @@ fn exchange(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("exchange of one agent with 19 others");
     for period in 0..8 {
         let known: Vec<usize> = agents.iter().map(|agent| agent.map.journal_len()).collect();
-        let news = explore(&mut agents, &terrain, &mut places, &directions);
+        let new_cells = explore(&mut agents, &terrain, &mut places, &directions);
         let own = agents.iter().zip(known).map(|(agent, known)| bytes_as_runs(agent.map.changes_since(known)));
         let as_runs: usize = own.sum();
         // Summaries, and then the updates that reply to them.
@@ -181,10 +181,10 @@ fn exchange(criterion: &mut Criterion) {
         }
         let (bytes, messages) = round(&mut agents, now);
         println!(
-            "period {period}: {news} cells found, sent in {bytes} bytes and {messages} messages; \
+            "period {period}: {new_cells} cells found, sent in {bytes} bytes and {messages} messages; \
              {:.1} bytes for 100 cells, as runs {:.1}: ratio {:.2}",
-            100.0 * bytes as f64 / news as f64,
-            100.0 * as_runs as f64 / news as f64,
+            100.0 * bytes as f64 / new_cells as f64,
+            100.0 * as_runs as f64 / new_cells as f64,
             as_runs as f64 / bytes as f64,
         );
     }

@@ -5,31 +5,33 @@
 //! controller is called; a resent observation gets the same reply, byte for byte.
 //!
 //! **Committed and speculative.** A server without look-ahead requests a command in every tick. It
-//! ignores replies before the trigger of the last committed command fires, unless the reply acts,
-//! and it repeats the observation delta once the agent is due. So that such polling changes
-//! nothing, an agent that is polled between triggers merges nothing, sends nothing, and does not
-//! call its controller, unless [`Controller::is_polled_between_triggers`]: then it keeps the
+//! ignores replies before the wake-up condition of the last committed command fires, unless the
+//! reply acts, and it repeats the observation delta once the agent is due. So that such polling
+//! changes nothing, an agent that is polled between its wake-ups merges nothing, sends nothing, and
+//! does not call its controller, unless [`Controller::is_polled_between_wakes`]: then it keeps the
 //! observation aside, in case the controller acts all the same and the reply is committed.
 //!
-//! **Two triggers.** Map sharing has triggers of its own. In a tick that is due for sharing alone,
-//! the controller is not called: the observation is deferred to the tick that the controller has
-//! asked for, so controllers need not know of sharing. They do not see map messages either.
+//! **Two wake-up conditions.** Map sharing has wake-up conditions of its own. In a tick that is due
+//! for sharing alone, the controller is not called: the observation is deferred to the tick that
+//! the controller has asked for, so controllers need not know of sharing. They do not see map
+//! messages either.
 //!
 //! **Change of the controller.** The server may tell of another run info. Then the agent replaces
 //! its controller by the one that is now asked for, and calls it in the same tick. Map, sharing and
 //! counters stay: the new controller knows what the agent has learned, and has decided nothing yet.
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{LIST_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX, POINT_BYTES};
+use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX, LIST_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::{self, Observation as Part};
 
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, WakeCondition};
 use crate::controllers::{Controller, ControllerError, Ctx, Failure};
 use crate::exploration_map::ExplorationMap;
 use crate::navigation::NavigationTask;
 use crate::observation::{Observation, RunInfo};
-use crate::sharing::{MAP_MESSAGE, Sharing};
+use crate::sharing::Sharing;
 use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
+use msgs::message_type::MessageType;
 
 /// Builds the controller that takes over when the run info has changed; `None`: the present one
 /// stays.
@@ -46,15 +48,15 @@ pub struct Agent {
     successors: Successors,
     reassembler: FragmentReassembler,
     last_reply: Option<maes_msgs::Command>,
-    /// The trigger of the last committed command.
-    due: Trigger,
-    /// The controller's part of the trigger.
-    controller_trigger: Trigger,
+    /// The wake-up condition of the last committed command.
+    due: WakeCondition,
+    /// The controller's part of the wake-up condition.
+    controller_wake: WakeCondition,
     /// Whether the controller has requested the view in its next observation.
     controller_wants_view: bool,
     /// Observations of ticks that were due for sharing alone, which the controller has not seen.
     deferred: Option<Observation>,
-    /// Observations received between triggers since the last committed one, not merged into the
+    /// Observations received between its wake-ups since the last committed one, not merged into the
     /// map.
     unmerged: Option<Observation>,
 }
@@ -87,8 +89,8 @@ impl Agent {
             successors: Box::new(|_| Ok(None)),
             reassembler: FragmentReassembler::default(),
             last_reply: None,
-            due: Trigger::NEXT_TICK,
-            controller_trigger: Trigger::NEXT_TICK,
+            due: WakeCondition::NEXT_TICK,
+            controller_wake: WakeCondition::NEXT_TICK,
             controller_wants_view: false,
             deferred: None,
             unmerged: None,
@@ -151,14 +153,14 @@ impl Agent {
         let tick = observation.tick;
         if has_ended {
             self.merge(&mut observation)?;
-            let acknowledgement = wire::command(self.id, tick, Command::keep(Trigger::NEXT_TICK));
+            let acknowledgement = wire::command(self.id, tick, Command::keep(WakeCondition::NEXT_TICK));
             return Ok(Reaction::Acknowledge(acknowledgement));
         }
         // The server makes every agent due whose controller changes.
         let takes_over = observation.change.as_ref().is_some_and(|now| self.is_another_controller(now));
-        let command = if takes_over || self.due.is_due(tick, observation.events) {
+        let command = if takes_over || self.due.is_met(tick, observation.events) {
             self.reply_to_trigger(observation)?
-        } else if self.controller.is_polled_between_triggers() {
+        } else if self.controller.is_polled_between_wakes() {
             self.reply_to_poll(observation)?
         } else {
             Command::keep(self.due)
@@ -179,11 +181,11 @@ impl Agent {
         if let Some(earlier) = self.deferred.take() {
             observation = observation.merged_with(earlier);
         }
-        if self.controller_trigger.is_due(observation.tick, observation.events) {
+        if self.controller_wake.is_met(observation.tick, observation.events) {
             let command = self.decide(&observation);
             Ok(self.commit(command, &observation))
         } else {
-            let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_trigger) };
+            let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_wake) };
             let command = self.commit(command, &observation);
             self.deferred = Some(observation);
             Ok(command)
@@ -192,7 +194,7 @@ impl Agent {
 
     fn reply_to_poll(&mut self, observation: Observation) -> Result<Command, WireError> {
         let mut shown = Observation { change: None, ..observation.clone() };
-        shown.messages.retain(|message| message.kind != MAP_MESSAGE);
+        shown.messages.retain(|message| message.kind != MessageType::Map.number());
         let mut whole = match self.unmerged.take() {
             Some(earlier) => observation.merged_with(earlier),
             None => observation,
@@ -216,7 +218,7 @@ impl Agent {
         self.sharing.set_period(now.share_period_ticks);
         self.run_info = now;
         if takes_over {
-            self.controller_trigger = Trigger::NEXT_TICK;
+            self.controller_wake = WakeCondition::NEXT_TICK;
             let successor = (self.successors)(&self.run_info);
             if let Some(controller) = successor.map_err(|source| WireError::Controller { tick, source })? {
                 self.controller = controller;
@@ -243,20 +245,20 @@ impl Agent {
         self.map.note_wall(&observation.seen.wall);
         self.map.note_covered(self.run_info.extent.cell_of(&observation.pose.position));
         self.sharing.incoming(&mut self.map, &observation.messages);
-        observation.messages.retain(|message| message.kind != MAP_MESSAGE);
+        observation.messages.retain(|message| message.kind != MessageType::Map.number());
         Ok(())
     }
 
-    /// Completes a command that will be committed: with map messages, and with the trigger of map
-    /// sharing.
+    /// Completes a command that will be committed: with map messages, and with the wake-up
+    /// condition of map sharing.
     fn commit(&mut self, mut command: Command, observation: &Observation) -> Command {
-        self.controller_trigger = command.trigger;
+        self.controller_wake = command.wake;
         self.controller_wants_view = command.want_view;
         let Observation { tick, contacts, .. } = observation;
         let messages = self.sharing.outgoing(&self.map, contacts, *tick, message_budget(&command));
         command.messages.extend(messages);
-        command.trigger = command.trigger.or(self.sharing.next_trigger(contacts, *tick));
-        self.due = command.trigger;
+        command.wake = command.wake.or(self.sharing.next_wake(contacts, *tick));
+        self.due = command.wake;
         command
     }
 }
@@ -267,8 +269,8 @@ fn message_budget(command: &Command) -> usize {
     let sizes = of_messages.chain(command.relays.iter().map(|order| order.data.len()));
     let (number, data) = sizes.fold((0, 0), |(number, data), size| (number + 1, data + size));
     let waypoints = if let Motion::Path(waypoints) = &command.motion { waypoints.len() } else { 0 };
-    let lists = POINT_BYTES * waypoints + PARCEL_BYTES_BARE * number + data;
-    PARCEL_BYTES_MAX.saturating_sub(data).min(LIST_BYTES_MAX.saturating_sub(lists))
+    let lists = POINT_BYTES * waypoints + AGENT_MESSAGE_BYTES_BARE * number + data;
+    AGENT_MESSAGE_BYTES_MAX.saturating_sub(data).min(LIST_BYTES_MAX.saturating_sub(lists))
 }
 
 #[cfg(test)]

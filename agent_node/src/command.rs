@@ -1,4 +1,4 @@
-//! The reply of a controller: motion, scans, messages, relays, and the next trigger.
+//! The reply of a controller: motion, scans, messages, relays, and the next wake-up condition.
 //!
 //! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
 
@@ -10,7 +10,7 @@ use msgs::relay_id::RelayId;
 pub use msgs::scan_request::ScanRequest;
 use msgs::shared_bytes::SharedBytes;
 pub use msgs::stage::Stage;
-pub use msgs::trigger::Trigger;
+pub use msgs::wake_condition::WakeCondition;
 use nalgebra::{Point3, Vector3};
 
 /// A task for the body. A new task starts from rest.
@@ -64,7 +64,7 @@ impl Motion {
     }
 }
 
-/// A message to other agents (`maes_msgs/Parcel`).
+/// A message to other agents (`maes_msgs/AgentMessage`).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AgentMessage {
     /// The receiver; `None`: all agents in contact.
@@ -100,7 +100,7 @@ pub struct Command {
     /// Relay commands of this tick.
     pub relays: Vec<RelayOrder>,
     /// When the controller is due next.
-    pub trigger: Trigger,
+    pub wake: WakeCondition,
     /// What the agent is busy with from now on; `None`: unchanged.
     pub stage: Option<Stage>,
     /// A text for people, at most 1024 bytes; empty: unchanged.
@@ -108,29 +108,30 @@ pub struct Command {
 }
 
 impl Command {
-    /// Continues the present task until `trigger` fires.
+    /// Continues the present task until `wake` fires.
     #[must_use]
-    pub fn keep(trigger: Trigger) -> Self {
-        Self::new(Motion::Keep, trigger)
+    pub fn keep(wake: WakeCondition) -> Self {
+        Self::new(Motion::Keep, wake)
     }
 
     /// Starts a task; everything else is unchanged.
     #[must_use]
-    pub fn new(motion: Motion, trigger: Trigger) -> Self {
+    pub fn new(motion: Motion, wake: WakeCondition) -> Self {
         Self {
             motion,
             lidar: ScanRequest::Keep,
             want_view: false,
             messages: Vec::new(),
             relays: Vec::new(),
-            trigger,
+            wake,
             stage: None,
             info: String::new(),
         }
     }
 
-    /// Adds a message: `kind` is the sender's mark (not [`crate::sharing::MAP_MESSAGE`]), `to` the
-    /// receiver (`None`: all agents in contact).
+    /// Adds a message: `kind` is the sender's mark (not
+    /// [`crate::sharing::MessageType::Map.number()`]), `to` the receiver (`None`: all agents in
+    /// contact).
     #[must_use]
     pub fn with_message(mut self, to: Option<AgentId>, kind: u8, data: impl Into<SharedBytes>) -> Self {
         self.messages.push(AgentMessage { to, kind, data: data.into() });
@@ -173,8 +174,8 @@ impl Command {
         self
     }
 
-    /// Whether the run is the same without it: between triggers the server ignores such a command,
-    /// its trigger included.
+    /// Whether the run is the same without it: between its wake-ups the server ignores such a
+    /// command, its wake-up condition included.
     #[must_use]
     pub fn is_noop(&self) -> bool {
         self.motion == Motion::Keep
@@ -204,14 +205,14 @@ mod tests {
 
     #[test]
     fn a_stage_alone_is_an_act() {
-        let keep = Command::keep(Trigger::NEXT_TICK);
+        let keep = Command::keep(WakeCondition::NEXT_TICK);
         assert!(keep.is_noop() && !keep.with_stage(Stage::Waiting).is_noop());
     }
 
     #[test]
     fn info_is_cut_at_a_character_boundary() {
-        let said = Command::keep(Trigger::NEXT_TICK).with_info("\u{e9}".repeat(INFO_BYTES_MAX));
+        let said = Command::keep(WakeCondition::NEXT_TICK).with_info("\u{e9}".repeat(INFO_BYTES_MAX));
         assert_eq!(said.info.len(), INFO_BYTES_MAX / 2 * 2);
-        assert_eq!(Command::keep(Trigger::NEXT_TICK).with_info("short").info, "short");
+        assert_eq!(Command::keep(WakeCondition::NEXT_TICK).with_info("short").info, "short");
     }
 }

@@ -48,14 +48,14 @@ use settings::{Setting, SettingError, Settings};
 pub trait Controller: Send {
     /// Replies to an observation.
     ///
-    /// It is called when the trigger of its last command fires, whether the server looks ahead or
-    /// not.
+    /// It is called when the wake-up condition of its last command fires, whether the server looks
+    /// ahead or not.
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command;
 
-    /// Whether a server without look-ahead also calls it between triggers, which changes the run if
-    /// it then acts. A reply between triggers that does nothing ([`Command::is_noop`]) must leave
-    /// the controller and the map unchanged.
-    fn is_polled_between_triggers(&self) -> bool {
+    /// Whether a server without look-ahead also calls it between its wake-ups, which changes the
+    /// run if it then acts. A reply between its wake-ups that does nothing ([`Command::is_noop`])
+    /// must leave the controller and the map unchanged.
+    fn is_polled_between_wakes(&self) -> bool {
         false
     }
 

@@ -13,7 +13,7 @@
 //! [`CHANGES_MAX`] entries for a cell, the last of which is its present state.
 //!
 //! The states are kept a second time as bits, by blocks of 4 x 4 x 4 cells: of a report that says
-//! mostly what is known, only the news are looked at.
+//! mostly what is known, only new cells are looked at.
 //!
 //! A *frontier* is a free or covered cell with an unexplored face neighbour inside the map. The set
 //! of frontiers is updated with every change; nothing here ever iterates over the whole map.
@@ -127,7 +127,7 @@ impl Entry {
 
 /// The own sensor, as `from` of an entry: no agent has this id, since as a receiver it means
 /// broadcast.
-const OWN: u32 = msgs::maes_msgs::Parcel::BROADCAST;
+const OWN: u32 = msgs::maes_msgs::AgentMessage::BROADCAST;
 
 /// Cells of a page of memory.
 const PAGE_CELLS: usize = 4096;
@@ -354,12 +354,12 @@ impl ExplorationMap {
     /// outside the map are ignored.
     pub fn merge(&mut self, delta: &Delta, from: AgentId) {
         for block in &delta.blocks {
-            let news = self.news_of(block);
-            if news == 0 {
+            let new_cells = self.new_cells_of(block);
+            if new_cells == 0 {
                 continue;
             }
             let (lowest, size) = (self.layout.lowest(block.index), self.extent().size());
-            for number in bits(news) {
+            for number in bits(new_cells) {
                 let place = Place::new(cell_in(lowest, number), size);
                 self.learn(&place, (block.index, number), block.finding(number), from.0);
             }
@@ -368,7 +368,7 @@ impl ExplorationMap {
 
     /// The cells of a reported block whose finding differs from what is known. [`Self::learn`]
     /// would ignore all others.
-    fn news_of(&self, block: &Block) -> u64 {
+    fn new_cells_of(&self, block: &Block) -> u64 {
         let Some([known, wall, covered]) = self.blocks.get(block.index) else { return 0 };
         let visited = block.covered & !covered;
         block.known & self.layout.inside(block.index) & (!known | (block.wall ^ wall) | visited)

@@ -16,7 +16,7 @@ use msgs::ids::Tick;
 use nalgebra::Point3;
 use voxels::Cell;
 
-use crate::command::{Motion, Trigger};
+use crate::command::{Motion, WakeCondition};
 use crate::exploration_map::ExplorationMap;
 use crate::path::{
     Background, Budgeted, Goal, Graph, Moves, Neighbours, Path, Reachable, Search, direct, straighten_from,
@@ -43,8 +43,8 @@ impl SearchTime {
 pub enum NavigationStatus {
     /// A path exists: this motion follows it.
     Go(Motion),
-    /// The search is pending: repeat the request when the trigger fires.
-    Searching(Trigger),
+    /// The search is pending: repeat the request when the wake-up condition is met.
+    Searching(WakeCondition),
     /// No path is known.
     NoPath,
 }
@@ -171,7 +171,7 @@ impl NavigationTask {
         }
         let Poll::Ready(path) = self.search(map, start, goal, neighbours, time, now) else {
             let at = self.pending.as_ref().map_or(Tick::ZERO, |pending| pending.answer.usable_at());
-            return NavigationStatus::Searching(Trigger { at, events: 0 });
+            return NavigationStatus::Searching(WakeCondition { at, events: 0 });
         };
         self.pending = None;
         let status = path.map_or(NavigationStatus::NoPath, |path| self.motion_along(map, from, &path));

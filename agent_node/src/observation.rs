@@ -77,7 +77,7 @@ pub struct Contact {
     pub position: Point3<f64>,
 }
 
-/// A message from another agent (`maes_msgs/Parcel`).
+/// A message from another agent (`maes_msgs/AgentMessage`).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReceivedMessage {
     /// The sender.
@@ -132,7 +132,7 @@ pub struct Observation {
     pub is_active: bool,
     /// The collision that ended the last motion, if any.
     pub collision: Option<Collision>,
-    /// Events since the last observation: bits of `maes_msgs/Wake`.
+    /// Events since the last observation: bits of `maes_msgs/WakeCondition`.
     pub events: u8,
     /// Agents in contact, ascending.
     pub contacts: Vec<Contact>,

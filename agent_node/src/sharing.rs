@@ -7,47 +7,48 @@
 //!
 //! 1. Both send a *summary*: these positions, their own journal included.
 //! 2. Each replies to the summary of the other with *updates*: its journal up to its own summary,
-//!    without what the other knows. A section that came from a third agent is left out if the
+//!    without what the other knows. A segment that came from a third agent is left out if the
 //!    other knows the journal of that one as far as needed, whoever it has that from. An update
 //!    names all who lack its cells.
-//! 3. A *completion* says how many updates the other was sent since the summary. If none of them
-//!    was lost, nor the summary, it now knows the journal up to the summary, and whatever the
+//! 3. An *acknowledgement* says how many updates the other was sent since the summary. If none of
+//!    them was lost, nor the summary, it now knows the journal up to the summary, and whatever the
 //!    summary says: the journal has that, too. It does not if the own sensor contradicts a report
 //!    ([`ExplorationMap::contradictions`] and [`ExplorationMap::corrections`]); the summary says
 //!    so, and is not taken over then.
 //!
-//! **Deputies.** What several agents know that are in contact with each other and with a third one,
-//! one of them sends: a summary lists its receivers as well, so each sees whom it can leave a
-//! section to. The completion names those deputies, and holds once they have completed their own.
-//! The order in which agents are deputies of each other is drawn anew in each period, so that no
-//! agent can keep others from news for long.
+//! **Delegates.** What several agents know that are in contact with each other and with a third
+//! one, one of them sends: a summary lists its receivers as well, so each sees whom it can leave a
+//! segment to. The acknowledgement names those delegates, and holds once they have completed their
+//! own. The order in which agents are delegates of each other is drawn anew in each period, so that
+//! no agent can keep others from the delta for long.
 //!
-//! **Hubs.** What is new to a crowd, more than `ADDRESSED_MAX` contacts, an agent sends to a *hub*
-//! alone, and completes only that exchange: the first of the agents that exchange their maps, in
-//! the order of deputies; hubs are several where contacts of the agent are not all in contact with
-//! each other, and who is in contact with no hub is sent it as well. The completion for a hub asks
-//! it to pass on what it has been sent: it sends all its contacts another summary, updates and a
-//! completion in one tick, in reply to the summaries that it has from them. The others are sent no
-//! completion; they know the news by that of the hub. Summaries go to the hubs as well: an agent
-//! sends its own to the `LEADING` first of its contacts, and to all if it comes before or among
-//! these. So a crowd of `n` agents sends some `10 n` messages and not `3 n^2`, and news take a tick
-//! more. Two agents that no hub is in contact with, which happens where the contacts of an agent
-//! are not in contact with each other, exchange their maps in a later period, whose order is
-//! another one. A hub passes on once in each exchange; what reaches it later, it sends in the next
-//! one, like any other agent that knows it.
+//! **Relay peers.** What is new to a dense neighbourhood, more than `ADDRESSED_MAX` contacts, an
+//! agent sends to a *relay peer* alone, and completes only that exchange: the first of the agents
+//! that exchange their maps, in the order of delegates; relay peers are several where contacts of
+//! the agent are not all in contact with each other, and who is in contact with no relay peer is
+//! sent it as well. The acknowledgement for a relay peer asks it to pass on what it has been sent:
+//! it sends all its contacts another summary, updates and an acknowledgement in one tick, in reply
+//! to the summaries that it has from them. The others are sent no acknowledgement; they know the
+//! delta by that of the relay peer. Summaries go to the relay peers as well: an agent sends its own
+//! to the `LEADING` first of its contacts, and to all if it comes before or among these. So a dense
+//! neighbourhood of `n` agents sends some `10 n` messages and not `3 n^2`, and the delta takes a
+//! tick more. Two agents that no relay peer is in contact with, which happens where the contacts of
+//! an agent are not in contact with each other, exchange their maps in a later period, whose order
+//! is another one. A relay peer passes on once in each exchange; what reaches it later, it sends in
+//! the next one, like any other agent that knows it.
 //!
-//! An update or completion is addressed to each of its receivers, or broadcast if they are all
-//! contacts or more than `ADDRESSED_MAX`: otherwise the copies for a crowd would not fit into a
-//! command. Those that are not named as receivers ignore it. In a crowd, what some lack is sent to
-//! all that no hub passes it on to: who lacks what differs for each section of the journal, and
-//! with it the message.
+//! An update or acknowledgement is addressed to each of its receivers, or broadcast if they are all
+//! contacts or more than `ADDRESSED_MAX`: otherwise the copies for a dense neighbourhood would not
+//! fit into a command. Those that are not named as receivers ignore it. In a dense neighbourhood,
+//! what some lack is sent to all that no relay peer passes it on to: who lacks what differs for
+//! each segment of the log, and with it the message.
 //!
 //! Summaries are sent in the ticks that are multiples of the period, as exchanges take place in the
 //! reference, so that all agents in contact exchange at the same time; at a first contact at once,
-//! and so to a peer that was out of contact in its turn, and in reply to a summary. An agent in a
-//! crowd begins exchanges once a period, with all contacts: they come and go all the time where
-//! lines of sight are short. What does not fit into the messages of a tick is continued in the next
-//! one.
+//! and so to a peer that was out of contact in its round, and in reply to a summary. An agent in a
+//! dense neighbourhood begins exchanges once a period, with all contacts: they come and go all the
+//! time where lines of sight are short. What does not fit into the messages of a tick is continued
+//! in the next one.
 //!
 //! Delivery: what is lost, by the radio or in a full inbox, is sent again a period later, because
 //! the next summary does not list it. One exchange leaves room in the inbox for those of all others
@@ -63,27 +64,27 @@
 //! Invariants: the cost of an exchange is proportional to the changes; messages depend only on the
 //! journal, on ids, and on the messages received; a rejected message changes nothing but counters.
 //!
-//! This module does not schedule the agent; it states when it is due ([`Sharing::next_trigger`]).
+//! This module does not schedule the agent; it states when it is due ([`Sharing::next_wake`]).
 //! Call it in committed ticks only.
 
 mod agent_set;
 mod bits;
 mod decoded;
-mod hubs;
+mod deltas;
 mod knowledge;
 mod map_message;
-mod news;
 mod outbox;
 mod peer;
+mod relay_peers;
+mod rounds;
 #[cfg(test)]
 mod tests;
-mod turns;
 mod updates;
 
 use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PARCEL_BYTES_BARE;
+use msgs::limits::AGENT_MESSAGE_BYTES_BARE;
 use msgs::shared_bytes::SharedBytes;
 
 use crate::command::AgentMessage;
@@ -92,14 +93,13 @@ use crate::observation::{Contact, ReceivedMessage};
 use agent_set::AgentSet;
 use decoded::{Content, Summary, Update};
 use knowledge::Knowledge;
-use map_message::{Completed, SenderState};
+use map_message::{Acknowledged, SenderState};
 pub use map_message::{MapMessageError, VERSION};
 use outbox::{Outbox, copies};
 use peer::{Peer, Provenance, peer};
 use updates::complete;
 
 /// The mark of map messages; all other marks are the controllers'.
-pub const MAP_MESSAGE: u8 = 1;
 
 /// Ticks between exchanges in the reference: 5.02 s.
 pub const DEFAULT_PERIOD_TICKS: u32 = 251;
@@ -119,18 +119,18 @@ pub struct Sharing {
     /// The peers whose summaries belong to the present exchange.
     present: AgentSet,
     /// When it last began exchanges.
-    turn: Option<Tick>,
-    /// What this agent does as a hub in the present exchange.
-    hub: Hub,
+    round: Option<Tick>,
+    /// What this agent does as a relay peer in the present exchange.
+    relay_role: RelayRole,
     /// Number of summaries sent.
     summaries_sent: u32,
     provenances: Vec<Provenance>,
     totals: Totals,
 }
 
-/// What an agent does as a hub in an exchange.
+/// What an agent does as a relay peer in an exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Hub {
+enum RelayRole {
     /// Nothing: others come before it.
     #[default]
     No,
@@ -150,7 +150,7 @@ pub struct Report {
     /// Map messages for other agents, ignored.
     pub for_others: usize,
     /// Journal entries that they made.
-    pub news: usize,
+    pub deltas: usize,
     /// Map messages rejected: sender and reason.
     pub refused: Vec<(AgentId, MapMessageError)>,
 }
@@ -187,8 +187,8 @@ impl Sharing {
             peers: Vec::new(),
             summaries: Vec::new(),
             present: AgentSet::default(),
-            turn: None,
-            hub: Hub::No,
+            round: None,
+            relay_role: RelayRole::No,
             summaries_sent: 0,
             provenances: Vec::new(),
             totals: Totals::default(),
@@ -212,13 +212,15 @@ impl Sharing {
     /// sender.
     pub fn incoming(&mut self, map: &mut ExplorationMap, messages: &[ReceivedMessage]) -> Report {
         let mut report = Report::default();
-        for ReceivedMessage { from, data, .. } in messages.iter().filter(|message| message.kind == MAP_MESSAGE) {
+        for ReceivedMessage { from, data, .. } in
+            messages.iter().filter(|message| message.kind == MessageType::Map.number())
+        {
             match self.admit(map, *from, data) {
-                Ok(Some(news)) => {
+                Ok(Some(deltas)) => {
                     self.totals.messages_taken += 1;
                     self.totals.bytes_taken += data.len() as u64;
                     report.messages += 1;
-                    report.news += news;
+                    report.deltas += deltas;
                 }
                 Ok(None) => report.for_others += 1,
                 Err(reason) => {
@@ -269,18 +271,18 @@ impl Sharing {
                 let start = map.journal_len();
                 map.merge(delta, from);
                 let positions = start..map.journal_len();
-                let news = positions.len();
+                let deltas = positions.len();
                 self.remember(Provenance { positions, from, until: *until });
-                Ok(Some(news))
+                Ok(Some(deltas))
             }
-            Content::Completion(completion) => {
-                let Some(place) = completion.place_of(self.own) else { return Ok(None) };
-                let Completed { summary, updates, .. } = completion.receivers[place];
+            Content::Acknowledgement(acknowledgement) => {
+                let Some(place) = acknowledgement.place_of(self.own) else { return Ok(None) };
+                let Acknowledged { summary, updates, .. } = acknowledgement.receivers[place];
                 if (summary, updates) == (sender.heard.number, sender.updates_received) {
-                    if completion.is_for_hubs && self.hub != Hub::HasPassedOn {
-                        self.hub = Hub::Asked;
+                    if acknowledgement.is_for_relay_peers && self.relay_role != RelayRole::HasPassedOn {
+                        self.relay_role = RelayRole::Asked;
                     }
-                    self.knowledge.complete(&mut self.peers, from, completion, place);
+                    self.knowledge.complete(&mut self.peers, from, acknowledgement, place);
                 }
                 Ok(Some(0))
             }
@@ -288,24 +290,24 @@ impl Sharing {
         }
     }
 
-    /// Notes where a section of the journal came from.
-    fn remember(&mut self, section: Provenance) {
-        if section.positions.is_empty() {
+    /// Notes where a segment of the log came from.
+    fn remember(&mut self, segment: Provenance) {
+        if segment.positions.is_empty() {
             return;
         }
         match self.provenances.last_mut() {
             Some(last)
-                if last.positions.end == section.positions.start
-                    && (last.from, last.until) == (section.from, section.until) =>
+                if last.positions.end == segment.positions.start
+                    && (last.from, last.until) == (segment.from, segment.until) =>
             {
-                last.positions.end = section.positions.end;
+                last.positions.end = segment.positions.end;
             }
-            _ => self.provenances.push(section),
+            _ => self.provenances.push(segment),
         }
     }
 
     /// The messages of this tick to the agents in contact (ascending by id), with at most `budget`
-    /// bytes, [`PARCEL_BYTES_BARE`] per message included.
+    /// bytes, [`AGENT_MESSAGE_BYTES_BARE`] per message included.
     pub fn outgoing(
         &mut self,
         map: &ExplorationMap,
@@ -319,17 +321,17 @@ impl Sharing {
         if self.period > 0 {
             let have_come = !summaries.is_empty();
             self.begin(&outbox, summaries, now);
-            let deputies = self.deputies(contacts, now);
-            if have_come && self.hub == Hub::No && self.may_be_hub(contacts, &deputies, now) {
-                self.hub = Hub::MayBeAsked;
+            let delegates = self.delegates(contacts, now);
+            if have_come && self.relay_role == RelayRole::No && self.may_be_relay_peer(contacts, &delegates, now) {
+                self.relay_role = RelayRole::MayBeAsked;
             }
-            if self.hub == Hub::Asked {
+            if self.relay_role == RelayRole::Asked {
                 self.pass_on(&mut outbox, map);
             }
-            // The first of a crowd waits a tick for what the others have seen.
-            let waits = have_come && self.hub == Hub::MayBeAsked && deputies.is_empty();
+            // The first of a dense neighbourhood waits a tick for what the others have seen.
+            let waits = have_come && self.relay_role == RelayRole::MayBeAsked && delegates.is_empty();
             if !waits {
-                self.send_updates(&mut outbox, map, &deputies, now);
+                self.send_updates(&mut outbox, map, &delegates, now);
                 complete(&mut self.peers, &mut outbox);
             }
         }
@@ -339,24 +341,24 @@ impl Sharing {
 
     /// Sends a summary to all contacts that one is due for.
     fn send_summaries(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap, received: &[AgentId], now: Tick) {
-        let has_had_turn = self.has_had_turn(outbox.contacts, now);
-        if has_had_turn && received.is_empty() {
+        let has_had_round = self.has_had_round(outbox.contacts, now);
+        if has_had_round && received.is_empty() {
             return;
         }
         let leading = self.leading(outbox.contacts, now);
-        let hubs: Vec<Arc<Summary>> = leading
+        let relay_peers: Vec<Arc<Summary>> = leading
             .iter()
             .flatten()
             .filter(|leader| received.contains(leader))
             .map(|leader| Arc::clone(&self.peers[leader.index()].heard))
             .collect();
-        let has_hub = |agent: AgentId| hubs.iter().any(|heard| heard.receivers.contains(agent));
+        let has_relay_peer = |agent: AgentId| relay_peers.iter().any(|heard| heard.receivers.contains(agent));
         let is_due = |peer: &Peer, agent: AgentId| match self.period {
             // Two that only receive would answer each other without end.
             0 => received.contains(&agent) && !peer.heard.state.only_receives,
             period => {
-                let is_named = !has_had_turn && leading.as_ref().is_none_or(|leading| leading.contains(&agent));
-                (is_named || received.contains(&agent) && !has_hub(agent))
+                let is_named = !has_had_round && leading.as_ref().is_none_or(|leading| leading.contains(&agent));
+                (is_named || received.contains(&agent) && !has_relay_peer(agent))
                     && peer.last.is_none_or(|last| now.0 / period > last.0 / period)
             }
         };
@@ -372,8 +374,8 @@ impl Sharing {
         }
         complete(&mut self.peers, outbox);
         let Some(number) = self.send_summary(outbox, map, &due) else { return };
-        if !has_had_turn {
-            (self.present, self.hub, self.turn) = (AgentSet::default(), Hub::No, Some(now));
+        if !has_had_round {
+            (self.present, self.relay_role, self.round) = (AgentSet::default(), RelayRole::No, Some(now));
         }
         for agent in due {
             let peer = peer(&mut self.peers, agent);
@@ -392,7 +394,7 @@ impl Sharing {
             only_receives: self.period == 0,
         };
         let number = self.summaries_sent;
-        let room = (outbox.budget / copies(receivers.len(), outbox.contacts)).saturating_sub(PARCEL_BYTES_BARE);
+        let room = (outbox.budget / copies(receivers.len(), outbox.contacts)).saturating_sub(AGENT_MESSAGE_BYTES_BARE);
         let summary = map_message::encode_summary((number, state), receivers, known.positions(), self.own, room);
         if !outbox.send(receivers, summary.into()) {
             return None;
@@ -401,8 +403,8 @@ impl Sharing {
         Some(number)
     }
 
-    /// As a hub, begins to send the contacts of the present exchange what they lack once more, what
-    /// has been received from others included.
+    /// As a relay peer, begins to send the contacts of the present exchange what they lack once
+    /// more, what has been received from others included.
     fn pass_on(&mut self, outbox: &mut Outbox<'_>, map: &ExplorationMap) {
         let present = outbox.contacts.iter().map(|contact| contact.agent).filter(|&agent| self.present.contains(agent));
         let present: Vec<AgentId> = present.collect();
@@ -410,7 +412,7 @@ impl Sharing {
             return;
         }
         let Some(number) = self.send_summary(outbox, map, &present) else { return };
-        self.hub = Hub::HasPassedOn;
+        self.relay_role = RelayRole::HasPassedOn;
         for agent in present {
             let peer = peer(&mut self.peers, agent);
             // What it has been sent since its summary counts no more.

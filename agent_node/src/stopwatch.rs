@@ -74,8 +74,8 @@ impl Controller for Timed {
         command
     }
 
-    fn is_polled_between_triggers(&self) -> bool {
-        self.controller.is_polled_between_triggers()
+    fn is_polled_between_wakes(&self) -> bool {
+        self.controller.is_polled_between_wakes()
     }
 
     fn failure(&mut self) -> Option<Failure> {

@@ -173,24 +173,24 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
         tick: tick.0,
         run: 0,
         agent: agent.0,
-        task: task(command.motion),
+        motion: motion(command.motion),
         lidar: command.lidar.into(),
         want_view: command.want_view,
-        parcels: command
+        messages: command
             .messages
             .into_iter()
-            .map(|message| maes_msgs::Parcel {
-                agent: message.to.map_or(maes_msgs::Parcel::BROADCAST, |agent| agent.0),
+            .map(|message| maes_msgs::AgentMessage {
+                agent: message.to.map_or(maes_msgs::AgentMessage::BROADCAST, |agent| agent.0),
                 kind: message.kind,
                 data: message.data,
             })
-            .chain(command.relays.into_iter().map(|order| maes_msgs::Parcel {
-                agent: order.relay.map_or(maes_msgs::Parcel::LEAVE_RELAY, RelayId::on_wire),
+            .chain(command.relays.into_iter().map(|order| maes_msgs::AgentMessage {
+                agent: order.relay.map_or(maes_msgs::AgentMessage::LEAVE_RELAY, RelayId::on_wire),
                 kind: order.kind,
                 data: order.data,
             }))
             .collect(),
-        wake: command.trigger.into(),
+        wake: command.wake.into(),
         info: command.info,
         known_free: 0,
         failed_searches: 0,
@@ -198,17 +198,17 @@ pub fn command(agent: AgentId, tick: Tick, command: Command) -> maes_msgs::Comma
     }
 }
 
-fn task(motion: Motion) -> maes_msgs::Task {
-    use maes_msgs::Task;
-    let bare = Task::default();
+fn motion(motion: Motion) -> maes_msgs::Motion {
+    use maes_msgs::Motion as WireMotion;
+    let bare = WireMotion::default();
     match motion {
-        Motion::Keep => Task { kind: Task::KEEP, ..bare },
-        Motion::Stop => Task { kind: Task::STOP, ..bare },
-        Motion::Move { pitch_rad, distance_m } => Task { kind: Task::MOVE, pitch_rad, distance_m, ..bare },
-        Motion::Turn { angle_rad } => Task { kind: Task::TURN, angle_rad, ..bare },
-        Motion::Path(waypoints) => Task { kind: Task::PATH, path: points(waypoints), ..bare },
-        Motion::Velocity { linear_in_body_m_s: linear, yaw_rate_rad_s, path } => Task {
-            kind: Task::VELOCITY,
+        Motion::Keep => WireMotion { kind: WireMotion::KEEP, ..bare },
+        Motion::Stop => WireMotion { kind: WireMotion::STOP, ..bare },
+        Motion::Move { pitch_rad, distance_m } => WireMotion { kind: WireMotion::MOVE, pitch_rad, distance_m, ..bare },
+        Motion::Turn { angle_rad } => WireMotion { kind: WireMotion::TURN, angle_rad, ..bare },
+        Motion::Path(waypoints) => WireMotion { kind: WireMotion::PATH, path: points(waypoints), ..bare },
+        Motion::Velocity { linear_in_body_m_s: linear, yaw_rate_rad_s, path } => WireMotion {
+            kind: WireMotion::VELOCITY,
             linear_m_s: geometry_msgs::Vector3 { x: linear.x, y: linear.y, z: linear.z },
             yaw_rate_rad_s,
             path: points(path),

@@ -24,8 +24,8 @@ from maes_msgs.msg import (
     SignedCommand,
     SignedJoin,
     SignedObservation,
-    Task,
-    Wake,
+    Motion,
+    WakeCondition,
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -38,16 +38,16 @@ def decide(command, parts, rng):
     """Fills in the command for an observation."""
     first = parts[0]
     command.wake.at_tick = 2**64 - 1
-    command.wake.events = Wake.TASK_DONE
+    command.wake.events = WakeCondition.TASK_DONE
     if first.task_status == Observation.ACTIVE:
-        command.task.kind = Task.KEEP
+        command.motion.kind = Motion.KEEP
     elif first.collision == Observation.NONE and first.tick > 0:
-        command.task.kind = Task.MOVE
-        command.task.pitch_rad = rng.uniform(-0.5, 0.5)
-        command.task.distance_m = math.inf
+        command.motion.kind = Motion.MOVE
+        command.motion.pitch_rad = rng.uniform(-0.5, 0.5)
+        command.motion.distance_m = math.inf
     else:
-        command.task.kind = Task.TURN
-        command.task.angle_rad = rng.uniform(-math.pi, math.pi)
+        command.motion.kind = Motion.TURN
+        command.motion.angle_rad = rng.uniform(-math.pi, math.pi)
 
 
 class Agent:

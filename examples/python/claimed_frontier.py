@@ -11,9 +11,9 @@ from statistics import mean
 import numpy as np
 
 import maes
-from maes import Auction, Command, Ctx, Events, Motion, Observation, Trigger
+from maes import Auction, Command, Ctx, EventMask, Motion, Observation, WakeCondition
 
-UNDER_WAY = Trigger.on(Events.TASK_DONE | Events.COLLISION | Events.NEW_CELL | Events.CONTACTS | Events.PARCEL)
+UNDER_WAY = WakeCondition.on(EventMask.TASK_DONE | EventMask.COLLISION | EventMask.NEW_CELL | EventMask.CONTACTS | EventMask.MESSAGE)
 CANDIDATES = 64
 
 
@@ -32,8 +32,8 @@ class ClaimedFrontier(maes.Controller):
         self.auction = self.auction or Auction(ctx)
         self.auction.receive(observation)
         if observation.scan_tick is None:
-            return Command.keep(Trigger.NEXT_TICK)
-        if self.goal is not None and observation.events & Events.COLLISION:
+            return Command.keep(WakeCondition.NEXT_TICK)
+        if self.goal is not None and observation.events & EventMask.COLLISION:
             self.goal = None
             self.auction.withdraw()
             return ctx.step_aside(self.rng)
@@ -41,18 +41,18 @@ class ClaimedFrontier(maes.Controller):
         if is_held and observation.is_active:
             command = Command.keep(UNDER_WAY)
             # A reply to every message would be answered for ever.
-            return self.auction.add_to(command) if observation.events & Events.CONTACTS else command
+            return self.auction.add_to(command) if observation.events & EventMask.CONTACTS else command
         if is_held and self.goal == ctx.cell:
             self.abandoned.add(self.goal)
         self.auction.withdraw()
         self.goal, path_m = self.cheapest(ctx)
         if self.goal is None:
-            command = Command(Motion.stop(), Trigger.on(Events.PARCEL | Events.CONTACTS)).with_stage("waiting")
+            command = Command(Motion.stop(), WakeCondition.on(EventMask.MESSAGE | EventMask.CONTACTS)).with_stage("waiting")
             return command.with_info("knows no frontier")
         motion = ctx.go_to_cell(self.goal)
         if motion is None:
             self.abandoned.add(self.goal)
-            return Command(Motion.stop(), Trigger.NEXT_TICK)
+            return Command(Motion.stop(), WakeCondition.NEXT_TICK)
         self.auction.claim(self.goal, path_m)
         if self.auction.is_outbid:
             # All frontiers are near better bids: it goes there without a claim.

@@ -5,9 +5,9 @@
 """
 
 import maes
-from maes import Command, Ctx, Events, Motion, Observation, Trigger
+from maes import Command, Ctx, EventMask, Motion, Observation, WakeCondition
 
-UNDER_WAY = Trigger.on(Events.TASK_DONE | Events.COLLISION | Events.NEW_CELL)
+UNDER_WAY = WakeCondition.on(EventMask.TASK_DONE | EventMask.COLLISION | EventMask.NEW_CELL)
 
 
 class NearestFrontier(maes.Controller):
@@ -23,8 +23,8 @@ class NearestFrontier(maes.Controller):
 
     def decide(self, observation: Observation, ctx: Ctx) -> Command:
         if observation.scan_tick is None:
-            return Command.keep(Trigger.NEXT_TICK)
-        if self.goal is not None and observation.events & Events.COLLISION:
+            return Command.keep(WakeCondition.NEXT_TICK)
+        if self.goal is not None and observation.events & EventMask.COLLISION:
             self.goal = None
             return ctx.step_aside(self.rng)
         goal = self.goal if self.goal is not None and ctx.map.is_frontier(self.goal) else None
@@ -35,13 +35,13 @@ class NearestFrontier(maes.Controller):
             goal = None
         self.goal = goal or ctx.nearest_frontier(self.abandoned)
         if self.goal is None:
-            maps = Trigger.on(Events.PARCEL | Events.CONTACTS)
+            maps = WakeCondition.on(EventMask.MESSAGE | EventMask.CONTACTS)
             return Command(Motion.stop(), maps).with_stage("waiting").with_info("knows no frontier")
         x, y, z = self.goal
         motion = ctx.go_to_cell(self.goal)
         if motion is None:
             self.abandoned.add(self.goal)
-            return Command(Motion.stop(), Trigger.NEXT_TICK)
+            return Command(Motion.stop(), WakeCondition.NEXT_TICK)
         return Command(motion, UNDER_WAY).with_stage("relocating").with_info(f"goes to the frontier {x} {y} {z}")
 
 

@@ -42,7 +42,7 @@ const RADIOS: [(&str, &str); 2] =
     [("perfect", "{ model = \"line_of_sight\" }"), ("lossy", "{ range_m = 15.0, loss = 0.3, bytes_per_s = 20000.0 }")];
 
 /// A world: its name, the greatest sim time, and what a scenario has beside team and radio.
-struct World {
+struct BenchmarkWorld {
     name: &'static str,
     duration_s: u32,
     map: &'static str,
@@ -52,18 +52,18 @@ struct World {
 /// The imported world, which is written beside its plan.
 const STATION: (&str, &str) = ("station.obj", include_str!("benchmark/station.obj"));
 
-const WORLDS: [World; 6] = [
-    World { name: "cave-50", duration_s: 300, map: "{ kind = \"spheres\", size = 50 }", spawn: NEAR },
-    World { name: "cave-75", duration_s: 600, map: "{ kind = \"spheres\", size = 75 }", spawn: NEAR },
-    World { name: "cave-100", duration_s: 900, map: "{ kind = \"spheres\", size = 100 }", spawn: NEAR },
-    World { name: "noise", duration_s: 600, map: "{ kind = \"noise\", size = 60 }", spawn: NEAR },
-    World {
+const WORLDS: [BenchmarkWorld; 6] = [
+    BenchmarkWorld { name: "cave-50", duration_s: 300, map: "{ kind = \"spheres\", size = 50 }", spawn: NEAR },
+    BenchmarkWorld { name: "cave-75", duration_s: 600, map: "{ kind = \"spheres\", size = 75 }", spawn: NEAR },
+    BenchmarkWorld { name: "cave-100", duration_s: 900, map: "{ kind = \"spheres\", size = 100 }", spawn: NEAR },
+    BenchmarkWorld { name: "noise", duration_s: 600, map: "{ kind = \"noise\", size = 60 }", spawn: NEAR },
+    BenchmarkWorld {
         name: "building",
         duration_s: 600,
         map: "{ kind = \"building\", size = [60, 60, 13] }",
         spawn: "{ kind = \"entrances\" }",
     },
-    World {
+    BenchmarkWorld {
         name: "station",
         duration_s: 300,
         map: "{ kind = \"file\", file = \"station.obj\", cell_m = 1.0, import = { free_from = [20.5, 20.5, 2.5] } }",
@@ -177,7 +177,7 @@ pub fn execute(
     let mut summary = Summary::default();
     let mut runs = Vec::new();
     // All plans are checked before the first one is executed.
-    let plans: Vec<(&World, Plan)> = WORLDS
+    let plans: Vec<(&BenchmarkWorld, Plan)> = WORLDS
         .iter()
         .filter(|world| scope.worlds.contains(world.name))
         .map(|world| Ok((world, plan(entry, &scope.seeds, world, &folder.join(world.name))?)))
@@ -210,7 +210,7 @@ pub fn execute(
 }
 
 /// The plan of a world, whose map file, if it has one, is written into the folder.
-fn plan(entry: &Entry, seeds: &[u64], world: &World, folder: &Path) -> Result<Plan, BenchmarkError> {
+fn plan(entry: &Entry, seeds: &[u64], world: &BenchmarkWorld, folder: &Path) -> Result<Plan, BenchmarkError> {
     if world.map.contains(STATION.0) {
         Store::create(folder)?;
         Store::write_in(&folder.join("files"), STATION.0, STATION.1.as_bytes())?;
@@ -232,7 +232,7 @@ fn plan(entry: &Entry, seeds: &[u64], world: &World, folder: &Path) -> Result<Pl
         agents.insert("command".to_owned(), entry.command.clone().into());
     }
     let radios = RADIOS.map(|(_, radio)| radio).join(", ");
-    let World { name, duration_s, map, spawn } = world;
+    let BenchmarkWorld { name, duration_s, map, spawn } = world;
     // Texts of the entry, which may be a stranger's, are values of the plan and never part of its
     // syntax.
     let title = toml::Value::from(format!("{EXPLORATION_1}, {name}: {}", entry.controller));
@@ -245,7 +245,7 @@ fn plan(entry: &Entry, seeds: &[u64], world: &World, folder: &Path) -> Result<Pl
     Ok(Plan::parse(&format!("{EXPLORATION_1}, {name}"), &text, folder)?)
 }
 
-fn run(world: &World, row: &RunRow) -> Run {
+fn run(world: &BenchmarkWorld, row: &RunRow) -> Run {
     let label = row.axes.get("communication").map(String::as_str).unwrap_or_default();
     // The lossy radio is the only one that loses anything.
     let (radio, _) = RADIOS[usize::from(label.contains("loss"))];

@@ -27,7 +27,7 @@ use crate::keep::{self, Keep};
 use crate::merge::is_same_run;
 use crate::oracle;
 use crate::plan::{BUILD, Plan, PlannedRun};
-use crate::rows::{FailedRun, Made, RunRecord, RunRow, StoredRun};
+use crate::rows::{FailedRun, RunMetadata, RunRecord, RunRow, StoredRun};
 use crate::store::{self, Store, StoreError};
 use statistics::StatisticsError;
 
@@ -306,8 +306,8 @@ fn batch(
     })
 }
 
-fn made(run: &PlannedRun) -> Made {
-    Made { date: Some(today()), map: Some(run.map.clone()) }
+fn made(run: &PlannedRun) -> RunMetadata {
+    RunMetadata { date: Some(today()), map: Some(run.map.clone()) }
 }
 
 /// What stays of a run that has failed.

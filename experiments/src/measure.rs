@@ -18,7 +18,7 @@ use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallR
 use in_memory::stages::StageTimes;
 
 /// Prefix of the byte counters of a kind of message.
-const BYTES_OF_KIND: &str = "parcel_bytes_delivered_kind_";
+const BYTES_OF_KIND: &str = "message_bytes_delivered_kind_";
 
 /// The data of a completed run.
 #[derive(Debug, Clone)]
@@ -85,8 +85,8 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         waiting_s: stages.waiting_s,
         imbalance: ratio(seen_deviation, seen_mean).unwrap_or(0.0),
         contact_share: contact_share(progress, scenario.agents.count),
-        parcels: counters.of("parcels_delivered"),
-        parcel_bytes: counters.of("parcel_bytes_delivered"),
+        messages: counters.of("messages_delivered"),
+        message_bytes: counters.of("message_bytes_delivered"),
         bytes_by_kind: counters.by_kind(),
         staleness: staleness(progress),
         decisions: counters.of("decisions"),
@@ -148,7 +148,7 @@ fn sample(progress: &Progress) -> Sample {
         covered: progress.covered,
         believed_mean: mean_and_deviation(&progress.believed_by).0,
         distance_m: progress.distance_m.iter().sum(),
-        parcel_bytes: progress.parcel_bytes,
+        message_bytes: progress.message_bytes,
         pairs_in_contact: progress.pairs_in_contact,
         agents: agents(progress),
     }

@@ -1,7 +1,7 @@
 //! The record of a run: one row of metrics, and a time series over sim time.
 //!
-//! Everything except [`WallRow`] and [`Made`] is a function of scenario, seed and build. A record
-//! is one file, `runs/<id>.json`; the tables of a plan are made from these files.
+//! Everything except [`WallRow`] and [`RunMetadata`] is a function of scenario, seed and build. A
+//! record is one file, `runs/<id>.json`; the tables of a plan are made from these files.
 
 use std::collections::BTreeMap;
 
@@ -19,20 +19,20 @@ pub struct StoredRun {
     /// See [`RunRecord::series`].
     pub series: Vec<Sample>,
     /// Empty in folders of earlier builds.
-    #[serde(default, skip_serializing_if = "Made::is_empty")]
-    pub made: Made,
+    #[serde(default, skip_serializing_if = "RunMetadata::is_empty")]
+    pub made: RunMetadata,
 }
 
 impl StoredRun {
     /// The record of a run with what is known about its execution.
     #[must_use]
-    pub fn new(RunRecord { row, series }: RunRecord, made: Made) -> Self {
+    pub fn new(RunRecord { row, series }: RunRecord, made: RunMetadata) -> Self {
         Self { row, series, made }
     }
 
     /// The record, and what is known about its execution.
     #[must_use]
-    pub fn split(self) -> (RunRecord, Made) {
+    pub fn split(self) -> (RunRecord, RunMetadata) {
         (RunRecord { row: self.row, series: self.series }, self.made)
     }
 }
@@ -55,7 +55,7 @@ pub struct FailedRun {
     pub duration_s: f64,
     /// One line.
     pub reason: String,
-    pub made: Made,
+    pub made: RunMetadata,
 }
 
 impl FailedRun {
@@ -82,7 +82,7 @@ impl FailedRun {
 /// What is known about a run beside its metrics.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Made {
+pub struct RunMetadata {
     /// The day on which it was executed, UTC, such as `2026-11-22`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub date: Option<String>,
@@ -91,7 +91,7 @@ pub struct Made {
     pub map: Option<String>,
 }
 
-impl Made {
+impl RunMetadata {
     fn is_empty(&self) -> bool {
         *self == Self::default()
     }
@@ -184,9 +184,9 @@ pub struct RunRow {
     /// Share of the pairs of agents in contact: mean over the samples; 0 for one agent.
     pub contact_share: f64,
     /// Number of agent-to-agent messages delivered.
-    pub parcels: u64,
+    pub messages: u64,
     /// Payload of the agent-to-agent messages delivered, bytes.
-    pub parcel_bytes: u64,
+    pub message_bytes: u64,
     /// The same, by kind of message.
     pub bytes_by_kind: BTreeMap<u8, u64>,
     /// Share of the cells seen by the team that an agent's map lacks: mean over agents and samples.
@@ -271,8 +271,8 @@ pub struct Sample {
     pub believed_mean: f64,
     /// See [`RunRow::distance_m`].
     pub distance_m: f64,
-    /// See [`RunRow::parcel_bytes`].
-    pub parcel_bytes: u64,
+    /// See [`RunRow::message_bytes`].
+    pub message_bytes: u64,
     /// Number of pairs of agents in contact.
     #[serde(default)]
     pub pairs_in_contact: u32,

@@ -13,7 +13,7 @@ use sim_server::os;
 use thiserror::Error;
 
 use crate::plan::Plan;
-use crate::rows::{FailedRun, Made, RunRecord, StoredRun};
+use crate::rows::{FailedRun, RunMetadata, RunRecord, StoredRun};
 use crate::tables::{self, Table};
 
 /// File name of the copy of the plan.
@@ -84,7 +84,7 @@ impl Store {
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, record: &RunRecord) -> Result<(), StoreError> {
-        self.save_run(&StoredRun::new(record.clone(), Made::default()))
+        self.save_run(&StoredRun::new(record.clone(), RunMetadata::default()))
     }
 
     /// Saves the record of a run with what is known about its execution.

@@ -1,7 +1,7 @@
 //! Tables of runs and time series, and their encodings as CSV and Parquet.
 //!
 //! Deterministic columns come first; those of wall time begin with `wall_`. An axis is a column
-//! `axis.<key>`, the bytes of a kind of agent message are `parcel_bytes_kind_<kind>`. Lengths in
+//! `axis.<key>`, the bytes of a kind of agent message are `message_bytes_kind_<kind>`. Lengths in
 //! metres, times in seconds.
 
 use std::collections::BTreeSet;
@@ -98,11 +98,11 @@ pub fn runs(records: &[RunRecord]) -> Table {
     table.number("waiting_s", |record| record.row.waiting_s);
     table.number("imbalance", |record| record.row.imbalance);
     table.number("contact_share", |record| record.row.contact_share);
-    table.whole("parcels", |record| record.row.parcels);
-    table.whole("parcel_bytes", |record| record.row.parcel_bytes);
+    table.whole("messages", |record| record.row.messages);
+    table.whole("message_bytes", |record| record.row.message_bytes);
     for kind in records.iter().flat_map(|record| record.row.bytes_by_kind.keys()).collect::<BTreeSet<_>>() {
         let bytes = move |record: &RunRecord| record.row.bytes_by_kind.get(kind).copied().unwrap_or(0);
-        table.whole(&format!("parcel_bytes_kind_{kind}"), bytes);
+        table.whole(&format!("message_bytes_kind_{kind}"), bytes);
     }
     table.number("staleness", |record| record.row.staleness);
     table.whole("decisions", |record| record.row.decisions);
@@ -145,7 +145,7 @@ pub fn series(records: &[RunRecord]) -> Table {
     table.number("covered", |(_, sample)| sample.covered);
     table.number("believed_mean", |(_, sample)| sample.believed_mean);
     table.number("distance_m", |(_, sample)| sample.distance_m);
-    table.whole("parcel_bytes", |(_, sample)| sample.parcel_bytes);
+    table.whole("message_bytes", |(_, sample)| sample.message_bytes);
     table.whole("pairs_in_contact", |(_, sample)| sample.pairs_in_contact.into());
     table.done
 }

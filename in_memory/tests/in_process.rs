@@ -3,7 +3,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use agent_node::command::{Command, Trigger};
+use agent_node::command::{Command, WakeCondition};
 use agent_node::controllers::{Controller, Ctx, Failure, Registration, Registry};
 use agent_node::observation::Observation;
 use in_memory::in_process::{AgentOptions, InProcessError, ThreadLayout, run};
@@ -50,7 +50,7 @@ struct Failing;
 
 impl Controller for Failing {
     fn decide(&mut self, _observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
-        Command::keep(Trigger::TASK_DONE)
+        Command::keep(WakeCondition::TASK_DONE)
     }
 
     fn failure(&mut self) -> Option<Failure> {

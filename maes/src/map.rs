@@ -46,8 +46,8 @@ pub(crate) enum MapCommand {
 #[derive(Debug, Clone, PartialEq, Args)]
 pub(crate) struct GenerateArgs {
     /// How the map is made.
-    #[arg(long, value_enum, default_value_t = Kind::Spheres)]
-    pub(crate) kind: Kind,
+    #[arg(long, value_enum, default_value_t = MapKind::Spheres)]
+    pub(crate) kind: MapKind,
     /// Cells along every axis, as one number or as XxYxZ.
     #[arg(long, value_name = "S|XxYxZ", value_parser = parse_size)]
     pub(crate) size: [u32; 3],
@@ -86,7 +86,7 @@ pub(crate) struct GenerateArgs {
 
 /// The generators that need no file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Kind {
+pub(crate) enum MapKind {
     /// Random Connected Spheres.
     Spheres,
     /// Smoothed Noise.

@@ -19,7 +19,7 @@ use experiments::keep::Keep;
 use experiments::merge;
 use experiments::plan::{BUILD, Plan};
 use experiments::store::{Store, StoreError};
-use report::{Heading, ReportError, Written};
+use report::{Heading, ReportError, ReportSummary};
 use sim_server::exit;
 
 use crate::output::{print, say};
@@ -321,7 +321,7 @@ pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn write_report(folder: &Path, heading: &Heading) -> anyhow::Result<()> {
-    let Written { page, runs, lacking, warnings, verdicts } = report::write_with(folder, heading)?;
+    let ReportSummary { page, runs, lacking, warnings, verdicts } = report::write_with(folder, heading)?;
     Store::open(folder)?.write_tables()?;
     let lacking = if lacking > 0 { format!(", {lacking} lacking for a whole comparison") } else { String::new() };
     print(&format!("{runs} runs{lacking}"));

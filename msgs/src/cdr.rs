@@ -185,7 +185,7 @@ impl Serialize for Encoded {
 mod tests {
     use super::*;
     use crate::builtin_interfaces::Time;
-    use crate::maes_msgs::{CellRuns, JoinReply, Parcel};
+    use crate::maes_msgs::{AgentMessage, CellRuns, JoinReply};
     use crate::std_msgs::Header;
 
     fn message_of(error: Result<impl std::fmt::Debug, CdrError>) -> String {
@@ -194,8 +194,8 @@ mod tests {
 
     #[test]
     fn alignment_is_counted_after_the_header() {
-        let parcel = Parcel { agent: 1, kind: 2, data: vec![8, 9].into() };
-        assert_eq!(encode(&parcel), [0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0, 8, 9]);
+        let message = AgentMessage { agent: 1, kind: 2, data: vec![8, 9].into() };
+        assert_eq!(encode(&message), [0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0, 8, 9]);
     }
 
     #[test]
@@ -207,11 +207,11 @@ mod tests {
 
     #[test]
     fn what_comes_before_has_no_influence_on_the_padding() {
-        let parcel = Parcel { agent: 1, kind: 2, data: vec![8, 9].into() };
+        let message = AgentMessage { agent: 1, kind: 2, data: vec![8, 9].into() };
         for before in 0..8 {
             let mut bytes = vec![7; before];
-            append(&mut bytes, &parcel);
-            assert_eq!(bytes, [vec![7; before], encode(&parcel)].concat());
+            append(&mut bytes, &message);
+            assert_eq!(bytes, [vec![7; before], encode(&message)].concat());
         }
     }
 
@@ -223,11 +223,11 @@ mod tests {
 
     #[test]
     fn what_is_passed_on_stands_as_it_was() {
-        let bytes = encode(&Parcel { agent: 1, kind: 2, data: vec![8, 9, 10].into() });
+        let bytes = encode(&AgentMessage { agent: 1, kind: 2, data: vec![8, 9, 10].into() });
         let passed_on = Encoded::new(&bytes).unwrap();
         assert_eq!(encode(&passed_on), bytes);
-        assert_eq!(passed_on, Encoded::of(&Parcel { agent: 1, kind: 2, data: vec![8, 9, 10].into() }));
-        assert_eq!(*passed_on.decode::<Parcel>().unwrap().data, [8, 9, 10]);
+        assert_eq!(passed_on, Encoded::of(&AgentMessage { agent: 1, kind: 2, data: vec![8, 9, 10].into() }));
+        assert_eq!(*passed_on.decode::<AgentMessage>().unwrap().data, [8, 9, 10]);
         assert!(matches!(Encoded::new(&[0, 0, 0, 0, 1]), Err(CdrError::BigEndian)));
         assert!(matches!(Encoded::new(&[0, 3, 0, 0, 1]), Err(CdrError::Encoding(_))));
         assert!(matches!(Encoded::new(&[0, 1]), Err(CdrError::NoHeader(2))));
@@ -258,8 +258,8 @@ mod tests {
         let mut bytes = encode(&CellRuns { start: vec![1, 2], length: vec![3, 4] });
         bytes[4..8].copy_from_slice(&u32::MAX.to_le_bytes());
         assert_eq!(message_of(decode::<CellRuns>(&bytes)), "byte 24 of 24: unexpected end of input");
-        let mut bytes = encode(&Parcel { agent: 0, kind: 0, data: vec![1; 10].into() });
+        let mut bytes = encode(&AgentMessage { agent: 0, kind: 0, data: vec![1; 10].into() });
         bytes[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(message_of(decode::<Parcel>(&bytes)), "byte 16 of 26: unexpected end of input");
+        assert_eq!(message_of(decode::<AgentMessage>(&bytes)), "byte 16 of 26: unexpected end of input");
     }
 }

@@ -27,7 +27,7 @@ pub mod body_model;
 pub mod kinematics;
 pub mod scan_request;
 pub mod stage;
-pub mod trigger;
+pub mod wake_condition;
 
 pub mod builtin_interfaces;
 pub mod diagnostic_msgs;

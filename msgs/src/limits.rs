@@ -19,8 +19,8 @@ pub const OBSERVATION_BYTES_MAX: usize = 60_000;
 /// Longest CDR encoding of a message that is only looked at, bytes.
 pub const VIEW_BYTES_MAX: usize = OBSERVATION_BYTES_MAX;
 
-/// Most bytes of data in the parcels of one command taken together, and so in each of them.
-pub const PARCEL_BYTES_MAX: usize = 57_344;
+/// Most bytes of data in the messages of one command taken together, and so in each of them.
+pub const AGENT_MESSAGE_BYTES_MAX: usize = 57_344;
 
 /// Most bytes that a relay keeps.
 pub const RELAY_BYTES_MAX: usize = 4_096;
@@ -43,8 +43,8 @@ pub const BODIES_MAX: usize = 256;
 /// Bytes on the wire of a point, such as a waypoint.
 pub const POINT_BYTES: usize = 24;
 
-/// Bytes on the wire of a parcel beside its data, with padding.
-pub const PARCEL_BYTES_BARE: usize = 16;
+/// Bytes on the wire of a message beside its data, with padding.
+pub const AGENT_MESSAGE_BYTES_BARE: usize = 16;
 
 /// Bytes on the wire of a command or of a part of an observation without its lists and texts,
 /// rounded up generously.
@@ -64,19 +64,19 @@ mod tests {
     use super::*;
     use crate::cdr;
     use crate::geometry_msgs::Point;
-    use crate::maes_msgs::{Body, Command, Observation, Parcel, Scenario, Task};
+    use crate::maes_msgs::{AgentMessage, Body, Command, Motion, Observation, Scenario};
     use crate::message::Message;
 
     #[test]
     fn the_msg_files_state_the_same_limits() {
         let states = |definition: &str, words: String| assert!(definition.contains(&words), "{words}");
         states(Observation::TYPE.definition, format!("No fragment is larger than {OBSERVATION_BYTES_MAX} bytes."));
-        states(Parcel::TYPE.definition, format!("at most {PARCEL_BYTES_MAX} bytes"));
-        states(Parcel::TYPE.definition, format!("to a relay at most {RELAY_BYTES_MAX}"));
-        states(Parcel::TYPE.definition, format!("FIRST_RELAY + {RELAYS_PER_AGENT_MAX} *"));
+        states(AgentMessage::TYPE.definition, format!("at most {AGENT_MESSAGE_BYTES_MAX} bytes"));
+        states(AgentMessage::TYPE.definition, format!("to a relay at most {RELAY_BYTES_MAX}"));
+        states(AgentMessage::TYPE.definition, format!("FIRST_RELAY + {RELAYS_PER_AGENT_MAX} *"));
         states(Command::TYPE.definition, format!("at most {INFO_BYTES_MAX} bytes"));
         states(Scenario::TYPE.definition, format!("1 to {BODIES_MAX}"));
-        states(Task::TYPE.definition, format!("1 to {PATH_POINTS_MAX}"));
+        states(Motion::TYPE.definition, format!("1 to {PATH_POINTS_MAX}"));
     }
 
     #[test]
@@ -89,17 +89,17 @@ mod tests {
     #[test]
     fn a_command_with_full_lists_fits_into_a_sample() {
         let path = vec![Point::default(); PATH_POINTS_MAX];
-        for parcels in [1, 7, 500] {
-            let room = LIST_BYTES_MAX - POINT_BYTES * path.len() - PARCEL_BYTES_BARE * parcels;
-            let parcel = Parcel { agent: 1, kind: 1, data: vec![0; room / parcels].into() };
+        for messages in [1, 7, 500] {
+            let room = LIST_BYTES_MAX - POINT_BYTES * path.len() - AGENT_MESSAGE_BYTES_BARE * messages;
+            let message = AgentMessage { agent: 1, kind: 1, data: vec![0; room / messages].into() };
             let command = Command {
-                task: Task { path: path.clone(), ..Task::default() },
-                parcels: vec![parcel; parcels],
+                motion: Motion { path: path.clone(), ..Motion::default() },
+                messages: vec![message; messages],
                 info: "x".repeat(INFO_BYTES_MAX),
                 ..Command::default()
             };
             let bytes = cdr::encode(&command).len();
-            assert!(bytes <= OBSERVATION_BYTES_MAX, "{parcels} parcels: {bytes} bytes");
+            assert!(bytes <= OBSERVATION_BYTES_MAX, "{messages} messages: {bytes} bytes");
         }
     }
 }

@@ -63,15 +63,15 @@ pub struct Command {
     /// The id of the agent.
     pub agent: u32,
     /// The task of the body from now on.
-    pub task: Task,
+    pub motion: Motion,
     /// The schedule of the LiDAR from now on.
-    pub lidar: LidarRequest,
+    pub lidar: ScanRequest,
     /// Whether the next observation has the view of the last scan.
     pub want_view: bool,
     /// Messages to send in this tick.
-    pub parcels: Vec<Parcel>,
-    /// The trigger of the next observation.
-    pub wake: Wake,
+    pub messages: Vec<AgentMessage>,
+    /// The wake-up condition of the next observation.
+    pub wake: WakeCondition,
     /// A text for people, at most 1024 bytes; empty: as before.
     pub info: String,
     /// Free cells of its map, for the score; 0 if it has none.
@@ -99,7 +99,7 @@ impl Command {
 /// written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
-    /// Its id; from [`Parcel::FIRST_RELAY`] on: a relay.
+    /// Its id; from [`AgentMessage::FIRST_RELAY`] on: a relay.
     pub agent: u32,
     /// Centre of its body, metres, frame "map"; of an agent, its estimate.
     pub position: Point,
@@ -241,14 +241,14 @@ pub struct Lidar {
 
 /// When the LiDAR of an agent is to scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct LidarRequest {
+pub struct ScanRequest {
     /// One of the constants.
     pub kind: u8,
     /// [`EVERY`](Self::EVERY): ticks between scans, at least 1.
     pub period_ticks: u32,
 }
 
-impl LidarRequest {
+impl ScanRequest {
     /// As before; at the start: as the scenario says.
     pub const KEEP: u8 = 0;
     /// No scans from now on.
@@ -294,12 +294,12 @@ pub struct Observation {
     pub collision: u8,
     /// Whether the collision was with another agent.
     pub collision_with_agent: bool,
-    /// Events since the last observation: sum of the constants of [`Wake`].
+    /// Events since the last observation: sum of the constants of [`WakeCondition`].
     pub events: u8,
     /// Agents in contact now, ascending by id.
     pub contacts: Vec<Contact>,
     /// Messages that have arrived since the last observation, by tick, then by sender.
-    pub parcels: Vec<Parcel>,
+    pub messages: Vec<AgentMessage>,
     /// Tick of the last scan, or [`NEVER`](Self::NEVER).
     pub scan_tick: u64,
     /// Free cells this agent has seen for the first time since its last observation.
@@ -347,7 +347,7 @@ impl Observation {
 /// are in contact then by the communication model; otherwise it is lost. Radios of limited rate
 /// transmit later, in order. A relay that an agent has deployed stores one message.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Parcel {
+pub struct AgentMessage {
     /// In a command the receiver (or [`BROADCAST`](Self::BROADCAST)), in an observation the sender.
     pub agent: u32,
     /// The kind of content, for accounting; chosen by the sender.
@@ -357,7 +357,7 @@ pub struct Parcel {
     pub data: SharedBytes,
 }
 
-impl Parcel {
+impl AgentMessage {
     /// As receiver: all agents in contact.
     pub const BROADCAST: u32 = u32::MAX;
     /// As receiver: a new relay, deployed at the position of the body, which stores the message.
@@ -392,7 +392,7 @@ pub struct Progress {
     /// Pairs of agents in contact.
     pub pairs_in_contact: u32,
     /// Bytes of messages delivered so far.
-    pub parcel_bytes: u64,
+    pub message_bytes: u64,
 }
 
 /// The communication model. What each model assumes: docs/communication.md.
@@ -539,7 +539,7 @@ pub struct SignedObservation {
 /// A task that replaces another starts from rest (a velocity task that replaces a velocity task
 /// continues from the present velocity).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Task {
+pub struct Motion {
     /// One of the constants.
     pub kind: u8,
     /// [`MOVE`](Self::MOVE): elevation above the horizontal, -pi/2 .. pi/2.
@@ -557,7 +557,7 @@ pub struct Task {
     pub yaw_rate_rad_s: f64,
 }
 
-impl Task {
+impl Motion {
     /// Continue the present task.
     pub const KEEP: u8 = 0;
     /// End the present task; the body is at rest at once.
@@ -572,18 +572,19 @@ impl Task {
     pub const VELOCITY: u8 = 5;
 }
 
-/// The trigger of the next observation: tick `at_tick` at the latest, or earlier any of the events.
+/// The wake-up condition of the next observation: tick `at_tick` at the latest, or earlier any of
+/// the events.
 ///
 /// Until then the server neither sends the agent an observation nor waits for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Wake {
+pub struct WakeCondition {
     /// The latest tick; one that is not after the present one stands for the next one.
     pub at_tick: u64,
     /// The events, as the sum of the constants.
     pub events: u8,
 }
 
-impl Wake {
+impl WakeCondition {
     /// The task has ended, by itself or by a collision.
     pub const TASK_DONE: u8 = 1;
     /// A motion was refused because of an obstacle.
@@ -593,7 +594,7 @@ impl Wake {
     /// The set of agents in contact has changed.
     pub const CONTACTS: u8 = 8;
     /// A message has arrived.
-    pub const PARCEL: u8 = 16;
+    pub const MESSAGE: u8 = 16;
     /// An agent is in contact that no observation of this share period has listed. Periods begin at
     /// the multiples of [`Scenario::share_period_ticks`].
     pub const FIRST_CONTACT: u8 = 32;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::ids::AgentId;
 use crate::limits::RELAYS_PER_AGENT_MAX;
-use crate::maes_msgs::Parcel;
+use crate::maes_msgs::AgentMessage;
 
 /// A relay that an agent has deployed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -18,12 +18,12 @@ pub struct RelayId {
 impl RelayId {
     /// The number by which messages name it.
     pub const fn on_wire(self) -> u32 {
-        Parcel::FIRST_RELAY + RELAYS_PER_AGENT_MAX * self.owner.0 + self.number
+        AgentMessage::FIRST_RELAY + RELAYS_PER_AGENT_MAX * self.owner.0 + self.number
     }
 
     /// The relay that a message names, if it is one.
     pub fn from_wire(number: u32) -> Option<Self> {
-        let number = number.checked_sub(Parcel::FIRST_RELAY).filter(|_| number < Parcel::SERVER)?;
+        let number = number.checked_sub(AgentMessage::FIRST_RELAY).filter(|_| number < AgentMessage::SERVER)?;
         Some(Self { owner: AgentId(number / RELAYS_PER_AGENT_MAX), number: number % RELAYS_PER_AGENT_MAX })
     }
 }

@@ -1,10 +1,10 @@
 //! The request of an agent to its LiDAR.
 //!
-//! The message is `maes_msgs/LidarRequest`.
+//! The message is `maes_msgs/ScanRequest`.
 
 use thiserror::Error;
 
-use crate::maes_msgs::LidarRequest;
+use crate::maes_msgs::ScanRequest;
 
 /// When the LiDAR of an agent scans from now on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -20,7 +20,7 @@ pub enum ScanRequest {
     Every(u32),
 }
 
-/// A `maes_msgs/LidarRequest` that is no request.
+/// A `maes_msgs/ScanRequest` that is no request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum ScanRequestError {
     /// Scans at intervals of 0 ticks.
@@ -31,22 +31,22 @@ pub enum ScanRequestError {
     UnknownKind(u8),
 }
 
-impl TryFrom<LidarRequest> for ScanRequest {
+impl TryFrom<ScanRequest> for ScanRequest {
     type Error = ScanRequestError;
 
-    fn try_from(message: LidarRequest) -> Result<Self, ScanRequestError> {
+    fn try_from(message: ScanRequest) -> Result<Self, ScanRequestError> {
         match message.kind {
-            LidarRequest::KEEP => Ok(Self::Keep),
-            LidarRequest::NEVER => Ok(Self::Never),
-            LidarRequest::ONCE => Ok(Self::Once),
-            LidarRequest::EVERY if message.period_ticks >= 1 => Ok(Self::Every(message.period_ticks)),
-            LidarRequest::EVERY => Err(ScanRequestError::ZeroPeriod),
+            ScanRequest::KEEP => Ok(Self::Keep),
+            ScanRequest::NEVER => Ok(Self::Never),
+            ScanRequest::ONCE => Ok(Self::Once),
+            ScanRequest::EVERY if message.period_ticks >= 1 => Ok(Self::Every(message.period_ticks)),
+            ScanRequest::EVERY => Err(ScanRequestError::ZeroPeriod),
             other => Err(ScanRequestError::UnknownKind(other)),
         }
     }
 }
 
-impl From<ScanRequest> for LidarRequest {
+impl From<ScanRequest> for ScanRequest {
     fn from(request: ScanRequest) -> Self {
         let (kind, period_ticks) = match request {
             ScanRequest::Keep => (Self::KEEP, 0),
@@ -65,14 +65,14 @@ mod tests {
     #[test]
     fn message_round_trips() {
         for request in [ScanRequest::Keep, ScanRequest::Never, ScanRequest::Once, ScanRequest::Every(3)] {
-            assert_eq!(ScanRequest::try_from(LidarRequest::from(request)), Ok(request));
+            assert_eq!(ScanRequest::try_from(ScanRequest::from(request)), Ok(request));
         }
     }
 
     #[test]
     fn illegal_messages_are_refused() {
-        let request = |kind, period_ticks| ScanRequest::try_from(LidarRequest { kind, period_ticks });
-        assert_eq!(request(LidarRequest::EVERY, 0), Err(ScanRequestError::ZeroPeriod));
+        let request = |kind, period_ticks| ScanRequest::try_from(ScanRequest { kind, period_ticks });
+        assert_eq!(request(ScanRequest::EVERY, 0), Err(ScanRequestError::ZeroPeriod));
         assert_eq!(request(4, 1), Err(ScanRequestError::UnknownKind(4)));
     }
 }

@@ -132,12 +132,12 @@ mod tests {
         assert_eq!(
             appended(Command::TYPE),
             [
-                "maes_msgs/LidarRequest",
-                "maes_msgs/Parcel",
-                "maes_msgs/Task",
+                "maes_msgs/ScanRequest",
+                "maes_msgs/AgentMessage",
+                "maes_msgs/Motion",
                 "geometry_msgs/Point",
                 "geometry_msgs/Vector3",
-                "maes_msgs/Wake"
+                "maes_msgs/WakeCondition"
             ]
         );
         assert_eq!(
@@ -147,7 +147,7 @@ mod tests {
                 "geometry_msgs/Vector3",
                 "maes_msgs/CellRuns",
                 "maes_msgs/Contact",
-                "maes_msgs/Parcel",
+                "maes_msgs/AgentMessage",
                 "std_msgs/Header",
                 "builtin_interfaces/Time"
             ]

@@ -17,9 +17,9 @@ from ._maes import (
     Path,
     Rng,
     RunFailed,
-    Trigger,
+    WakeCondition,
 )
-from .controllers import CellState, Controller, Events, controllers
+from .controllers import CellState, Controller, EventMask, controllers
 from .maps import Map
 from .plans import Batch, batch
 from .recordings import Recording, RecordingFollower
@@ -37,7 +37,7 @@ __all__ = [
     "Command",
     "Controller",
     "Ctx",
-    "Events",
+    "EventMask",
     "ExplorationMap",
     "Map",
     "Motion",
@@ -49,7 +49,7 @@ __all__ = [
     "Rng",
     "RunFailed",
     "Scenario",
-    "Trigger",
+    "WakeCondition",
     "batch",
     "controllers",
     "fork",

@@ -10,14 +10,14 @@ from . import _maes
 from ._maes import Command, Ctx, Observation, Rng
 
 
-class Events(IntFlag):
+class EventMask(IntFlag):
     """What can have happened since the last observation, and what a trigger can wait for."""
 
     TASK_DONE = 1
     COLLISION = 2
     NEW_CELL = 4
     CONTACTS = 8
-    PARCEL = 16
+    MESSAGE = 16
     FIRST_CONTACT = 32
 
 

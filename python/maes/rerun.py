@@ -73,7 +73,7 @@ _HOST = "127.0.0.1"
 # Between two readings of a recording that is being written, wall time.
 _PERIOD_WALL_S = 0.25
 
-# Of `maes_msgs/Task` and `visualization_msgs/Marker`.
+# Of `maes_msgs/Motion` and `visualization_msgs/Marker`.
 _KEEP, _PATH = 0, 4
 _LINE_LIST, _ADD = 5, 0
 

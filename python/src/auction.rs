@@ -1,9 +1,10 @@
 //! The auction of goals, `agent_node::controllers::auction`, for controllers in Python.
 
-use agent_node::controllers::auction::{Auction, AuctionParams, CLAIMS_MESSAGE};
+use agent_node::controllers::auction::{Auction, AuctionParams};
 use agent_node::controllers::settings::{SettingError, Settings};
 use agent_node::observation::Contact;
 use msgs::ids::Tick;
+use msgs::message_type::MessageType;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -49,7 +50,8 @@ fn length_m(name: &str, value: f64) -> PyResult<f64> {
 #[pymethods]
 impl PyAuction {
     /// An auction without claims; the parameters are the settings of `dsvp-auction` with their
-    /// defaults: `spread_m`, `discount`, `trespass_m`, `detour`, `pace_m_s` and `lease_s`.
+    /// defaults: `spread_m`, `discount`, `conflict_penalty_m`, `detour`, `cruise_speed_m_s` and
+    /// `lease_s`.
     #[new]
     #[pyo3(signature = (ctx, **params))]
     fn new(ctx: &PyCtx, params: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
@@ -123,7 +125,7 @@ impl PyAuction {
         if self.contacts.is_empty() {
             return command.clone();
         }
-        PyCommand(command.0.clone().with_message(None, CLAIMS_MESSAGE, self.auction.encode()))
+        PyCommand(command.0.clone().with_message(None, MessageType::Claims.number(), self.auction.encode()))
     }
 }
 

@@ -1,6 +1,6 @@
-//! Motions, triggers and commands, as `agent_node::command` has them.
+//! Motions, wake-up conditions and commands, as `agent_node::command` has them.
 
-use agent_node::command::{Command, Motion, ScanRequest, Stage, Trigger};
+use agent_node::command::{Command, Motion, ScanRequest, Stage, WakeCondition};
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
@@ -117,39 +117,39 @@ pub(crate) fn points_array<'py>(py: Python<'py>, points: &[Point3<f64>]) -> PyRe
 }
 
 /// When the controller is called next: a tick at the latest, or one of a set of events.
-#[pyclass(name = "Trigger", module = "maes", frozen, eq, from_py_object)]
+#[pyclass(name = "WakeCondition", module = "maes", frozen, eq, from_py_object)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct PyTrigger(pub(crate) Trigger);
+pub(crate) struct PyWakeCondition(pub(crate) WakeCondition);
 
 #[pymethods]
-impl PyTrigger {
+impl PyWakeCondition {
     /// The next tick.
     #[classattr]
-    const NEXT_TICK: Self = Self(Trigger::NEXT_TICK);
+    const NEXT_TICK: Self = Self(WakeCondition::NEXT_TICK);
 
     /// The end of the task, by itself or by a collision.
     #[classattr]
-    const TASK_DONE: Self = Self(Trigger::TASK_DONE);
+    const TASK_DONE: Self = Self(WakeCondition::TASK_DONE);
 
     /// A tick and no event.
     #[staticmethod]
     fn at(tick: u64) -> Self {
-        Self(Trigger::at(Tick(tick)))
+        Self(WakeCondition::at(Tick(tick)))
     }
 
-    /// Any of these events (a sum of `Events`), however late.
+    /// Any of these events (a sum of `EventMask`), however late.
     #[staticmethod]
     fn on(events: u8) -> Self {
-        Self(Trigger::on(events))
+        Self(WakeCondition::on(events))
     }
 
-    /// The earlier of two triggers.
+    /// The earlier of two wake-up conditions.
     fn __or__(&self, other: &Self) -> Self {
         Self(self.0.or(other.0))
     }
 
     fn __repr__(&self) -> String {
-        format!("Trigger(at={}, events={})", self.0.at.0, self.0.events)
+        format!("WakeCondition(at={}, events={})", self.0.at.0, self.0.events)
     }
 }
 
@@ -168,14 +168,14 @@ impl PyCommand {
 impl PyCommand {
     /// Starts a task; everything else is unchanged.
     #[new]
-    fn new(motion: PyMotion, trigger: PyTrigger) -> Self {
-        Self(Command::new(motion.0, trigger.0))
+    fn new(motion: PyMotion, wake: PyWakeCondition) -> Self {
+        Self(Command::new(motion.0, wake.0))
     }
 
-    /// Continues the present task until the trigger fires.
+    /// Continues the present task until the wake-up condition is met.
     #[staticmethod]
-    fn keep(trigger: PyTrigger) -> Self {
-        Self(Command::keep(trigger.0))
+    fn keep(wake: PyWakeCondition) -> Self {
+        Self(Command::keep(wake.0))
     }
 
     /// Names what the agent is busy with from now on, for measures: "exploring", "relocating",
@@ -196,7 +196,7 @@ impl PyCommand {
     /// Adds a message to an agent, or to all in contact (`None`); kind 1 is for maps.
     #[pyo3(signature = (data, *, kind, to=None))]
     fn with_message(&self, data: Vec<u8>, kind: u8, to: Option<u32>) -> PyResult<Self> {
-        if kind == agent_node::sharing::MAP_MESSAGE {
+        if kind == MessageType::Map.number() {
             return Err(PyValueError::new_err(format!(
                 "kind = {kind}: the agent sends maps itself; expected another kind"
             )));
@@ -244,8 +244,8 @@ impl PyCommand {
     }
 
     #[getter]
-    fn trigger(&self) -> PyTrigger {
-        PyTrigger(self.0.trigger)
+    fn wake(&self) -> PyWakeCondition {
+        PyWakeCondition(self.0.wake)
     }
 
     #[getter]

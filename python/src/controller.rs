@@ -5,7 +5,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use agent_node::command::{Command, Trigger};
+use agent_node::command::{Command, WakeCondition};
 use agent_node::controllers::settings::{SettingError, Settings};
 use agent_node::controllers::{Controller, Ctx, Failure, Registration, Registry, Setup};
 use agent_node::observation::Observation;
@@ -222,7 +222,7 @@ impl Controller for Bridge {
                 Err(error) => self.failure = Some(error),
             }
         }
-        Command::keep(Trigger::at(Tick(u64::MAX)))
+        Command::keep(WakeCondition::at(Tick(u64::MAX)))
     }
 
     fn failure(&mut self) -> Option<Failure> {

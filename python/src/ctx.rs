@@ -19,7 +19,7 @@ use pyo3::types::PyDict;
 use voxels::Cell;
 
 use crate::borrowed::Loan;
-use crate::command::{PyCommand, PyMotion, PyTrigger};
+use crate::command::{PyCommand, PyMotion, PyWakeCondition};
 use crate::rng::PyRng;
 use crate::search::{self, PyPath};
 
@@ -65,7 +65,7 @@ impl PyCtx {
 fn navigated<'py>(py: Python<'py>, status: NavigationStatus) -> PyResult<Bound<'py, PyAny>> {
     match status {
         NavigationStatus::Go(motion) => PyMotion(motion).into_bound_py_any(py),
-        NavigationStatus::Searching(trigger) => PyTrigger(trigger).into_bound_py_any(py),
+        NavigationStatus::Searching(wake) => PyWakeCondition(wake).into_bound_py_any(py),
         NavigationStatus::NoPath => Ok(py.None().into_bound(py)),
     }
 }
@@ -182,8 +182,8 @@ impl PyCtx {
         self.with(|ctx| ctx.clear_neighbours().into_iter().map(indices_of).collect())
     }
 
-    /// The motion to the centre of a cell through cells known to be free; a `Trigger` while the
-    /// search takes time: then stay at rest and ask again when it fires; `None` without a path.
+    /// The motion to the centre of a cell through cells known to be free; a `WakeCondition` while
+    /// the search takes time: then stay at rest and ask again when it fires; `None` without a path.
     #[pyo3(signature = (cell, *, search_time="instant", neighbours=26))]
     fn go_to_cell<'py>(
         &self,

@@ -39,7 +39,7 @@ mod _maes {
     #[pymodule_export]
     use crate::auction::PyAuction;
     #[pymodule_export]
-    use crate::command::{PyCommand, PyMotion, PyTrigger};
+    use crate::command::{PyCommand, PyMotion, PyWakeCondition};
     #[pymodule_export]
     use crate::controller::PyControllers;
     #[pymodule_export]

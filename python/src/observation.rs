@@ -74,7 +74,7 @@ impl PyObservation {
         })
     }
 
-    /// Events since the last observation: a sum of `Events`.
+    /// Events since the last observation: a sum of `EventMask`.
     #[getter]
     fn events(&self) -> u8 {
         self.0.events

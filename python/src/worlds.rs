@@ -10,22 +10,23 @@
 
 use std::collections::BTreeMap;
 
-use agent_node::command::{Command, Motion, Trigger};
+use agent_node::command::{Command, Motion, WakeCondition};
 use agent_node::exploration_map::{CellState, ExplorationMap};
 use agent_node::navigation::{NavigationStatus, NavigationTask, SearchTime};
 use agent_node::observation::{Observation, RunInfo};
 use agent_node::path::Neighbours;
-use agent_node::sharing::{MAP_MESSAGE, Sharing};
+use agent_node::sharing::Sharing;
 use agent_node::wire::{FragmentReassembler, run_info};
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{LIST_BYTES_MAX, PARCEL_BYTES_MAX, POINT_BYTES};
+use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, LIST_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::Observation as Fragment;
+use msgs::message_type::MessageType;
 use nalgebra::{Point3, Vector3};
 use sim_server::setup;
 use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
 use simulation::workers::Workers;
-use simulation::world::{Action, Commit, World};
+use simulation::world::{Action, RequestKind, World};
 use voxels::Cell;
 
 use crate::frontiers::NearFrontiers;
@@ -178,11 +179,11 @@ impl Environment {
     }
 
     /// Looks, and merges what every agent observes.
-    fn look(&mut self) -> Result<(), String> {
-        self.world.look(&self.alone);
-        self.world.settle();
+    fn sense(&mut self) -> Result<(), String> {
+        self.world.sense(&self.alone);
+        self.world.flush_scans();
         for agent in self.world.agents() {
-            let observed = self.world.observe(agent, Commit::Committed);
+            let observed = self.world.observe(agent, RequestKind::Scheduled);
             let explorer = &mut self.explorers[agent.index()];
             for part in wire::observation_parts(observed, Fragment::RUNNING) {
                 let reassembled = explorer.reassembler.take(part, &self.run_info).map_err(|error| error.to_string())?;
@@ -222,11 +223,11 @@ impl Environment {
             if self.is_over_time() {
                 break;
             }
-            self.world.look(&self.alone);
-            self.world.settle();
+            self.world.sense(&self.alone);
+            self.world.flush_scans();
             self.world.step(BTreeMap::new());
         }
-        self.look()?;
+        self.sense()?;
         let (explored, distance_m) = (self.world.coverage().explored_by(), self.world.distance_m());
         let gain = |agent: AgentId| {
             let index = agent.index();
@@ -287,9 +288,9 @@ impl Environment {
                 chosen.map_or(Motion::Keep, go_to)
             }
         };
-        let mut command = Command::new(motion, Trigger::NEXT_TICK);
+        let mut command = Command::new(motion, WakeCondition::NEXT_TICK);
         let waypoints = if let Motion::Path(waypoints) = &command.motion { waypoints.len() } else { 0 };
-        let budget = PARCEL_BYTES_MAX.min(LIST_BYTES_MAX.saturating_sub(POINT_BYTES * waypoints));
+        let budget = AGENT_MESSAGE_BYTES_MAX.min(LIST_BYTES_MAX.saturating_sub(POINT_BYTES * waypoints));
         command.messages = sharing.outgoing(map, &observation.contacts, tick, budget);
         let message = agent_node::wire::command(agent, tick, command);
         wire::command(&message, self.run_info.agents).map(|(action, _trigger)| action)
@@ -367,7 +368,7 @@ impl Explorer {
         self.map.note_wall(&observation.seen.wall);
         self.map.note_covered(run_info.extent.cell_of(&observation.pose.position));
         self.sharing.incoming(&mut self.map, &observation.messages);
-        observation.messages.retain(|message| message.kind != MAP_MESSAGE);
+        observation.messages.retain(|message| message.kind != MessageType::Map.number());
         self.observation = Some(observation);
     }
 }

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import maes
-from maes import Auction, Command, Motion, Trigger
+from maes import Auction, Command, Motion, WakeCondition
 from maes.node import load
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples/python"
@@ -47,7 +47,7 @@ def test_claims_reach_the_agents_in_contact_and_the_shorter_path_wins(tmp_path):
             self.auction.withdraw()
             assert not self.auction.is_outbid
             assert [agent for agent, *_ in self.auction.claims] == [1 - ctx.agent]
-        return self.auction.add_to(Command(Motion.stop(), Trigger.at(observation.tick + 1)))
+        return self.auction.add_to(Command(Motion.stop(), WakeCondition.at(observation.tick + 1)))
 
     in_a_room(tmp_path, 2, decide)
     assert known == {agent: [(0, (5, 5, 5), 4.0), (1, (5, 5, 6), 5.0)] for agent in (0, 1)}
@@ -70,7 +70,7 @@ def test_wrong_use_is_an_exception_that_names_the_thing(tmp_path):
             with pytest.raises(ValueError) as raised:
                 use()
             messages.append(str(raised.value))
-        return Command(Motion.stop(), Trigger.at(10**9))
+        return Command(Motion.stop(), WakeCondition.at(10**9))
 
     in_a_room(tmp_path, 1, decide)
     expected = ["from 0.1 to 1000", "`spreads`: unknown", "(20, 20, 20) cells", "path_m = NaN", "path_m = -1"]
@@ -83,4 +83,4 @@ def test_example_explores_with_an_auction_and_repeats():
     with_claims = maes.run(controller=ClaimedFrontier, **keys)
     assert with_claims.reason == "explored"
     assert with_claims.digest == maes.run(controller=ClaimedFrontier, **keys).digest
-    assert with_claims.counters["parcels_sent"] > 0
+    assert with_claims.counters["messages_sent"] > 0

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import maes
-from maes import Command, Motion, Trigger
+from maes import Command, Motion, WakeCondition
 from maes.node import load
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples/python"
@@ -39,7 +39,7 @@ def test_settings_are_declared_and_checked(small):
 
     def decide(self, observation, ctx):
         taken.append((self.values, self.rng.random()))
-        return Command(Motion.stop(), Trigger.at(10**9))
+        return Command(Motion.stop(), WakeCondition.at(10**9))
 
     own = controller(decide, settings={"turn_rad": (2.0, 0.0, 3.0), "count": (3, 1, 9), "mode": ["a", "b"]})
     maes.run(small, controller=own, agents__set={"turn_rad": 1, "mode": "b"})
@@ -75,7 +75,7 @@ def test_map_is_one_array_that_is_kept_up_to_date(small):
         assert ctx.map.state(ctx.cell) == cells[ctx.cell] == maes.CellState.COVERED
         seen.append(ctx.map.free)
         turn = Motion.turn(self.rng.uniform(-3, 3)) if observation.collision else Motion.straight()
-        return Command(turn, Trigger.TASK_DONE | Trigger.at(ctx.tick + 50))
+        return Command(turn, WakeCondition.TASK_DONE | WakeCondition.at(ctx.tick + 50))
 
     maes.run(small, controller=controller(decide))
     assert len(seen) > 50 and max(seen) > 500
@@ -88,18 +88,18 @@ def returning(value):
 @pytest.mark.parametrize(
     ("value", "error", "message"),
     [
-        (lambda: Command(Motion.straight(float("nan")), Trigger.NEXT_TICK), ValueError, "pitch_rad = NaN"),
-        (lambda: Command(Motion.turn(float("inf")), Trigger.NEXT_TICK), ValueError, "angle_rad = inf"),
-        (lambda: Command(Motion.path([[0.0, 1.0]]), Trigger.NEXT_TICK), ValueError, r"expected \(N, 3\)"),
-        (lambda: Command(Motion.path([[0.0, 1.0, float("nan")]]), Trigger.NEXT_TICK), ValueError, "waypoints = NaN"),
-        (lambda: Command(Motion.path(np.zeros((0, 3))), Trigger.NEXT_TICK), ValueError, "expected 1 to 1024"),
-        (lambda: Command(Motion.path(np.full((1, 3), 1e9)), Trigger.NEXT_TICK), ValueError, "task.path"),
-        (lambda: Command(Motion.velocity([0, 0, float("nan")]), Trigger.NEXT_TICK), ValueError, "linear_in_body"),
-        (lambda: Command.keep(Trigger.NEXT_TICK).with_message(bytes(60000), kind=9), ValueError, "57344"),
-        (lambda: Command.keep(Trigger.NEXT_TICK).with_message(b"x", kind=1), ValueError, "another kind"),
-        (lambda: Command.keep(Trigger.NEXT_TICK).with_message(b"x", kind=9, to=77), ValueError, "agent 77"),
-        (lambda: Command.keep(Trigger.NEXT_TICK).with_lidar(0), ValueError, "lidar = 0"),
-        (lambda: Command.keep(Trigger.NEXT_TICK).with_stage("idle"), ValueError, 'stage = "idle": expected one of'),
+        (lambda: Command(Motion.straight(float("nan")), WakeCondition.NEXT_TICK), ValueError, "pitch_rad = NaN"),
+        (lambda: Command(Motion.turn(float("inf")), WakeCondition.NEXT_TICK), ValueError, "angle_rad = inf"),
+        (lambda: Command(Motion.path([[0.0, 1.0]]), WakeCondition.NEXT_TICK), ValueError, r"expected \(N, 3\)"),
+        (lambda: Command(Motion.path([[0.0, 1.0, float("nan")]]), WakeCondition.NEXT_TICK), ValueError, "waypoints = NaN"),
+        (lambda: Command(Motion.path(np.zeros((0, 3))), WakeCondition.NEXT_TICK), ValueError, "expected 1 to 1024"),
+        (lambda: Command(Motion.path(np.full((1, 3), 1e9)), WakeCondition.NEXT_TICK), ValueError, "motion.path"),
+        (lambda: Command(Motion.velocity([0, 0, float("nan")]), WakeCondition.NEXT_TICK), ValueError, "linear_in_body"),
+        (lambda: Command.keep(WakeCondition.NEXT_TICK).with_message(bytes(60000), kind=9), ValueError, "57344"),
+        (lambda: Command.keep(WakeCondition.NEXT_TICK).with_message(b"x", kind=1), ValueError, "another kind"),
+        (lambda: Command.keep(WakeCondition.NEXT_TICK).with_message(b"x", kind=9, to=77), ValueError, "agent 77"),
+        (lambda: Command.keep(WakeCondition.NEXT_TICK).with_lidar(0), ValueError, "lidar = 0"),
+        (lambda: Command.keep(WakeCondition.NEXT_TICK).with_stage("idle"), ValueError, 'stage = "idle": expected one of'),
         (lambda: None, TypeError, "has returned NoneType: expected maes.Command"),
         (lambda: 1 / 0, ZeroDivisionError, "division by zero"),
         (lambda: sys.exit(3), SystemExit, "3"),
@@ -111,7 +111,7 @@ def test_illegal_commands_are_exceptions_of_the_run(small, value, error, message
 
 
 def test_stages_are_named_by_words():
-    keep = Command.keep(Trigger.NEXT_TICK)
+    keep = Command.keep(WakeCondition.NEXT_TICK)
     assert keep.stage is None
     assert [keep.with_stage(word).stage for word in ("exploring", "waiting")] == ["exploring", "waiting"]
 
@@ -146,7 +146,7 @@ def test_context_ends_with_its_decision(small):
             with pytest.raises(RuntimeError, match="after `decide` has returned"):
                 kept[0].tick
         kept.append(ctx)
-        return Command(Motion.stop(), Trigger.at(10**9))
+        return Command(Motion.stop(), WakeCondition.at(10**9))
 
     maes.run(small, controller=controller(decide))
     with pytest.raises(RuntimeError, match="after `decide` has returned"):
@@ -167,7 +167,7 @@ def test_context_belongs_to_its_thread(small):
         thread.start()
         thread.join()
         assert ctx.tick == observation.tick
-        return Command(Motion.stop(), Trigger.at(10**9))
+        return Command(Motion.stop(), WakeCondition.at(10**9))
 
     maes.run(small, controller=controller(decide))
     assert len(errors) == 2 and "used in another thread" in errors[0]
@@ -178,7 +178,7 @@ def test_run_inside_a_decision(small):
 
     def decide(self, observation, ctx):
         digests.append(maes.run(small, controller="rbw").digest)
-        return Command(Motion.stop(), Trigger.at(10**9))
+        return Command(Motion.stop(), WakeCondition.at(10**9))
 
     maes.run(small, controller=controller(decide))
     assert digests == [maes.run(small, controller="rbw").digest] * 2
@@ -225,7 +225,7 @@ def test_run_after_fork(small):
 
 
 def test_registration_does_not_grow(small):
-    own = controller(returning(lambda: Command(Motion.stop(), Trigger.at(10**9))))
+    own = controller(returning(lambda: Command(Motion.stop(), WakeCondition.at(10**9))))
     first = maes.run(small, controller=own, duration=1.0).digest
     for _ in range(20):
         assert maes.run(small, controller=own, duration=1.0).digest == first

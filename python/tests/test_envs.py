@@ -103,7 +103,7 @@ def test_world_is_that_of_a_run():
             shares = plan[min(observation.tick // 10, 59), ctx.agent].astype(float)
             body = ctx.body
             motion = maes.Motion.velocity(shares[:3] * body["speed_max_m_s"], shares[3] * body["turn_rate_max_rad_s"])
-            return maes.Command(motion, maes.Trigger.at(observation.tick + 10))
+            return maes.Command(motion, maes.WakeCondition.at(observation.tick + 10))
 
     # A world has looked after its last step, which a run does at its next tick.
     scenario = scenario.replace(duration=12.02)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import maes
-from maes import CellState, Command, Events, Motion, Trigger
+from maes import CellState, Command, EventMask, Motion, WakeCondition
 from maes.node import load
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples/python"
@@ -121,16 +121,16 @@ def test_time_is_that_of_the_motion(small):
 
         def decide(self, observation, ctx):
             if observation.scan_tick is None:
-                return Command.keep(Trigger.NEXT_TICK)
+                return Command.keep(WakeCondition.NEXT_TICK)
             if self.due is not None and not observation.collision:
                 start_tick, time_s = self.due
                 shares.append((observation.tick - start_tick) * 0.02 / time_s)
             self.due = None
             path = ctx.search(ctx.map.frontiers)
             if path is None or path.motion is None:
-                return Command(Motion.stop(), Trigger.at(ctx.tick + 50))
+                return Command(Motion.stop(), WakeCondition.at(ctx.tick + 50))
             self.due = (ctx.tick, path.time_s)
-            return Command(path.motion, Trigger.on(Events.TASK_DONE | Events.COLLISION))
+            return Command(path.motion, WakeCondition.on(EventMask.TASK_DONE | EventMask.COLLISION))
 
     maes.run(small, agents=1, duration=300.0, controller=Timed)
     assert len(shares) > 10 and all(0.9 <= share <= 1.0 for share in shares), shares
@@ -155,6 +155,6 @@ def test_wrong_goals_are_named(small, call, message):
     def decide(self, observation, ctx):
         with pytest.raises(ValueError, match=message):
             call(ctx)
-        return Command(Motion.stop(), Trigger.at(10**9))
+        return Command(Motion.stop(), WakeCondition.at(10**9))
 
     maes.run(small, controller=type("Own", (maes.Controller,), {"decide": decide}))

@@ -6,13 +6,13 @@
 //! Observations that share a map are independent given the map, and say nothing about other maps.
 
 use super::study::Study;
-use experiments::rows::{Made, RunRecord, RunRow};
+use experiments::rows::{RunMetadata, RunRecord, RunRow};
 
 /// Least number of pairs for a p-value: five cannot give less than 0.0625.
 pub(super) const PAIRS_MIN: usize = 6;
 
 /// For each of these runs, the place of the first one that it repeats; its own if it repeats none.
-pub(super) fn first_of_each(of: &[usize], runs: &[RunRecord], made: &[Made]) -> Vec<usize> {
+pub(super) fn first_of_each(of: &[usize], runs: &[RunRecord], made: &[RunMetadata]) -> Vec<usize> {
     let key = |i: usize| (map_of(&runs[i].row, &made[i]), outcome(&runs[i]));
     let keys: Vec<_> = of.iter().map(|&i| key(i)).collect();
     // How it would have ended is not known of a run that has failed, so it repeats none.
@@ -26,7 +26,7 @@ pub(super) fn first_of_each(of: &[usize], runs: &[RunRecord], made: &[Made]) -> 
 
 /// What identifies the map of a run. For folders of earlier builds, which do not say: the metrics
 /// that are the same on the same map, and hardly ever on two maps.
-pub(super) fn map_of(row: &RunRow, made: &Made) -> String {
+pub(super) fn map_of(row: &RunRow, made: &RunMetadata) -> String {
     let measured = || format!("{:?} {} {:?}", row.size, row.free_cells, row.axes.get(experiments::plan::MAP_FILE));
     made.map.clone().unwrap_or_else(measured)
 }

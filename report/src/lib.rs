@@ -37,7 +37,7 @@ use thiserror::Error;
 
 use self::figures::Figure;
 pub use self::page::Heading;
-use self::page::Kept;
+use self::page::RetainedRecordings;
 pub use self::png::PngError;
 use self::png::Renderer;
 use self::study::Study;
@@ -62,7 +62,7 @@ pub enum ReportError {
 
 /// A report that has been written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Written {
+pub struct ReportSummary {
     pub page: PathBuf,
     pub runs: usize,
     /// Number of runs that are missing for a complete comparison.
@@ -101,7 +101,7 @@ impl Contents {
 /// # Errors
 /// If there are no runs, one cannot be read or has a metric that is not finite, or a file cannot be
 /// written.
-pub fn write(dir: &Path) -> Result<Written, ReportError> {
+pub fn write(dir: &Path) -> Result<ReportSummary, ReportError> {
     write_with(dir, &Heading::default())
 }
 
@@ -109,7 +109,7 @@ pub fn write(dir: &Path) -> Result<Written, ReportError> {
 ///
 /// # Errors
 /// As [`write()`].
-pub fn write_with(dir: &Path, heading: &Heading) -> Result<Written, ReportError> {
+pub fn write_with(dir: &Path, heading: &Heading) -> Result<ReportSummary, ReportError> {
     let study = Study::read(dir)?;
     let kept = kept(dir, &study)?;
     let contents = Contents::of(&study)?;
@@ -139,7 +139,7 @@ pub fn write_with(dir: &Path, heading: &Heading) -> Result<Written, ReportError>
         let panel = if study.conditions.len() > 1 { format!("{}: ", of_panel.panel) } else { String::new() };
         of_panel.sentences.iter().map(move |sentence| format!("{panel}{sentence}")).collect::<Vec<_>>()
     };
-    Ok(Written {
+    Ok(ReportSummary {
         page,
         runs: study.runs.len(),
         lacking: missing,
@@ -149,9 +149,9 @@ pub fn write_with(dir: &Path, heading: &Heading) -> Result<Written, ReportError>
 }
 
 /// The scenarios and recordings that the folder has of the runs.
-fn kept(dir: &Path, study: &Study) -> Result<Kept, StudyError> {
+fn kept(dir: &Path, study: &Study) -> Result<RetainedRecordings, StudyError> {
     let store = Store::open(dir)?;
-    let mut kept = Kept::default();
+    let mut kept = RetainedRecordings::default();
     for run in &study.runs {
         let id = &run.row.id;
         kept.scenarios.extend(store.has_scenario(id).then(|| id.clone()));

@@ -97,7 +97,7 @@ pub(super) const TRAFFIC: Metric = Metric {
     key: "traffic",
     title: "data delivered",
     unit: "kB",
-    value: |row| row.parcel_bytes as f64 / 1e3,
+    value: |row| row.message_bytes as f64 / 1e3,
     of_failed: None,
 };
 pub(super) const COLLISIONS: Metric =

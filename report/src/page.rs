@@ -15,7 +15,7 @@ use super::study::{Study, agents_name, size_name};
 use super::svg::escape;
 use super::table::Table;
 use super::verdicts::Verdicts;
-pub(super) use runs::Kept;
+pub(super) use runs::RetainedRecordings;
 
 /// The style sheet. Neutral colours of the figures follow the background.
 const STYLE: &str = include_str!("page/style.css");
@@ -34,7 +34,7 @@ pub struct Heading {
     pub date: Option<String>,
 }
 
-pub(super) fn html(study: &Study, contents: &Contents, heading: &Heading, kept: &Kept) -> String {
+pub(super) fn html(study: &Study, contents: &Contents, heading: &Heading, kept: &RetainedRecordings) -> String {
     let title = heading.title.clone().or_else(|| study.design.title.clone()).unwrap_or_else(|| default_title(study));
     let shown = escape(&title);
     let mut text = format!(

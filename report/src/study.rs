@@ -21,7 +21,7 @@ use thiserror::Error;
 use super::design::{Design, short_table};
 use super::evidence;
 use experiments::plan::{MAP_FILE, VARIANT};
-use experiments::rows::{FailedRun, Made, RunRecord, RunRow, StoredRun};
+use experiments::rows::{FailedRun, RunMetadata, RunRecord, RunRow, StoredRun};
 use experiments::store::{PLAN, Store, StoreError};
 use variants::{CONTROLLER, Variants};
 
@@ -79,7 +79,7 @@ pub(super) struct Environment {
 
 /// The runs of a cell.
 #[derive(Debug, Clone, Default)]
-struct Cell {
+struct RunGroup {
     /// Indices of all runs, by block.
     runs: Vec<usize>,
     /// For each of them, the place of the first run that it repeats; its own if it repeats none.
@@ -105,7 +105,7 @@ pub(super) struct Study {
     pub(super) design: Design,
     pub(super) runs: Vec<RunRecord>,
     /// What is known about each run beside its metrics.
-    pub(super) made: Vec<Made>,
+    pub(super) made: Vec<RunMetadata>,
     /// The name of what is compared, such as `controller`.
     pub(super) variant_title: String,
     /// The variants by name, in the order of the plan; the index determines the colour.
@@ -114,7 +114,7 @@ pub(super) struct Study {
     pub(super) others: Vec<String>,
     /// Conditions that have a run.
     pub(super) conditions: Vec<Condition>,
-    cells: BTreeMap<(Condition, usize), Cell>,
+    cells: BTreeMap<(Condition, usize), RunGroup>,
 }
 
 impl Study {
@@ -133,7 +133,7 @@ impl Study {
     /// Groups runs into cells.
     pub(super) fn new(runs: Vec<StoredRun>, plan: Option<String>) -> Self {
         let design = Design::of(plan.as_deref());
-        let (runs, made): (Vec<RunRecord>, Vec<Made>) = runs.into_iter().map(StoredRun::split).unzip();
+        let (runs, made): (Vec<RunRecord>, Vec<RunMetadata>) = runs.into_iter().map(StoredRun::split).unzip();
         let Variants { compare, title, names, of_run } = Variants::of(&runs, &design);
         let is_set_by = |value: &dyn Fn(&RunRow) -> String, key: &dyn Fn(usize) -> String| {
             let mut values = BTreeMap::new();
@@ -163,7 +163,7 @@ impl Study {
             !is_named && !named.iter().any(|by| is_set_by(&|row| axis(row, key).to_owned(), by))
         };
         let others: Vec<String> = candidates.into_iter().filter(makes_panels).map(str::to_owned).collect();
-        let mut cells: BTreeMap<(Condition, usize), Cell> = BTreeMap::new();
+        let mut cells: BTreeMap<(Condition, usize), RunGroup> = BTreeMap::new();
         for (i, RunRecord { row, .. }) in runs.iter().enumerate() {
             for others in panels_of(row, &others, &runs) {
                 let size = is_size_shared.then_some(row.size);
@@ -186,7 +186,7 @@ impl Study {
         self.cells.get(&(condition.clone(), variant)).map_or_else(Vec::new, |cell| self.independent(cell))
     }
 
-    fn independent(&self, cell: &Cell) -> Vec<&RunRecord> {
+    fn independent(&self, cell: &RunGroup) -> Vec<&RunRecord> {
         let is_first = |(place, run): (usize, &usize)| (cell.first[place] == place).then(|| &self.runs[*run]);
         cell.runs.iter().enumerate().filter_map(is_first).collect()
     }

@@ -149,10 +149,10 @@ mod tests {
     use super::super::estimates::Estimate;
     use super::super::fixture;
     use super::*;
-    use experiments::rows::{Made, StoredRun};
+    use experiments::rows::{RunMetadata, StoredRun};
 
     fn study() -> Study {
-        let run = |controller| StoredRun::new(fixture::run(controller, 1, 2), Made::default());
+        let run = |controller| StoredRun::new(fixture::run(controller, 1, 2), RunMetadata::default());
         Study::new(vec![run("dsvp"), run("rbw")], None)
     }
 

@@ -9,15 +9,15 @@ use std::path::Path;
 use agent_node::controllers::Registry;
 use experiments::execute::{Options, Part, Stop, Transport, execute};
 use experiments::plan::Plan;
-use report::Written;
+use report::ReportSummary;
 
 /// Executes a plan and makes its report.
-fn reported(folder: &Path, plan: &str) -> Written {
+fn reported(folder: &Path, plan: &str) -> ReportSummary {
     reported_with_failures(folder, plan, 0)
 }
 
 /// Executes a plan of which so many runs fail, and makes its report.
-fn reported_with_failures(folder: &Path, plan: &str, failed: usize) -> Written {
+fn reported_with_failures(folder: &Path, plan: &str, failed: usize) -> ReportSummary {
     let plan = Plan::parse("plan.toml", plan, folder).unwrap_or_else(|error| panic!("{error}"));
     let options = Options {
         jobs: NonZero::new(2).expect("two is not zero"),

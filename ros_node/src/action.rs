@@ -52,7 +52,7 @@ pub enum StepsEvent {
 pub struct Goal {
     /// Number of ticks to simulate.
     pub steps: u64,
-    shared: Rc<RefCell<Shared>>,
+    shared: Rc<RefCell<ActionState>>,
     id: GoalId,
 }
 
@@ -76,7 +76,7 @@ trait Topics {
     fn status(&self, status: GoalStatusArray) -> Result<(), String>;
 }
 
-struct Shared {
+struct ActionState {
     topics: Box<dyn Topics>,
     /// The goal under execution, and whether it was cancelled.
     active: Option<(GoalId, bool)>,
@@ -112,11 +112,11 @@ impl EndpointFactory {
     }
 }
 
-impl Shared {
+impl ActionState {
     fn new(name: &str, topics: Box<dyn Topics>) -> Rc<RefCell<Self>> {
         let unsent = ThrottledWarning::new(format!("{name}: not sent"));
         let (ended, waiting) = (VecDeque::new(), VecDeque::new());
-        Rc::new(RefCell::new(Shared { topics, active: None, ended, waiting, unsent }))
+        Rc::new(RefCell::new(ActionState { topics, active: None, ended, waiting, unsent }))
     }
 
     fn note<E: std::fmt::Display>(&mut self, sent: Result<(), E>) {

@@ -115,7 +115,7 @@ enum Demand {
 
 /// The state that the watching thread shares with the process.
 #[derive(Debug)]
-struct Shared {
+struct GuardState {
     /// A [`Phase`].
     phase: AtomicU8,
     memory_exceeded: AtomicBool,
@@ -162,7 +162,7 @@ pub(crate) fn wait_while_starting<T>(period: Duration, mut poll: impl FnMut() ->
 /// The watch over this process.
 #[derive(Debug)]
 pub struct ProcessGuard {
-    shared: Arc<Shared>,
+    shared: Arc<GuardState>,
     starts: u32,
 }
 
@@ -174,7 +174,7 @@ impl ProcessGuard {
     pub fn watch(limits: Limits, stop: Arc<AtomicBool>) -> io::Result<Self> {
         let starts = env::var(START).ok().and_then(|starts| starts.parse().ok()).unwrap_or(1);
         let phase = AtomicU8::new(Phase::Starting as u8);
-        let shared = Arc::new(Shared { phase, memory_exceeded: AtomicBool::new(false) });
+        let shared = Arc::new(GuardState { phase, memory_exceeded: AtomicBool::new(false) });
         let watch = Watch { limits, starts, since: now(), phase: Phase::Starting };
         let guarded = Arc::clone(&shared);
         thread::Builder::new().name("process_guard".to_owned()).spawn(move || watch.run(&guarded, &stop))?;
@@ -221,7 +221,7 @@ struct Watch {
 
 impl Watch {
     #[expect(clippy::disallowed_methods, reason = "a look at the process now and then; no result depends on it")]
-    fn run(mut self, shared: &Shared, stop: &AtomicBool) {
+    fn run(mut self, shared: &GuardState, stop: &AtomicBool) {
         loop {
             thread::sleep(PERIOD);
             let phase = match shared.phase.load(Ordering::Relaxed) {

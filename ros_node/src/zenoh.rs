@@ -40,9 +40,9 @@ const ROUTER_CHECK_PERIOD: Duration = Duration::from_secs(1);
 
 /// The session of this process.
 #[derive(Clone)]
-pub(super) struct Session(Arc<Shared>);
+pub(super) struct Session(Arc<ZenohState>);
 
-struct Shared {
+struct ZenohState {
     session: ::zenoh::Session,
     domain_id: u16,
     /// Numbers of nodes and endpoints.
@@ -69,7 +69,7 @@ impl Session {
                  rmw_zenoh_cpp rmw_zenohd"
             );
         }
-        Ok(Session(Arc::new(Shared { session, domain_id: env.domain_id, next_id: AtomicU64::new(0), graph })))
+        Ok(Session(Arc::new(ZenohState { session, domain_id: env.domain_id, next_id: AtomicU64::new(0), graph })))
     }
 
     /// Makes a node in the root namespace.
@@ -108,7 +108,7 @@ impl Session {
     }
 }
 
-impl Drop for Shared {
+impl Drop for ZenohState {
     fn drop(&mut self) {
         // What is still to be sent gets out, and others see at once that this process has left. If
         // that fails, they notice that the connection is closed.

@@ -49,7 +49,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    fn new(place: &Place<'_>, field: Field) -> Self {
+    fn new(place: &MessagePosition<'_>, field: Field) -> Self {
         let agent = topics::split(place.topic).map(|(agent, _)| agent);
         Self { tick: place.tick, agent, topic: place.topic.to_owned(), field }
     }
@@ -76,12 +76,12 @@ impl fmt::Display for Difference {
 
 /// Position of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Place<'a> {
+struct MessagePosition<'a> {
     tick: Tick,
     topic: &'a str,
 }
 
-impl fmt::Display for Place<'_> {
+impl fmt::Display for MessagePosition<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} of tick {}", self.topic, self.tick)
     }
@@ -168,7 +168,7 @@ impl<'a> Comparison<'a> {
 
     /// The next message of the recording that belongs to the run: the one of this place if its tick
     /// has one.
-    fn next(&mut self, wanted: Option<Place<'_>>) -> Option<Message> {
+    fn next(&mut self, wanted: Option<MessagePosition<'_>>) -> Option<Message> {
         if self.of_tick.is_empty() {
             self.of_tick.extend(self.ahead.take());
             while let Some(message) = self.before.find(|message| is_of_run(&message.channel.topic)) {
@@ -195,7 +195,7 @@ impl Checker for Comparison<'_> {
         if self.is_done() {
             return;
         }
-        let now = Place { tick, topic };
+        let now = MessagePosition { tick, topic };
         let Some(message) = self.next(Some(now)) else {
             match self.before.end() {
                 Some(End::Whole) => self.found = Some(message_difference(&now, None, Some(now))),
@@ -259,13 +259,17 @@ fn digested(command: &[u8]) -> &[u8] {
     &command[..command.len().saturating_sub(maes_msgs::Command::UNDIGESTED_BYTES)]
 }
 
-fn place(message: &Message) -> Place<'_> {
-    Place { tick: message.tick(), topic: &message.channel.topic }
+fn place(message: &Message) -> MessagePosition<'_> {
+    MessagePosition { tick: message.tick(), topic: &message.channel.topic }
 }
 
 /// A difference between whole messages.
-fn message_difference(at: &Place<'_>, before: Option<Place<'_>>, now: Option<Place<'_>>) -> Difference {
-    let text = |place: Option<Place<'_>>| place.map_or_else(|| NONE.to_owned(), |place| place.to_string());
+fn message_difference(
+    at: &MessagePosition<'_>,
+    before: Option<MessagePosition<'_>>,
+    now: Option<MessagePosition<'_>>,
+) -> Difference {
+    let text = |place: Option<MessagePosition<'_>>| place.map_or_else(|| NONE.to_owned(), |place| place.to_string());
     Difference::new(at, Field { name: WHOLE_MESSAGE.to_owned(), before: text(before), now: text(now) })
 }
 

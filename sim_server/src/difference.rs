@@ -14,7 +14,7 @@ use serde_json::Value;
 /// A field with its two values as JSON, displayed as `position.x was 1.0 and is 2.0`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
-    /// Path in the message, such as `task.path[3].x`.
+    /// Path in the message, such as `motion.path[3].x`.
     pub name: String,
     /// Value in the first message.
     pub before: String,
@@ -76,10 +76,10 @@ mod tests {
         let before = Command::default();
         assert_eq!(between(&before, &before.clone()), None);
         let mut now = before.clone();
-        now.task.distance_m = 1.5;
+        now.motion.distance_m = 1.5;
         now.want_view = true;
         let words = |before, now| between(before, now).unwrap().to_string();
-        assert_eq!(words(&before, &now), "task.distance_m was 0.0 and is 1.5");
+        assert_eq!(words(&before, &now), "motion.distance_m was 0.0 and is 1.5");
         let seen = |cells| {
             let mut observation = Observation::default();
             observation.seen_free.length = cells;
@@ -94,11 +94,11 @@ mod tests {
     fn numbers_are_compared_bitwise() {
         let with = |distance_m| {
             let mut command = Command::default();
-            command.task.distance_m = distance_m;
+            command.motion.distance_m = distance_m;
             command
         };
         assert_eq!(between(&with(f64::NAN), &with(f64::NAN)), None);
-        assert_eq!(between(&with(0.0), &with(-0.0)).unwrap().to_string(), "task.distance_m was 0.0 and is -0.0");
+        assert_eq!(between(&with(0.0), &with(-0.0)).unwrap().to_string(), "motion.distance_m was 0.0 and is -0.0");
         assert_eq!(between(&with(f64::NAN), &with(f64::INFINITY)).unwrap().name, "a number");
     }
 }

@@ -36,14 +36,14 @@ const FLUSH_BYTES: usize = 1 << 16;
 pub struct LiveStream {
     writer: Writer<NoSeek<StreamFile>>,
     channel_of_topic: BTreeMap<String, u16>,
-    shared: Arc<Shared>,
+    shared: Arc<StreamState>,
     last_flush: Instant,
     unflushed_bytes: usize,
 }
 
 /// The reading end; clones read the same stream.
 #[derive(Clone)]
-pub struct LiveStreamReader(Arc<Shared>);
+pub struct LiveStreamReader(Arc<StreamState>);
 
 /// The result of a read.
 #[derive(Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ pub enum StreamChunk {
     End,
 }
 
-struct Shared {
+struct StreamState {
     file: File,
     length: AtomicU64,
     has_ended: AtomicBool,
@@ -65,7 +65,7 @@ struct Shared {
 /// The buffered sink of the MCAP writer.
 struct StreamFile {
     unflushed: Vec<u8>,
-    shared: Arc<Shared>,
+    shared: Arc<StreamState>,
 }
 
 impl LiveStream {
@@ -74,7 +74,7 @@ impl LiveStream {
     /// # Errors
     /// If its file cannot be created.
     pub fn create(documents: &[Document<'_>]) -> io::Result<Self> {
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(StreamState {
             file: tempfile::tempfile()?,
             length: AtomicU64::new(0),
             has_ended: AtomicBool::new(false),
@@ -166,7 +166,7 @@ impl LiveStreamReader {
     }
 }
 
-impl Shared {
+impl StreamState {
     fn has_failed(&self) -> bool {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).is_some()
     }

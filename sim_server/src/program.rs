@@ -149,7 +149,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let source = args.scenario.as_deref().or(recorded).unwrap_or(Path::new(""));
     let (summary, profile) = (args.summary.as_deref(), args.profile.as_deref());
     let policy = join_policy(args)?;
-    if let Some(agent) = policy.external.iter().find(|agent| agent.0 >= scenario.agents.count) {
+    if let Some(agent) = policy.third_party.iter().find(|agent| agent.0 >= scenario.agents.count) {
         let last = scenario.agents.count - 1;
         anyhow::bail!("--external {agent}: agent {agent} is not in the run: ids are 0 to {last}");
     }
@@ -331,14 +331,14 @@ struct Job<'a> {
 /// Which processes may join, by the flags and the environment.
 fn join_policy(args: &RunArgs) -> anyhow::Result<JoinPolicy> {
     let secret = join_secret::read(args.join_secret_file.as_deref(), |name| std::env::var_os(name))?;
-    Ok(JoinPolicy { secret, external: args.external.iter().copied().map(AgentId).collect() })
+    Ok(JoinPolicy { secret, third_party: args.external.iter().copied().map(AgentId).collect() })
 }
 
 /// A world, and where its map comes from.
-type Made = (World, MapReport);
+type GeneratedWorld = (World, MapReport);
 
 /// Everything that a run needs.
-struct Begun<'a> {
+struct StartedRun<'a> {
     world: World,
     map: MapReport,
     link: Box<dyn Transport + 'a>,
@@ -347,7 +347,7 @@ struct Begun<'a> {
 }
 
 impl<'a> Job<'a> {
-    fn make(&self) -> anyhow::Result<Made> {
+    fn make(&self) -> anyhow::Result<GeneratedWorld> {
         setup::check_destination(self.scenario)?;
         let built = match self.resumed {
             Some(resumed) => setup::rebuild(&resumed.recording, self.scenario),
@@ -372,10 +372,10 @@ impl<'a> Job<'a> {
     /// Joins the network and opens what is to be written.
     fn begin(
         &self,
-        (world, map): Made,
+        (world, map): GeneratedWorld,
         env: &RosEnv,
         viewing: Option<&'a FoxgloveServer>,
-    ) -> anyhow::Result<Begun<'a>> {
+    ) -> anyhow::Result<StartedRun<'a>> {
         let link = RosTransport::new(self.scenario, env)?;
         #[cfg(feature = "view")]
         let link: Box<dyn Transport + 'a> = match viewing {
@@ -385,19 +385,19 @@ impl<'a> Job<'a> {
         #[cfg(not(feature = "view"))]
         let link: Box<dyn Transport + 'a> = Box::new(link);
         let records = self.records(&world, viewing)?;
-        Ok(Begun { world, map, link, records, viewing })
+        Ok(StartedRun { world, map, link, records, viewing })
     }
 
     /// The run, again after each reset. `ending` is called before anything is closed.
     fn carry_out(
         &self,
-        begun: Begun<'_>,
+        begun: StartedRun<'_>,
         playback: Option<Playback<'_>>,
         terminal: &mut Terminal,
         stop: &AtomicBool,
         ending: impl FnOnce(),
     ) -> anyhow::Result<ExitCode> {
-        let Begun { world, map, mut link, records, viewing } = begun;
+        let StartedRun { world, map, mut link, records, viewing } = begun;
         let scenario = self.scenario;
         let origin = match &scenario.map.file {
             Some(file) => printable::line(&file.display().to_string()).into_owned(),

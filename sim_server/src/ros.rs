@@ -6,10 +6,10 @@
 //! membership, legality and resending. This file and its folder are the only ones of this crate
 //! that name [`ros_node`].
 
-mod external_control;
 mod join;
 mod links;
 mod services;
+mod teleoperation;
 mod visualisation;
 
 pub mod replay;
@@ -39,10 +39,10 @@ use simulation::parameters;
 use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
-use external_control::ExternalAgents;
 use join::JoinOfAnyVersion;
 use links::Links;
 use services::{ServiceEvent, Services};
+use teleoperation::TeleoperatedAgents;
 use visualisation::VisualisationPublishers;
 
 /// Wall time for which a new server listens before it announces its run: enough, on an idle
@@ -89,7 +89,7 @@ pub struct RosTransport {
     observations: BTreeMap<AgentId, Publisher<SignedObservation>>,
     links: Links,
     /// Agents that are controlled with standard messages.
-    external: ExternalAgents,
+    teleoperated: TeleoperatedAgents,
     scenario: Publisher<Scenario>,
     join_reply: Publisher<JoinReply>,
     clock: Publisher<Clock>,
@@ -106,7 +106,7 @@ impl RosTransport {
     /// # Errors
     /// If the network cannot be joined or a system limit is reached.
     pub fn new(run: &scenario::Scenario, env: &RosEnv) -> Result<Self, RosError> {
-        let (agents, driven) = (run.agents.count, run.driven());
+        let (agents, teleoperated_ids) = (run.agents.count, run.teleoperated());
         ros_node::allow_open_files(agents)?;
         let (context, mut endpoints) = ros_node::join(env, true)?;
         let mut node = ros_node::node(&context, NODE)?;
@@ -129,10 +129,10 @@ impl RosTransport {
             }
             Item::Handled
         })?;
-        let links = Links::open(run.execution.unix_sockets, agents, &driven, own, &mut inbox);
-        let external = ExternalAgents::new(&driven, &mut endpoints, &mut node, &mut inbox, &own_run)?;
+        let links = Links::open(run.execution.unix_sockets, agents, &teleoperated_ids, own, &mut inbox);
+        let teleoperated = TeleoperatedAgents::new(&teleoperated_ids, &mut endpoints, &mut node, &mut inbox, &own_run)?;
         let mut observations = BTreeMap::new();
-        for agent in (0..agents).map(AgentId).filter(|agent| !driven.contains(agent)) {
+        for agent in (0..agents).map(AgentId).filter(|agent| !teleoperated_ids.contains(agent)) {
             let joins = topics::signed_join(agent);
             let connected = links.connected().clone();
             endpoints.subscribe(&mut node, &joins, &mut inbox, move |sample: Sample<JoinOfAnyVersion>| {
@@ -147,7 +147,7 @@ impl RosTransport {
         }
         let rosout = Rosout::new(&mut endpoints, &mut node)?;
         // Created last, so that agents do not wait for visualisation topics.
-        let visualisation = VisualisationPublishers::new(&mut endpoints, &mut node, agents, &driven)?;
+        let visualisation = VisualisationPublishers::new(&mut endpoints, &mut node, agents, &teleoperated_ids)?;
         let services = Services::of_run(&mut node, &mut endpoints, &mut inbox, parameters::of(run))?;
         Ok(RosTransport {
             inbox,
@@ -160,7 +160,7 @@ impl RosTransport {
             other_run,
             observations,
             links,
-            external,
+            teleoperated,
             scenario,
             join_reply,
             clock,
@@ -186,13 +186,13 @@ impl RosTransport {
 impl AgentTransport for RosTransport {
     fn announce(&mut self, scenario: &Scenario) {
         self.own_run.set(Some(scenario.run));
-        self.external.reset();
+        self.teleoperated.reset();
         self.unannounced = Some(scenario.clone());
         self.announce_if_due();
     }
 
     fn reply_join(&mut self, reply: &JoinReply) {
-        self.external.receive_reply(reply);
+        self.teleoperated.receive_reply(reply);
         if self.links.reply(reply, &mut self.inbox, &self.context) {
             self.join_reply.publish(&mut self.node, reply);
         }
@@ -211,7 +211,7 @@ impl AgentTransport for RosTransport {
             }
             None => {
                 let (node, clock, part) = (&mut self.node, &mut self.clock, &part.observation);
-                self.external.send(node, clock, &mut self.visualisation, agent, part);
+                self.teleoperated.send(node, clock, &mut self.visualisation, agent, part);
             }
         }
     }
@@ -222,7 +222,7 @@ impl AgentTransport for RosTransport {
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
         self.announce_if_due();
-        if let Some(incoming) = self.external.next(&self.context, self.own_run.get()) {
+        if let Some(incoming) = self.teleoperated.next(&self.context, self.own_run.get()) {
             return Some(incoming);
         }
         if let Some(queued) = self.queued.pop_front() {
@@ -239,7 +239,7 @@ impl AgentTransport for RosTransport {
     }
 
     fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
-        self.external.drive(agent, odometry, points);
+        self.teleoperated.drive(agent, odometry, points);
     }
 
     fn other_run(&self) -> Option<u64> {
@@ -249,7 +249,7 @@ impl AgentTransport for RosTransport {
 
 impl ObserverOutput for RosTransport {
     fn clock(&mut self, tick: Tick) {
-        if !self.external.is_empty() || self.visualisation.clock_has_subscribers(&self.context) {
+        if !self.teleoperated.is_empty() || self.visualisation.clock_has_subscribers(&self.context) {
             self.clock.publish(&mut self.node, &Clock { clock: tick.into() });
         }
     }

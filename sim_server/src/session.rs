@@ -51,7 +51,7 @@ use simulation::world::World;
 
 use agents::{Agents, Awaited, WaitContext};
 use engine::Engine;
-use log::{Kind, SessionLog};
+use log::{EntryKind, SessionLog};
 use observers::Observers;
 
 pub use config::{Mode, RunConfig, RunStart};
@@ -139,12 +139,12 @@ pub fn run(
     let begun = transport.now();
     let mut session = Session {
         scenario,
-        external: scenario.driven(),
+        teleoperated: scenario.teleoperated(),
         engine,
         begun,
         agents: Agents::new(AgentSessions::new(
             start.identity,
-            policy.with_external(&scenario.unsigned()),
+            policy.with_external(&scenario.third_party()),
             agents,
             ReplayPolicy { keeps_log, allows_replacement },
         )),
@@ -163,7 +163,7 @@ pub fn run(
         observer,
         stop,
     };
-    session.log.write(Kind::Scenario, Tick::ZERO, &announcement)?;
+    session.log.write(EntryKind::Scenario, Tick::ZERO, &announcement)?;
     session.agents.announce(&announcement, session.transport);
     session.transport.real_time_factor(start.rtf);
     let admitted = session.admit();
@@ -196,7 +196,7 @@ pub fn run(
 struct Session<'c, 'p> {
     scenario: &'c Scenario,
     /// Agents that external nodes control through standard messages.
-    external: BTreeSet<AgentId>,
+    teleoperated: BTreeSet<AgentId>,
     engine: Engine<'c>,
     /// The start of the session, wall time.
     begun: Instant,
@@ -252,12 +252,12 @@ impl<'c> Session<'c, '_> {
         if now.duration_since(self.reported) >= REPORT_PERIOD {
             self.reported = now;
             self.log.save_provisionally(now)?;
-            self.engine.settle();
+            self.engine.flush_scans();
             self.observer.progress(self.engine.world());
         }
         let Scenario { stop_when_covered, stop_when_explored, .. } = *self.engine.scenario();
         if stop_when_covered || stop_when_explored {
-            self.engine.settle();
+            self.engine.flush_scans();
         }
         let (world, scenario) = (self.engine.world(), self.engine.scenario());
         let is_covered = stop_when_covered && world.coverage().is_covered();
@@ -298,7 +298,7 @@ impl<'c> Session<'c, '_> {
     /// for replies is stopped: then the world stays as it is, and the recording has the
     /// observations of this tick.
     fn tick(&mut self, recorded: Option<RecordedTick>) -> Result<ControlFlow<()>, RunError> {
-        self.engine.look();
+        self.engine.sense();
         self.end_phase(Phase::Scan);
         let requests = self.requests(recorded.as_ref());
         self.end_phase(Phase::Observe);
@@ -327,14 +327,14 @@ impl<'c> Session<'c, '_> {
     }
 
     /// The requests of this tick. While the run is live each is sent as soon as it is complete, and
-    /// external agents get their standard sensor messages as well.
+    /// third-party agents get their standard sensor messages as well.
     fn requests(&mut self, recorded: Option<&RecordedTick>) -> Vec<ObservationRequest> {
         let is_live = self.playback.is_none();
         let due = self.engine.due(recorded);
         self.agents.sessions_mut().enter(self.engine.tick());
         let mut requests = Vec::with_capacity(due.len());
         for (agent, since) in due {
-            if is_live && self.external.contains(&agent) {
+            if is_live && self.teleoperated.contains(&agent) {
                 observers::send_sensors(self.engine.world(), agent, self.transport);
             }
             let request = self.engine.request(agent, since, Fragment::RUNNING);

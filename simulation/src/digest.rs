@@ -30,8 +30,8 @@ impl fmt::Display for Digest {
 
 /// The hash chain of a run.
 ///
-/// The explored share at the end of a tick may follow later ([`World::settle`]); until then, the
-/// bytes of the ticks are kept. Helpers hash, if there are any, while the run continues.
+/// The explored share at the end of a tick may follow later ([`World::flush_scans`]); until then,
+/// the bytes of the ticks are kept. Helpers hash, if there are any, while the run continues.
 #[derive(Debug)]
 pub struct Chain {
     links: Links,
@@ -135,7 +135,7 @@ impl Chain {
             }
         }
         self.closed.push(ClosedTick { next: world.tick(), explored_at, end: bytes.len() });
-        if world.is_settled() {
+        if world.has_no_pending_scans() {
             assert_eq!(self.closed.len(), 1, "the shares of earlier ticks were dropped");
             let explored = world.coverage().explored();
             self.complete(|_| explored);

@@ -218,16 +218,16 @@ impl Scenario {
 
     /// The externally controlled agents, which run no controller.
     #[must_use]
-    pub fn driven(&self) -> BTreeSet<AgentId> {
+    pub fn teleoperated(&self) -> BTreeSet<AgentId> {
         self.agents.cmd_vel.iter().map(|&id| AgentId(id)).collect()
     }
 
     /// The agents whose processes do not sign what they send: the externally controlled ones, and
     /// those of a program that does not.
     #[must_use]
-    pub fn unsigned(&self) -> BTreeSet<AgentId> {
-        let commanded = self.agents.commanded().filter(|_| !self.agents.command_signs);
-        commanded.chain(self.agents.cmd_vel.iter().copied()).map(AgentId).collect()
+    pub fn third_party(&self) -> BTreeSet<AgentId> {
+        let with_own_command = self.agents.with_own_command().filter(|_| !self.agents.command_signs);
+        with_own_command.chain(self.agents.cmd_vel.iter().copied()).map(AgentId).collect()
     }
 
     /// The tick at which the run ends at the latest.

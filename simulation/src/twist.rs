@@ -11,7 +11,7 @@
 use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
-use msgs::maes_msgs::{Command, Join, LidarRequest, Task, Wake};
+use msgs::maes_msgs::{Command, Join, Motion, ScanRequest, WakeCondition};
 
 use crate::wire::body_frame;
 
@@ -47,14 +47,14 @@ pub fn command(run: u64, agent: AgentId, twist: &TwistStamped) -> Result<Command
         tick: tick(twist)?.0,
         run,
         agent: agent.0,
-        task: Task {
-            kind: Task::VELOCITY,
+        motion: Motion {
+            kind: Motion::VELOCITY,
             linear_m_s: twist.twist.linear,
             yaw_rate_rad_s: twist.twist.angular.z,
-            ..Task::default()
+            ..Motion::default()
         },
-        lidar: LidarRequest { kind: LidarRequest::KEEP, ..LidarRequest::default() },
-        wake: Wake { at_tick: 0, events: 0 },
+        lidar: ScanRequest { kind: ScanRequest::KEEP, ..ScanRequest::default() },
+        wake: WakeCondition { at_tick: 0, events: 0 },
         ..Command::default()
     })
 }
@@ -104,9 +104,9 @@ mod tests {
     fn twist_is_a_velocity_for_the_tick_of_its_stamp() {
         let command = command(9, AGENT, &twist(2, 40_000_000, "agent_3/base_link")).unwrap();
         assert_eq!((command.tick, command.run, command.agent), (102, 9, 3));
-        assert_eq!(command.task.kind, Task::VELOCITY);
-        assert_eq!(command.task.linear_m_s, Vector3 { x: 1.0, y: 0.5, z: -0.25 });
-        assert_eq!(command.task.yaw_rate_rad_s, 0.5);
+        assert_eq!(command.motion.kind, Motion::VELOCITY);
+        assert_eq!(command.motion.linear_m_s, Vector3 { x: 1.0, y: 0.5, z: -0.25 });
+        assert_eq!(command.motion.yaw_rate_rad_s, 0.5);
         assert!(crate::wire::command(&command, 4).is_ok());
     }
 

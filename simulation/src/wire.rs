@@ -11,15 +11,15 @@ use std::collections::BTreeMap;
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{
-    INFO_BYTES_MAX, LIST_BYTES_MAX, MESSAGE_BYTES_BARE, OBSERVATION_BYTES_MAX, PARCEL_BYTES_BARE, PARCEL_BYTES_MAX,
-    PATH_POINTS_MAX, POINT_BYTES, RECORDED_PROTOCOL, RELAY_BYTES_MAX,
+    AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, LIST_BYTES_MAX, MESSAGE_BYTES_BARE,
+    OBSERVATION_BYTES_MAX, PATH_POINTS_MAX, POINT_BYTES, RECORDED_PROTOCOL, RELAY_BYTES_MAX,
 };
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::relay_id::RelayId;
 use msgs::scan_request::ScanRequest;
 use msgs::stage::Stage;
 use msgs::std_msgs::Header;
-use msgs::trigger::Trigger;
+use msgs::wake_condition::WakeCondition;
 use nalgebra::{Point3, Vector3};
 use voxels::Extent;
 
@@ -69,7 +69,7 @@ pub fn observation_parts(observation: Observation, phase: u8) -> Vec<Part> {
         collision_with_agent: observation.collision.is_some_and(|collision| collision.with_agent),
         events: observation.events,
         contacts: Vec::new(),
-        parcels: Vec::new(),
+        messages: Vec::new(),
         scan_tick: observation.scan_tick.map_or(Part::NEVER, |tick| tick.0),
         seen_free: CellRuns::default(),
         seen_wall: CellRuns::default(),
@@ -93,8 +93,8 @@ pub fn observation_parts(observation: Observation, phase: u8) -> Vec<Part> {
         .map(|(agent, position)| maes_msgs::Contact { agent, position: point(position) })
         .collect();
     for message in observation.messages {
-        parts.make_room(PARCEL_BYTES_BARE + message.data.len());
-        parts.filling.parcels.push(parcel(message));
+        parts.make_room(AGENT_MESSAGE_BYTES_BARE + message.data.len());
+        parts.filling.messages.push(message(message));
     }
     parts.add_runs(&observation.seen_free, |part| &mut part.seen_free);
     parts.add_runs(&observation.seen_wall, |part| &mut part.seen_wall);
@@ -143,108 +143,110 @@ impl Parts {
     }
 }
 
-/// The action and the trigger of a command.
+/// The action and the wake-up condition of a command.
 ///
 /// # Errors
 /// Names the field, its value and the allowed values, if the command is not legal for a team of
 /// `agents`.
-pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Trigger), String> {
+pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, WakeCondition), String> {
     if message.info.len() > INFO_BYTES_MAX {
         return Err(format!("info has {} bytes, at most {INFO_BYTES_MAX} are allowed", message.info.len()));
     }
     Stage::from_wire(message.stage).map_err(|error| error.to_string())?;
     let action = Action {
-        motion: motion(&message.task)?,
+        motion: motion(&message.motion)?,
         lidar: ScanRequest::try_from(message.lidar).map_err(|error| error.to_string())?,
         want_view: message.want_view,
-        messages: agent_messages(&message.parcels, agents)?,
+        messages: agent_messages(&message.messages, agents)?,
     };
-    let list_bytes = POINT_BYTES * message.task.path.len()
-        + message.parcels.iter().map(|parcel| PARCEL_BYTES_BARE + parcel.data.len()).sum::<usize>();
+    let list_bytes = POINT_BYTES * message.motion.path.len()
+        + message.messages.iter().map(|message| AGENT_MESSAGE_BYTES_BARE + message.data.len()).sum::<usize>();
     if list_bytes > LIST_BYTES_MAX {
-        return Err(format!("path and parcels take {list_bytes} bytes, at most {LIST_BYTES_MAX} are allowed"));
+        return Err(format!("path and messages take {list_bytes} bytes, at most {LIST_BYTES_MAX} are allowed"));
     }
-    let trigger =
-        Trigger { at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))), events: message.wake.events };
-    Ok((action, trigger))
+    let wake = WakeCondition {
+        at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))),
+        events: message.wake.events,
+    };
+    Ok((action, wake))
 }
 
-fn motion(task: &maes_msgs::Task) -> Result<Motion, String> {
-    use maes_msgs::Task;
-    Ok(match task.kind {
-        Task::KEEP => Motion::Keep,
-        Task::STOP => Motion::Stop,
-        Task::MOVE => Motion::Move {
+fn motion(motion: &maes_msgs::Motion) -> Result<Motion, String> {
+    use maes_msgs::Motion as WireMotion;
+    Ok(match motion.kind {
+        WireMotion::KEEP => Motion::Keep,
+        WireMotion::STOP => Motion::Stop,
+        WireMotion::MOVE => Motion::Move {
             pitch_rad: within(
-                "task.pitch_rad",
-                task.pitch_rad,
+                "motion.pitch_rad",
+                motion.pitch_rad,
                 -std::f64::consts::FRAC_PI_2,
                 std::f64::consts::FRAC_PI_2,
             )?,
-            distance_m: within("task.distance_m", task.distance_m, 0.0, f64::INFINITY)?,
+            distance_m: within("motion.distance_m", motion.distance_m, 0.0, f64::INFINITY)?,
         },
-        Task::TURN => Motion::Turn {
-            angle_rad: within("task.angle_rad", task.angle_rad, -std::f64::consts::TAU, std::f64::consts::TAU)?,
+        WireMotion::TURN => Motion::Turn {
+            angle_rad: within("motion.angle_rad", motion.angle_rad, -std::f64::consts::TAU, std::f64::consts::TAU)?,
         },
-        Task::PATH => {
-            if task.path.is_empty() {
-                return Err(format!("task.path has 0 waypoints, 1 to {PATH_POINTS_MAX} are allowed"));
+        WireMotion::PATH => {
+            if motion.path.is_empty() {
+                return Err(format!("motion.path has 0 waypoints, 1 to {PATH_POINTS_MAX} are allowed"));
             }
-            Motion::Path(waypoints(&task.path)?)
+            Motion::Path(waypoints(&motion.path)?)
         }
-        Task::VELOCITY => Motion::Velocity {
+        WireMotion::VELOCITY => Motion::Velocity {
             linear_in_body_m_s: Vector3::new(
-                coordinate("task.linear_m_s.x", task.linear_m_s.x)?,
-                coordinate("task.linear_m_s.y", task.linear_m_s.y)?,
-                coordinate("task.linear_m_s.z", task.linear_m_s.z)?,
+                coordinate("motion.linear_m_s.x", motion.linear_m_s.x)?,
+                coordinate("motion.linear_m_s.y", motion.linear_m_s.y)?,
+                coordinate("motion.linear_m_s.z", motion.linear_m_s.z)?,
             ),
-            yaw_rate_rad_s: coordinate("task.yaw_rate_rad_s", task.yaw_rate_rad_s)?,
-            path: waypoints(&task.path)?,
+            yaw_rate_rad_s: coordinate("motion.yaw_rate_rad_s", motion.yaw_rate_rad_s)?,
+            path: waypoints(&motion.path)?,
         },
-        other => return Err(format!("task.kind = {other}, 0 to 5 are allowed")),
+        other => return Err(format!("motion.kind = {other}, 0 to 5 are allowed")),
     })
 }
 
 fn waypoints(path: &[geometry_msgs::Point]) -> Result<Vec<Point3<f64>>, String> {
     if path.len() > PATH_POINTS_MAX {
-        return Err(format!("task.path has {} waypoints, at most {PATH_POINTS_MAX} are allowed", path.len()));
+        return Err(format!("motion.path has {} waypoints, at most {PATH_POINTS_MAX} are allowed", path.len()));
     }
     let waypoint = |point: &geometry_msgs::Point| {
         Ok(Point3::new(
-            coordinate("task.path x", point.x)?,
-            coordinate("task.path y", point.y)?,
-            coordinate("task.path z", point.z)?,
+            coordinate("motion.path x", point.x)?,
+            coordinate("motion.path y", point.y)?,
+            coordinate("motion.path z", point.z)?,
         ))
     };
     path.iter().map(waypoint).collect()
 }
 
-fn agent_messages(parcels: &[maes_msgs::Parcel], agents: u32) -> Result<Vec<AgentMessage>, String> {
-    let bytes: usize = parcels.iter().map(|parcel| parcel.data.len()).sum();
-    if bytes > PARCEL_BYTES_MAX {
-        return Err(format!("the parcels hold {bytes} bytes, at most {PARCEL_BYTES_MAX} are allowed"));
+fn agent_messages(messages: &[maes_msgs::AgentMessage], agents: u32) -> Result<Vec<AgentMessage>, String> {
+    let bytes: usize = messages.iter().map(|message| message.data.len()).sum();
+    if bytes > AGENT_MESSAGE_BYTES_MAX {
+        return Err(format!("the messages hold {bytes} bytes, at most {AGENT_MESSAGE_BYTES_MAX} are allowed"));
     }
-    parcels
+    messages
         .iter()
-        .map(|parcel| {
-            let relay = RelayId::from_wire(parcel.agent).filter(|relay| relay.owner.0 < agents);
-            let peer = match (parcel.agent, relay) {
-                (maes_msgs::Parcel::BROADCAST, _) => Peer::Broadcast,
-                (maes_msgs::Parcel::LEAVE_RELAY, _) => Peer::NewRelay,
+        .map(|message| {
+            let relay = RelayId::from_wire(message.agent).filter(|relay| relay.owner.0 < agents);
+            let peer = match (message.agent, relay) {
+                (maes_msgs::AgentMessage::BROADCAST, _) => Peer::Broadcast,
+                (maes_msgs::AgentMessage::LEAVE_RELAY, _) => Peer::NewRelay,
                 (_, Some(relay)) => Peer::Relay(relay),
                 (agent, _) if agent < agents => Peer::One(AgentId(agent)),
                 (other, _) => {
                     return Err(format!(
-                        "a parcel is for agent {other}, 0 to {}, BROADCAST, LEAVE_RELAY or a relay are allowed",
+                        "a message is for agent {other}, 0 to {}, BROADCAST, LEAVE_RELAY or a relay are allowed",
                         agents - 1
                     ));
                 }
             };
-            let bytes = parcel.data.len();
+            let bytes = message.data.len();
             if matches!(peer, Peer::Relay(_) | Peer::NewRelay) && bytes > RELAY_BYTES_MAX {
-                return Err(format!("a parcel to a relay holds {bytes} bytes, at most {RELAY_BYTES_MAX} are allowed"));
+                return Err(format!("a message to a relay holds {bytes} bytes, at most {RELAY_BYTES_MAX} are allowed"));
             }
-            Ok(AgentMessage { peer, kind: parcel.kind, data: parcel.data.clone() })
+            Ok(AgentMessage { peer, kind: message.kind, data: message.data.clone() })
         })
         .collect()
 }
@@ -264,14 +266,14 @@ fn within(field: &str, value: f64, low: f64, high: f64) -> Result<f64, String> {
     }
 }
 
-fn parcel(message: AgentMessage) -> maes_msgs::Parcel {
-    maes_msgs::Parcel {
+fn message(message: AgentMessage) -> maes_msgs::AgentMessage {
+    maes_msgs::AgentMessage {
         agent: match message.peer {
             Peer::One(agent) => agent.0,
-            Peer::Broadcast => maes_msgs::Parcel::BROADCAST,
+            Peer::Broadcast => maes_msgs::AgentMessage::BROADCAST,
             Peer::Relay(relay) => relay.on_wire(),
-            Peer::NewRelay => maes_msgs::Parcel::LEAVE_RELAY,
-            Peer::Server => maes_msgs::Parcel::SERVER,
+            Peer::NewRelay => maes_msgs::AgentMessage::LEAVE_RELAY,
+            Peer::Server => maes_msgs::AgentMessage::SERVER,
         },
         kind: message.kind,
         data: message.data,
@@ -376,7 +378,7 @@ pub fn progress(world: &mut World) -> maes_msgs::Progress {
         distance_m: world.distance_m(),
         believed_by: coverage.believed_by(),
         pairs_in_contact,
-        parcel_bytes: world.totals().parcel_bytes_delivered,
+        message_bytes: world.totals().message_bytes_delivered,
     }
 }
 

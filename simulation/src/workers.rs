@@ -31,7 +31,7 @@ pub struct Backlog(Arc<AtomicUsize>);
 #[derive(Debug)]
 pub struct TaskQueue<T, R> {
     workers: Workers,
-    shared: Arc<Shared<T, R>>,
+    shared: Arc<JobQueue<T, R>>,
     /// What helpers have made.
     made: Receiver<Outcome<R>>,
     /// Tasks that were added, and whose outcome the caller has not got.
@@ -39,7 +39,7 @@ pub struct TaskQueue<T, R> {
 }
 
 #[derive(Debug)]
-struct Shared<T, R> {
+struct JobQueue<T, R> {
     perform: fn(T) -> R,
     waiting: Mutex<Waiting<T>>,
     made: Sender<Outcome<R>>,
@@ -105,7 +105,7 @@ impl<T: Send + 'static, R: Send + 'static> TaskQueue<T, R> {
     pub fn new(workers: Workers, perform: fn(T) -> R) -> Self {
         let (sender, made) = channel();
         let waiting = Mutex::new(Waiting { tasks: VecDeque::new(), helpers: 0 });
-        Self { workers, shared: Arc::new(Shared { perform, waiting, made: sender }), made, unfinished: 0 }
+        Self { workers, shared: Arc::new(JobQueue { perform, waiting, made: sender }), made, unfinished: 0 }
     }
 
     /// Adds a task. Helpers begin with the one before it: the last one is left to the caller, who
@@ -149,7 +149,7 @@ impl<T: Send + 'static, R: Send + 'static> TaskQueue<T, R> {
     }
 }
 
-impl<T, R> Shared<T, R> {
+impl<T, R> JobQueue<T, R> {
     fn waiting(&self) -> MutexGuard<'_, Waiting<T>> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }

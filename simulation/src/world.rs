@@ -1,6 +1,6 @@
 //! The true world and its fixed update: look, (compute, outside), communicate, move.
 //!
-//! A tick consists of three calls: [`World::look`] casts the scans that are due; the caller sends
+//! A tick consists of three calls: [`World::sense`] casts the scans that are due; the caller sends
 //! observations ([`World::observe`]) to the agents that are due and collects their commands;
 //! [`World::step`] delivers messages, moves the bodies in the order of their ids, and ends the
 //! tick. A body collides with the others at their present positions: lower ids have moved already,
@@ -44,7 +44,8 @@ use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
 pub use interface::{
-    Action, COLLISION, CONTACTS, Commit, Events, FIRST_CONTACT, NEW_CELL, Observation, PARCEL, TASK_DONE, Totals,
+    Action, COLLISION, CONTACTS, EventMask, FIRST_CONTACT, MESSAGE, NEW_CELL, Observation, RequestKind, TASK_DONE,
+    Totals,
 };
 use lidar::{NoisyScan, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
@@ -106,9 +107,9 @@ pub struct World {
     radio: RadioMedium,
     coverage: Coverage,
     /// Agents with scans that the coverage does not count yet.
-    uncounted: Vec<usize>,
+    pending_scans: Vec<usize>,
     /// Agents that got a task in the last step.
-    tasked: Vec<usize>,
+    with_task: Vec<usize>,
     /// See [`World::defer_scans`].
     is_deferring: bool,
     totals: Totals,
@@ -197,8 +198,8 @@ impl World {
             open_space: None,
             has_present_contacts: false,
             coverage,
-            uncounted: Vec::new(),
-            tasked: Vec::new(),
+            pending_scans: Vec::new(),
+            with_task: Vec::new(),
             is_deferring: false,
             totals: Totals::default(),
         }
@@ -219,10 +220,10 @@ impl World {
     /// Explored and covered cells so far.
     ///
     /// # Panics
-    /// If the world is not settled: see [`World::settle`].
+    /// If the world is not settled: see [`World::flush_scans`].
     #[must_use]
     pub fn coverage(&self) -> &Coverage {
-        assert!(self.is_settled(), "the coverage is read while scans are not counted");
+        assert!(self.has_no_pending_scans(), "the coverage is read while scans are not counted");
         &self.coverage
     }
 
@@ -323,8 +324,8 @@ impl World {
     }
 
     /// Phase look: casts the scans that are due in this tick, or has helpers cast them; see
-    /// [`World::settle`].
-    pub fn look(&mut self, workers: &Workers) {
+    /// [`World::flush_scans`].
+    pub fn sense(&mut self, workers: &Workers) {
         let tick = self.tick;
         let team = self.agents.len() as u64;
         if self.params.schedule == ScanSchedule::TakeTurns {
@@ -348,14 +349,14 @@ impl World {
                 self.request_scan(index, workers);
             }
         }
-        if !workers.has_helpers() && !self.is_settled() {
-            self.settle();
+        if !workers.has_helpers() && !self.has_no_pending_scans() {
+            self.flush_scans();
         }
     }
 
     /// The events of an agent since its last committed observation, restricted to `asked`. Contacts
     /// are computed only if `asked` names [`CONTACTS`] or [`FIRST_CONTACT`].
-    pub fn events(&mut self, agent: AgentId, asked: Events) -> Events {
+    pub fn events(&mut self, agent: AgentId, asked: EventMask) -> EventMask {
         if asked & FIRST_CONTACT != 0 && self.has_first_contact(agent) {
             self.agents[agent.index()].pending_observation.events |= FIRST_CONTACT;
         }
@@ -366,9 +367,9 @@ impl World {
         events & asked
     }
 
-    /// The observation of an agent in this tick. [`Commit::Committed`] marks its content as
+    /// The observation of an agent in this tick. [`RequestKind::Scheduled`] marks its content as
     /// delivered.
-    pub fn observe(&mut self, agent: AgentId, commit: Commit) -> Observation {
+    pub fn observe(&mut self, agent: AgentId, kind: RequestKind) -> Observation {
         let change_of_contacts = self.change_of_contacts(agent);
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
         let contacts = contacts.into_iter().map(|other| (other, self.measured_position(other))).collect();
@@ -376,9 +377,9 @@ impl World {
         self.collect_scans(agent.index());
         let Lidar { scanner, noise, .. } = &*self.lidar;
         let state = &mut self.agents[agent.index()];
-        let delta = match commit {
-            Commit::Committed => state.pending_observation.commit(),
-            Commit::Speculative => state.pending_observation.speculate(),
+        let delta = match kind {
+            RequestKind::Scheduled => state.pending_observation.commit(),
+            RequestKind::Polled => state.pending_observation.speculate(),
         };
         let events = delta.events | change_of_contacts;
         let mut observation = Observation {
@@ -406,7 +407,7 @@ impl World {
                 false => scanner.view(&state.sensor.state().memory, pose),
             });
         }
-        if commit == Commit::Committed {
+        if kind == RequestKind::Scheduled {
             state.reported_relays = relays;
             self.note_reported_contacts(agent);
         }
@@ -417,13 +418,13 @@ impl World {
     /// their tasks.
     pub fn step(&mut self, actions: BTreeMap<AgentId, Action>) {
         self.communicate(&actions);
-        self.tasked.clear();
+        self.with_task.clear();
         for (agent, action) in actions {
             let next_tick = self.tick.after(1);
             let state = &mut self.agents[agent.index()];
             state.want_view = action.want_view;
             if action.motion != Motion::Keep {
-                self.tasked.push(agent.index());
+                self.with_task.push(agent.index());
             }
             state.body.set_task(action.motion);
             match (action.lidar, self.params.schedule) {

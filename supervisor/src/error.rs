@@ -10,11 +10,14 @@ pub enum SupervisorError {
     /// Two servers in one domain would share their agents.
     #[error("a run is under way in ROS domain {0}; choose another ROS_DOMAIN_ID")]
     DomainTaken(String),
-    /// An external agent that the team does not have.
+    /// An third-party agent that the team does not have.
     #[error("--external {agent}: agent {agent} is not in the run: ids are 0 to {}", count - 1)]
     UnknownExternal { agent: u32, count: u32 },
-    /// External agents are processes of their own, so the others have to be, too.
-    #[error("--agents-per-process {0}: expected 1 if some agents are external, or have a program of their own")]
+    /// Third-party agents are processes of their own, so the others have to be, too.
+    #[error(
+        "--agents-per-process {0}: expected 1 if some agents are third-party, or have a program
+    #of their own"
+    )]
     SharedProcess(u32),
     /// A file of hosts, or what it says.
     #[error("{}: {reason}", file.display())]

@@ -179,8 +179,8 @@ impl Run<'_> {
         if self.hosts.is_some() && !remote::reaches_hosts(std::env::var(RANGE).ok().as_deref()) {
             command.env(RANGE, SUBNET);
         }
-        if !self.team.external.is_empty() {
-            let ids: Vec<String> = self.team.external.iter().map(u32::to_string).collect();
+        if !self.team.third_party.is_empty() {
+            let ids: Vec<String> = self.team.third_party.iter().map(u32::to_string).collect();
             command.arg("--external").arg(ids.join(","));
         }
         command.args(&self.server_flags).arg("--log").arg(self.logs.join("server.log"));

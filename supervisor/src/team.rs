@@ -36,7 +36,7 @@ pub struct Team {
     pub per_process: Option<NonZero<u32>>,
     pub order: Order,
     /// Agents that start elsewhere. Those of the scenario's `agents.cmd_vel` are among them.
-    pub external: BTreeSet<u32>,
+    pub third_party: BTreeSet<u32>,
     /// The longest random delay before each reply of an agent, ms.
     pub chaos_delay_ms: Option<u64>,
     /// Whether agents offer ROS parameters; decided by the size of the team, and by `agent_node`,
@@ -55,10 +55,10 @@ impl Team {
     /// Whether the team can run this scenario.
     ///
     /// # Errors
-    /// If an external agent is not in the run, or would share a process.
+    /// If an third-party agent is not in the run, or would share a process.
     pub fn check(&self, scenario: &Scenario) -> Result<(), SupervisorError> {
         let count = scenario.agents.count;
-        if let Some(&agent) = self.external.iter().find(|&&agent| agent >= count) {
+        if let Some(&agent) = self.third_party.iter().find(|&&agent| agent >= count) {
             return Err(SupervisorError::UnknownExternal { agent, count });
         }
         match self.per_process {
@@ -70,10 +70,10 @@ impl Team {
     }
 
     /// The agents that are started elsewhere.
-    fn all_external(&self, scenario: &Scenario) -> BTreeSet<u32> {
+    fn all_third_party(&self, scenario: &Scenario) -> BTreeSet<u32> {
         let agents = &scenario.agents;
         let unstarted = agents.cmd_vel.iter().filter(|&&agent| !agents.is_commanded(agent));
-        self.external.iter().chain(unstarted).copied().collect()
+        self.third_party.iter().chain(unstarted).copied().collect()
     }
 
     /// Whether some agents cannot share a process with the next ones.
@@ -81,7 +81,7 @@ impl Team {
         let agents = &scenario.agents;
         let is_whole_team = agents.command_ids.is_empty() && agents.cmd_vel.is_empty();
         let has_mixed_programs = !(agents.command.is_empty() || is_whole_team && agents.command_signs);
-        has_mixed_programs || outside::names_id(agents) || !self.all_external(scenario).is_empty()
+        has_mixed_programs || outside::names_id(agents) || !self.all_third_party(scenario).is_empty()
     }
 
     /// Whether agents offer ROS parameters, if that is decided here.
@@ -91,8 +91,8 @@ impl Team {
 
     /// The agents that are started here.
     pub(crate) fn agents(&self, scenario: &Scenario) -> BTreeSet<u32> {
-        let external = self.all_external(scenario);
-        (0..scenario.agents.count).filter(|agent| !external.contains(agent)).collect()
+        let third_party = self.all_third_party(scenario);
+        (0..scenario.agents.count).filter(|agent| !third_party.contains(agent)).collect()
     }
 
     /// The processes to start, in order.
@@ -117,8 +117,8 @@ impl Team {
     fn groups_on(&self, scenario: &Scenario, cores: usize) -> Vec<Group> {
         let count = scenario.agents.count;
         let size = self.process_size(scenario, count, cores);
-        let external = self.all_external(scenario);
-        let first_ids = (0..count).step_by(size as usize).filter(|first| !external.contains(first));
+        let third_party = self.all_third_party(scenario);
+        let first_ids = (0..count).step_by(size as usize).filter(|first| !third_party.contains(first));
         let mut groups: Vec<Group> =
             first_ids.map(|first| Group { first, last: (count - 1).min(first + size - 1) }).collect();
         self.arrange(&mut groups);
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn external_agents_are_not_started() {
-        let team = Team { external: BTreeSet::from([1]), ..Team::default() };
+        let team = Team { third_party: BTreeSet::from([1]), ..Team::default() };
         assert_eq!(ids(&team, "count = 4\ncmd_vel = [3]"), [(0, 0), (2, 2)]);
         let error = team.check(&scenario("count = 1")).unwrap_err();
         assert_eq!(error.to_string(), "--external 1: agent 1 is not in the run: ids are 0 to 0");
@@ -212,7 +212,7 @@ mod tests {
         let error = shared.check(&scenario("count = 4\ncmd_vel = [3]")).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "--agents-per-process 2: expected 1 if some agents are external, or have a program of their own"
+            "--agents-per-process 2: expected 1 if some agents are third-party, or have a program of their own"
         );
     }
 }

@@ -27,7 +27,7 @@ impl Case {
         Case { message: M::TYPE, record: shape::record::<M>, compare: fixtures::compare::<M> }
     }
 
-    /// The name as it stands in a `.msg` file: `maes_msgs/Task`.
+    /// The name as it stands in a `.msg` file: `maes_msgs/Motion`.
     fn name(&self) -> String {
         format!("{}/{}", self.message.package, self.message.name)
     }
@@ -46,8 +46,8 @@ fn cases() -> Vec<Case> {
             Vector3
         }
         maes_msgs {
-            Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar LidarRequest Observation Parcel
-            Progress Radio Result Scenario SignedCommand SignedJoin SignedObservation Task Wake
+            Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar ScanRequest Observation AgentMessage
+            Progress Radio Result Scenario SignedCommand SignedJoin SignedObservation Motion WakeCondition
         }
         nav_msgs { Odometry Path }
         rcl_interfaces { Log }

@@ -47,7 +47,7 @@ pub(crate) struct Play {
 
 /// The outcome of an in-memory run.
 #[derive(Debug)]
-pub(crate) struct Played {
+pub(crate) struct FinishedRun {
     pub(crate) outcome: Result<Outcome, RunError>,
     /// The notes of the server for its user.
     pub(crate) notes: Vec<String>,
@@ -90,7 +90,10 @@ impl Play {
 
     /// Executes the run. `node` serves a group of agents until the run ends, which sets its flag.
     #[track_caller]
-    pub(crate) fn with(self, node: impl Fn(AgentsEnd, Vec<AgentId>, &AtomicBool) + Send + Sync + 'static) -> Played {
+    pub(crate) fn with(
+        self,
+        node: impl Fn(AgentsEnd, Vec<AgentId>, &AtomicBool) + Send + Sync + 'static,
+    ) -> FinishedRun {
         bounded("a run in memory", move || {
             let Self { scenario, groups, record, watch, server_link, resumed, stop, policy } = self;
             let ids = |group: Vec<u32>| group.into_iter().map(AgentId).collect();
@@ -112,12 +115,12 @@ impl Play {
                 is_over.store(true, Ordering::Relaxed);
                 outcome
             });
-            Played { outcome, notes: watcher.notes }
+            FinishedRun { outcome, notes: watcher.notes }
         })
     }
 }
 
-impl Played {
+impl FinishedRun {
     #[track_caller]
     pub(crate) fn outcome(&self) -> &Outcome {
         self.outcome.as_ref().unwrap_or_else(|error| panic!("{error}\n{}", self.notes.join("\n")))

@@ -1,7 +1,7 @@
 use std::mem::take;
 use std::sync::{Arc, Mutex};
 
-use msgs::maes_msgs::{CellRuns, Contact, Parcel as Message, Wake as Events};
+use msgs::maes_msgs::{AgentMessage as Message, CellRuns, Contact, WakeCondition as Events};
 use nalgebra::Point3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -19,7 +19,7 @@ impl Controller for Counting {
         self.0 += 1;
         assert!(ctx.map().free() > 0, "the observation is in the map");
         let distance_m = f64::from(self.0);
-        Command::new(Motion::Move { pitch_rad: 0.0, distance_m }, Trigger::NEXT_TICK)
+        Command::new(Motion::Move { pitch_rad: 0.0, distance_m }, WakeCondition::NEXT_TICK)
     }
 }
 
@@ -53,9 +53,9 @@ fn resent_observation_gets_the_same_reply() {
     let first = agent.take(part(3, Part::RUNNING)).unwrap();
     assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), first);
     let Reaction::Reply(command) = first else { panic!("{first:?}") };
-    assert_eq!((command.agent, command.tick, command.task.distance_m), (2, 3, 1.0));
+    assert_eq!((command.agent, command.tick, command.motion.distance_m), (2, 3, 1.0));
     let Reaction::Reply(next) = agent.take(part(4, Part::RUNNING)).unwrap() else { panic!() };
-    assert_eq!(next.task.distance_m, 2.0);
+    assert_eq!(next.motion.distance_m, 2.0);
     assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), Reaction::None);
     assert_eq!(agent.last_tick(), Some(Tick(4)));
 }
@@ -65,33 +65,34 @@ fn end_is_acknowledged_even_in_a_replied_tick() {
     let mut agent = agent();
     agent.take(part(3, Part::RUNNING)).unwrap();
     let Reaction::Acknowledge(acknowledgement) = agent.take(part(3, Part::ENDED)).unwrap() else { panic!() };
-    assert_eq!((acknowledgement.tick, acknowledgement.task.kind), (3, maes_msgs::Task::KEEP));
+    assert_eq!((acknowledgement.tick, acknowledgement.motion.kind), (3, maes_msgs::Motion::KEEP));
     assert_eq!((agent.map().free(), agent.map().covered()), (3, 1));
 }
 
 /// Acts at random when it is due, depending on all it knows; logs the observations of these ticks.
 struct Whim {
     rng: ChaCha8Rng,
-    wake: Trigger,
+    wake: WakeCondition,
     shown: Arc<Mutex<Vec<Observation>>>,
     is_restless: bool,
 }
 
 impl Controller for Whim {
-    fn is_polled_between_triggers(&self) -> bool {
+    fn is_polled_between_wakes(&self) -> bool {
         true
     }
 
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        assert!(observation.messages.iter().all(|message| message.kind != MAP_MESSAGE));
-        if !self.wake.is_due(observation.tick, observation.events) {
+        assert!(observation.messages.iter().all(|message| message.kind != MessageType::Map.number()));
+        if !self.wake.is_met(observation.tick, observation.events) {
             let is_acting = self.is_restless && observation.tick.0.is_multiple_of(7);
             let info = if is_acting { "restless".to_owned() } else { String::new() };
             return Command { info, ..Command::keep(self.wake) };
         }
         self.shown.lock().unwrap().push(observation.clone());
         let rng = &mut self.rng;
-        self.wake = Trigger { at: observation.tick.after(rng.random_range(0..40)), events: rng.random_range(0..32) };
+        self.wake =
+            WakeCondition { at: observation.tick.after(rng.random_range(0..40)), events: rng.random_range(0..32) };
         let angle_rad = (ctx.map().free() + 3 * ctx.map().covered() + 7 * ctx.map().wall()) as f64 / 1e3;
         let noise = |rng: &mut ChaCha8Rng| (0..rng.random_range(0..9)).map(|_| rng.random()).collect::<Vec<u8>>();
         Command {
@@ -102,7 +103,7 @@ impl Controller for Whim {
                 1 => vec![AgentMessage {
                     to: None,
                     kind: 9,
-                    data: vec![0; rng.random_range(0..PARCEL_BYTES_MAX)].into(),
+                    data: vec![0; rng.random_range(0..AGENT_MESSAGE_BYTES_MAX)].into(),
                 }],
                 _ => Vec::new(),
             },
@@ -115,13 +116,13 @@ impl Controller for Whim {
 #[derive(Default)]
 struct Mailbox {
     free: Vec<u32>,
-    parcels: Vec<Message>,
+    messages: Vec<Message>,
     events: u8,
     requested: (usize, usize, u8),
     contacts: Vec<u32>,
     /// The contacts that were listed since the last multiple of [`SHARE_PERIOD`].
     listed: Vec<u32>,
-    wake: Option<Trigger>,
+    wake: Option<WakeCondition>,
     committed: Vec<maes_msgs::Command>,
 }
 
@@ -155,7 +156,7 @@ fn play(
         shown.push(Arc::<Mutex<_>>::default());
         let rng = voxels::random_streams::stream(seed, id.into(), "whim");
         let shown = Arc::clone(&shown[id as usize]);
-        let whim = Whim { rng, wake: Trigger::NEXT_TICK, shown, is_restless };
+        let whim = Whim { rng, wake: WakeCondition::NEXT_TICK, shown, is_restless };
         agents.push(Agent::new(AgentId(id), run_info.clone(), Box::new(whim)));
         boxes.push(Mailbox::default());
     }
@@ -177,23 +178,23 @@ fn play(
             }
             if rng.random_bool(0.2) {
                 places[index] = rng.random_range(0..free_cells.len());
-                mailbox.events |= Events::NEW_CELL;
+                mailbox.events |= EventMask::NEW_CELL;
             }
             let contacts: Vec<u32> =
                 (0..AGENTS).filter(|&other| pairs.contains(&(id, other)) || pairs.contains(&(other, id))).collect();
-            let mut change = if contacts == mailbox.contacts { 0 } else { Events::CONTACTS };
+            let mut change = if contacts == mailbox.contacts { 0 } else { EventMask::CONTACTS };
             if tick % u64::from(SHARE_PERIOD) == 0 {
                 mailbox.listed.clear();
             }
-            let asks = mailbox.wake.is_some_and(|wake| wake.events & Events::FIRST_CONTACT != 0);
+            let asks = mailbox.wake.is_some_and(|wake| wake.events.intersects(EventMask::FIRST_CONTACT));
             if asks && contacts.iter().any(|contact| !mailbox.listed.contains(contact)) {
-                change |= Events::FIRST_CONTACT;
+                change |= EventMask::FIRST_CONTACT;
             }
-            let is_due = mailbox.wake.is_none_or(|wake| wake.is_due(Tick(tick), mailbox.events | change));
+            let is_due = mailbox.wake.is_none_or(|wake| wake.is_met(Tick(tick), mailbox.events | change));
             if !is_due && looks_ahead {
                 continue;
             }
-            let (free, parcels, events) = if is_due { (0, 0, 0) } else { mailbox.requested };
+            let (free, messages, events) = if is_due { (0, 0, 0) } else { mailbox.requested };
             let mut seen = mailbox.free[free..].to_vec();
             seen.sort_unstable();
             let (start, length) = voxels::runs(seen.into_iter());
@@ -204,39 +205,39 @@ fn play(
                 position: msgs::geometry_msgs::Point { x: centre.x, y: centre.y, z: centre.z },
                 events: mailbox.events & !events | change,
                 contacts: contacts.iter().map(|&agent| Contact { agent, ..Contact::default() }).collect(),
-                parcels: mailbox.parcels[parcels..].to_vec(),
+                messages: mailbox.messages[messages..].to_vec(),
                 scan_tick: Part::NEVER,
                 seen_free: CellRuns { start, length },
                 ..Part::default()
             };
-            mailbox.requested = (mailbox.free.len(), mailbox.parcels.len(), mailbox.events);
+            mailbox.requested = (mailbox.free.len(), mailbox.messages.len(), mailbox.events);
             let Reaction::Reply(command) = agents[index].take(part).unwrap() else { panic!() };
-            let data_bytes: usize = command.parcels.iter().map(|parcel| parcel.data.len()).sum();
-            assert!(data_bytes <= PARCEL_BYTES_MAX);
+            let data_bytes: usize = command.messages.iter().map(|message| message.data.len()).sum();
+            assert!(data_bytes <= AGENT_MESSAGE_BYTES_MAX);
             let nothing = maes_msgs::Command {
                 tick,
                 agent: id,
                 wake: command.wake,
                 known_free: command.known_free,
                 failed_searches: command.failed_searches,
-                ..wire::command(AgentId(id), Tick(tick), Command::keep(Trigger::NEXT_TICK))
+                ..wire::command(AgentId(id), Tick(tick), Command::keep(WakeCondition::NEXT_TICK))
             };
             if !is_due && command == nothing {
                 continue;
             }
-            let wake = Trigger { at: Tick(command.wake.at_tick.max(tick + 1)), events: command.wake.events };
+            let wake = WakeCondition { at: Tick(command.wake.at_tick.max(tick + 1)), events: command.wake.events };
             let committed = [std::mem::take(&mut mailbox.committed), vec![command.clone()]].concat();
             let listed = [std::mem::take(&mut mailbox.listed), contacts.clone()].concat();
             let contacts_now = contacts.clone();
             *mailbox = Mailbox { contacts: contacts_now, listed, wake: Some(wake), committed, ..Mailbox::default() };
-            for parcel in command.parcels {
-                let named = contacts.iter().filter(|&&to| parcel.agent == Message::BROADCAST || parcel.agent == to);
-                posted.extend(named.map(|&to| (to, Message { agent: id, ..parcel.clone() })));
+            for message in command.messages {
+                let named = contacts.iter().filter(|&&to| message.agent == Message::BROADCAST || message.agent == to);
+                posted.extend(named.map(|&to| (to, Message { agent: id, ..message.clone() })));
             }
         }
-        for (to, parcel) in posted {
-            boxes[to as usize].parcels.push(parcel);
-            boxes[to as usize].events |= Events::PARCEL;
+        for (to, message) in posted {
+            boxes[to as usize].messages.push(message);
+            boxes[to as usize].events |= EventMask::MESSAGE;
         }
     }
     let has_shared = agents.iter().all(|agent| agent.sharing().totals().messages_taken > 3);
@@ -268,7 +269,7 @@ struct Sleeper {
 impl Controller for Sleeper {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         self.shown.lock().unwrap().push(observation.clone());
-        let wake = Trigger { at: Tick(self.ticks.remove(0)), events: 0 };
+        let wake = WakeCondition { at: Tick(self.ticks.remove(0)), events: 0 };
         Command { want_view: true, ..Command::keep(wake) }
     }
 }
@@ -278,20 +279,23 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
     let shown = Arc::<Mutex<_>>::default();
     let sleeper = Sleeper { ticks: vec![30, 90], shown: Arc::clone(&shown) };
     let mut agent = Agent::new(AgentId(2), run_info(3), Box::new(sleeper));
-    let mut ask = |tick: u64, cell: u32, parcels: Vec<Message>| {
+    let mut ask = |tick: u64, cell: u32, messages: Vec<Message>| {
         let seen_free = CellRuns { start: vec![cell], length: vec![1] };
         let contacts = vec![Contact { agent: 1, ..Contact::default() }];
-        let part = Part { parcels, seen_free, contacts, events: 1 << (tick % 3), ..part(tick, Part::RUNNING) };
+        let part = Part { messages, seen_free, contacts, events: 1 << (tick % 3), ..part(tick, Part::RUNNING) };
         let Reaction::Reply(command) = agent.take(part).unwrap() else { panic!() };
         command
     };
     let first = ask(5, 0, Vec::new());
-    assert_eq!((first.wake.at_tick, first.wake.events, first.parcels.len()), (6, Events::FIRST_CONTACT, 1));
-    let map_message =
-        Message { agent: 1, kind: MAP_MESSAGE, data: vec![VERSION, 1, 1, 2, 9, 1, 0b1111_1000, 1].into() };
+    assert_eq!((first.wake.at_tick, first.wake.events, first.messages.len()), (6, EventMask::FIRST_CONTACT, 1));
+    let map_message = Message {
+        agent: 1,
+        kind: MessageType::Map.number(),
+        data: vec![VERSION, 1, 1, 2, 9, 1, 0b1111_1000, 1].into(),
+    };
     let other_message = Message { agent: 1, kind: 7, data: vec![3].into() };
     let shared = ask(10, 9, vec![map_message, other_message.clone()]);
-    assert_eq!((shared.wake.at_tick, shared.want_view, shared.parcels.len()), (11, true, 1));
+    assert_eq!((shared.wake.at_tick, shared.want_view, shared.messages.len()), (11, true, 1));
     assert_eq!(shown.lock().unwrap().len(), 1, "the controller sleeps");
     assert_eq!(ask(20, 4, Vec::new()).wake.at_tick, 21);
     ask(30, 2, vec![other_message]);
@@ -308,10 +312,10 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
 #[test]
 fn controllers_messages_have_priority_in_the_budget() {
     let message = |bytes| AgentMessage { to: None, kind: 3, data: vec![0; bytes].into() };
-    let mut command = Command::keep(Trigger::NEXT_TICK);
-    assert_eq!(message_budget(&command), PARCEL_BYTES_MAX);
+    let mut command = Command::keep(WakeCondition::NEXT_TICK);
+    assert_eq!(message_budget(&command), AGENT_MESSAGE_BYTES_MAX);
     command.messages = vec![message(50_000)];
-    assert_eq!(message_budget(&command), PARCEL_BYTES_MAX - 50_000);
+    assert_eq!(message_budget(&command), AGENT_MESSAGE_BYTES_MAX - 50_000);
     command.motion = Motion::Path(vec![Point3::origin(); 1000]);
     assert_eq!(message_budget(&command), 0);
     command.messages = vec![message(10_000)];
@@ -331,9 +335,12 @@ fn change_of_controller(tick: u64, controller: &str) -> Part {
         share_period_ticks: 10,
         ..Default::default()
     };
-    let parcel =
-        maes_msgs::Parcel { agent: maes_msgs::Parcel::SERVER, data: msgs::cdr::encode(&scenario).into(), kind: 0 };
-    Part { parcels: vec![parcel], ..part(tick, Part::RUNNING) }
+    let message = maes_msgs::AgentMessage {
+        agent: maes_msgs::AgentMessage::SERVER,
+        data: msgs::cdr::encode(&scenario).into(),
+        kind: 0,
+    };
+    Part { messages: vec![message], ..part(tick, Part::RUNNING) }
 }
 
 #[test]
@@ -344,7 +351,7 @@ fn another_controller_takes_over_at_once_and_keeps_the_map() {
     });
     let mut agent = agent().with_successors(successors);
     let distance_m = |agent: &mut Agent, part: Part| match agent.take(part).unwrap() {
-        Reaction::Reply(command) => command.task.distance_m,
+        Reaction::Reply(command) => command.motion.distance_m,
         other => panic!("{other:?}"),
     };
     assert_eq!(distance_m(&mut agent, part(3, Part::RUNNING)), 1.0);
@@ -354,7 +361,10 @@ fn another_controller_takes_over_at_once_and_keeps_the_map() {
     assert_eq!(agent.map().free(), 3, "what was learned stays");
     assert_eq!(distance_m(&mut agent, part(6, Part::RUNNING)), 102.0);
     let foreign = Part {
-        parcels: vec![maes_msgs::Parcel { data: vec![1, 2].into(), ..change_of_controller(7, "").parcels[0].clone() }],
+        messages: vec![maes_msgs::AgentMessage {
+            data: vec![1, 2].into(),
+            ..change_of_controller(7, "").messages[0].clone()
+        }],
         ..change_of_controller(7, "")
     };
     assert!(agent.take(foreign).unwrap_err().to_string().contains("expected a scenario with the team and the map"));

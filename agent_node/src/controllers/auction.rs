@@ -29,7 +29,6 @@ use crate::bodies::{Bodies, BodyKind, BodyModel, leg_s};
 use crate::observation::{Contact, ReceivedMessage};
 
 /// The mark of messages that carry claims.
-pub const CLAIMS_MESSAGE: u8 = 2;
 
 const VERSION: u8 = 1;
 
@@ -51,11 +50,11 @@ pub struct AuctionParams {
     /// Share of its utility that a claimed goal loses for others.
     pub discount: f64,
     /// Cost of a frontier that another agent will reach sooner, metres of path.
-    pub trespass_m: f64,
+    pub conflict_penalty_m: f64,
     /// Ratio of path length to straight distance.
     pub detour: f64,
     /// Planning speed of submarines, m/s.
-    pub pace_m_s: f64,
+    pub cruise_speed_m_s: f64,
     /// Duration of a claim beyond the travel time, ticks.
     pub lease_ticks: u64,
 }
@@ -69,9 +68,9 @@ impl AuctionParams {
         Ok(Self {
             spread_m: settings.number("spread_m", 25.0, 0.1, 1000.0)?,
             discount: settings.number("discount", 0.9, 0.0, 1.0)?,
-            trespass_m: settings.number("trespass_m", 80.0, 0.0, 10_000.0)?,
+            conflict_penalty_m: settings.number("conflict_penalty_m", 80.0, 0.0, 10_000.0)?,
             detour: settings.number("detour", 1.3, 1.0, 10.0)?,
-            pace_m_s: settings.number("pace_m_s", 0.8, 0.01, 100.0)?,
+            cruise_speed_m_s: settings.number("cruise_speed_m_s", 0.8, 0.01, 100.0)?,
             lease_ticks: (settings.number("lease_s", 30.0, 0.0, 600.0)? / Tick::TICK_S).round() as u64,
         })
     }
@@ -117,13 +116,13 @@ pub struct Auction {
 impl Auction {
     /// The auction as seen by the agent `own`, without claims.
     pub fn new(params: AuctionParams, bodies: &Bodies, own: AgentId, extent: Extent) -> Self {
-        let speeds_m_s = bodies.iter().map(|body| planning_speed_m_s(body, params.pace_m_s)).collect();
+        let speeds_m_s = bodies.iter().map(|body| planning_speed_m_s(body, params.cruise_speed_m_s)).collect();
         Self { params, speeds_m_s, own, extent, claims: BTreeMap::new() }
     }
 
     /// Merges received claims and drops expired ones. `agents` is the team size.
     pub fn receive(&mut self, messages: &[ReceivedMessage], now: Tick, agents: u32) {
-        for message in messages.iter().filter(|message| message.kind == CLAIMS_MESSAGE) {
+        for message in messages.iter().filter(|message| message.kind == MessageType::Claims.number()) {
             for (agent, claim) in decode(&message.data, self.extent, agents).into_iter().flatten() {
                 let is_newer = self.claims.get(&agent).is_none_or(|known| known.made < claim.made);
                 if agent != self.own && is_newer && claim.made <= now {
@@ -249,7 +248,7 @@ impl Auction {
     /// The cost added to the path length to a frontier, metres: 0 if no other claim is near and no
     /// other agent will reach it sooner.
     pub fn penalty_m(&self, cell: Cell, path_m: f64, contacts: &[Contact], now: Tick) -> f64 {
-        let AuctionParams { trespass_m, detour, .. } = self.params;
+        let AuctionParams { conflict_penalty_m, detour, .. } = self.params;
         let sooner = |agent: AgentId, claim: &Claim| {
             let other_m = self.remaining_m(agent, claim, now) + self.distance_m(claim.cell, cell) * detour;
             self.own_equivalent_m(agent, other_m) < path_m
@@ -262,10 +261,10 @@ impl Auction {
         if self.rival_claims().any(|(agent, claim)| sooner(agent, claim))
             || contacts.iter().filter(without_goal).any(beside)
         {
-            trespass_m
+            conflict_penalty_m
         } else {
             let nearest = self.rival_claims().map(|(_, claim)| self.proximity(claim, cell)).fold(0.0, f64::max);
-            trespass_m * self.params.discount * nearest
+            conflict_penalty_m * self.params.discount * nearest
         }
     }
 
@@ -316,9 +315,9 @@ mod tests {
     const PARAMS: AuctionParams = AuctionParams {
         spread_m: 10.0,
         discount: 0.9,
-        trespass_m: 40.0,
+        conflict_penalty_m: 40.0,
         detour: 1.3,
-        pace_m_s: 0.8,
+        cruise_speed_m_s: 0.8,
         lease_ticks: 1500,
     };
 
@@ -332,7 +331,7 @@ mod tests {
     }
 
     fn messages_of(from: &Auction) -> Vec<ReceivedMessage> {
-        vec![ReceivedMessage { from: from.own, kind: CLAIMS_MESSAGE, data: from.encode().into() }]
+        vec![ReceivedMessage { from: from.own, kind: MessageType::Claims.number(), data: from.encode().into() }]
     }
 
     /// Two agents, each with a claim that the other has received.
@@ -451,7 +450,7 @@ mod tests {
         let received = |data: Vec<u8>| {
             let mut listener = Auction::new(PARAMS, &bodies(), AgentId(0), extent());
             listener.receive(
-                &[ReceivedMessage { from: AgentId(1), kind: CLAIMS_MESSAGE, data: data.into() }],
+                &[ReceivedMessage { from: AgentId(1), kind: MessageType::Claims.number(), data: data.into() }],
                 Tick(200),
                 4,
             );

@@ -17,7 +17,7 @@
 use std::collections::BTreeSet;
 use std::task::Poll;
 
-use msgs::maes_msgs::Wake as Events;
+use msgs::event_mask::EventMask;
 use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
@@ -25,7 +25,7 @@ use voxels::Cell;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, collision_recovery};
-use crate::command::{Command, Motion, Stage, Trigger};
+use crate::command::{Command, Motion, Stage, WakeCondition};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
@@ -138,19 +138,19 @@ impl Controller for Boustrophedon {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         // Before the first scan only the own cell is known.
         if observation.scan_tick.is_none() {
-            return Command::keep(Trigger::NEXT_TICK);
+            return Command::keep(WakeCondition::NEXT_TICK);
         }
         if let Task::Line(from, step) = self.task {
             Self::mark_line_covered(ctx, from, step);
         }
-        if self.task != Task::None && observation.events & Events::COLLISION != 0 {
+        if self.task != Task::None && observation.events.intersects(EventMask::COLLISION) {
             self.task = Task::None;
             return collision_recovery::step_aside(&mut self.rng, ctx);
         }
         if let Some((step, end)) = Self::next_line(ctx) {
             self.task = Task::Line(ctx.cell(), step);
             let motion = Motion::Path(vec![ctx.map().extent().centre(end)]);
-            return Command::new(motion, Trigger::TASK_DONE).with_info("ploughs");
+            return Command::new(motion, WakeCondition::TASK_DONE).with_info("ploughs");
         }
         let under_way = match self.task {
             Task::Transit(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
@@ -168,12 +168,12 @@ impl Controller for Boustrophedon {
                     true => NOTHING_TO_SEE,
                     false => "knows nothing to cover",
                 };
-                return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                return Command::new(Motion::Stop, WakeCondition::on(EventMask::MESSAGE | EventMask::CONTACTS))
                     .with_stage(Stage::Waiting)
                     .with_info(info);
             }
             Poll::Pending => {
-                return Command::new(Motion::Stop, Trigger::NEXT_TICK)
+                return Command::new(Motion::Stop, WakeCondition::NEXT_TICK)
                     .with_stage(Stage::Waiting)
                     .with_info("looks for a viewpoint");
             }
@@ -182,17 +182,17 @@ impl Controller for Boustrophedon {
         match ctx.go_to_cell(goal, self.search_time) {
             NavigationStatus::Go(motion) => {
                 let Cell { x, y, z } = goal;
-                Command::new(motion, Trigger::TASK_DONE).with_info(format!("goes to {x} {y} {z}"))
+                Command::new(motion, WakeCondition::TASK_DONE).with_info(format!("goes to {x} {y} {z}"))
             }
             // The body must stay at rest, since the path begins where it is now.
-            NavigationStatus::Searching(trigger) => Command::new(Motion::Stop, trigger).with_info("searches a way"),
+            NavigationStatus::Searching(wake) => Command::new(Motion::Stop, wake).with_info("searches a way"),
             NavigationStatus::NoPath => {
                 self.abandoned.insert(goal);
                 if let Some(viewpoints) = &mut self.viewpoints {
                     viewpoints.visit(ctx.map().extent(), goal);
                 }
                 self.task = Task::None;
-                Command::new(Motion::Stop, Trigger::NEXT_TICK)
+                Command::new(Motion::Stop, WakeCondition::NEXT_TICK)
             }
         }
     }
@@ -238,12 +238,12 @@ mod tests {
     #[test]
     fn lines_are_straight_and_as_long_as_possible() {
         let mut world = World::new(HALL, flat(1, 5));
-        world.look();
+        world.sense();
         let command = world.ask(&mut controller("instant"));
         assert_eq!(command.motion, Motion::Path(vec![world.map.extent().centre(flat(6, 5))]));
         assert_eq!(
-            (command.trigger, command.lidar, command.messages.len()),
-            (Trigger::TASK_DONE, ScanRequest::Keep, 0)
+            (command.wake, command.lidar, command.messages.len()),
+            (WakeCondition::TASK_DONE, ScanRequest::Keep, 0)
         );
     }
 
@@ -252,7 +252,7 @@ mod tests {
         // Only both ends of a corridor are not covered.
         let mut world = World::known("#########\n#.......#\n#########\n", flat(3, 1));
         (2..7).for_each(|x| world.map.note_covered(flat(x, 1)));
-        world.look();
+        world.sense();
         let aside = Contact { agent: msgs::ids::AgentId(0), position: Point3::new(2.5, 1.5, 0.5) };
         world.observation.contacts = vec![aside];
         assert_eq!(world.ask(&mut controller("instant")).info, "goes to 7 1 0");
@@ -264,7 +264,7 @@ mod tests {
     fn continues_after_a_collision_with_an_agent() {
         let mut world = World::new(HALL, flat(1, 5));
         let mut controller = controller("instant");
-        world.look();
+        world.sense();
         world.ask(&mut controller);
         world.put(flat(3, 5));
         world.collide();

@@ -10,7 +10,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::Ctx;
-use crate::command::{Command, Motion, Stage, Trigger};
+use crate::command::{Command, Motion, Stage, WakeCondition};
 
 /// Ticks to hold after a collision: 0.5 to 4 s.
 pub const HOLD_TICKS: RangeInclusive<u64> = 25..=200;
@@ -23,5 +23,5 @@ pub fn step_aside(rng: &mut ChaCha8Rng, ctx: &Ctx<'_>) -> Command {
         cells => Motion::Path(vec![ctx.map().extent().centre(beside[rng.random_range(0..cells)])]),
     };
     let until = ctx.tick().after(rng.random_range(HOLD_TICKS));
-    Command::new(motion, Trigger::at(until)).with_stage(Stage::Waiting).with_info("makes way")
+    Command::new(motion, WakeCondition::at(until)).with_stage(Stage::Waiting).with_info("makes way")
 }

@@ -117,7 +117,7 @@ impl<'a> Ctx<'a> {
     /// The motion to the centre of a cell: straight if that is known to be clear, else along the
     /// cheapest path through cells known to be free, with 26 neighbours.
     ///
-    /// If the search takes time, the body must stay at rest until the trigger of
+    /// If the search takes time, the body must stay at rest until the wake-up condition of
     /// [`NavigationStatus::Searching`] fires; then call again with the same cell.
     pub fn go_to_cell(&mut self, goal: Cell, time: SearchTime) -> NavigationStatus {
         self.go_to_cell_by(goal, Neighbours::TwentySix, time)

@@ -45,8 +45,8 @@ mod variants;
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
-use msgs::maes_msgs::Wake as Events;
 use nalgebra::Vector3;
 use rand::RngExt;
 use rand::seq::SliceRandom;
@@ -56,7 +56,7 @@ use voxels::Cell;
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, Setup};
 use crate::abstract_graph::{AbstractGraph, ShortestPaths};
-use crate::command::{Command, Motion, ScanRequest, Stage, Trigger};
+use crate::command::{Command, Motion, ScanRequest, Stage, WakeCondition};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::observation::Observation;
 use crate::path::Neighbours;
@@ -68,7 +68,7 @@ use gain::{GainEstimator, Likelihood};
 use goal::Goal;
 use obstacles::Obstacles;
 pub use params::Params;
-pub use pursuit::FINISHED_MESSAGE;
+
 use pursuit::Pursuit;
 use scanning::Scanning;
 use tree::Tree;
@@ -135,7 +135,7 @@ impl<C: Coordination> Dsvp<C> {
     fn new(params: Params, coordination: C, setup: Setup<'_>) -> Self {
         let Setup { agent, run_info, rng } = setup;
         let extent = run_info.extent;
-        let Params { gain_range_m, gain_rays, gain_depth, beside_wall, .. } = params;
+        let Params { gain_range_m, gain_rays, gain_depth, wall_adjacency_factor, .. } = params;
         let range_m = gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m());
         let range_cells = range_m / extent.cell_m();
         Self {
@@ -144,7 +144,12 @@ impl<C: Coordination> Dsvp<C> {
             rng,
             graph: AbstractGraph::new(extent, run_info.bodies.of(agent).radius_m),
             paths: ShortestPaths::default(),
-            gain_estimator: GainEstimator::new(gain_rays, range_cells, gain_depth, Likelihood::new(beside_wall)),
+            gain_estimator: GainEstimator::new(
+                gain_rays,
+                range_cells,
+                gain_depth,
+                Likelihood::new(wall_adjacency_factor),
+            ),
             pursuit: Pursuit::new(agent, run_info.agents),
             tree: None,
             direction: None,
@@ -224,20 +229,20 @@ impl<C: Coordination> Dsvp<C> {
             Plan::Blocked => self.resolve_blockage(observation, ctx, &obstacles),
             Plan::Pending => {
                 self.goal = None;
-                Command::new(hold(observation), Trigger::NEXT_TICK)
+                Command::new(hold(observation), WakeCondition::NEXT_TICK)
                     .with_stage(Stage::Waiting)
                     .with_info("looks for a viewpoint")
             }
             Plan::Nothing => {
                 self.goal = None;
-                let trigger = Trigger::at(observation.tick.after(IDLE_TICKS));
+                let wake = WakeCondition::at(observation.tick.after(IDLE_TICKS));
                 let has_finished = self.pursuit.have_all_finished();
                 let info = match (has_finished, ctx.is_wide() && ctx.map().frontier_count() > 0) {
                     (_, true) => NOTHING_TO_SEE,
                     (true, false) => "nothing left to do",
                     (false, false) => "waiting for news",
                 };
-                Command::new(hold(observation), trigger.or(Trigger::on(Events::CONTACTS | Events::PARCEL)))
+                Command::new(hold(observation), wake.or(WakeCondition::on(EventMask::CONTACTS | EventMask::MESSAGE)))
                     .with_stage(Stage::Waiting)
                     .with_info(info)
             }
@@ -266,20 +271,19 @@ impl<C: Coordination> Dsvp<C> {
             self.driving = Driving::along(waypoints, before.as_ref(), observation, ctx, obstacles);
         }
         let motion = self.driving.as_ref().map_or(motion, |driving| driving.motion(observation.tick));
-        let command =
-            Command::new(motion, self.trigger(observation.tick)).with_stage(goal.stage()).with_info(goal.info());
+        let command = Command::new(motion, self.wake(observation.tick)).with_stage(goal.stage()).with_info(goal.info());
         self.coordination.with_claims(command, observation)
     }
 
-    /// The trigger while under way. What an agent sees on the way matters only if it explores, and
-    /// whom it meets if it has news.
-    fn trigger(&self, now: Tick) -> Trigger {
+    /// The wake-up condition while under way. What an agent sees on the way matters only if it
+    /// explores, and whom it meets if it has news.
+    fn wake(&self, now: Tick) -> WakeCondition {
         let events = match self.goal {
-            Some(Goal::Pursuit { .. } | Goal::Wandering { .. }) => Events::CONTACTS | Events::PARCEL,
-            _ => Events::NEW_CELL,
+            Some(Goal::Pursuit { .. } | Goal::Wandering { .. }) => EventMask::CONTACTS | EventMask::MESSAGE,
+            _ => EventMask::NEW_CELL,
         };
-        let under_way = Trigger::TASK_DONE.or(Trigger::on(events)).or(self.coordination.trigger());
-        self.driving.as_ref().map_or(under_way, |driving| under_way.or(driving.trigger(now)))
+        let under_way = WakeCondition::TASK_DONE.or(WakeCondition::on(events)).or(self.coordination.wake());
+        self.driving.as_ref().map_or(under_way, |driving| under_way.or(driving.wake(now)))
     }
 
     /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
@@ -288,7 +292,7 @@ impl<C: Coordination> Dsvp<C> {
         if let Some(rest) = self.blockages.note(observation, ctx) {
             self.goal = None;
             self.is_resting = true;
-            return Command::new(hold(observation), rest.trigger).with_stage(Stage::Waiting).with_info(rest.info);
+            return Command::new(hold(observation), rest.wake).with_stage(Stage::Waiting).with_info(rest.info);
         }
         if self.rng.random_bool(0.5)
             && let Some((goal, motion)) = self.evade(ctx, obstacles)
@@ -298,7 +302,7 @@ impl<C: Coordination> Dsvp<C> {
         self.goal = None;
         let until = observation.tick.after(self.rng.random_range(1..=BACKOFF_TICKS_MAX));
         self.waits_until = Some(until);
-        Command::new(hold(observation), Trigger::at(until)).with_stage(Stage::Waiting).with_info("gives way")
+        Command::new(hold(observation), WakeCondition::at(until)).with_stage(Stage::Waiting).with_info("gives way")
     }
 
     /// To a random region nearby.
@@ -339,7 +343,7 @@ impl<C: Coordination> Controller for Dsvp<C> {
         self.receive(observation, ctx);
         let command = self.choose(observation, ctx);
         let command = self.scanning.with_request(command, self.params.scan_range, observation, ctx);
-        let has_met = observation.events & Events::CONTACTS != 0;
+        let has_met = observation.events.intersects(EventMask::CONTACTS);
         self.pursuit.with_reports(command, &observation.contacts, has_met)
     }
 }
@@ -355,17 +359,17 @@ impl<C: Coordination> Dsvp<C> {
             let motion = self.driving.as_ref().map_or(Motion::Keep, |driving| driving.motion(now));
             if motion == Motion::Stop {
                 self.driving = None;
-                return Command::new(motion, Trigger::NEXT_TICK);
+                return Command::new(motion, WakeCondition::NEXT_TICK);
             }
-            let keep = Command::new(motion, self.trigger(now));
-            let has_met = observation.events & Events::CONTACTS != 0;
+            let keep = Command::new(motion, self.wake(now));
+            let has_met = observation.events.intersects(EventMask::CONTACTS);
             return if has_met { self.coordination.with_claims(keep, observation) } else { keep };
         }
         self.driving = None;
         if let Some(until) = self.waits_until
             && now < until
         {
-            return Command::keep(Trigger::at(until));
+            return Command::keep(WakeCondition::at(until));
         }
         let has_rested = std::mem::take(&mut self.is_resting);
         let has_waited = self.waits_until.take().is_some() || has_rested;
@@ -379,7 +383,7 @@ impl<C: Coordination> Dsvp<C> {
         if !is_seen && now < since.after(SCAN_TIMEOUT_TICKS) {
             let lidar =
                 if now == since { ScanRequest::Every(ctx.run_info().lidar_period_ticks) } else { ScanRequest::Keep };
-            return Command { lidar, ..Command::keep(Trigger::NEXT_TICK) };
+            return Command { lidar, ..Command::keep(WakeCondition::NEXT_TICK) };
         }
         self.plan(observation, ctx)
     }

@@ -37,8 +37,8 @@ mod tree;
 use std::collections::BTreeSet;
 use std::task::Poll;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
-use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -46,7 +46,7 @@ use voxels::{Cell, FACES};
 
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Stage, Trigger};
+use crate::command::{Command, Motion, Stage, WakeCondition};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::{Cells, Observation};
@@ -146,7 +146,7 @@ impl DsvpMaes3d {
                 return self.looks_from_afar(ctx);
             }
             let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(scan_period(ctx)) };
-            return Command::keep(Trigger { at, events: Events::PARCEL })
+            return Command::keep(WakeCondition { at, events: EventMask::MESSAGE })
                 .with_stage(Stage::Exploring)
                 .with_info("exploration: no destination");
         };
@@ -161,7 +161,7 @@ impl DsvpMaes3d {
                 self.goes(motion, Stage::Exploring, format!("exploration: to {}", text(cell)))
             }
             NavigationStatus::NoPath | NavigationStatus::Searching(_) if ctx.is_wide() => self.looks_from_afar(ctx),
-            NavigationStatus::NoPath | NavigationStatus::Searching(_) => Command::keep(Trigger::NEXT_TICK)
+            NavigationStatus::NoPath | NavigationStatus::Searching(_) => Command::keep(WakeCondition::NEXT_TICK)
                 .with_stage(Stage::Exploring)
                 .with_info(format!("exploration: no way to {}", text(cell))),
         }
@@ -190,7 +190,7 @@ impl DsvpMaes3d {
                     return self.looks_from_afar(ctx);
                 }
                 Some(NavigationStatus::NoPath | NavigationStatus::Searching(_)) | None => {
-                    Command::keep(Trigger::NEXT_TICK)
+                    Command::keep(WakeCondition::NEXT_TICK)
                         .with_stage(Stage::Relocating)
                         .with_info(format!("relocation: no way to {}", text(cell)))
                 }
@@ -203,7 +203,7 @@ impl DsvpMaes3d {
                 return if command.motion == Motion::Keep { self.looks_from_afar(ctx) } else { command };
             }
             self.is_done = true;
-            command.trigger = NEVER;
+            command.wake = NEVER;
             command.stage = command.stage.or(Some(Stage::Waiting));
             command.info.push_str(if command.info.is_empty() { "no frontiers left" } else { "; no frontiers left" });
         }
@@ -227,14 +227,14 @@ impl DsvpMaes3d {
                     }
                     NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
                         viewpoints.visit(ctx.map().extent(), cell);
-                        Command::keep(Trigger::NEXT_TICK)
+                        Command::keep(WakeCondition::NEXT_TICK)
                     }
                 }
             }
-            Poll::Pending => Command::keep(Trigger::NEXT_TICK),
+            Poll::Pending => Command::keep(WakeCondition::NEXT_TICK),
             Poll::Ready(None) => {
-                let trigger = Trigger::at(ctx.tick().after(IDLE_TICKS)).or(Trigger::on(Events::PARCEL));
-                Command::keep(trigger).with_stage(Stage::Waiting).with_info(NOTHING_TO_SEE)
+                let wake = WakeCondition::at(ctx.tick().after(IDLE_TICKS)).or(WakeCondition::on(EventMask::MESSAGE));
+                Command::keep(wake).with_stage(Stage::Waiting).with_info(NOTHING_TO_SEE)
             }
         }
     }
@@ -246,10 +246,10 @@ impl DsvpMaes3d {
 }
 
 /// Under way the list of frontiers is updated in each new cell.
-const UNDER_WAY: Trigger =
-    Trigger { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
+const UNDER_WAY: WakeCondition =
+    WakeCondition { at: Tick(u64::MAX), events: EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL };
 
-const NEVER: Trigger = Trigger { at: Tick(u64::MAX), events: 0 };
+const NEVER: WakeCondition = WakeCondition { at: Tick(u64::MAX), events: 0 };
 
 impl Controller for DsvpMaes3d {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
@@ -261,7 +261,7 @@ impl Controller for DsvpMaes3d {
             acts_at = *self.notices_at.get_or_insert(observation.tick.after(1));
         }
         let Some(view) = &observation.view else {
-            return Command::keep(Trigger::NEXT_TICK).with_view_request();
+            return Command::keep(WakeCondition::NEXT_TICK).with_view_request();
         };
         if self.cell.replace(ctx.cell()) != Some(ctx.cell()) {
             self.frontiers.push_new(view, ctx.map());
@@ -269,7 +269,7 @@ impl Controller for DsvpMaes3d {
         let command = if observation.is_active {
             Command::keep(UNDER_WAY)
         } else if observation.tick < acts_at {
-            Command::keep(Trigger::at(acts_at))
+            Command::keep(WakeCondition::at(acts_at))
         } else {
             self.stage(view, ctx)
         };

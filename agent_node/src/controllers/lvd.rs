@@ -28,8 +28,8 @@ pub(crate) mod sights;
 
 use std::task::Poll;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
-use msgs::maes_msgs::Wake as Events;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
@@ -38,7 +38,7 @@ use super::failed_goals::FailedGoals;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Stage, Trigger};
+use crate::command::{Command, Motion, Stage, WakeCondition};
 use crate::exploration_map::CellState;
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
@@ -48,7 +48,7 @@ use places::Places;
 use region::Region;
 
 /// The events that end a leg or can change the destination of an agent under way.
-const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
+const UNDER_WAY: u8 = EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL;
 
 /// How long an agent without a destination waits for map updates at a time: 5 s, as the reference's
 /// map sharing.
@@ -206,13 +206,13 @@ impl Lvd {
         };
         match status {
             NavigationStatus::Go(motion) => {
-                let command = Command::new(motion, Trigger::on(UNDER_WAY));
+                let command = Command::new(motion, WakeCondition::on(UNDER_WAY));
                 let centre = ctx.map().extent().centre(goal);
                 let text =
                     format!("destination ({:.2}, {:.2}, {:.2}), {}", centre.x, centre.y, centre.z, purpose.text());
                 self.with_new_info(command, text)
             }
-            NavigationStatus::Searching(trigger) => Command::keep(trigger),
+            NavigationStatus::Searching(wake) => Command::keep(wake),
             NavigationStatus::NoPath => {
                 let aim = purpose.aim(goal);
                 self.refuse(aim, observation.tick);
@@ -238,14 +238,14 @@ impl Lvd {
 
     fn request_view(&mut self, observation: &Observation) -> Command {
         self.has_asked_for_view = true;
-        Command::keep(Trigger::at(observation.tick.next())).with_view_request()
+        Command::keep(WakeCondition::at(observation.tick.next())).with_view_request()
     }
 
     /// Ends the present task, to choose again with the view of the last scan.
     fn abort_task(&mut self) -> Command {
         self.destination = None;
         self.has_asked_for_view = true;
-        Command::new(Motion::Stop, Trigger::NEXT_TICK).with_view_request()
+        Command::new(Motion::Stop, WakeCondition::NEXT_TICK).with_view_request()
     }
 
     fn refuse(&mut self, cell: Cell, now: Tick) {
@@ -253,7 +253,7 @@ impl Lvd {
     }
 
     fn while_active(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
-        let keep = Command::keep(Trigger::on(UNDER_WAY));
+        let keep = Command::keep(WakeCondition::on(UNDER_WAY));
         let Some((goal, purpose)) = self.destination else { return keep };
         let is_done = match purpose {
             Purpose::Explore | Purpose::Remembered => ctx.map().state(goal) == CellState::Covered,
@@ -289,7 +289,7 @@ impl Lvd {
             return self.pursue(observation, ctx, aside, Purpose::Evade);
         }
         self.waits_until = observation.tick.after(self.rng.random_range(EVASION_TICKS));
-        Command::keep(Trigger::at(self.waits_until))
+        Command::keep(WakeCondition::at(self.waits_until))
     }
 
     fn choose(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
@@ -322,9 +322,11 @@ impl Lvd {
             Poll::Ready(None) if ctx.is_wide() => self.look_from_afar(observation, ctx),
             Poll::Ready(None) => {
                 self.destination = None;
-                let trigger =
-                    Trigger { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
-                let command = Command::keep(trigger).with_stage(Stage::Waiting);
+                let wake = WakeCondition {
+                    at: observation.tick.after(WAIT_TICKS),
+                    events: EventMask::CONTACTS | EventMask::MESSAGE,
+                };
+                let command = Command::keep(wake).with_stage(Stage::Waiting);
                 self.with_new_info(command, "nothing left to do, waiting for news".to_owned())
             }
         }
@@ -332,16 +334,18 @@ impl Lvd {
 
     /// A body wider than a cell goes where it sees something unexplored, if there is such a place.
     fn look_from_afar(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let Some(wide) = &mut self.wide else { return Command::keep(Trigger::NEXT_TICK) };
+        let Some(wide) = &mut self.wide else { return Command::keep(WakeCondition::NEXT_TICK) };
         wide.viewpoints.visit(ctx.map().extent(), ctx.cell());
         match wide.viewpoints.next(ctx) {
             Poll::Ready(Some(viewpoint)) => self.pursue(observation, ctx, viewpoint.cell, Purpose::Viewpoint),
             Poll::Pending => self.request_view(observation),
             Poll::Ready(None) => {
                 self.destination = None;
-                let trigger =
-                    Trigger { at: observation.tick.after(WAIT_TICKS), events: Events::CONTACTS | Events::PARCEL };
-                self.with_new_info(Command::keep(trigger), NOTHING_TO_SEE.to_owned())
+                let wake = WakeCondition {
+                    at: observation.tick.after(WAIT_TICKS),
+                    events: EventMask::CONTACTS | EventMask::MESSAGE,
+                };
+                self.with_new_info(Command::keep(wake), NOTHING_TO_SEE.to_owned())
             }
         }
     }
@@ -372,7 +376,7 @@ impl Controller for Lvd {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
         if !ctx.map().extent().contains(ctx.cell()) {
-            return Command::keep(Trigger::at(now.after(WAIT_TICKS)));
+            return Command::keep(WakeCondition::at(now.after(WAIT_TICKS)));
         }
         self.refused.retain(|&(_, until)| until > now);
         if ctx.is_wide() {
@@ -391,13 +395,13 @@ impl Controller for Lvd {
             return self.while_active(observation, ctx);
         }
         if now < self.waits_until {
-            return Command::keep(Trigger::at(self.waits_until));
+            return Command::keep(WakeCondition::at(self.waits_until));
         }
-        if observation.events & Events::COLLISION != 0 {
+        if observation.events.intersects(EventMask::COLLISION) {
             return self.evade(observation, ctx);
         }
         if let Some((goal, purpose)) = self.destination {
-            if observation.events & Events::TASK_DONE == 0 {
+            if !observation.events.intersects(EventMask::TASK_DONE) {
                 // The path there is being searched for.
                 return self.pursue(observation, ctx, goal, purpose);
             }

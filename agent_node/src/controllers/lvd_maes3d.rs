@@ -29,8 +29,8 @@
 use std::collections::BTreeMap;
 use std::task::Poll;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
-use msgs::maes_msgs::Wake as Events;
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
 
@@ -40,7 +40,7 @@ use super::lvd::occlusion;
 use super::lvd::places::squared;
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Stage, Trigger};
+use crate::command::{Command, Motion, Stage, WakeCondition};
 use crate::exploration_map::CellState;
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
@@ -49,7 +49,7 @@ use crate::path::Neighbours;
 /// Cells seen from within this distance are visited, in cells.
 const VISIT_RADIUS_CELLS: f64 = 3.75;
 
-const UNDER_WAY: u8 = Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL;
+const UNDER_WAY: u8 = EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL;
 
 /// The reference would have read a cell outside the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -163,14 +163,14 @@ impl LvdMaes3d {
                 if let Some(wide) = &mut self.wide {
                     wide.failed.insert(cell);
                 }
-                looks_again(Trigger::NEXT_TICK)
+                looks_again(WakeCondition::NEXT_TICK)
             }
         }
     }
 
     /// A body wider than a cell without a destination goes where it sees something unexplored.
     fn looks_from_afar(&mut self, ctx: &mut Ctx<'_>) -> Command {
-        let Some(wide) = &mut self.wide else { return looks_again(Trigger::NEXT_TICK) };
+        let Some(wide) = &mut self.wide else { return looks_again(WakeCondition::NEXT_TICK) };
         wide.viewpoints.visit(ctx.map().extent(), ctx.cell());
         match wide.viewpoints.next(ctx) {
             Poll::Ready(Some(viewpoint)) => {
@@ -180,10 +180,10 @@ impl LvdMaes3d {
                     return self.sets_out(ctx, cell, motion);
                 }
                 wide.viewpoints.visit(ctx.map().extent(), cell);
-                looks_again(Trigger::NEXT_TICK)
+                looks_again(WakeCondition::NEXT_TICK)
             }
-            Poll::Pending => looks_again(Trigger::NEXT_TICK),
-            Poll::Ready(None) => looks_again(Trigger::on(Events::PARCEL | Events::CONTACTS))
+            Poll::Pending => looks_again(WakeCondition::NEXT_TICK),
+            Poll::Ready(None) => looks_again(WakeCondition::on(EventMask::MESSAGE | EventMask::CONTACTS))
                 .with_stage(Stage::Waiting)
                 .with_info(NOTHING_TO_SEE),
         }
@@ -192,7 +192,7 @@ impl LvdMaes3d {
     fn sets_out(&mut self, ctx: &Ctx<'_>, cell: Cell, motion: Motion) -> Command {
         self.notices_at = None;
         self.destination = Some(ctx.map().extent().centre(cell));
-        let command = Command::new(motion, Trigger::on(UNDER_WAY)).with_view_request();
+        let command = Command::new(motion, WakeCondition::on(UNDER_WAY)).with_view_request();
         self.with_new_info(command)
     }
 
@@ -223,13 +223,13 @@ impl LvdMaes3d {
         match self.occlusion_point(extent, ctx.cell(), &others) {
             Ok(Some(cell)) => self.goes_to(ctx, cell),
             Ok(None) | Err(OutOfBounds) if ctx.is_wide() => self.looks_from_afar(ctx),
-            Ok(None) | Err(OutOfBounds) => looks_again(Trigger::NEXT_TICK),
+            Ok(None) | Err(OutOfBounds) => looks_again(WakeCondition::NEXT_TICK),
         }
     }
 }
 
-fn looks_again(trigger: Trigger) -> Command {
-    Command::keep(trigger).with_view_request()
+fn looks_again(wake: WakeCondition) -> Command {
+    Command::keep(wake).with_view_request()
 }
 
 /// Whether no other agent's cell is nearer to a cell than the own one.
@@ -243,7 +243,7 @@ impl Controller for LvdMaes3d {
         let now = observation.tick;
         let extent = ctx.map().extent();
         if !extent.contains(ctx.cell()) {
-            return looks_again(Trigger::at(now.next()));
+            return looks_again(WakeCondition::at(now.next()));
         }
         if let Some(view) = &observation.view {
             self.scan.load(extent, view);
@@ -260,20 +260,21 @@ impl Controller for LvdMaes3d {
             let notices_at = *self.notices_at.get_or_insert(now.next());
             observation.collision.is_some() || now >= notices_at
         };
-        if is_idle || observation.events & Events::NEW_CELL != 0 {
+        if is_idle || observation.events.intersects(EventMask::NEW_CELL) {
             let is_any_unvisited = self.visits(ctx);
             if self.is_in_search_mode && is_any_unvisited {
                 self.is_in_search_mode = false;
                 // The status does not change by that, so an idle agent continues and chooses;
                 // without a destination it stays at its centre.
-                let chosen = if is_idle { self.chooses(observation, ctx) } else { looks_again(Trigger::NEXT_TICK) };
+                let chosen =
+                    if is_idle { self.chooses(observation, ctx) } else { looks_again(WakeCondition::NEXT_TICK) };
                 return if chosen.motion == Motion::Keep { self.goes_to_own_centre(ctx) } else { chosen };
             }
         }
         match (observation.is_active, is_idle) {
-            (true, _) => looks_again(Trigger::on(UNDER_WAY)),
+            (true, _) => looks_again(WakeCondition::on(UNDER_WAY)),
             (false, true) => self.chooses(observation, ctx),
-            (false, false) => looks_again(Trigger::at(now.next())),
+            (false, false) => looks_again(WakeCondition::at(now.next())),
         }
     }
 }

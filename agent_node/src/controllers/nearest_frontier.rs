@@ -15,8 +15,8 @@
 use std::collections::BTreeSet;
 use std::task::Poll;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
-use msgs::maes_msgs::Wake as Events;
 use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
@@ -25,7 +25,7 @@ use super::relays::Relays;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoint, Viewpoints};
 use super::{Controller, Ctx, collision_recovery};
-use crate::command::{Command, Motion, Stage, Trigger};
+use crate::command::{Command, Motion, Stage, WakeCondition};
 use crate::exploration_map::CellState;
 use crate::navigation::{NavigationStatus, SearchTime};
 use crate::observation::Observation;
@@ -97,8 +97,8 @@ impl NearestFrontier {
 }
 
 /// Under way it decides in each new cell, since it may have seen beyond the frontier from there.
-const UNDER_WAY: Trigger =
-    Trigger { at: Tick(u64::MAX), events: Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL };
+const UNDER_WAY: WakeCondition =
+    WakeCondition { at: Tick(u64::MAX), events: EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL };
 
 impl NearestFrontier {
     /// The decision of a body wider than a cell, after its first scan and without a collision.
@@ -118,12 +118,12 @@ impl NearestFrontier {
         let goal = match goal.map_or_else(|| viewpoints.next(ctx), |goal| Poll::Ready(Some(goal))) {
             Poll::Ready(Some(goal)) => goal,
             Poll::Ready(None) => {
-                return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+                return Command::new(Motion::Stop, WakeCondition::on(EventMask::MESSAGE | EventMask::CONTACTS))
                     .with_stage(Stage::Waiting)
                     .with_info(NOTHING_TO_SEE);
             }
             Poll::Pending => {
-                return Command::new(Motion::Stop, Trigger::NEXT_TICK)
+                return Command::new(Motion::Stop, WakeCondition::NEXT_TICK)
                     .with_stage(Stage::Waiting)
                     .with_info("looks for a viewpoint");
             }
@@ -140,13 +140,13 @@ impl NearestFrontier {
                     .with_info(format!("goes to the viewpoint {x} {y} {z}"));
                 self.with_relay_if_needed(command, observation, ctx)
             }
-            NavigationStatus::Searching(trigger) => {
-                Command::new(Motion::Stop, trigger).with_info(format!("searches a way to {x} {y} {z}"))
+            NavigationStatus::Searching(wake) => {
+                Command::new(Motion::Stop, wake).with_info(format!("searches a way to {x} {y} {z}"))
             }
             NavigationStatus::NoPath => {
                 viewpoints.visit(ctx.map().extent(), goal.cell);
                 self.viewpoint = None;
-                Command::new(Motion::Stop, Trigger::NEXT_TICK)
+                Command::new(Motion::Stop, WakeCondition::NEXT_TICK)
             }
         }
     }
@@ -157,11 +157,11 @@ impl Controller for NearestFrontier {
         // Before the first scan only the own cell is known. The task of the body, here none, is
         // unchanged.
         if observation.scan_tick.is_none() {
-            return Command::keep(Trigger::NEXT_TICK);
+            return Command::keep(WakeCondition::NEXT_TICK);
         }
         // Events are those since the last decision; `observation.collision` would include old
         // collisions.
-        if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events & Events::COLLISION != 0 {
+        if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events.intersects(EventMask::COLLISION) {
             (self.goal, self.viewpoint) = (None, None);
             return collision_recovery::step_aside(&mut self.rng, ctx);
         }
@@ -181,7 +181,7 @@ impl Controller for NearestFrontier {
         let Some(goal) = self.goal else {
             // All reachable space is explored. Maps of other agents may change that: they arrive on
             // contact, and map messages are merged before the controller is called.
-            return Command::new(Motion::Stop, Trigger::on(Events::PARCEL | Events::CONTACTS))
+            return Command::new(Motion::Stop, WakeCondition::on(EventMask::MESSAGE | EventMask::CONTACTS))
                 .with_stage(Stage::Waiting)
                 .with_info("knows no frontier");
         };
@@ -197,12 +197,12 @@ impl Controller for NearestFrontier {
                 self.with_relay_if_needed(command, observation, ctx)
             }
             // The body must stay at rest, since the path begins where it is now.
-            NavigationStatus::Searching(trigger) => {
-                Command::new(Motion::Stop, trigger).with_info(format!("searches a way to {x} {y} {z}"))
+            NavigationStatus::Searching(wake) => {
+                Command::new(Motion::Stop, wake).with_info(format!("searches a way to {x} {y} {z}"))
             }
             NavigationStatus::NoPath => {
                 self.abandoned.insert(goal);
-                Command::new(Motion::Stop, Trigger::NEXT_TICK)
+                Command::new(Motion::Stop, WakeCondition::NEXT_TICK)
             }
         }
     }
@@ -240,25 +240,25 @@ mod tests {
         for (search_time, goes_at_once) in [("instant", true), ("budgeted", false), ("background", false)] {
             let mut world = World::new(CAVE, flat(1, 6));
             let mut controller = controller(search_time);
-            assert_eq!(world.ask(&mut controller), Command::keep(Trigger::NEXT_TICK), "nothing has been scanned");
+            assert_eq!(world.ask(&mut controller), Command::keep(WakeCondition::NEXT_TICK), "nothing has been scanned");
             let mut decisions = 0;
             let mut searches = 0;
             let last = loop {
                 decisions += 1;
                 assert!(decisions < 200);
-                world.look();
+                world.sense();
                 let command = world.ask(&mut controller);
                 match &command.motion {
                     Motion::Path(_) => world.arrive(&command.motion),
-                    Motion::Stop if command.trigger.events != 0 => break command,
+                    Motion::Stop if command.wake.events != 0 => break command,
                     Motion::Stop => {
                         searches += 1;
-                        world.observation.tick = command.trigger.at.max(world.observation.tick.next());
+                        world.observation.tick = command.wake.at.max(world.observation.tick.next());
                     }
                     motion => panic!("{motion:?}"),
                 }
             };
-            assert_eq!(last.trigger, Trigger::on(Events::PARCEL | Events::CONTACTS));
+            assert_eq!(last.wake, WakeCondition::on(EventMask::MESSAGE | EventMask::CONTACTS));
             assert_eq!(world.map.frontier_count(), 0);
             assert_eq!(world.map.free(), CAVE.matches('.').count());
             assert_eq!(searches == 0, goes_at_once, "{search_time}");
@@ -284,7 +284,10 @@ mod tests {
         assert_eq!(destination(&world, &go), flat(5, 0));
         world.put(flat(3, 0));
         let keep = world.ask(&mut controller);
-        assert_eq!(keep, Command::keep(Trigger::on(Events::TASK_DONE | Events::COLLISION | Events::NEW_CELL)));
+        assert_eq!(
+            keep,
+            Command::keep(WakeCondition::on(EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL))
+        );
         world.map.note_wall(&[6]);
         world.put(flat(4, 0));
         let stop = world.ask(&mut controller);
@@ -306,7 +309,7 @@ mod tests {
         assert_eq!(world.ask(&mut controller).info, "knows no frontier");
         // A map update from another agent.
         world.map.note_free(&[5]);
-        world.observation.events = Events::PARCEL;
+        world.observation.events = EventMask::MESSAGE;
         assert_eq!(world.ask(&mut controller).info, "knows no frontier", "nothing beyond");
     }
 
@@ -323,14 +326,14 @@ mod tests {
             world.wait(10);
             world.collide();
             let aside = world.ask(&mut controller);
-            assert_eq!((aside.info.as_str(), aside.trigger.events), ("makes way", 0));
-            let wait = aside.trigger.at.0 - world.observation.tick.0;
+            assert_eq!((aside.info.as_str(), aside.wake.events), ("makes way", 0));
+            let wait = aside.wake.at.0 - world.observation.tick.0;
             assert!(HOLD_TICKS.contains(&wait));
             waits.insert(wait);
             places.insert(destination(&world, &aside));
             // The step aside fails as well: it holds all the same, and then continues.
             world.collide();
-            world.observation.tick = aside.trigger.at;
+            world.observation.tick = aside.wake.at;
         }
         assert!(waits.len() > 30 && places.len() == 8, "{waits:?} {places:?}");
     }
@@ -338,7 +341,7 @@ mod tests {
     #[test]
     fn commands_only_motion() {
         let mut world = World::new(CAVE, flat(1, 6));
-        world.look();
+        world.sense();
         let command = world.ask(&mut controller("instant"));
         assert_eq!((command.lidar, command.want_view, command.messages.len()), (ScanRequest::Keep, false, 0));
     }

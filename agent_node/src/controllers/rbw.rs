@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, WakeCondition};
 use crate::observation::{Observation, Surface};
 
 /// Elevation before the first floor or ceiling: the reference's 45 degrees.
@@ -72,21 +72,21 @@ impl Rbw {
 impl Controller for Rbw {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
-            return Command::keep(Trigger::TASK_DONE);
+            return Command::keep(WakeCondition::TASK_DONE);
         }
         if self.heading_rad.is_none() {
-            return Command::new(self.turn(0.0, TAU, ctx), Trigger::TASK_DONE);
+            return Command::new(self.turn(0.0, TAU, ctx), WakeCondition::TASK_DONE);
         }
         match observation.collision.map(|collision| collision.surface) {
             Some(Surface::Wall) => {
                 let turn = self.turn(self.turn_min_rad, self.turn_max_rad, ctx);
-                return Command::new(turn, Trigger::TASK_DONE);
+                return Command::new(turn, WakeCondition::TASK_DONE);
             }
             Some(Surface::Floor) => self.pitch_rad = self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
             Some(Surface::Ceiling) => self.pitch_rad = -self.rng.random_range(self.pitch_min_rad..=self.pitch_max_rad),
             None => {}
         }
-        Command::new(self.straight_on(ctx), Trigger::TASK_DONE)
+        Command::new(self.straight_on(ctx), WakeCondition::TASK_DONE)
     }
 }
 
@@ -116,7 +116,7 @@ mod tests {
         let mut rbw = walk(&[]).unwrap();
         let mut observation = idle();
         observation.is_active = true;
-        assert_eq!(world.ask_about(&mut rbw, &observation), Command::keep(Trigger::TASK_DONE));
+        assert_eq!(world.ask_about(&mut rbw, &observation), Command::keep(WakeCondition::TASK_DONE));
     }
 
     #[test]

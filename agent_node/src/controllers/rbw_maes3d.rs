@@ -12,7 +12,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, WakeCondition};
 use crate::observation::{Observation, Surface};
 
 const FIRST_PITCH_DEG: i32 = 45;
@@ -35,20 +35,20 @@ impl RbwMaes3d {
 
     fn acts(&mut self, motion: Motion) -> Command {
         self.notices_at = None;
-        Command::new(motion, Trigger::TASK_DONE)
+        Command::new(motion, WakeCondition::TASK_DONE)
     }
 }
 
 impl Controller for RbwMaes3d {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
-            return Command::keep(Trigger::TASK_DONE);
+            return Command::keep(WakeCondition::TASK_DONE);
         }
         let surface = observation.collision.map(|collision| collision.surface);
         if surface.is_none() {
             let notices_at = *self.notices_at.get_or_insert(observation.tick.after(1));
             if observation.tick < notices_at {
-                return Command::keep(Trigger { at: notices_at, events: 0 });
+                return Command::keep(WakeCondition { at: notices_at, events: 0 });
             }
         }
         match surface {
@@ -84,7 +84,7 @@ mod tests {
         let mut rbw = walk();
         let mut observation = idle();
         let keep = world.ask_about(&mut rbw, &observation);
-        assert_eq!(keep, Command::keep(Trigger { at: Tick(1), events: 0 }));
+        assert_eq!(keep, Command::keep(WakeCondition { at: Tick(1), events: 0 }));
         observation.tick = Tick(1);
         let go = world.ask_about(&mut rbw, &observation);
         assert_eq!(go.motion, Motion::Move { pitch_rad: degrees(45), distance_m: f64::INFINITY });

@@ -1,6 +1,6 @@
 //! Test harness for controllers: a small world drawn as text, with one agent.
 //!
-//! It is driven in one of two modes. Step by step: [`World::look`], [`World::ask`], and then
+//! It is driven in one of two modes. Step by step: [`World::sense`], [`World::ask`], and then
 //! [`World::arrive`] or [`World::collide`], which end a motion at once. Or in ticks:
 //! [`World::run`], in which the agent scans before each decision and moves along its waypoints. The
 //! body is a point that moves half a metre in a tick and turns at once, unlike the server's; only
@@ -12,15 +12,15 @@ mod legal;
 
 use std::collections::VecDeque;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use msgs::kinematics::turned;
-use msgs::maes_msgs::Wake as Events;
 use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx, Setup};
 use crate::bodies::{Bodies, BodyKind, BodyModel};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, WakeCondition};
 pub(crate) use crate::exploration_map::drawing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::NavigationTask;
@@ -77,7 +77,7 @@ pub(crate) struct World {
     waypoints: VecDeque<Point3<f64>>,
     /// The velocity that the body holds, if it does.
     held: Option<HeldVelocity>,
-    trigger: Trigger,
+    wake: WakeCondition,
     wants_view: bool,
     /// The texts for people so far.
     pub(crate) said: Vec<String>,
@@ -137,7 +137,7 @@ impl World {
             observation: Observation { pose, ..idle() },
             waypoints: VecDeque::new(),
             held: None,
-            trigger: Trigger::NEXT_TICK,
+            wake: WakeCondition::NEXT_TICK,
             wants_view: false,
             said: Vec::new(),
             decisions: 0,
@@ -170,7 +170,7 @@ impl World {
     }
 
     /// A scan: reveals all visible cells, and includes the view if the controller has requested it.
-    pub(crate) fn look(&mut self) {
+    pub(crate) fn sense(&mut self) {
         let view = self.view();
         let extent = self.map.extent();
         let is_new = |&cell: &u32| self.map.state(extent.cell_at(cell as usize)) == CellState::Unexplored;
@@ -216,7 +216,7 @@ impl World {
                 }
             }
         }
-        self.trigger = command.trigger;
+        self.wake = command.wake;
         self.wants_view = command.want_view;
         if !command.info.is_empty() {
             self.said.push(command.info.clone());
@@ -239,13 +239,13 @@ impl World {
         command
     }
 
-    /// Runs for this many ticks, with decisions whenever the trigger fires. Only paths and
-    /// velocities are supported.
+    /// Runs for this many ticks, with decisions whenever the wake-up condition is met. Only paths
+    /// and velocities are supported.
     pub(crate) fn run(&mut self, controller: &mut dyn Controller, ticks: u64) {
         let end = self.observation.tick.after(ticks);
         while self.observation.tick < end {
-            if self.trigger.is_due(self.observation.tick, self.observation.events) {
-                self.look();
+            if self.wake.is_met(self.observation.tick, self.observation.events) {
+                self.sense();
                 let motion = self.ask(controller).motion;
                 assert!(
                     matches!(motion, Motion::Keep | Motion::Stop | Motion::Path(_) | Motion::Velocity { .. }),
@@ -282,7 +282,7 @@ impl World {
         if self.observation.contacts.iter().any(is_hit) {
             self.collisions += 1;
             self.collide();
-            self.observation.events |= Events::TASK_DONE;
+            self.observation.events |= EventMask::TASK_DONE;
             return;
         }
         self.observation.collision = None;
@@ -291,13 +291,13 @@ impl World {
         assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "the agent ran into a wall");
         if self.been.last() != Some(&cell) {
             self.been.push(cell);
-            self.observation.events |= Events::NEW_CELL;
+            self.observation.events |= EventMask::NEW_CELL;
         }
         if Some(next) == target {
             self.waypoints.pop_front();
             if self.waypoints.is_empty() {
                 self.observation.is_active = false;
-                self.observation.events |= Events::TASK_DONE;
+                self.observation.events |= EventMask::TASK_DONE;
             }
         }
     }
@@ -330,24 +330,24 @@ impl World {
     pub(crate) fn arrive(&mut self, motion: &Motion) {
         if let Motion::Path(waypoints) = motion {
             self.observation.pose.position = *waypoints.last().unwrap();
-            self.observation.events |= Events::NEW_CELL;
+            self.observation.events |= EventMask::NEW_CELL;
         }
         self.observation.collision = None;
-        self.observation.events |= Events::TASK_DONE;
+        self.observation.events |= EventMask::TASK_DONE;
         self.ends();
     }
 
     /// A collision with another agent.
     pub(crate) fn collide(&mut self) {
         self.observation.collision = Some(Collision { surface: Surface::Wall, with_agent: true });
-        self.observation.events |= Events::COLLISION;
+        self.observation.events |= EventMask::COLLISION;
         self.ends();
     }
 
     /// Moves the body elsewhere.
     pub(crate) fn put(&mut self, cell: Cell) {
         self.observation.pose.position = self.map.extent().centre(cell);
-        self.observation.events |= Events::NEW_CELL;
+        self.observation.events |= EventMask::NEW_CELL;
     }
 
     /// Free cells of the world that are in none of these states on the agent's map.

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::settings::{SettingError, Settings};
 use super::{Controller, Ctx};
-use crate::command::{Command, Motion, Trigger};
+use crate::command::{Command, Motion, WakeCondition};
 use crate::observation::Observation;
 
 /// The zigzag of one agent.
@@ -31,15 +31,15 @@ impl Zigzag {
 impl Controller for Zigzag {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
-            return Command::keep(Trigger::TASK_DONE);
+            return Command::keep(WakeCondition::TASK_DONE);
         }
         if observation.collision.is_some() {
             let sign = if self.rng.random::<bool>() { 1.0 } else { -1.0 };
             let turn = Motion::turn(sign * self.turn_rad);
-            return Command::new(turn, Trigger::TASK_DONE).with_info("turns");
+            return Command::new(turn, WakeCondition::TASK_DONE).with_info("turns");
         }
         let straight = Motion::straight(0.0, f64::INFINITY);
-        Command::new(straight, Trigger::TASK_DONE).with_info("moves straight on")
+        Command::new(straight, WakeCondition::TASK_DONE).with_info("moves straight on")
     }
 }
 

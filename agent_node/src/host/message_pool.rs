@@ -1,7 +1,8 @@
 //! Messages that several agents of a process receive in one tick, kept once.
 //!
-//! Every observation from another process has bytes of its own. A message to a crowd reaches the
-//! agents of a process in as many observations; if they share its bytes, it is decoded once.
+//! Every observation from another process has bytes of its own. A message to a dense neighbourhood
+//! reaches the agents of a process in as many observations; if they share its bytes, it is decoded
+//! once.
 
 use std::collections::BTreeMap;
 
@@ -20,18 +21,18 @@ impl MessagePool {
     /// Makes the messages of an observation share their bytes with equal ones that other agents
     /// received in the same tick.
     pub(super) fn share(&mut self, part: &mut Part) {
-        if part.parcels.is_empty() {
+        if part.messages.is_empty() {
             return;
         }
         if part.tick != self.tick {
             *self = Self { tick: part.tick, ..Self::default() };
         }
-        for parcel in &mut part.parcels {
-            let kept = self.messages.entry((parcel.agent, parcel.data.len())).or_insert_with(|| parcel.data.clone());
-            if *kept == parcel.data {
-                parcel.data = kept.clone();
+        for message in &mut part.messages {
+            let kept = self.messages.entry((message.agent, message.data.len())).or_insert_with(|| message.data.clone());
+            if *kept == message.data {
+                message.data = kept.clone();
             } else {
-                *kept = parcel.data.clone();
+                *kept = message.data.clone();
             }
         }
     }
@@ -39,16 +40,17 @@ impl MessagePool {
 
 #[cfg(test)]
 mod tests {
-    use msgs::maes_msgs::Parcel;
+    use msgs::maes_msgs::AgentMessage;
 
     use super::*;
 
     fn received(pool: &mut MessagePool, tick: u64, messages: &[(u32, &[u8])]) -> Vec<SharedBytes> {
-        let parcel = |&(agent, data): &(u32, &[u8])| Parcel { agent, data: data.into(), ..Parcel::default() };
-        let mut part = Part { tick, parcels: messages.iter().map(parcel).collect(), ..Part::default() };
+        let message =
+            |&(agent, data): &(u32, &[u8])| AgentMessage { agent, data: data.into(), ..AgentMessage::default() };
+        let mut part = Part { tick, messages: messages.iter().map(message).collect(), ..Part::default() };
         pool.share(&mut part);
-        assert!(part.parcels.iter().map(|parcel| (parcel.agent, &*parcel.data)).eq(messages.iter().copied()));
-        part.parcels.into_iter().map(|parcel| parcel.data).collect()
+        assert!(part.messages.iter().map(|message| (message.agent, &*message.data)).eq(messages.iter().copied()));
+        part.messages.into_iter().map(|message| message.data).collect()
     }
 
     #[test]

@@ -36,13 +36,13 @@ fn ask_until_answered(
     now: u64,
 ) -> (u64, NavigationStatus) {
     match ask(navigation, map, flat(3, 0), time, now) {
-        NavigationStatus::Searching(trigger) => {
-            assert_eq!(trigger.events, 0);
-            let at = trigger.at.0;
+        NavigationStatus::Searching(wake) => {
+            assert_eq!(wake.events, 0);
+            let at = wake.at.0;
             assert!(at > now);
             // Polling earlier changes nothing.
             for early in now..at {
-                assert_eq!(ask(navigation, map, flat(3, 0), time, early), NavigationStatus::Searching(trigger));
+                assert_eq!(ask(navigation, map, flat(3, 0), time, early), NavigationStatus::Searching(wake));
             }
             (at, ask(navigation, map, flat(3, 0), time, at))
         }
@@ -108,9 +108,9 @@ fn result_is_that_of_the_map_at_the_request() {
     after.note_free(&[7 + 2]);
     for time in [SearchTime::Budgeted(FIVE), SearchTime::Background(25)] {
         let mut navigation = navigation();
-        let NavigationStatus::Searching(trigger) = ask(&mut navigation, &before, flat(3, 0), time, 0) else { panic!() };
+        let NavigationStatus::Searching(wake) = ask(&mut navigation, &before, flat(3, 0), time, 0) else { panic!() };
         let NavigationStatus::Go(Motion::Path(asked_before)) =
-            ask(&mut navigation, &after, flat(3, 0), time, trigger.at.0)
+            ask(&mut navigation, &after, flat(3, 0), time, wake.at.0)
         else {
             panic!()
         };
@@ -173,8 +173,8 @@ proptest! {
         for time in [SearchTime::Instant, SearchTime::BUDGETED, SearchTime::Background(25)] {
             let mut navigation = navigation();
             let mut status = navigation.to_cell(&map, &from, goal, neighbours, time, Tick(7));
-            if let NavigationStatus::Searching(trigger) = status {
-                status = navigation.to_cell(&map, &from, goal, neighbours, time, trigger.at);
+            if let NavigationStatus::Searching(wake) = status {
+                status = navigation.to_cell(&map, &from, goal, neighbours, time, wake.at);
             }
             if let NavigationStatus::Go(Motion::Path(waypoints)) = &status {
                 prop_assert!(is_through_free_cells(&map, &from, waypoints), "{waypoints:?}\n{world}");

@@ -7,7 +7,7 @@ use msgs::shared_bytes::SharedBytes;
 use voxels::Extent;
 
 use super::agent_set::AgentSet;
-use super::map_message::{self, Completion, MapMessageError, Message, SenderState};
+use super::map_message::{self, Acknowledgement, MapMessageError, Message, SenderState};
 use crate::exploration_map::Delta;
 
 /// The content of a map message; see [`Message`].
@@ -15,7 +15,7 @@ use crate::exploration_map::Delta;
 pub(super) enum Content {
     Summary(Arc<Summary>),
     Update(Update),
-    Completion(Arc<Completion>),
+    Acknowledgement(Arc<Acknowledgement>),
 }
 
 /// What an agent says that it knows.
@@ -103,7 +103,7 @@ fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Arc<Content>, Map
             let (receivers, cells) = (AgentSet::of(receivers), delta.len() as u64);
             Content::Update(Update { receivers, until, delta, cells })
         }
-        Message::Completion(completion) => Content::Completion(Arc::new(completion)),
+        Message::Acknowledgement(acknowledgement) => Content::Acknowledgement(Arc::new(acknowledgement)),
     };
     Ok(Arc::new(content))
 }

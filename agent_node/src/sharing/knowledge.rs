@@ -9,16 +9,16 @@ use std::sync::Arc;
 use msgs::ids::AgentId;
 
 use super::decoded::{Known, Summary};
-use super::map_message::Completion;
+use super::map_message::Acknowledgement;
 use super::peer::{Peer, peer};
 
 /// See the module.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Knowledge {
     known: Known,
-    /// The last completions of peers that wait for those of others, and the place of this agent
-    /// among their receivers.
-    waiting: BTreeMap<AgentId, (Arc<Completion>, usize)>,
+    /// The last acknowledgements of peers that wait for those of others, and the place of this
+    /// agent among their receivers.
+    waiting: BTreeMap<AgentId, (Arc<Acknowledgement>, usize)>,
     /// Whether more is known since they were last gone through.
     is_overdue: bool,
 }
@@ -37,24 +37,24 @@ impl Knowledge {
         self.is_overdue = true;
     }
 
-    /// Takes over a completion of what this agent, at this place among its receivers, has received:
-    /// at once, or once those that it waits for have been completed.
+    /// Takes over an acknowledgement of what this agent, at this place among its receivers, has
+    /// received: at once, or once those that it waits for have been completed.
     pub(super) fn complete(
         &mut self,
         peers: &mut Vec<Peer>,
         from: AgentId,
-        completion: &Arc<Completion>,
+        acknowledgement: &Arc<Acknowledgement>,
         place: usize,
     ) {
-        self.is_overdue |= !is_waiting(completion, place, &self.known);
-        self.waiting.insert(from, (Arc::clone(completion), place));
+        self.is_overdue |= !is_waiting(acknowledgement, place, &self.known);
+        self.waiting.insert(from, (Arc::clone(acknowledgement), place));
         while std::mem::take(&mut self.is_overdue) {
             let before = self.waiting.len();
             let known = &mut self.known;
-            self.waiting.retain(|&from, (completion, place)| {
-                let is_waiting = is_waiting(completion, *place, known);
+            self.waiting.retain(|&from, (acknowledgement, place)| {
+                let is_waiting = is_waiting(acknowledgement, *place, known);
                 if !is_waiting {
-                    known.set(from, known.of(from).max(completion.until));
+                    known.set(from, known.of(from).max(acknowledgement.until));
                     join_if_complete(known, &peer(peers, from).heard, from);
                 }
                 is_waiting
@@ -64,9 +64,9 @@ impl Knowledge {
     }
 }
 
-/// Whether the receiver at a place of a completion lacks what deputies send it.
-fn is_waiting(completion: &Completion, place: usize, known: &Known) -> bool {
-    completion.rest_from(place).any(|(agent, position)| known.of(agent) < position)
+/// Whether the receiver at a place of an acknowledgement lacks what delegates send it.
+fn is_waiting(acknowledgement: &Acknowledgement, place: usize, known: &Known) -> bool {
+    acknowledgement.rest_from(place).any(|(agent, position)| known.of(agent) < position)
 }
 
 /// Adds the summary of a peer to what is known if its journal is known up to it.

@@ -25,33 +25,34 @@
 //!    cells.
 //! 3. The number of blocks, and the blocks (`blocks.rs`).
 //!
-//! **Form 2, a completion: some receivers have been sent all.**
+//! **Form 2, an acknowledgement: some receivers have been sent all.**
 //!
 //! 1. The receivers.
-//! 2. The deputies, written like receivers: agents that send receivers what the sender does not.
+//! 2. The delegates, written like receivers: agents that send receivers what the sender does not.
 //!    For each, the position in its journal that belongs to that.
 //! 3. For each receiver, the number of the last summary that it was sent, the number of updates
-//!    since then, and in as many bytes as it takes one bit for each deputy, the lowest first:
+//!    since then, and in as many bytes as it takes one bit for each delegate, the lowest first:
 //!    whether that one sends it something.
 //! 4. The position in the journal of the sender up to which the receivers know it then.
 //!
-//! **Form 3, a completion for hubs**, which are to pass on what they have been sent: as form 2.
+//! **Form 3, an acknowledgement for relay peers**, which are to pass on what they have been sent:
+//! as form 2.
 //!
 //! Invariant: the result of [`decode`] names only agents of the run, and positions that a journal
 //! can have, and has only cells inside the map; a message with any wrong bit is rejected as a
 //! whole.
 
+mod acknowledgement;
 mod blocks;
-mod completion;
 
 use msgs::ids::AgentId;
 use thiserror::Error;
 use voxels::Extent;
 
 use crate::exploration_map::{CHANGES_MAX, Delta, Layout};
+pub(super) use acknowledgement::{Acknowledged, Acknowledgement};
 pub(super) use blocks::CELL_BYTES_MAX;
 use blocks::{blocks, put_blocks};
-pub(super) use completion::{Completed, Completion};
 
 /// Version of the encoding.
 pub const VERSION: u8 = 4;
@@ -59,8 +60,8 @@ pub const VERSION: u8 = 4;
 /// The forms of messages.
 const SUMMARY: u8 = 0;
 const UPDATE: u8 = 1;
-const COMPLETION: u8 = 2;
-const COMPLETION_FOR_HUBS: u8 = 3;
+const ACKNOWLEDGEMENT: u8 = 2;
+const ACKNOWLEDGEMENT_FOR_RELAY_PEERS: u8 = 3;
 
 const NUMBER_BYTES_MAX: usize = 5;
 
@@ -88,7 +89,7 @@ pub(super) enum Message {
         delta: Delta,
     },
     /// Some receivers have been sent all that they lacked.
-    Completion(Completion),
+    Acknowledgement(Acknowledgement),
 }
 
 /// What a summary says of its sender beside what it knows.
@@ -223,9 +224,12 @@ pub(super) fn encode_update(receivers: &[AgentId], until: u32, delta: &Delta) ->
 }
 
 /// Encodes that some receivers have been sent all.
-pub(super) fn encode_completion(completion: &Completion) -> Vec<u8> {
-    let mut bytes = vec![VERSION, if completion.is_for_hubs { COMPLETION_FOR_HUBS } else { COMPLETION }];
-    completion.put(&mut bytes);
+pub(super) fn encode_acknowledgement(acknowledgement: &Acknowledgement) -> Vec<u8> {
+    let mut bytes = vec![
+        VERSION,
+        if acknowledgement.is_for_relay_peers { ACKNOWLEDGEMENT_FOR_RELAY_PEERS } else { ACKNOWLEDGEMENT },
+    ];
+    acknowledgement.put(&mut bytes);
     bytes
 }
 
@@ -272,9 +276,9 @@ pub(super) fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Result<Messag
             let delta = Delta { blocks: blocks(&bytes[reader.at..], count, Layout::new(extent), bytes.len())? };
             return Ok(Message::Update { receivers, until, delta });
         }
-        form @ (COMPLETION | COMPLETION_FOR_HUBS) => {
-            Message::Completion(Completion::decode(&mut reader, form == COMPLETION_FOR_HUBS, extent, agents)?)
-        }
+        form @ (ACKNOWLEDGEMENT | ACKNOWLEDGEMENT_FOR_RELAY_PEERS) => Message::Acknowledgement(
+            Acknowledgement::decode(&mut reader, form == ACKNOWLEDGEMENT_FOR_RELAY_PEERS, extent, agents)?,
+        ),
         form => return Err(MapMessageError::Form(form)),
     };
     match bytes.len() - reader.at {

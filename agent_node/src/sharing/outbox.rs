@@ -1,12 +1,13 @@
 //! The messages of a command: addressed, or broadcast.
 
 use msgs::ids::AgentId;
-use msgs::limits::PARCEL_BYTES_BARE;
+use msgs::limits::AGENT_MESSAGE_BYTES_BARE;
 use msgs::shared_bytes::SharedBytes;
 
-use super::{MAP_MESSAGE, Totals};
+use super::Totals;
 use crate::command::AgentMessage;
 use crate::observation::Contact;
+use msgs::message_type::MessageType;
 
 /// A message for more receivers than this is broadcast, and not repeated for each of them.
 pub(super) const ADDRESSED_MAX: usize = 32;
@@ -23,14 +24,14 @@ impl Outbox<'_> {
     /// Sends a message to some of the contacts, if it fits.
     pub(super) fn send(&mut self, receivers: &[AgentId], data: SharedBytes) -> bool {
         let copies = copies(receivers.len(), self.contacts);
-        let bytes = copies * (data.len() + PARCEL_BYTES_BARE);
+        let bytes = copies * (data.len() + AGENT_MESSAGE_BYTES_BARE);
         if bytes > self.budget {
             return false;
         }
         self.budget -= bytes;
         self.totals.messages_sent += copies as u64;
         self.totals.bytes_sent += (copies * data.len()) as u64;
-        let message = |to| AgentMessage { to, kind: MAP_MESSAGE, data: data.clone() };
+        let message = |to| AgentMessage { to, kind: MessageType::Map.number(), data: data.clone() };
         if is_broadcast(receivers.len(), self.contacts) {
             self.messages.push(message(None));
         } else {
@@ -46,7 +47,7 @@ pub(super) fn copies(receivers: usize, contacts: &[Contact]) -> usize {
 }
 
 /// Whether there are so many contacts that their knowledge is not distinguished.
-pub(super) fn is_crowd(contacts: &[Contact]) -> bool {
+pub(super) fn is_dense(contacts: &[Contact]) -> bool {
     contacts.len() > ADDRESSED_MAX
 }
 

@@ -1,4 +1,4 @@
-//! The state of the exchanges with each peer, and where the sections of the journal came from.
+//! The state of the exchanges with each peer, and where the segments of the log came from.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -33,9 +33,10 @@ pub(super) struct Peer {
     pub(super) updates_sent: u32,
     /// Those that send it what this agent leaves to them, in the present exchange.
     pub(super) rest_from: AgentSet,
-    /// Whether hubs pass something on to it, and whether it is such a hub, in the present exchange.
-    pub(super) is_left_to_hubs: bool,
-    pub(super) is_hub: bool,
+    /// Whether relay peers pass something on to it, and whether it is such a relay peer, in the
+    /// present exchange.
+    pub(super) is_left_to_relay_peers: bool,
+    pub(super) is_relay_peer: bool,
     /// Updates received since its last summary.
     pub(super) updates_received: u32,
     /// Number of cells the peer has reported since it was last sent a summary.
@@ -54,7 +55,7 @@ impl Peer {
     /// Begins to send it what it lacks of the journal up to its summary, from the start.
     pub(super) fn restart(&mut self) {
         (self.cursor, self.rest_from) = (0, AgentSet::default());
-        (self.is_left_to_hubs, self.is_hub) = (false, false);
+        (self.is_left_to_relay_peers, self.is_relay_peer) = (false, false);
     }
 
     /// Continues with what it lacks of the journal of `own` up to its summary.
@@ -64,18 +65,18 @@ impl Peer {
         self.is_open = self.cursor < self.until;
     }
 
-    /// Whether it knows a section of the journal that came from others.
+    /// Whether it knows a segment of the log that came from others.
     pub(super) fn knows(&self, provenance: &Provenance) -> bool {
         self.heard.known.of(provenance.from) >= provenance.until
     }
 }
 
-/// Where a section of the journal came from.
+/// Where a segment of the log came from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Provenance {
     pub(super) positions: Range<usize>,
     pub(super) from: AgentId,
-    /// Whoever knows the journal of that agent up to this position knows the section.
+    /// Whoever knows the journal of that agent up to this position knows the segment.
     pub(super) until: u32,
 }
 

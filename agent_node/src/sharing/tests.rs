@@ -1,29 +1,29 @@
-mod crowds;
+mod dense;
 mod team;
 mod trust;
 
-use msgs::maes_msgs::Wake as Events;
+use msgs::event_mask::EventMask;
 use nalgebra::Point3;
 use proptest::prelude::*;
 use voxels::Cell;
 
 use super::updates::{BUDGET_MIN, INBOX_BYTES};
 use super::*;
-use crate::command::Trigger;
+use crate::command::WakeCondition;
 use crate::exploration_map::CellState;
-use team::{BUDGET, Team, all_pairs, extent};
+use team::{BUDGET, SimulatedTeam, all_pairs, extent};
 
 #[test]
 fn two_agents_exchange_at_once_and_then_every_period() {
-    let mut team = Team::new(2, extent(10), 5);
+    let mut team = SimulatedTeam::new(2, extent(10), 5);
     let pair = [(0, 1)];
-    assert_eq!(team.trigger(0, &[], 0), Trigger { at: Tick(u64::MAX), events: Events::FIRST_CONTACT });
+    assert_eq!(team.wake(0, &[], 0), WakeCondition { at: Tick(u64::MAX), events: EventMask::FIRST_CONTACT });
     team.maps[0].note_free(&[1, 2, 3]);
     team.maps[1].note_wall(&[7, 9]);
     assert_eq!(team.tick(5, &pair, BUDGET), [0, 0], "summaries");
-    assert_eq!(team.trigger(0, &pair, 5), Trigger { at: Tick(6), events: Events::FIRST_CONTACT });
+    assert_eq!(team.wake(0, &pair, 5), WakeCondition { at: Tick(6), events: EventMask::FIRST_CONTACT });
     assert_eq!(team.tick(6, &pair, BUDGET), [10, 9]);
-    assert_eq!(team.trigger(0, &pair, 6).at, Tick(10));
+    assert_eq!(team.wake(0, &pair, 6).at, Tick(10));
     team.tick(7, &pair, BUDGET);
     assert_eq!(team.states(0), team.states(1));
     team.maps[0].note_covered(Cell::new(2, 0, 0));
@@ -40,16 +40,16 @@ fn two_agents_exchange_at_once_and_then_every_period() {
     assert_eq!(team.tick(15, &[], BUDGET), [0, 0]);
     team.tick(17, &pair, BUDGET);
     assert!(team.tick(18, &pair, BUDGET)[1] > 0);
-    assert_eq!(team.trigger(1, &pair, 18).at, Tick(20));
+    assert_eq!(team.wake(1, &pair, 18).at, Tick(20));
     let totals = team.sharings[0].totals();
-    // Three summaries, two updates, two completions; and of the other an update less, which has
-    // just been sent.
+    // Three summaries, two updates, two acknowledgements; and of the other an update less, which
+    // has just been sent.
     assert_eq!((totals.messages_sent, totals.messages_taken), (7, 6));
 }
 
 #[test]
 fn received_changes_are_forwarded_but_not_returned() {
-    let mut team = Team::new(3, extent(10), 5);
+    let mut team = SimulatedTeam::new(3, extent(10), 5);
     team.maps[0].note_free(&[1, 2, 3]);
     team.maps[1].note_free(&[20, 21]);
     team.maps[2].note_wall(&[40]);
@@ -70,7 +70,7 @@ fn received_changes_are_forwarded_but_not_returned() {
 /// third one.
 #[test]
 fn what_both_know_from_others_is_not_sent_at_a_first_contact() {
-    let mut team = Team::new(4, extent(10), 5);
+    let mut team = SimulatedTeam::new(4, extent(10), 5);
     team.maps[0].note_free(&[1, 2, 3]);
     let mut now = team.exchange(0, &[(0, 1)]);
     now = team.exchange(now, &[(0, 1), (1, 2)]);
@@ -92,7 +92,7 @@ fn lost_messages_are_made_up_for() {
     let findings: [&[u32]; 3] = [&[1, 2, 3], &[20, 21], &[40]];
     // In which tick all that is under way is lost.
     for lost in 0..8 {
-        let mut team = Team::new(3, extent(10), 5);
+        let mut team = SimulatedTeam::new(3, extent(10), 5);
         team.maps.iter_mut().zip(findings).for_each(|(map, cells)| map.note_free(cells));
         for now in 0..40 {
             team.tick(now, &[(0, 1), (1, 2)], BUDGET);
@@ -106,7 +106,7 @@ fn lost_messages_are_made_up_for() {
 
 #[test]
 fn corrections_reach_all_receivers_of_the_error() {
-    let mut team = Team::new(4, extent(10), 5);
+    let mut team = SimulatedTeam::new(4, extent(10), 5);
     let chain = [(0, 1), (1, 2), (2, 3)];
     team.maps[0].note_wall(&[7, 8]);
     (0..20).for_each(|now| drop(team.tick(now, &chain, BUDGET)));
@@ -124,7 +124,7 @@ fn corrections_reach_all_receivers_of_the_error() {
 
 #[test]
 fn content_received_by_all_is_not_forwarded() {
-    let mut team = Team::new(4, extent(10), 5);
+    let mut team = SimulatedTeam::new(4, extent(10), 5);
     let all = all_pairs(4);
     for (agent, map) in (0..).zip(&mut team.maps) {
         map.note_free(&[10 * agent, 10 * agent + 1]);
@@ -140,7 +140,7 @@ fn content_received_by_all_is_not_forwarded() {
 #[test]
 fn remainder_is_sent_in_the_next_ticks() {
     let size = 40;
-    let mut team = Team::new(2, extent(size), 1000);
+    let mut team = SimulatedTeam::new(2, extent(size), 1000);
     let pair = [(0, 1)];
     let volume = size * size * size;
     // Isolated cells have the longest encoding.
@@ -151,7 +151,7 @@ fn remainder_is_sent_in_the_next_ticks() {
     let mut ticks = 1;
     loop {
         let sent = team.tick(ticks, &pair, budget)[0];
-        let is_left_over = team.trigger(0, &pair, ticks).at == Tick(ticks + 1);
+        let is_left_over = team.wake(0, &pair, ticks).at == Tick(ticks + 1);
         assert!(sent > budget - 2 * BUDGET_MIN || !is_left_over, "{sent}");
         // Later changes have to wait for the next exchange.
         team.maps[0].note_free(&[1 + 3 * ticks as u32]);
@@ -168,12 +168,12 @@ fn remainder_is_sent_in_the_next_ticks() {
 
 #[test]
 fn interrupted_exchange_continues_at_the_next_contact() {
-    let mut team = Team::new(2, extent(40), 1000);
+    let mut team = SimulatedTeam::new(2, extent(40), 1000);
     team.maps[0].note_free(&(0..20_000).map(|cell| 3 * cell).collect::<Vec<_>>());
     team.tick(3, &[(0, 1)], 2000);
     team.tick(4, &[(0, 1)], 2000);
-    assert_eq!(team.trigger(0, &[(0, 1)], 4).at, Tick(5));
-    assert_eq!(team.trigger(0, &[], 4).at, Tick(u64::MAX));
+    assert_eq!(team.wake(0, &[(0, 1)], 4).at, Tick(5));
+    assert_eq!(team.wake(0, &[], 4).at, Tick(u64::MAX));
     assert_eq!(team.tick(5, &[], BUDGET), [0, 0]);
     team.exchange(90, &[(0, 1)]);
     assert_eq!(team.sent_cells(0, 1).len(), 20_000);
@@ -183,7 +183,7 @@ fn interrupted_exchange_continues_at_the_next_contact() {
 #[test]
 fn exchange_leaves_room_in_the_inbox_for_others() {
     let agents = 20;
-    let mut team = Team::new(agents, extent(128), 251);
+    let mut team = SimulatedTeam::new(agents, extent(128), 251);
     team.maps[0].note_free(&(0..600_000).map(|cell| 3 * cell).collect::<Vec<_>>());
     let room = INBOX_BYTES / agents as usize;
     let mut sent = 0;
@@ -201,7 +201,7 @@ fn exchange_leaves_room_in_the_inbox_for_others() {
 fn exchange_takes_few_bytes_per_cell() {
     const HALLS_X: [i32; 3] = [14, 24, 34];
     const RADIUS: f64 = 8.0;
-    let mut team = Team::new(2, extent(50), 5);
+    let mut team = SimulatedTeam::new(2, extent(50), 5);
     let distance =
         |cell: Cell, x: i32| f64::from((cell.x - x).pow(2) + (cell.y - 25).pow(2) + (cell.z - 25).pow(2)).sqrt();
     let is_free = |cell: Cell| HALLS_X.into_iter().any(|x| distance(cell, x) < RADIUS);
@@ -229,10 +229,10 @@ fn exchange_takes_few_bytes_per_cell() {
 
 #[test]
 fn period_0_only_receives() {
-    let mut team = Team::new(2, extent(10), 5);
+    let mut team = SimulatedTeam::new(2, extent(10), 5);
     team.sharings[1] = Sharing::new(AgentId(1), 0, 2);
     team.maps.iter_mut().zip([3, 500]).for_each(|(map, cell)| map.note_free(&[cell]));
-    assert_eq!(team.trigger(1, &[(0, 1)], 0), Trigger { at: Tick(u64::MAX), events: Events::PARCEL });
+    assert_eq!(team.wake(1, &[(0, 1)], 0), WakeCondition { at: Tick(u64::MAX), events: EventMask::MESSAGE });
     let sent: Vec<Vec<usize>> = (0..10).map(|now| team.tick(now, &[(0, 1)], BUDGET)).collect();
     assert!(sent.iter().any(|bytes| bytes[0] > 0) && sent.iter().all(|bytes| bytes[1] == 0));
     assert_eq!((team.maps[0].free(), team.maps[1].free()), (1, 2));
@@ -243,7 +243,7 @@ fn period_0_only_receives() {
 fn full_first_exchange_of_all_is_accepted() {
     let agents = 6;
     let extent = extent(30);
-    let mut team = Team::new(agents, extent, 50);
+    let mut team = SimulatedTeam::new(agents, extent, 50);
     let volume = extent.volume() as u32;
     // Each has seen all of the map and visited half of it: the most that an agent can have to send.
     for (id, map) in (0..).zip(&mut team.maps) {
@@ -270,7 +270,7 @@ proptest! {
                 data[0] = VERSION;
                 data[1] %= 3;
             }
-            let message = ReceivedMessage { from: AgentId(1), kind: MAP_MESSAGE, data: data.clone().into() };
+            let message = ReceivedMessage { from: AgentId(1), kind: MessageType::Map.number(), data: data.clone().into() };
             let report = sharing.incoming(&mut map, &[message]);
             count += report.messages + report.for_others + report.refused.len();
         }
@@ -287,7 +287,7 @@ proptest! {
         pace in 1usize..20,
     ) {
         let agents = 4;
-        let mut team = Team::new(agents, extent(3), 3);
+        let mut team = SimulatedTeam::new(agents, extent(3), 3);
         // What each has found, in ascending precedence: nothing, wall, free, covered.
         let mut own = vec![[0u8; 27]; agents as usize];
         let mut now = 0;
@@ -335,12 +335,12 @@ proptest! {
         losses in prop::collection::vec(prop::bool::weighted(0.3), 0..300),
         budget in 1100usize..3000,
     ) {
-        let mut team = Team::new(3, extent(20), 5);
+        let mut team = SimulatedTeam::new(3, extent(20), 5);
         for (agent, period) in (0..).zip(periods) {
             team.sharings[agent as usize] = Sharing::new(AgentId(agent), period, 3);
         }
         team.losses = losses.into_iter();
-        team.due = Some(vec![(Trigger::NEXT_TICK, vec![]); 3]);
+        team.due = Some(vec![(WakeCondition::NEXT_TICK, vec![]); 3]);
         let all = all_pairs(3);
         let mut now = 0;
         for (agent, cell, edges) in ticks {
@@ -372,7 +372,7 @@ proptest! {
         findings in prop::collection::vec((0u32..5, 0u32..1000, any::<bool>()), 0..60),
     ) {
         let agents = 5;
-        let mut team = Team::new(agents, extent(10), 2);
+        let mut team = SimulatedTeam::new(agents, extent(10), 2);
         let chain: Vec<(u32, u32)> = (1..agents).map(|agent| (agent - 1, agent)).collect();
         for (agent, cell, is_visit) in findings {
             let map = &mut team.maps[agent as usize];
@@ -399,7 +399,7 @@ proptest! {
         meetings in prop::collection::vec((0u32..6, 0u32..6), 0..25),
         budget in 1100usize..4000,
     ) {
-        let mut team = Team::new(agents, extent(10), 4);
+        let mut team = SimulatedTeam::new(agents, extent(10), 4);
         let mut meetings = meetings.into_iter();
         let mut now = 0;
         for (at, (agent, cell, is_visit)) in findings.into_iter().enumerate() {

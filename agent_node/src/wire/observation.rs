@@ -100,8 +100,8 @@ fn check(part: &Part, run_info: &RunInfo) -> Result<(), WireError> {
     }
     let is_ascending = part.contacts.is_sorted_by(|a, b| a.agent < b.agent);
     require(is_ascending, "contacts", &part.contacts.len(), &"each agent once, ascending")?;
-    for parcel in part.parcels.iter().filter(|parcel| parcel.agent != maes_msgs::Parcel::SERVER) {
-        require(takes_part(parcel.agent), "parcels", &parcel.agent, &ids)?;
+    for message in part.messages.iter().filter(|message| message.agent != maes_msgs::AgentMessage::SERVER) {
+        require(takes_part(message.agent), "messages", &message.agent, &ids)?;
     }
     Ok(())
 }
@@ -154,8 +154,8 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
             add(&mut view.free, &part.view_free)?;
             add(&mut view.wall, &part.view_wall)?;
         }
-        for maes_msgs::Parcel { agent, kind, data } in part.parcels {
-            if agent == maes_msgs::Parcel::SERVER {
+        for maes_msgs::AgentMessage { agent, kind, data } in part.messages {
+            if agent == maes_msgs::AgentMessage::SERVER {
                 observation.change =
                     Some(Box::new(changed_run_info(&data, run_info_before, AgentId(part.agent), tick)?));
                 continue;
@@ -173,7 +173,7 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
 fn changed_run_info(data: &[u8], before: &RunInfo, agent: AgentId, tick: Tick) -> Result<RunInfo, WireError> {
     let wrong = |value: String| {
         let allowed = "a scenario with the team and the map of this run".to_owned();
-        WireError::Value { tick, field: "parcels", value, allowed }
+        WireError::Value { tick, field: "messages", value, allowed }
     };
     let scenario: maes_msgs::Scenario = cdr::decode(data).map_err(|error| wrong(error.to_string()))?;
     let now = run_info(&scenario, agent)?;
@@ -263,10 +263,10 @@ mod tests {
                 .contains("contacts = 2: expected agents, 0 to 1, and their relays")
         );
         assert!(refused(&|part| part.contacts = vec![contact(1, 1.0); 2]).contains("each agent once, ascending"));
-        let parcel = maes_msgs::Parcel { agent: 2, ..Default::default() };
+        let message = maes_msgs::AgentMessage { agent: 2, ..Default::default() };
         assert!(
-            refused(&|part| part.parcels = vec![parcel.clone()])
-                .contains("parcels = 2: expected agents, 0 to 1, and their relays")
+            refused(&|part| part.messages = vec![message.clone()])
+                .contains("messages = 2: expected agents, 0 to 1, and their relays")
         );
         assert!(refused(&|part| part.tick = u64::MAX).contains("expected a tick of a run, 0 to 10000000000"));
     }

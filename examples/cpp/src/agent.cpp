@@ -25,7 +25,7 @@
 #include <maes_msgs/msg/signed_command.hpp>
 #include <maes_msgs/msg/signed_join.hpp>
 #include <maes_msgs/msg/signed_observation.hpp>
-#include <maes_msgs/msg/task.hpp>
+#include <maes_msgs/msg/motion.hpp>
 #include <maes_msgs/msg/wake.hpp>
 #include <rclcpp/rclcpp.hpp>
 
@@ -37,8 +37,8 @@ using maes_msgs::msg::Scenario;
 using maes_msgs::msg::SignedCommand;
 using maes_msgs::msg::SignedJoin;
 using maes_msgs::msg::SignedObservation;
-using maes_msgs::msg::Task;
-using maes_msgs::msg::Wake;
+using maes_msgs::msg::Motion;
+using maes_msgs::msg::WakeCondition;
 
 namespace
 {
@@ -57,16 +57,16 @@ void decide(Command & command, const std::map<std::uint16_t, Observation> & part
 {
   const Observation & first = parts.begin()->second;
   command.wake.at_tick = std::numeric_limits<std::uint64_t>::max();
-  command.wake.events = Wake::TASK_DONE;
+  command.wake.events = WakeCondition::TASK_DONE;
   if (first.task_status == Observation::ACTIVE) {
-    command.task.kind = Task::KEEP;
+    command.motion.kind = Motion::KEEP;
   } else if (first.collision == Observation::NONE && first.tick > 0) {
-    command.task.kind = Task::MOVE;
-    command.task.pitch_rad = uniform(rng, -0.5, 0.5);
-    command.task.distance_m = std::numeric_limits<double>::infinity();
+    command.motion.kind = Motion::MOVE;
+    command.motion.pitch_rad = uniform(rng, -0.5, 0.5);
+    command.motion.distance_m = std::numeric_limits<double>::infinity();
   } else {
-    command.task.kind = Task::TURN;
-    command.task.angle_rad = uniform(rng, -M_PI, M_PI);
+    command.motion.kind = Motion::TURN;
+    command.motion.angle_rad = uniform(rng, -M_PI, M_PI);
   }
 }
 

@@ -8,7 +8,7 @@
 
 use std::process::ExitCode;
 
-use agent_node::command::{Command, Motion, Trigger};
+use agent_node::command::{Command, Motion, WakeCondition};
 use agent_node::controllers::{Controller, Ctx, Registration};
 use agent_node::observation::Observation;
 use agent_node::rand::RngExt;
@@ -22,13 +22,13 @@ struct Zigzag {
 impl Controller for Zigzag {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         if observation.is_active {
-            return Command::keep(Trigger::TASK_DONE);
+            return Command::keep(WakeCondition::TASK_DONE);
         }
         if observation.collision.is_some() {
             let side = if self.rng.random::<bool>() { 1.0 } else { -1.0 };
-            return Command::new(Motion::turn(side * self.turn_rad), Trigger::TASK_DONE);
+            return Command::new(Motion::turn(side * self.turn_rad), WakeCondition::TASK_DONE);
         }
-        Command::new(Motion::straight(0.0, f64::INFINITY), Trigger::TASK_DONE)
+        Command::new(Motion::straight(0.0, f64::INFINITY), WakeCondition::TASK_DONE)
     }
 }
 

@@ -12,7 +12,7 @@ use std::collections::BinaryHeap;
 use std::num::NonZero;
 use std::path::Path;
 
-use super::{BenchmarkError, RADIOS, SEEDS, TEAMS, WORLDS, World, run};
+use super::{BenchmarkError, BenchmarkWorld, RADIOS, SEEDS, TEAMS, WORLDS, run};
 use crate::plan::Plan;
 use crate::store::{PLAN, Store};
 
@@ -86,7 +86,7 @@ fn of_tracks(tracks: &[Vec<(u64, f64)>], cores: NonZero<usize>, extra_s: f64) ->
 }
 
 /// Expected cost and measured wall time of the runs of a track, by seed.
-fn times(world: &World, agents: u32, radio: &str, folder: &Path) -> Result<Vec<(u64, f64)>, BenchmarkError> {
+fn times(world: &BenchmarkWorld, agents: u32, radio: &str, folder: &Path) -> Result<Vec<(u64, f64)>, BenchmarkError> {
     if !folder.join(PLAN).is_file() {
         return Ok(Vec::new());
     }

@@ -127,5 +127,5 @@ fn last_words(run: &PlannedRun, logs: &Path) -> String {
         let line = log.lines().rfind(|line| !line.trim().is_empty())?;
         Some(format!("; agent {agent} printed last: {}", printable::line(line)))
     };
-    run.scenario.agents.commanded().find_map(words).unwrap_or_default()
+    run.scenario.agents.with_own_command().find_map(words).unwrap_or_default()
 }

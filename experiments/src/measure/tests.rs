@@ -41,7 +41,7 @@ fn metrics_match_hand_calculation() {
         counters: vec![
             counter("free_cells", 100),
             counter("tick_explored_permille_500", 501),
-            counter("parcel_bytes_delivered_kind_1", 7),
+            counter("message_bytes_delivered_kind_1", 7),
             counter("refused_wrong_tick", 2),
             counter("refused_undecodable", 1),
         ],

@@ -213,8 +213,8 @@ impl<'a> Flight<'a> {
 
     /// One tick. Returns whether there is anything left to see and to do.
     fn step(&mut self, workers: &Workers) -> bool {
-        self.world.look(workers);
-        self.world.settle();
+        self.world.sense(workers);
+        self.world.flush_scans();
         if self.world.coverage().is_explored() {
             return false;
         }

@@ -27,7 +27,7 @@ const OF_COMMANDS: [&str; 2] = ["arguments", "options"];
 
 /// What the page has already, with the command under which it has it.
 #[derive(Default)]
-struct Written {
+struct CommandPages {
     /// By the title and the items of a list of options.
     lists: BTreeMap<(String, String), String>,
     /// By the item of one option.
@@ -36,7 +36,7 @@ struct Written {
 
 /// A command with its options, and the commands below it. What several commands share is written
 /// once, and named by the others.
-fn write_command(page: &mut String, command: &mut Command, written: &mut Written) {
+fn write_command(page: &mut String, command: &mut Command, written: &mut CommandPages) {
     let name = command.get_bin_name().unwrap_or(command.get_name()).to_owned();
     let usage = command.render_usage().to_string();
     let usage = usage.trim_start_matches("Usage: ").lines().map(str::trim).collect::<Vec<_>>().join(" ");
@@ -176,7 +176,7 @@ fn reference_lists_the_commands() {
     let mut program = Cli::command();
     program.build();
     let mut generated = String::new();
-    let mut written = Written::default();
+    let mut written = CommandPages::default();
     for command in program.get_subcommands_mut() {
         if !command.is_hide_set() && command.get_name() != "help" {
             write_command(&mut generated, command, &mut written);

@@ -3,14 +3,14 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{GenerateArgs, Kind, MapCliError};
+use super::{GenerateArgs, MapCliError, MapKind};
 use mapgen::{BuildingSpec, MapSpec, MineSpec, NoiseSpec, SpheresSpec};
 use simulation::scenario::one_line;
 
 /// What the options say, with the generator's defaults for what they leave out.
 pub(super) fn of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
     match args.kind {
-        Kind::Spheres => {
+        MapKind::Spheres => {
             let default = SpheresSpec::default();
             let spec = SpheresSpec {
                 fill_ratio: args.fill.unwrap_or(default.fill_ratio),
@@ -21,7 +21,7 @@ pub(super) fn of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
             };
             changed(spec, &args.set).map(MapSpec::Spheres)
         }
-        Kind::Noise => {
+        MapKind::Noise => {
             refuse_options(args, "noise", "--fill and --smoothing", &["fill", "smoothing"])?;
             let default = NoiseSpec::default();
             let spec = NoiseSpec {
@@ -30,11 +30,11 @@ pub(super) fn of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
             };
             changed(spec, &args.set).map(MapSpec::Noise)
         }
-        Kind::Mine => {
+        MapKind::Mine => {
             refuse_options(args, "mine", "--set KEY=VALUE", &[])?;
             changed(MineSpec::default(), &args.set).map(MapSpec::Mine)
         }
-        Kind::Building => {
+        MapKind::Building => {
             refuse_options(args, "building", "--set KEY=VALUE", &[])?;
             changed(BuildingSpec::default(), &args.set).map(MapSpec::Building)
         }

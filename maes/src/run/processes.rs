@@ -44,7 +44,7 @@ impl RunArgs {
                 Some(OrderName::Reverse) => Order::Reverse,
                 Some(OrderName::Shuffle) => Order::Shuffle,
             },
-            external: self.external.as_ref().map(|ids| ids.0.clone()).unwrap_or_default(),
+            third_party: self.external.as_ref().map(|ids| ids.0.clone()).unwrap_or_default(),
             chaos_delay_ms: self.chaos_delay_ms,
             parameters: self.agent_parameters,
         }

@@ -25,14 +25,14 @@ enum Owner {
 
 /// A piece of wall between a room and one neighbour, one cell thick.
 #[derive(Debug, Clone, Copy)]
-struct Shared {
+struct SharedWall {
     neighbour: Owner,
     wall: Rect,
     /// The axis along which the wall runs.
     along: usize,
 }
 
-impl Shared {
+impl SharedWall {
     fn length(&self) -> i32 {
         self.wall.along(self.along)
     }
@@ -60,13 +60,13 @@ pub(super) fn connect(
     let mut left: Vec<usize> = (0..rooms.len()).collect();
     loop {
         let before = is_reached.clone();
-        let leads_on = |wall: &&Shared| match wall.neighbour {
+        let leads_on = |wall: &&SharedWall| match wall.neighbour {
             Owner::Room(neighbour) => before[neighbour],
             Owner::Halls => true,
             Owner::Free => false,
         };
         for &room in &left {
-            let mut walls: Vec<&Shared> =
+            let mut walls: Vec<&SharedWall> =
                 shared[room].iter().filter(|wall| wall.length() >= padded).filter(leads_on).collect();
             walls.sort_by_key(|wall| wall.neighbour);
             for of_one in walls.chunk_by(|one, other| one.neighbour == other.neighbour) {
@@ -91,13 +91,13 @@ pub(super) fn connect(
 }
 
 /// A door somewhere in a wall.
-fn door(Shared { wall, along, .. }: &Shared, width: i32, padding: i32, rng: &mut ChaCha8Rng) -> Rect {
+fn door(SharedWall { wall, along, .. }: &SharedWall, width: i32, padding: i32, rng: &mut ChaCha8Rng) -> Rect {
     let low = rng.random_range(wall.low[*along] + padding..=wall.high[*along] - padding - width);
     wall.between(*along, low, low + width)
 }
 
 /// For each room, the pieces of wall that it shares with one neighbour each, side by side.
-fn shared_walls(extent: Extent, halls: &[Rect], rooms: &[Rect]) -> Vec<Vec<Shared>> {
+fn shared_walls(extent: Extent, halls: &[Rect], rooms: &[Rect]) -> Vec<Vec<SharedWall>> {
     let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
     let mut owners = vec![Owner::Free; size_x * size_y];
     let numbered = rooms.iter().enumerate().map(|(number, rect)| (rect, Owner::Room(number)));
@@ -112,7 +112,7 @@ fn shared_walls(extent: Extent, halls: &[Rect], rooms: &[Rect]) -> Vec<Vec<Share
 }
 
 /// The pieces of the wall at one side of a room behind which is one neighbour.
-fn pieces(room: Rect, side: Side, owner_at: impl Fn([i32; 2]) -> Owner) -> Vec<Shared> {
+fn pieces(room: Rect, side: Side, owner_at: impl Fn([i32; 2]) -> Owner) -> Vec<SharedWall> {
     let wall = room.beyond(side);
     let along = 1 - side.axis;
     let behind = |at: i32| {
@@ -123,7 +123,7 @@ fn pieces(room: Rect, side: Side, owner_at: impl Fn([i32; 2]) -> Owner) -> Vec<S
     };
     let places: Vec<i32> = (wall.low[along]..wall.high[along]).collect();
     let runs = places.chunk_by(|&one, &other| behind(one) == behind(other));
-    let piece = |run: &[i32]| Shared {
+    let piece = |run: &[i32]| SharedWall {
         neighbour: behind(run[0]),
         wall: wall.between(along, run[0], run[run.len() - 1] + 1),
         along,

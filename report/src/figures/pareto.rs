@@ -14,7 +14,7 @@ const TITLE: &str = "Data delivered against time to explore";
 
 /// A variant under a condition.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct ParetoPoint {
     variant: usize,
     time: Estimate,
     data: Estimate,
@@ -23,13 +23,13 @@ struct Place {
 /// Bytes delivered in a run over the time to explore, means of each cell, with the Pareto front;
 /// `None` if nothing is delivered or there is only one variant.
 pub(super) fn data_against_time(study: &Study) -> Result<Option<Figure>, StatisticsError> {
-    if study.variants.len() < 2 || study.runs.iter().all(|run| run.row.parcel_bytes == 0) {
+    if study.variants.len() < 2 || study.runs.iter().all(|run| run.row.message_bytes == 0) {
         return Ok(None);
     }
     let milestone = greatest_that_most_reach(study);
     let (time_unit, data_unit) = (TimeUnit::of(&study.runs), Unit::of(&study.runs));
     let panels = Panels::of(study);
-    let places: Vec<Vec<Place>> = panels
+    let places: Vec<Vec<ParetoPoint>> = panels
         .conditions
         .iter()
         .map(|(_, _, condition)| {
@@ -38,7 +38,7 @@ pub(super) fn data_against_time(study: &Study) -> Result<Option<Figure>, Statist
                 .map_or(Ok(Vec::new()), |condition| places(study, condition, milestone, (time_unit, data_unit)))
         })
         .collect::<Result<_, _>>()?;
-    let axis = |of: fn(&Place) -> Estimate, places: &[Place]| {
+    let axis = |of: fn(&ParetoPoint) -> Estimate, places: &[ParetoPoint]| {
         Axis::rounded(0.0, places.iter().map(|place| of(place).high()).fold(0.0, f64::max), 5)
     };
     let y_axes: Vec<Axis> = places.iter().map(|places| axis(|place| place.data, places)).collect();
@@ -99,17 +99,17 @@ fn places(
     condition: &Condition,
     milestone: Milestone,
     (time_unit, data_unit): (TimeUnit, Unit),
-) -> Result<Vec<Place>, StatisticsError> {
+) -> Result<Vec<ParetoPoint>, StatisticsError> {
     let totals = traffic::totals(study, condition, data_unit)?;
     let place = |(variant, data)| {
         let time = Times::of(&study.cell(condition, variant), milestone).estimate()?.in_unit(time_unit);
-        Ok(Place { variant, time, data })
+        Ok(ParetoPoint { variant, time, data })
     };
     totals.into_iter().map(place).collect()
 }
 
 /// The corners of the staircase over the Pareto front: (time, data), in the order of time.
-fn front(places: &[Place]) -> Vec<(f64, f64)> {
+fn front(places: &[ParetoPoint]) -> Vec<(f64, f64)> {
     let mut sorted: Vec<(f64, f64)> = places.iter().map(|place| (place.time.mean, place.data.mean)).collect();
     sorted.sort_by(|one, other| one.0.total_cmp(&other.0).then(one.1.total_cmp(&other.1)));
     let mut corners: Vec<(f64, f64)> = Vec::new();
@@ -124,7 +124,7 @@ fn front(places: &[Place]) -> Vec<(f64, f64)> {
 }
 
 /// Draws the front from the upper to the right edge of the panel.
-fn draw_front(sheet: &mut Sheet, panel: &Panel, places: &[Place]) {
+fn draw_front(sheet: &mut Sheet, panel: &Panel, places: &[ParetoPoint]) {
     let corners: Vec<_> = front(places).into_iter().map(|(time, data)| panel.at(time, data)).collect();
     if let (Some(&(first, _)), Some(&(_, last))) = (corners.first(), corners.last()) {
         let (top, right) = (panel.area.top, panel.area.left + panel.area.width);
@@ -133,8 +133,14 @@ fn draw_front(sheet: &mut Sheet, panel: &Panel, places: &[Place]) {
     }
 }
 
-fn draw_place(sheet: &mut Sheet, panel: &Panel, name: &str, place: &Place, (time_unit, data_unit): (TimeUnit, Unit)) {
-    let Place { variant, time, data } = *place;
+fn draw_place(
+    sheet: &mut Sheet,
+    panel: &Panel,
+    name: &str,
+    place: &ParetoPoint,
+    (time_unit, data_unit): (TimeUnit, Unit),
+) {
+    let ParetoPoint { variant, time, data } = *place;
     sheet.svg.begin_value(&format!(
         "{name}: {:.*} {}, {:.*} {}",
         digits_for(time.mean).max(1),
@@ -164,7 +170,7 @@ mod tests {
     #[test]
     fn front_has_no_variant_to_which_another_is_better() {
         let only = |mean| Estimate { mean, interval: None };
-        let place = |(time, data)| Place { variant: 0, time: only(time), data: only(data) };
+        let place = |(time, data)| ParetoPoint { variant: 0, time: only(time), data: only(data) };
         // (3, 5) and (5, 4) lose to (2, 4), (2, 6) to it at the same time; (4, 1) costs least.
         let places = [(4.0, 1.0), (3.0, 5.0), (2.0, 6.0), (2.0, 4.0), (1.0, 9.0), (5.0, 4.0)].map(place);
         assert_eq!(front(&places), [(1.0, 9.0), (2.0, 9.0), (2.0, 4.0), (4.0, 4.0), (4.0, 1.0)]);

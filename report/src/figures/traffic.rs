@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use agent_node::controllers::auction::CLAIMS_MESSAGE;
-use agent_node::controllers::dsvp::FINISHED_MESSAGE;
-use agent_node::sharing::MAP_MESSAGE;
+use msgs::message_type::MessageType;
+use msgs::message_type::MessageType;
+use msgs::message_type::MessageType;
 
 use super::super::estimates::{Estimate, RESAMPLES};
 use super::super::plot::{Axis, Layout, Mark, Panel, SMALL, Sheet, colour, room_for};
@@ -26,7 +26,7 @@ const BEYOND: f64 = 1.4;
 pub(super) fn by_kind(study: &Study) -> Result<Option<Figure>, StatisticsError> {
     let kinds: BTreeSet<u8> = study.runs.iter().flat_map(|run| run.row.bytes_by_kind.keys().copied()).collect();
     let kinds: Vec<u8> = kinds.into_iter().collect();
-    if study.runs.iter().all(|run| run.row.parcel_bytes == 0) {
+    if study.runs.iter().all(|run| run.row.message_bytes == 0) {
         return Ok(None);
     }
     let unit = Unit::of(&study.runs);
@@ -137,7 +137,7 @@ pub(super) struct Unit {
 impl Unit {
     /// Megabytes if a run delivers one or more.
     pub(super) fn of(runs: &[RunRecord]) -> Self {
-        let most = runs.iter().map(|run| run.row.parcel_bytes).max().unwrap_or(0);
+        let most = runs.iter().map(|run| run.row.message_bytes).max().unwrap_or(0);
         if most >= 1_000_000 { Self { symbol: "MB", bytes: 1e6 } } else { Self { symbol: "kB", bytes: 1e3 } }
     }
 }
@@ -152,7 +152,7 @@ pub(super) fn totals(
     for variant in 0..study.variants.len() {
         let runs = study.measured(condition, variant);
         if !runs.is_empty() {
-            let values: Vec<f64> = runs.iter().map(|run| run.row.parcel_bytes as f64 / unit.bytes).collect();
+            let values: Vec<f64> = runs.iter().map(|run| run.row.message_bytes as f64 / unit.bytes).collect();
             totals.push((variant, Estimate::of(&values, RESAMPLES)?));
         }
     }
@@ -165,10 +165,10 @@ fn swatch(index: usize) -> usize {
 }
 
 fn kind_name(kind: u8) -> String {
-    match kind {
-        MAP_MESSAGE => format!("maps (kind {kind})"),
-        CLAIMS_MESSAGE => format!("claims (kind {kind})"),
-        FINISHED_MESSAGE => format!("nothing left (kind {kind})"),
+    match MessageType::of(kind) {
+        Some(MessageType::Map) => format!("maps (kind {kind})"),
+        Some(MessageType::Claims) => format!("claims (kind {kind})"),
+        Some(MessageType::Finished) => format!("nothing left (kind {kind})"),
         other => format!("kind {other}"),
     }
 }

@@ -12,7 +12,7 @@ use experiments::plan::MAP_FILE;
 
 /// What the folder has of its runs, by id.
 #[derive(Debug, Default)]
-pub(in super::super) struct Kept {
+pub(in super::super) struct RetainedRecordings {
     /// Runs with a scenario.
     pub(in super::super) scenarios: BTreeSet<String>,
     /// Runs with a recording.
@@ -20,7 +20,7 @@ pub(in super::super) struct Kept {
 }
 
 /// All runs in the order of the study, each once, with an anchor `run-<id>`.
-pub(super) fn html(study: &Study, kept: &Kept) -> String {
+pub(super) fn html(study: &Study, kept: &RetainedRecordings) -> String {
     let has_maps = !study.map_files().is_empty();
     let mut columns = vec![column("run", "id"), column(&study.variant_title, "variant")];
     columns.extend(has_maps.then(|| column("map file", MAP_FILE)));
@@ -86,7 +86,7 @@ pub(super) fn html(study: &Study, kept: &Kept) -> String {
 }
 
 /// The commands of a run, from the folder of the plan.
-fn commands(id: &str, kept: &Kept) -> String {
+fn commands(id: &str, kept: &RetainedRecordings) -> String {
     let id_text = escape(id);
     let again = if kept.scenarios.contains(id) {
         format!("<code>maes run runs/{id_text}.toml</code>")

@@ -6,7 +6,7 @@ use rand_chacha::rand_core::Rng;
 
 use super::super::fixture;
 use super::*;
-use experiments::rows::{FailedRun, Made, RunRecord, StoredRun};
+use experiments::rows::{FailedRun, RunMetadata, RunRecord, StoredRun};
 
 /// A study of variants by name, each with its times to 99 % by block: `None` is censored. Runs of
 /// equal `map` are on the same map.
@@ -18,7 +18,7 @@ fn study(variants: &[(&str, Vec<Option<f64>>)], map: impl Fn(usize) -> String) -
             run.row.axes = BTreeMap::from([("agents.controller".to_owned(), (*name).to_owned())]);
             (run.row.t99_s, run.row.free_cells) = (*time, 1000);
             run.row.area_under_explored = 1.0 - time.unwrap_or(run.row.duration_s) / run.row.duration_s / 2.0;
-            runs.push(StoredRun::new(run, Made { date: None, map: Some(map(block)) }));
+            runs.push(StoredRun::new(run, RunMetadata { date: None, map: Some(map(block)) }));
         }
     }
     Study::new(runs, None)
@@ -110,7 +110,7 @@ fn repetitions_of_one_map_are_one_pair() {
 }
 
 /// The run in this place of a failed one.
-fn failed(RunRecord { row, .. }: RunRecord, made: Made) -> StoredRun {
+fn failed(RunRecord { row, .. }: RunRecord, made: RunMetadata) -> StoredRun {
     let (id, build, controller, seed, size) = (row.id, row.build, row.controller, row.seed, Some(row.size));
     let reason = "exit code 4".to_owned();
     let (agents, axes, duration_s) = (row.agents, row.axes, row.duration_s);
@@ -129,7 +129,7 @@ fn variant_that_fails_does_not_win() {
             let mut run = fixture::run(name, block as u64, 2);
             run.row.axes = BTreeMap::from([("agents.controller".to_owned(), name.to_owned())]);
             (run.row.t99_s, run.row.area_under_explored) = (t99_s, 0.7);
-            let made = Made { date: None, map: Some(block.to_string()) };
+            let made = RunMetadata { date: None, map: Some(block.to_string()) };
             runs.push(if t99_s.is_some() { StoredRun::new(run, made) } else { failed(run, made) });
         }
     }
@@ -154,7 +154,7 @@ fn variant_that_fails_does_not_win() {
 #[test]
 fn failures_on_one_map_do_not_repeat_each_other() {
     let runs = (0..8).flat_map(|seed| {
-        let made = || Made { date: None, map: Some("the map".to_owned()) };
+        let made = || RunMetadata { date: None, map: Some("the map".to_owned()) };
         let mut runs = ["a", "b"].map(|name| fixture::run(name, seed, 2));
         runs.iter_mut().for_each(|run| run.row.free_cells = 1000);
         let [a, b] = runs;
@@ -178,7 +178,7 @@ fn five_pairs_have_no_p_value() {
 
 #[test]
 fn comparison_without_common_blocks_has_no_rows() {
-    let stored = |controller, seed| StoredRun::new(fixture::run(controller, seed, 2), Made::default());
+    let stored = |controller, seed| StoredRun::new(fixture::run(controller, seed, 2), RunMetadata::default());
     let study = Study::new(vec![stored("dsvp", 1), stored("lvd", 2)], None);
     assert!(tables(&study).unwrap().iter().all(|table| table.rows.is_empty()));
 }

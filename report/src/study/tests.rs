@@ -2,7 +2,7 @@ use super::super::fixture;
 use super::*;
 
 fn study(runs: Vec<RunRecord>, plan: &str) -> Study {
-    let stored = runs.into_iter().map(|run| StoredRun::new(run, Made::default())).collect();
+    let stored = runs.into_iter().map(|run| StoredRun::new(run, RunMetadata::default())).collect();
     Study::new(stored, (!plan.is_empty()).then(|| plan.to_owned()))
 }
 

@@ -10,7 +10,7 @@ use ros2_client::action::{ActionServer, ActionServerQosPolicies, GoalId};
 use ros2_client::action_msgs::GoalStatusArray;
 use ros2_client::{ActionTypeName, CreateError, Name, Node, RmwRequestId};
 
-use super::{FEEDBACK_QOS, STATUS_QOS, Shared, StepsEvent, Topics};
+use super::{ActionState, FEEDBACK_QOS, STATUS_QOS, StepsEvent, Topics};
 use crate::dds::{qos_profile, topic_name};
 use crate::services::{CallerDiscovery, Wire, mapping, qos};
 use crate::{EndpointFactory, Inbox, RosError, ThrottledWarning};
@@ -64,7 +64,7 @@ impl EndpointFactory {
             feedback_readers: CallerDiscovery::of_topic(&participant, topic_name(&format!("{name}/_action/feedback"))),
             unsent: RefCell::new(ThrottledWarning::new(format!("{name}: not sent"))),
         });
-        let shared = Shared::new(name, Box::new(Published(Rc::clone(&server))));
+        let shared = ActionState::new(name, Box::new(Published(Rc::clone(&server))));
         let (of_goals, goals, made) = (Rc::clone(&server), Rc::clone(&shared), Rc::clone(&convert));
         inbox.add(Box::new(move |context| {
             let taken = pin!(of_goals.steps.borrow_mut().goal_server().async_receive_request()).poll(context);
@@ -75,7 +75,7 @@ impl EndpointFactory {
                         server.feedback_readers.wait_for(&id);
                         server.steps.borrow().send_goal_response(id, response).map_err(|error| error.to_string())
                     });
-                    Shared::accept(&goals, request, reply)
+                    ActionState::accept(&goals, request, reply)
                 }))
             })
         }));

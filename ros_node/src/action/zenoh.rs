@@ -12,7 +12,7 @@ use ros2_client::action_msgs::GoalStatusArray;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{FEEDBACK_QOS, GoalRequest, ResultAnswer, STATUS_QOS, Shared, StepsEvent, Topics};
+use super::{ActionState, FEEDBACK_QOS, GoalRequest, ResultAnswer, STATUS_QOS, StepsEvent, Topics};
 use crate::services::Wire;
 use crate::type_hash::{self, ActionHashes};
 use crate::zenoh::{Node, Writer};
@@ -42,14 +42,14 @@ pub(super) fn steps_action<T>(
     let status_type = "action_msgs::msg::dds_::GoalStatusArray_".to_owned();
     let status = node.writer_of(&of_action("status"), status_type, type_hash::of(GOAL_STATUS_ARRAY), STATUS_QOS)?;
     let published = Published { feedback: RefCell::new(feedback), status: RefCell::new(status) };
-    let shared = Shared::new(name, Box::new(published));
+    let shared = ActionState::new(name, Box::new(published));
     let (goals, cancels) = (Rc::clone(&shared), Rc::clone(&shared));
     serve(
         node,
         (&of_action("send_goal"), own("SendGoal"), send_goal),
         inbox,
         &convert,
-        move |request: GoalRequest, reply: Reply<SendGoalResponse>| Shared::accept(&goals, request, reply),
+        move |request: GoalRequest, reply: Reply<SendGoalResponse>| ActionState::accept(&goals, request, reply),
     )?;
     serve(
         node,

@@ -231,7 +231,7 @@ fn integers(header: &[u8; HEADER_BYTES]) -> [u32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use msgs::maes_msgs::Parcel;
+    use msgs::maes_msgs::AgentMessage;
 
     /// A connection and the raw other end.
     fn half() -> (Connection, UnixStream) {
@@ -248,18 +248,18 @@ mod tests {
         Address { kind: 2, agent }
     }
 
-    fn parcel(bytes: usize) -> Parcel {
-        Parcel { data: vec![7; bytes].into(), ..Parcel::default() }
+    fn message(bytes: usize) -> AgentMessage {
+        AgentMessage { data: vec![7; bytes].into(), ..AgentMessage::default() }
     }
 
-    /// The agents and lengths of the parcels that have arrived.
+    /// The agents and lengths of the messages that have arrived.
     fn received(connection: &mut Connection) -> Vec<(u32, usize)> {
         connection.read(&mut [0; READ_BYTES]);
         let mut all = Vec::new();
         while let Some(frame) = connection.next() {
-            let parcel: Parcel = cdr::decode(connection.content(frame)).unwrap();
+            let message: AgentMessage = cdr::decode(connection.content(frame)).unwrap();
             assert_eq!(frame.address.kind, 2);
-            all.push((frame.address.agent, parcel.data.len()));
+            all.push((frame.address.agent, message.data.len()));
             connection.remove(frame);
         }
         all
@@ -268,7 +268,7 @@ mod tests {
     #[test]
     fn frames_arrive_whole_and_in_order() {
         let (mut one, mut other) = pair();
-        assert!(one.queue(of(3), &parcel(5)) && one.queue(of(0), &parcel(0)));
+        assert!(one.queue(of(3), &message(5)) && one.queue(of(0), &message(0)));
         assert_eq!(received(&mut other), [], "queued, and not yet sent");
         one.flush();
         assert_eq!(received(&mut other), [(3, 5), (0, 0)]);
@@ -280,7 +280,7 @@ mod tests {
     #[test]
     fn a_frame_in_pieces_is_one_frame() {
         let (mut one, mut raw) = half();
-        let content = cdr::encode(&parcel(9));
+        let content = cdr::encode(&message(9));
         let length = u32::try_from(HEADER_BYTES - LENGTH_BYTES + content.len()).unwrap();
         let bytes = [&length.to_le_bytes()[..], &2_u32.to_le_bytes(), &6_u32.to_le_bytes(), &content].concat();
         for byte in &bytes[..bytes.len() - 1] {
@@ -299,7 +299,7 @@ mod tests {
             raw.write_all(&[0; 8]).unwrap();
             assert_eq!(received(&mut one), []);
             assert!(one.is_broken() && !one.is_open(), "{length}");
-            assert!(!one.queue(of(0), &parcel(1)), "{length}");
+            assert!(!one.queue(of(0), &message(1)), "{length}");
         }
     }
 
@@ -307,7 +307,7 @@ mod tests {
     fn more_than_the_socket_holds_arrives() {
         let (mut one, mut other) = pair();
         let sent: Vec<_> = (0..100).map(|agent| (agent, 50_000)).collect();
-        assert!(sent.iter().all(|&(agent, bytes)| one.queue(of(agent), &parcel(bytes))));
+        assert!(sent.iter().all(|&(agent, bytes)| one.queue(of(agent), &message(bytes))));
         let mut arrived = Vec::new();
         while arrived.len() < sent.len() {
             one.flush();
@@ -321,12 +321,12 @@ mod tests {
     fn an_end_that_does_not_read_is_waited_for_once() {
         let (mut one, mut other) = pair();
         let mut queued = 0;
-        while one.queue(of(1), &parcel(50_000)) {
+        while one.queue(of(1), &message(50_000)) {
             queued += 1;
         }
         assert!(one.is_stuck && queued * 50_000 >= QUEUED_BYTES_MAX);
         let begun = now();
-        assert!((0..1000).all(|_| !one.queue(of(1), &parcel(50_000))));
+        assert!((0..1000).all(|_| !one.queue(of(1), &message(50_000))));
         assert!(begun.elapsed() < PATIENCE * 1000 / 2, "it is not waited for again");
         // What was queued arrives, and then there is room.
         let mut arrived = 0;
@@ -334,6 +334,6 @@ mod tests {
             one.flush();
             arrived += received(&mut other).len();
         }
-        assert!(one.queue(of(1), &parcel(50_000)));
+        assert!(one.queue(of(1), &message(50_000)));
     }
 }

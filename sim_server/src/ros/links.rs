@@ -31,13 +31,13 @@ impl Links {
     pub(super) fn open(
         is_wanted: bool,
         agents: u32,
-        driven: &BTreeSet<AgentId>,
+        teleoperated: &BTreeSet<AgentId>,
         own_source: [u8; 16],
         inbox: &mut Inbox<Item>,
     ) -> Self {
         let connected = Connected::default();
-        let driven = driven.clone();
-        let is_served = move |agent: AgentId| agent.0 < agents && !driven.contains(&agent);
+        let teleoperated = teleoperated.clone();
+        let is_served = move |agent: AgentId| agent.0 < agents && !teleoperated.contains(&agent);
         let item = move |sample: SocketSample<'_>| if is_served(sample.agent) { item(sample) } else { Item::Handled };
         let mut open = || inbox.set_sockets(Sockets::listen(own_source, &connected)?, item.clone());
         let is_open = is_wanted

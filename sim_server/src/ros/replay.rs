@@ -48,7 +48,7 @@ const TOPICS_OF_AGENT: usize = 8;
 
 /// Outcome of a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Played {
+pub struct PlaybackSummary {
     /// Published messages without `/clock`.
     pub messages: u64,
     /// Sim time that has passed, in ticks.
@@ -68,7 +68,7 @@ pub fn play(
     env: &RosEnv,
     terminal: &mut Terminal,
     stop: &AtomicBool,
-) -> Result<Played, RosError> {
+) -> Result<PlaybackSummary, RosError> {
     let mut node = ReplayNode::new(schedule, timing, env)?;
     node.wait_for_readers(stop);
     let mut player = Player::new(schedule, timing, node.wall_ns());
@@ -98,7 +98,7 @@ pub fn play(
     }
     player.end();
     let is_interrupted = is_stopped() || player.is_quitting();
-    Ok(Played { messages: node.messages, sim_ticks: player.sim_ticks(), is_interrupted })
+    Ok(PlaybackSummary { messages: node.messages, sim_ticks: player.sim_ticks(), is_interrupted })
 }
 
 /// The node of a replay.

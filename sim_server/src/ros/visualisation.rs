@@ -22,7 +22,7 @@ const CLOCK: usize = 0;
 
 /// The visualisation topics with their publishers and subscriptions.
 pub(super) struct VisualisationPublishers {
-    driven: BTreeSet<AgentId>,
+    teleoperated: BTreeSet<AgentId>,
     publishers: Vec<(VisualisationTopic, TopicPublisher)>,
     subscriptions: SubscriptionTracker,
     listeners: Subscribers,
@@ -50,7 +50,7 @@ impl VisualisationPublishers {
         endpoints: &mut EndpointFactory,
         node: &mut Node,
         agents: u32,
-        driven: &BTreeSet<AgentId>,
+        teleoperated: &BTreeSet<AgentId>,
     ) -> Result<Self, RosError> {
         let mut publishers = Vec::new();
         let mut tracked = vec![topics::clock()];
@@ -78,9 +78,9 @@ impl VisualisationPublishers {
         numbered.sort_by_key(|((view, _), _)| *view);
         let (publishers, view_topics): (Vec<_>, Vec<_>) = numbered.into_iter().unzip();
         tracked.extend(view_topics);
-        let driven = driven.clone();
+        let teleoperated = teleoperated.clone();
         Ok(Self {
-            driven,
+            teleoperated,
             publishers,
             subscriptions: SubscriptionTracker::new(&tracked),
             listeners: Subscribers::new(),
@@ -115,7 +115,7 @@ impl VisualisationPublishers {
                 let (VisualisationTopic::Odometry(agent) | VisualisationTopic::Points(agent)) = *view else {
                     return self.arrivals(number, *view);
                 };
-                if self.driven.contains(&agent) { None } else { self.arrivals(number, *view) }
+                if self.teleoperated.contains(&agent) { None } else { self.arrivals(number, *view) }
             };
             self.listeners = self.publishers.iter().enumerate().filter_map(arrivals).collect();
         }

@@ -7,7 +7,7 @@ use msgs::ids::Tick;
 
 use super::agents::POLL_PERIOD;
 use super::control::Phase;
-use super::log::Kind;
+use super::log::EntryKind;
 use super::{EndReason, RunError, Session};
 use crate::playback::Playback;
 use crate::transport::Level;
@@ -45,7 +45,7 @@ impl Session<'_, '_> {
         }
         self.check_controllers()?;
         for (agent, join) in self.agents.joins() {
-            self.log.write(Kind::Join(agent), Tick::ZERO, &join)?;
+            self.log.write(EntryKind::Join(agent), Tick::ZERO, &join)?;
         }
         if self.playback.is_none() {
             self.log.publish()?;

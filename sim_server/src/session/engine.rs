@@ -19,21 +19,21 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Counter, Observation as Fragment, Progress};
 use msgs::shared_bytes::SharedBytes;
 
-use super::log::{Kind, SessionLog};
+use super::log::{EntryKind, SessionLog};
 use super::{MILESTONE_COUNTER, RunError};
 use crate::playback::RecordedTick;
 use crate::setup;
-use msgs::trigger::Trigger;
+use msgs::wake_condition::WakeCondition;
 use simulation::digest::{Chain, Digest};
 use simulation::lockstep::{CommandReply, ObservationRequest, Replies};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent};
 use simulation::wire::{self, Change};
 use simulation::workers::Workers;
 use simulation::world::body::Pose;
-use simulation::world::{Action, Commit, Presence, World};
+use simulation::world::{Action, Presence, RequestKind, World};
 
 /// A committed exchange with an agent.
-pub(super) struct Committed {
+pub(super) struct CommittedReply {
     pub(super) agent: AgentId,
     pub(super) fragments: Arc<Vec<Fragment>>,
     pub(super) reply: CommandReply,
@@ -64,7 +64,7 @@ pub(super) struct Engine<'a> {
     world: World,
     chain: Chain,
     workers: Arc<Workers>,
-    triggers: Vec<Trigger>,
+    wake_conditions: Vec<WakeCondition>,
     /// Agents without a process: lost, removed, or retired.
     lost: BTreeSet<AgentId>,
     /// Agents removed since the last tick, whose bodies stop in this one.
@@ -93,7 +93,7 @@ impl<'a> Engine<'a> {
             chain: Chain::new(&scenario.initial_identity(), &world, Arc::clone(&workers)),
             world,
             workers,
-            triggers: vec![Trigger::NEXT_TICK; agents],
+            wake_conditions: vec![WakeCondition::NEXT_TICK; agents],
             lost: BTreeSet::new(),
             removed: Vec::new(),
             retired: BTreeSet::new(),
@@ -141,14 +141,14 @@ impl<'a> Engine<'a> {
 
     /// What is shown of a run, once all scans are counted.
     pub(super) fn shown(&mut self) -> Shown<'_> {
-        self.settle();
+        self.flush_scans();
         let Self { world, infos, lost, .. } = self;
         Shown { world, infos, lost }
     }
 
     /// The progress of the run.
     pub(super) fn progress(&mut self) -> Progress {
-        self.settle();
+        self.flush_scans();
         wire::progress(&mut self.world)
     }
 
@@ -158,19 +158,19 @@ impl<'a> Engine<'a> {
 
     /// Number of agents, lost ones included.
     pub(super) fn agents(&self) -> usize {
-        self.triggers.len()
+        self.wake_conditions.len()
     }
 
     /// Casts the scans that are due, or has helpers cast them while the run continues.
-    pub(super) fn look(&mut self) {
-        self.world.look(&self.workers);
+    pub(super) fn sense(&mut self) {
+        self.world.sense(&self.workers);
     }
 
     /// Waits for all scans and counts them. Whatever shows or records the coverage or the digest
     /// comes after it.
-    pub(super) fn settle(&mut self) {
-        if !self.world.is_settled() {
-            let shares = self.world.settle();
+    pub(super) fn flush_scans(&mut self) {
+        if !self.world.has_no_pending_scans() {
+            let shares = self.world.flush_scans();
             self.chain.resolve(&shares);
         }
     }
@@ -190,23 +190,23 @@ impl<'a> Engine<'a> {
 
     /// The digest up to the last tick.
     pub(super) fn digest(&mut self) -> Digest {
-        self.settle();
+        self.flush_scans();
         self.chain.digest()
     }
 
     /// The agents to ask in this tick, ascending. `recorded` has the replies of a tick that is
     /// re-executed.
-    pub(super) fn due(&mut self, recorded: Option<&RecordedTick>) -> Vec<(AgentId, Commit)> {
+    pub(super) fn due(&mut self, recorded: Option<&RecordedTick>) -> Vec<(AgentId, RequestKind)> {
         let tick = self.tick();
         let mut due = Vec::new();
         for agent in self.world.agents() {
             if !self.takes_part(agent) {
                 continue;
             }
-            let trigger = self.triggers[agent.index()];
-            let happened = self.world.events(agent, trigger.events);
-            if trigger.is_due(tick, happened) {
-                due.push((agent, Commit::Committed));
+            let wake = self.wake_conditions[agent.index()];
+            let happened = self.world.events(agent, wake.events);
+            if wake.is_met(tick, happened) {
+                due.push((agent, RequestKind::Scheduled));
                 continue;
             }
             // Out of turn, a recording has only replies that did something.
@@ -215,16 +215,16 @@ impl<'a> Engine<'a> {
                 None => !self.scenario.execution.look_ahead,
             };
             if is_asked {
-                due.push((agent, Commit::Speculative));
+                due.push((agent, RequestKind::Polled));
             }
         }
         due
     }
 
     /// The observation of an agent as a request.
-    pub(super) fn request(&mut self, agent: AgentId, since: Commit, phase: u8) -> ObservationRequest {
-        let observation = self.world.observe(agent, since);
-        ObservationRequest { agent, since, fragments: Arc::new(wire::observation_parts(observation, phase)) }
+    pub(super) fn request(&mut self, agent: AgentId, kind: RequestKind, phase: u8) -> ObservationRequest {
+        let observation = self.world.observe(agent, kind);
+        ObservationRequest { agent, kind, fragments: Arc::new(wire::observation_parts(observation, phase)) }
     }
 
     /// Commits and logs the exchanges of a tick. Returns them, and the actions for
@@ -234,28 +234,28 @@ impl<'a> Engine<'a> {
         requests: Vec<ObservationRequest>,
         mut replies: Replies,
         log: &mut SessionLog<'_>,
-    ) -> Result<(Vec<Committed>, BTreeMap<AgentId, Action>), RunError> {
+    ) -> Result<(Vec<CommittedReply>, BTreeMap<AgentId, Action>), RunError> {
         let tick = self.tick();
         let mut committed = Vec::new();
         let mut actions = BTreeMap::new();
-        for ObservationRequest { agent, since, fragments } in requests {
+        for ObservationRequest { agent, kind, fragments } in requests {
             let Some(reply) = replies.remove(&agent) else {
                 actions.insert(agent, Action::LOST);
                 continue;
             };
-            let fragments = match since {
-                Commit::Committed => fragments,
-                Commit::Speculative if reply.is_no_op() => continue,
-                Commit::Speculative => self.request(agent, Commit::Committed, Fragment::RUNNING).fragments,
+            let fragments = match kind {
+                RequestKind::Scheduled => fragments,
+                RequestKind::Polled if reply.is_no_op() => continue,
+                RequestKind::Polled => self.request(agent, RequestKind::Scheduled, Fragment::RUNNING).fragments,
             };
             for fragment in &*fragments {
-                log.write_digested(Kind::Observation(agent), tick, fragment, &mut self.chain)?;
+                log.write_digested(EntryKind::Observation(agent), tick, fragment, &mut self.chain)?;
                 if self.chain.kept_bytes() >= KEPT_BYTES_MAX {
-                    self.settle();
+                    self.flush_scans();
                 }
             }
-            log.write_digested(Kind::Command(agent), tick, &reply.message, &mut self.chain)?;
-            self.triggers[agent.index()] = reply.trigger;
+            log.write_digested(EntryKind::Command(agent), tick, &reply.message, &mut self.chain)?;
+            self.wake_conditions[agent.index()] = reply.wake;
             self.decisions += 1;
             self.world.note_belief(agent, reply.message.known_free);
             self.failed_searches[agent.index()] = reply.message.failed_searches;
@@ -263,7 +263,7 @@ impl<'a> Engine<'a> {
                 self.infos[agent.index()].clone_from(&reply.message.info);
             }
             actions.insert(agent, reply.action.clone());
-            committed.push(Committed { agent, fragments, reply });
+            committed.push(CommittedReply { agent, fragments, reply });
         }
         Ok((committed, actions))
     }
@@ -338,7 +338,7 @@ impl<'a> Engine<'a> {
             }
             if takes_over[agent.index()] && self.world.presence(agent) == Presence::Active {
                 self.world.hand_over(agent);
-                self.triggers[agent.index()] = Trigger::NEXT_TICK;
+                self.wake_conditions[agent.index()] = WakeCondition::NEXT_TICK;
             }
         }
         self.changed.push(scenario);
@@ -353,8 +353,8 @@ impl<'a> Engine<'a> {
     ) -> Result<Result<(), &'static str>, RunError> {
         let placed = self.world.place(agent, pose);
         if placed.is_ok() {
-            // Its trigger was meant for another place.
-            self.triggers[agent.index()] = Trigger::NEXT_TICK;
+            // Its wake-up condition was meant for another place.
+            self.wake_conditions[agent.index()] = WakeCondition::NEXT_TICK;
             self.record_intervention(agent, &Change::Place(pose), log)?;
         }
         Ok(placed)
@@ -406,7 +406,12 @@ impl<'a> Engine<'a> {
     ) -> Result<(), RunError> {
         let tick = self.tick();
         self.interventions += 1;
-        Ok(log.write_digested(Kind::Intervention, tick, &wire::intervention(tick, agent, change), &mut self.chain)?)
+        Ok(log.write_digested(
+            EntryKind::Intervention,
+            tick,
+            &wire::intervention(tick, agent, change),
+            &mut self.chain,
+        )?)
     }
 
     /// The counters of the result, without those of refused messages.
@@ -419,21 +424,21 @@ impl<'a> Engine<'a> {
             counter("scans", totals.scans),
             counter("scans_cast", totals.scans_cast),
             counter("collisions", totals.collisions),
-            counter("parcels_sent", totals.parcels_sent),
-            counter("parcels_delivered", totals.parcels_delivered),
-            counter("parcels_out_of_contact", totals.parcels_out_of_contact),
-            counter("parcels_inbox_full", totals.parcels_inbox_full),
-            counter("parcel_bytes_delivered", totals.parcel_bytes_delivered),
+            counter("messages_sent", totals.messages_sent),
+            counter("messages_delivered", totals.messages_delivered),
+            counter("messages_out_of_contact", totals.messages_out_of_contact),
+            counter("messages_inbox_full", totals.messages_inbox_full),
+            counter("message_bytes_delivered", totals.message_bytes_delivered),
             counter("agents_dropped", self.lost.difference(&self.retired).count() as u64),
         ];
         // Counters of features that the scenario does not use are left out.
         let radios = || std::iter::once(self.scenario).chain(&self.changed).map(|held| &held.communication);
         let communication = &self.scenario.communication;
         counters.extend(
-            radios().any(|radio| radio.loss > 0.0).then(|| counter("parcels_lost_radio", totals.parcels_lost_radio)),
+            radios().any(|radio| radio.loss > 0.0).then(|| counter("messages_lost_radio", totals.messages_lost_radio)),
         );
         if radios().any(|radio| radio.bytes_per_s.is_finite()) {
-            counters.push(counter("parcels_queue_full", totals.parcels_queue_full));
+            counters.push(counter("messages_queue_full", totals.messages_queue_full));
         }
         if communication.relays.per_agent > 0 {
             counters.extend([
@@ -444,8 +449,8 @@ impl<'a> Engine<'a> {
                 counter("relay_readings", totals.relay_readings),
             ]);
         }
-        let kinds = totals.parcel_bytes_by_kind.iter();
-        counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("parcel_bytes_delivered_kind_{kind}"), bytes)));
+        let kinds = totals.message_bytes_by_kind.iter();
+        counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("message_bytes_delivered_kind_{kind}"), bytes)));
         let milestones = self.world.coverage().milestones();
         counters.extend(milestones.map(|(permille, tick)| counter(&format!("{MILESTONE_COUNTER}{permille}"), tick.0)));
         counters.extend((self.interventions > 0).then(|| counter("interventions", self.interventions)));

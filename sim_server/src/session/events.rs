@@ -13,7 +13,7 @@ use msgs::maes_msgs::Observation as Fragment;
 
 use super::{RunError, SHUTDOWN_TIMEOUT, Session};
 use simulation::scenario::EventAction;
-use simulation::world::Commit;
+use simulation::world::RequestKind;
 
 impl Session<'_, '_> {
     /// Executes the events of the present tick.
@@ -30,7 +30,7 @@ impl Session<'_, '_> {
                     self.engine.break_down(agent);
                 }
                 EventAction::SwitchRadio(agent, is_on) => self.engine.switch_radio(agent, is_on),
-                EventAction::Set(scenario) => self.engine.change(*scenario, &self.external),
+                EventAction::Set(scenario) => self.engine.change(*scenario, &self.teleoperated),
             }
         }
         self.engine.admit_late();
@@ -43,7 +43,7 @@ impl Session<'_, '_> {
             if self.playback.is_none() {
                 self.dismiss(agent)?;
             } else {
-                self.engine.request(agent, Commit::Speculative, Fragment::ENDED);
+                self.engine.request(agent, RequestKind::Polled, Fragment::ENDED);
             }
             self.engine.lose(agent);
         }
@@ -53,7 +53,7 @@ impl Session<'_, '_> {
     /// Sends an agent the shutdown message during the run. The observation stays pending, so that
     /// the end of the recording holds what was never committed.
     pub(super) fn dismiss(&mut self, agent: AgentId) -> Result<(), RunError> {
-        let last = [self.engine.request(agent, Commit::Speculative, Fragment::ENDED)];
+        let last = [self.engine.request(agent, RequestKind::Polled, Fragment::ENDED)];
         let tick = self.engine.tick();
         let (agents, mut context) = self.waiting();
         agents.shut_down(tick, &last, SHUTDOWN_TIMEOUT, &mut context)?;

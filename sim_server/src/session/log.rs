@@ -20,7 +20,7 @@ const SAVE_PERIOD: Duration = Duration::from_millis(500);
 
 /// The kind of a message, which decides its topic.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Kind {
+pub(super) enum EntryKind {
     Scenario,
     Progress,
     Digest,
@@ -120,19 +120,19 @@ impl<'s> SessionLog<'s> {
     /// Writes a message that the digest covers, of commands all but their stage.
     pub(super) fn write_digested<M: Serialize>(
         &mut self,
-        kind: Kind,
+        kind: EntryKind,
         tick: Tick,
         message: &M,
         chain: &mut Chain,
     ) -> Result<(), RecordError> {
         self.encode(message);
-        let left_out = if matches!(kind, Kind::Command(_)) { Command::UNDIGESTED_BYTES } else { 0 };
+        let left_out = if matches!(kind, EntryKind::Command(_)) { Command::UNDIGESTED_BYTES } else { 0 };
         chain.message(&self.bytes[..self.bytes.len() - left_out]);
         self.put(kind, tick)
     }
 
     /// Writes a message that only the recording holds.
-    pub(super) fn write<M: Serialize>(&mut self, kind: Kind, tick: Tick, message: &M) -> Result<(), RecordError> {
+    pub(super) fn write<M: Serialize>(&mut self, kind: EntryKind, tick: Tick, message: &M) -> Result<(), RecordError> {
         if self.is_recording() {
             self.encode(message);
             self.put(kind, tick)?;
@@ -198,17 +198,17 @@ impl<'s> SessionLog<'s> {
         cdr::encode_into(&mut self.bytes, message);
     }
 
-    fn put(&mut self, kind: Kind, tick: Tick) -> Result<(), RecordError> {
+    fn put(&mut self, kind: EntryKind, tick: Tick) -> Result<(), RecordError> {
         let topic = match kind {
-            Kind::Scenario => &self.sim_topics[0],
-            Kind::Progress => &self.sim_topics[1],
-            Kind::Digest => &self.sim_topics[2],
-            Kind::Result => &self.sim_topics[3],
-            Kind::Transforms => &self.sim_topics[4],
-            Kind::Intervention => &self.sim_topics[5],
-            Kind::Join(agent) => &self.agent_topics[agent.index()][0],
-            Kind::Observation(agent) => &self.agent_topics[agent.index()][1],
-            Kind::Command(agent) => &self.agent_topics[agent.index()][2],
+            EntryKind::Scenario => &self.sim_topics[0],
+            EntryKind::Progress => &self.sim_topics[1],
+            EntryKind::Digest => &self.sim_topics[2],
+            EntryKind::Result => &self.sim_topics[3],
+            EntryKind::Transforms => &self.sim_topics[4],
+            EntryKind::Intervention => &self.sim_topics[5],
+            EntryKind::Join(agent) => &self.agent_topics[agent.index()][0],
+            EntryKind::Observation(agent) => &self.agent_topics[agent.index()][1],
+            EntryKind::Command(agent) => &self.agent_topics[agent.index()][2],
         };
         let written = write(&mut self.live, &mut self.sink, topic, tick, &self.bytes);
         self.unless_failed(written)

@@ -10,7 +10,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Intervention, Observation as Fragment};
 
 use super::agents::{Awaited, recorded_join};
-use super::log::Kind;
+use super::log::EntryKind;
 use super::{EndReason, RunError, Session, timeout_policy};
 use crate::playback::{Ending, Playback, RecordedTick};
 use crate::transport::Level;
@@ -18,7 +18,7 @@ use simulation::digest::Digest;
 use simulation::lockstep::{CommandReply, MissingReplies, ObservationRequest, Replies};
 use simulation::scenario::OnAgentLoss;
 use simulation::wire::{self, Change};
-use simulation::world::{Commit, Presence};
+use simulation::world::{Presence, RequestKind};
 
 /// What a recording says of the present tick.
 enum NextTick {
@@ -39,7 +39,7 @@ impl Session<'_, '_> {
         let joins: Vec<(AgentId, String)> = joins.map(|(&agent, join)| (agent, join.controller.clone())).collect();
         let is_complete = joins.len() == agents;
         for (agent, controller) in joins.into_iter().filter(|(agent, _)| agent.index() < agents) {
-            self.log.write(Kind::Join(agent), Tick::ZERO, &recorded_join(agent, controller))?;
+            self.log.write(EntryKind::Join(agent), Tick::ZERO, &recorded_join(agent, controller))?;
         }
         // A run that was interrupted during admission has a tick without replies; one that failed
         // then has none.
@@ -141,7 +141,7 @@ impl Session<'_, '_> {
             return Err(RunError::OtherRun { tick, reason });
         }
         if is_mid_tick {
-            self.engine.look();
+            self.engine.sense();
             // Without replies, only the agents that are due count as asked.
             let requests = self.requests(Some(&RecordedTick::default()));
             self.record_unanswered(&requests)?;
@@ -170,11 +170,11 @@ impl Session<'_, '_> {
             Change::Join(pose) => self.engine.join(agent, pose, &mut self.log)?,
             Change::Place(pose) => self.engine.place(agent, pose, &mut self.log)?,
             Change::Remove => {
-                self.engine.request(agent, Commit::Speculative, Fragment::RUNNING);
+                self.engine.request(agent, RequestKind::Polled, Fragment::RUNNING);
                 Ok(self.engine.remove(agent, &mut self.log)?)
             }
             Change::Leave => {
-                self.engine.request(agent, Commit::Speculative, Fragment::ENDED);
+                self.engine.request(agent, RequestKind::Polled, Fragment::ENDED);
                 Ok(self.engine.leave(agent, &mut self.log)?)
             }
         };
@@ -194,9 +194,9 @@ impl Session<'_, '_> {
         for agent in requests.iter().map(|request| request.agent) {
             match recorded.commands.remove(&agent) {
                 Some(message) => {
-                    let (action, trigger) = wire::command(&message, self.scenario.agents.count)
+                    let (action, wake) = wire::command(&message, self.scenario.agents.count)
                         .map_err(|reason| misfit(format!("the command of agent {agent}: {reason}")))?;
-                    replies.insert(agent, CommandReply { message, action, trigger });
+                    replies.insert(agent, CommandReply { message, action, wake });
                 }
                 None if self.scenario.faults.on_agent_loss == OnAgentLoss::Drop => {
                     self.engine.lose(agent);
@@ -212,10 +212,10 @@ impl Session<'_, '_> {
 
     /// Replays the observation logs to the agents of a resumed run.
     fn replay_observation_logs(&mut self) -> Result<ControlFlow<()>, RunError> {
-        // The interface of external agents has no observations to replay.
+        // The interface of third-party agents has no observations to replay.
         let (tick, timeout) = (self.engine.tick(), self.reply_timeout());
         let sessions = self.agents.sessions_mut();
-        for agent in self.engine.lost().chain(self.external.iter().copied()) {
+        for agent in self.engine.lost().chain(self.teleoperated.iter().copied()) {
             sessions.skip_replay(agent);
         }
         sessions.enter(tick);

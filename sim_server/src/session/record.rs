@@ -4,12 +4,12 @@
 use msgs::ids::Tick;
 use msgs::maes_msgs;
 
-use super::log::Kind;
+use super::log::EntryKind;
 use super::{RunError, Session};
 use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use simulation::wire;
-use simulation::world::Commit;
+use simulation::world::RequestKind;
 
 /// Sim time between two digests in the recording: one second.
 const DIGEST_TICKS: u64 = 50;
@@ -30,7 +30,7 @@ impl Session<'_, '_> {
         let tick = self.engine.tick();
         let poses_period = u64::from(self.scenario.recording.poses_period_ticks);
         if poses_period > 0 && tick.0.is_multiple_of(poses_period) && self.log.is_recording() {
-            self.log.write(Kind::Transforms, tick, &wire::transforms(self.engine.world()))?;
+            self.log.write(EntryKind::Transforms, tick, &wire::transforms(self.engine.world()))?;
         }
         if tick.0.is_multiple_of(DIGEST_TICKS) {
             self.record_digest()?;
@@ -56,7 +56,7 @@ impl Session<'_, '_> {
         if is_published || self.log.is_recording() {
             let digest = self.engine.digest().0;
             let digest = maes_msgs::Digest { header: wire::header(tick), tick: tick.0, digest };
-            self.log.write(Kind::Digest, tick, &digest)?;
+            self.log.write(EntryKind::Digest, tick, &digest)?;
             if is_published {
                 self.transport.publish(VisualisationTopic::Digest, &VisualisationMessage::Digest(digest));
             }
@@ -70,7 +70,7 @@ impl Session<'_, '_> {
             self.recorded.progress = Some(tick);
             let progress = self.engine.progress();
             self.transport.progress(&progress);
-            self.log.write(Kind::Progress, tick, &progress)?;
+            self.log.write(EntryKind::Progress, tick, &progress)?;
         }
         Ok(())
     }
@@ -78,9 +78,9 @@ impl Session<'_, '_> {
     /// Records the observations of a tick that was given up. The digest does not cover them.
     pub(super) fn record_unanswered(&mut self, requests: &[ObservationRequest]) -> Result<(), RunError> {
         let tick = self.engine.tick();
-        for request in requests.iter().filter(|request| request.since == Commit::Committed) {
+        for request in requests.iter().filter(|request| request.kind == RequestKind::Scheduled) {
             for fragment in &*request.fragments {
-                self.log.write(Kind::Observation(request.agent), tick, fragment)?;
+                self.log.write(EntryKind::Observation(request.agent), tick, fragment)?;
             }
         }
         Ok(())

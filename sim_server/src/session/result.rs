@@ -7,13 +7,13 @@ use msgs::maes_msgs::{self, Observation as Fragment};
 
 use super::agents::WaitContext;
 use super::engine::counter;
-use super::log::Kind;
+use super::log::EntryKind;
 use super::{EndReason, Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
 use crate::transport::Level;
 use simulation::digest::Digest;
 use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
-use simulation::world::Commit;
+use simulation::world::RequestKind;
 
 impl Session<'_, '_> {
     /// Shuts the agents down, and completes the recording.
@@ -21,7 +21,7 @@ impl Session<'_, '_> {
         let tick = self.engine.tick();
         let mut last: Vec<ObservationRequest> = Vec::new();
         for agent in self.engine.world().agents() {
-            last.push(self.engine.request(agent, Commit::Committed, Fragment::ENDED));
+            last.push(self.engine.request(agent, RequestKind::Scheduled, Fragment::ENDED));
         }
         self.control.end_steps("the run has ended");
         let is_present = |request: &&ObservationRequest| !self.engine.is_lost(request.agent);
@@ -35,7 +35,7 @@ impl Session<'_, '_> {
         agents.shut_down(tick, &present, SHUTDOWN_TIMEOUT, &mut context)?;
         for request in &last {
             for fragment in &*request.fragments {
-                self.log.write(Kind::Observation(request.agent), tick, fragment)?;
+                self.log.write(EntryKind::Observation(request.agent), tick, fragment)?;
             }
         }
         let digest = self.engine.digest();
@@ -57,7 +57,7 @@ impl Session<'_, '_> {
         };
         self.record_digest()?;
         self.record_progress()?;
-        self.log.write(Kind::Result, tick, &result)?;
+        self.log.write(EntryKind::Result, tick, &result)?;
         self.publish_result(&result, ended_well);
         let restarted = self.agents.sessions().restarted();
         self.log.finish()?;

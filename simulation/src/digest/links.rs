@@ -23,12 +23,12 @@ pub(super) struct Piece {
 /// The links so far, and what is on its way to them.
 #[derive(Debug)]
 pub(super) struct Links {
-    shared: Arc<Shared>,
+    shared: Arc<LinkState>,
     workers: Arc<Workers>,
 }
 
 #[derive(Debug)]
-struct Shared {
+struct LinkState {
     waiting: Mutex<VecDeque<Piece>>,
     /// Held by the thread that hashes. Pieces are taken while it is held.
     last: Mutex<Link>,
@@ -45,7 +45,7 @@ impl Links {
     /// No link yet.
     pub(super) fn new(workers: Arc<Workers>) -> Self {
         let none = Link { digest: Digest([0; 32]), next: blake3::Hasher::new() };
-        Self { shared: Arc::new(Shared { waiting: Mutex::default(), last: Mutex::new(none) }), workers }
+        Self { shared: Arc::new(LinkState { waiting: Mutex::default(), last: Mutex::new(none) }), workers }
     }
 
     /// Adds a piece, which a helper hashes if there is one.
@@ -75,7 +75,7 @@ impl Links {
     }
 }
 
-impl Shared {
+impl LinkState {
     fn waiting(&self) -> MutexGuard<'_, VecDeque<Piece>> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,8 +1,8 @@
 //! Authentication of the agents: who may join, and whether a command comes from whoever has joined.
 //!
 //! Over a private transport, to which only the agents have access, nothing is signed. Over an open
-//! one every process must sign its commands, except those of external agents, which foreign nodes
-//! run. With a join secret a process must prove that it knows it.
+//! one every process must sign its commands, except those of third-party agents, which foreign
+//! nodes run. With a join secret a process must prove that it knows it.
 //!
 //! Invariant: a process keeps the key that it was granted.
 

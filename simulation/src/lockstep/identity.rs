@@ -12,7 +12,7 @@ pub struct JoinPolicy {
     /// What a process must know; `None`: nothing.
     pub secret: Option<JoinSecret>,
     /// Ids whose processes need not sign their commands, because foreign nodes run them. Those that
-    /// the scenario says so of ([`Scenario::unsigned`](crate::scenario::Scenario::unsigned)) are
+    /// the scenario says so of ([`Scenario::third_party`](crate::scenario::Scenario::unsigned)) are
     /// always among them.
     pub external: BTreeSet<AgentId>,
 }

@@ -240,11 +240,11 @@ impl AgentSessions {
             let expected = &mut self.membership.session_mut(agent).expected;
             return if expected.excuses(&command, &refusal) { Ok(()) } else { Err(refusal) };
         }
-        let (action, trigger) = wire::command(&command, self.membership.agents())
+        let (action, wake) = wire::command(&command, self.membership.agents())
             .map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
         self.membership.session_mut(agent).expected.note_command(&command);
         self.note_alive(agent);
         self.refuse_rival(agent, tick, now);
-        self.accept(agent, tick, CommandReply { message: command, action, trigger })
+        self.accept(agent, tick, CommandReply { message: command, action, wake })
     }
 }

@@ -11,11 +11,11 @@ use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation as Fragment, SignedCommand, SignedJoin, SignedObservation,
 };
 use msgs::scan_request::ScanRequest;
-use msgs::trigger::Trigger;
+use msgs::wake_condition::WakeCondition;
 
 use super::{Refusal, SourceId, listed};
 use crate::world::body::Motion;
-use crate::world::{Action, Commit};
+use crate::world::{Action, RequestKind};
 
 /// A message from an agent process.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +62,7 @@ pub struct ObservationRequest {
     /// Who observes.
     pub agent: AgentId,
     /// Whether the agent is due, or is asked out of turn.
-    pub since: Commit,
+    pub kind: RequestKind,
     /// The observation, as it is recorded: without the number of the run.
     pub fragments: Arc<Vec<Fragment>>,
 }
@@ -75,7 +75,7 @@ pub struct CommandReply {
     /// What it asks of the world.
     pub action: Action,
     /// When the agent is due next.
-    pub trigger: Trigger,
+    pub wake: WakeCondition,
 }
 
 impl CommandReply {

@@ -22,7 +22,7 @@ impl AgentsSection {
     }
 
     /// The ids of the agents that `command` runs, ascending.
-    pub fn commanded(&self) -> impl Iterator<Item = u32> + '_ {
+    pub fn with_own_command(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.count).filter(|&agent| self.is_commanded(agent))
     }
 
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn command_runs_all_agents_or_those_listed() {
-        let ids = |keys: &str| parse(keys).unwrap().agents.commanded().collect::<Vec<_>>();
+        let ids = |keys: &str| parse(keys).unwrap().agents.with_own_command().collect::<Vec<_>>();
         assert!(ids("").is_empty());
         assert_eq!(ids("command = [\"./a\"]"), [0, 1, 2]);
         assert_eq!(ids("command = [\"./a\"]\ncommand_ids = [2, 0]"), [0, 2]);

@@ -43,7 +43,7 @@ fn world() -> World {
 }
 
 fn step(world: &mut World, actions: impl IntoIterator<Item = (u32, Motion)>) {
-    world.look(&crate::workers::Workers::new(1).unwrap());
+    world.sense(&crate::workers::Workers::new(1).unwrap());
     let action = |motion| Action { motion, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() };
     world.step(actions.into_iter().map(|(agent, motion)| (AgentId(agent), action(motion))).collect());
 }

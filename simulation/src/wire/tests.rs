@@ -1,5 +1,7 @@
 use msgs::cdr;
-use msgs::maes_msgs::{Command, LidarRequest as LidarMessage, Parcel as ParcelMessage, Task, Wake as WakeMessage};
+use msgs::maes_msgs::{
+    AgentMessage as WireMessage, Command, Motion, ScanRequest as WireScanRequest, WakeCondition as WireWakeCondition,
+};
 use msgs::shared_bytes::SharedBytes;
 use msgs::stage::Stage;
 use proptest::prelude::*;
@@ -38,13 +40,13 @@ proptest! {
     fn large_observations_are_split_without_loss(
         step in 1..4_u32,
         cells in 0..80_000_u32,
-        parcel_bytes in prop::collection::vec(0..=PARCEL_BYTES_MAX, 0..6),
+        message_bytes in prop::collection::vec(0..=AGENT_MESSAGE_BYTES_MAX, 0..6),
         contacts in 0..1000_u32,
     ) {
         let list: Vec<u32> = (0..cells).map(|cell| cell * step).collect();
         let whole = Observation {
             contacts: (0..contacts).map(|agent| (AgentId(agent), Point3::origin())).collect(),
-            messages: parcel_bytes
+            messages: message_bytes
                 .iter()
                 .map(|&bytes| AgentMessage { peer: Peer::One(AgentId(1)), kind: 2, data: vec![7; bytes].into() })
                 .collect(),
@@ -55,7 +57,7 @@ proptest! {
         };
         let parts = observation_parts(whole.clone(), Part::RUNNING);
         let mut joined: [Vec<u32>; 4] = Default::default();
-        let mut parcels = Vec::new();
+        let mut messages = Vec::new();
         for (number, part) in parts.iter().enumerate() {
             prop_assert_eq!((usize::from(part.part), usize::from(part.parts)), (number, parts.len()));
             prop_assert!(cdr::encode(part).len() <= OBSERVATION_BYTES_MAX);
@@ -64,12 +66,12 @@ proptest! {
             joined[1].extend(indices(&part.seen_wall));
             joined[2].extend(indices(&part.view_free));
             joined[3].extend(indices(&part.view_wall));
-            parcels.extend(part.parcels.iter().map(|parcel| parcel.data.len()));
+            messages.extend(part.messages.iter().map(|message| message.data.len()));
         }
         for joined in joined {
             prop_assert_eq!(&joined, &list);
         }
-        prop_assert_eq!(parcels, parcel_bytes);
+        prop_assert_eq!(messages, message_bytes);
         prop_assert_eq!(parts[0].contacts.len(), contacts as usize);
         prop_assert!(parts[1..].iter().all(|part| part.contacts.is_empty()));
     }
@@ -85,7 +87,7 @@ proptest! {
     ) {
         let [pitch_rad, distance_m, angle_rad, other] = numbers;
         let message = Command {
-            task: Task {
+            motion: Motion {
                 kind,
                 pitch_rad,
                 distance_m,
@@ -94,8 +96,8 @@ proptest! {
                 linear_m_s: geometry_msgs::Vector3 { x: other, y: 0.0, z: 0.0 },
                 yaw_rate_rad_s: other,
             },
-            lidar: LidarMessage { kind: lidar.0, period_ticks: lidar.1 },
-            parcels: vec![ParcelMessage { agent: receiver, kind: 0, data: SharedBytes::default() }],
+            lidar: WireScanRequest { kind: lidar.0, period_ticks: lidar.1 },
+            messages: vec![WireMessage { agent: receiver, kind: 0, data: SharedBytes::default() }],
             stage,
             ..Command::default()
         };
@@ -128,35 +130,38 @@ fn refuses(message: &Command, expected: &str) {
 
 #[test]
 fn refusals_name_field_value_and_what_is_allowed() {
-    let task = |task: Task| Command { task, ..Command::default() };
-    let moving = Task { kind: Task::MOVE, ..Task::default() };
-    refuses(&task(Task { kind: 6, ..Task::default() }), "task.kind = 6, 0 to 5 are allowed");
-    refuses(&task(Task { distance_m: f64::NAN, ..moving.clone() }), "task.distance_m = NaN, 0 to inf is allowed");
-    refuses(&task(Task { distance_m: -1.0, ..moving.clone() }), "task.distance_m = -1");
-    refuses(&task(Task { pitch_rad: 2.0, ..moving }), "task.pitch_rad = 2");
-    refuses(&task(Task { kind: Task::PATH, ..Task::default() }), "task.path has 0 waypoints, 1 to 1024 are allowed");
+    let motion = |motion: Motion| Command { motion, ..Command::default() };
+    let moving = Motion { kind: Motion::MOVE, ..Motion::default() };
+    refuses(&motion(Motion { kind: 6, ..Motion::default() }), "motion.kind = 6, 0 to 5 are allowed");
+    refuses(&motion(Motion { distance_m: f64::NAN, ..moving.clone() }), "motion.distance_m = NaN, 0 to inf is allowed");
+    refuses(&motion(Motion { distance_m: -1.0, ..moving.clone() }), "motion.distance_m = -1");
+    refuses(&motion(Motion { pitch_rad: 2.0, ..moving }), "motion.pitch_rad = 2");
     refuses(
-        &Command { lidar: LidarMessage { kind: LidarMessage::EVERY, period_ticks: 0 }, ..Command::default() },
+        &motion(Motion { kind: Motion::PATH, ..Motion::default() }),
+        "motion.path has 0 waypoints, 1 to 1024 are allowed",
+    );
+    refuses(
+        &Command { lidar: WireScanRequest { kind: WireScanRequest::EVERY, period_ticks: 0 }, ..Command::default() },
         "lidar.period_ticks = 0",
     );
-    let parcel = |agent, bytes| ParcelMessage { agent, kind: 0, data: vec![0; bytes].into() };
-    refuses(&Command { parcels: vec![parcel(5, 1)], ..Command::default() }, "a parcel is for agent 5, 0 to 4");
+    let message = |agent, bytes| WireMessage { agent, kind: 0, data: vec![0; bytes].into() };
+    refuses(&Command { messages: vec![message(5, 1)], ..Command::default() }, "a message is for agent 5, 0 to 4");
     refuses(
-        &Command { parcels: vec![parcel(1, 50_000), parcel(2, 50_000)], ..Command::default() },
-        "the parcels hold 100000 bytes, at most 57344 are allowed",
+        &Command { messages: vec![message(1, 50_000), message(2, 50_000)], ..Command::default() },
+        "the messages hold 100000 bytes, at most 57344 are allowed",
     );
     refuses(&Command { info: "x".repeat(2000), ..Command::default() }, "info has 2000 bytes");
 }
 
 #[test]
 fn next_request_is_never_before_the_next_tick() {
-    let trigger = |tick, at_tick| {
-        let message = Command { tick, wake: WakeMessage { at_tick, events: 3 }, ..Command::default() };
+    let wake = |tick, at_tick| {
+        let message = Command { tick, wake: WireWakeCondition { at_tick, events: 3 }, ..Command::default() };
         command(&message, 5).unwrap().1
     };
-    assert_eq!(trigger(7, 0).at, Tick(8));
-    assert_eq!(trigger(7, 20), Trigger { at: Tick(20), events: 3 });
-    assert_eq!(trigger(u64::MAX, 0).at, Tick(u64::MAX));
+    assert_eq!(wake(7, 0).at, Tick(8));
+    assert_eq!(wake(7, 20), WakeCondition { at: Tick(20), events: 3 });
+    assert_eq!(wake(u64::MAX, 0).at, Tick(u64::MAX));
 }
 
 #[test]
@@ -173,13 +178,16 @@ fn a_scenario_says_which_body_each_agent_has() {
 fn relay_ids_round_trip() {
     let relay = RelayId { owner: AgentId(4), number: 7 };
     let says = |agent, bytes| {
-        let parcel = maes_msgs::Parcel { agent, kind: 2, data: vec![1; bytes].into() };
-        command(&Command { parcels: vec![parcel], ..Command::default() }, 5).map(|(action, _)| action.messages[0].peer)
+        let message = maes_msgs::AgentMessage { agent, kind: 2, data: vec![1; bytes].into() };
+        command(&Command { messages: vec![message], ..Command::default() }, 5)
+            .map(|(action, _)| action.messages[0].peer)
     };
     assert_eq!(says(relay.on_wire(), RELAY_BYTES_MAX), Ok(Peer::Relay(relay)));
-    assert_eq!(says(maes_msgs::Parcel::LEAVE_RELAY, 0), Ok(Peer::NewRelay));
+    assert_eq!(says(maes_msgs::AgentMessage::LEAVE_RELAY, 0), Ok(Peer::NewRelay));
     assert!(
-        says(maes_msgs::Parcel::LEAVE_RELAY, RELAY_BYTES_MAX + 1).unwrap_err().contains("at most 4096 are allowed")
+        says(maes_msgs::AgentMessage::LEAVE_RELAY, RELAY_BYTES_MAX + 1)
+            .unwrap_err()
+            .contains("at most 4096 are allowed")
     );
     let foreign = RelayId { owner: AgentId(5), number: 0 };
     assert!(says(foreign.on_wire(), 0).unwrap_err().contains("0 to 4, BROADCAST, LEAVE_RELAY or a relay are allowed"));
@@ -189,7 +197,7 @@ fn relay_ids_round_trip() {
     let observed = Observation { relays: vec![(relay, place)], messages, ..observation() };
     let parts = observation_parts(observed, Part::RUNNING);
     assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
-    assert_eq!(parts[0].parcels[0].agent, relay.on_wire());
+    assert_eq!(parts[0].messages[0].agent, relay.on_wire());
 }
 
 #[test]

@@ -95,7 +95,7 @@ struct PathLeg {
 
 /// The outcome of one fixed update of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Moved {
+pub struct MotionOutcome {
     /// The task has ended, by itself or by a collision.
     pub task_done: bool,
     /// The motion of this tick was refused because of a collision.
@@ -240,17 +240,17 @@ impl Body {
     }
 
     /// Advances the task by one fixed update of `dt_s` seconds.
-    pub fn advance(&mut self, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+    pub fn advance(&mut self, obstacles: &Obstacles<'_>, dt_s: f64) -> MotionOutcome {
         let mut task = std::mem::replace(&mut self.task, Task::Idle);
         let moved = match &mut task {
             Task::Idle => {
                 self.stop();
-                return Moved::default();
+                return MotionOutcome::default();
             }
             Task::Move { direction_in_map, ramp } => self.step_move(*direction_in_map, ramp, obstacles, dt_s),
             Task::Turn { sign, ramp } => {
                 let done = self.step_turn(*sign, ramp, dt_s);
-                Moved { task_done: done, ..Moved::default() }
+                MotionOutcome { task_done: done, ..MotionOutcome::default() }
             }
             Task::Path { leg, rest } => self.step_path(leg, rest, obstacles, dt_s),
             Task::Flight(flight) => self.step_flight(flight, obstacles, dt_s),
@@ -282,12 +282,12 @@ impl Body {
         rest: &mut VecDeque<Point3<f64>>,
         obstacles: &Obstacles<'_>,
         dt_s: f64,
-    ) -> Moved {
+    ) -> MotionOutcome {
         if let Some((sign, ramp)) = &mut leg.turn {
             if self.step_turn(*sign, ramp, dt_s) {
                 leg.turn = None;
             }
-            return Moved::default();
+            return MotionOutcome::default();
         }
         let offset = leg.target - self.pose.position;
         let direction = offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
@@ -312,7 +312,7 @@ impl Body {
         ramp: &mut Ramp,
         obstacles: &Obstacles<'_>,
         dt_s: f64,
-    ) -> Moved {
+    ) -> MotionOutcome {
         let (step_m, done) = match self.model.kind {
             BodyKind::Submarine => ramp.next_step(&self.move_limits(), dt_s),
             BodyKind::Aerial => ramp.next_landing_step(&self.move_limits(), dt_s),
@@ -354,7 +354,7 @@ impl Body {
         (target_in_body_m_s, target_yaw_rate_rad_s): (Vector3<f64>, f64),
         obstacles: &Obstacles<'_>,
         dt_s: f64,
-    ) -> Moved {
+    ) -> MotionOutcome {
         let target = self.model.clamped(Vector3::new(target_in_body_m_s.x, 0.0, target_in_body_m_s.z));
         let velocity = self.model.velocity_towards(&self.velocity_in_body_m_s, &target, dt_s);
         let rate_rad_s = self.model.turn_rate_towards(self.yaw_rate_rad_s, target_yaw_rate_rad_s, dt_s);
@@ -368,16 +368,16 @@ impl Body {
     }
 
     /// Moves the centre by `displacement` (metres, frame `map`) unless something blocks it.
-    fn translate(&mut self, displacement: Vector3<f64>, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+    fn translate(&mut self, displacement: Vector3<f64>, obstacles: &Obstacles<'_>, dt_s: f64) -> MotionOutcome {
         if let Some(contact) = obstacles.first_contact(&self.pose.position, &displacement, self.model.radius_m) {
             self.collision = Some(Collision::from(contact));
-            return Moved { task_done: true, collided: true, distance_m: 0.0 };
+            return MotionOutcome { task_done: true, collided: true, distance_m: 0.0 };
         }
         self.pose.position += displacement;
         self.velocity_in_body_m_s = turned(&(displacement / dt_s), -self.pose.yaw_rad);
         self.yaw_rate_rad_s = 0.0;
         self.collision = None;
-        Moved { task_done: false, collided: false, distance_m: displacement.norm() }
+        MotionOutcome { task_done: false, collided: false, distance_m: displacement.norm() }
     }
 
     fn leg_to(&self, target: Point3<f64>) -> PathLeg {

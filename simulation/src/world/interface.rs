@@ -14,23 +14,24 @@ use super::comms::AgentMessage;
 use super::lidar::ScanView;
 
 /// A set of events between two observations of an agent: a sum of the constants of
-/// `maes_msgs/Wake`. It is a plain number because it travels as one, unknown bits included.
-pub type Events = u8;
+/// `maes_msgs/WakeCondition`. It is a plain number because it travels as one, unknown bits
+/// included.
+pub type EventMask = u8;
 /// The task has ended.
-pub const TASK_DONE: Events = msgs::maes_msgs::Wake::TASK_DONE;
+pub const TASK_DONE: EventMask = msgs::maes_msgs::WakeCondition::TASK_DONE;
 /// A motion was refused.
-pub const COLLISION: Events = msgs::maes_msgs::Wake::COLLISION;
+pub const COLLISION: EventMask = msgs::maes_msgs::WakeCondition::COLLISION;
 /// The centre of the body has entered another cell.
-pub const NEW_CELL: Events = msgs::maes_msgs::Wake::NEW_CELL;
+pub const NEW_CELL: EventMask = msgs::maes_msgs::WakeCondition::NEW_CELL;
 /// The contacts differ from those of the last observation.
-pub const CONTACTS: Events = msgs::maes_msgs::Wake::CONTACTS;
+pub const CONTACTS: EventMask = msgs::maes_msgs::WakeCondition::CONTACTS;
 /// A message has arrived.
-pub const PARCEL: Events = msgs::maes_msgs::Wake::PARCEL;
+pub const MESSAGE: EventMask = msgs::maes_msgs::WakeCondition::MESSAGE;
 /// An agent is in contact that no committed observation of this share period has listed. It is only
 /// looked for, and reported, if it is asked for.
-pub const FIRST_CONTACT: Events = msgs::maes_msgs::Wake::FIRST_CONTACT;
+pub const FIRST_CONTACT: EventMask = msgs::maes_msgs::WakeCondition::FIRST_CONTACT;
 
-/// What an agent does in one tick: its command without the trigger.
+/// What an agent does in one tick: its command without the wake-up condition.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Action {
     /// The motion task of the body.
@@ -68,7 +69,7 @@ pub struct Observation {
     /// The collision of the last attempted motion, if there was one.
     pub collision: Option<Collision>,
     /// Events since the last observation.
-    pub events: Events,
+    pub events: EventMask,
     /// Agents in contact with their measured positions (metres, frame `map`), ascending.
     pub contacts: Vec<(AgentId, Point3<f64>)>,
     /// Relays in reach with their positions (metres, frame `map`), ascending.
@@ -85,18 +86,18 @@ pub struct Observation {
     pub view: Option<ScanView>,
 }
 
-/// Whether an observation is committed or speculative. An agent that is asked ahead of its trigger
-/// (look-ahead) gets a speculative one, which leaves the pending observation as it is.
+/// Whether an observation is committed or speculative. An agent that is asked ahead of its wake-up
+/// condition (look-ahead) gets a speculative one, which leaves the pending observation as it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Commit {
+pub enum RequestKind {
     /// It contains everything since the last committed observation, and clears it.
-    Committed,
+    Scheduled,
     /// It contains only what is new since the last observation of either kind, and clears nothing.
-    Speculative,
+    Polled,
 }
 
 /// Running totals of a world. The names are those of the counters in the result of a run, where
-/// agent messages are called parcels.
+/// agent messages are called messages.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Totals {
     /// Scans that were due.
@@ -106,17 +107,17 @@ pub struct Totals {
     /// Motions refused because of a collision.
     pub collisions: u64,
     /// Messages sent, counted once per receiver.
-    pub parcels_sent: u64,
+    pub messages_sent: u64,
     /// Messages delivered.
-    pub parcels_delivered: u64,
+    pub messages_delivered: u64,
     /// Messages lost because the receiver was out of contact.
-    pub parcels_out_of_contact: u64,
+    pub messages_out_of_contact: u64,
     /// Messages lost because the receiver's inbox was full.
-    pub parcels_inbox_full: u64,
+    pub messages_inbox_full: u64,
     /// Messages lost to random packet loss.
-    pub parcels_lost_radio: u64,
+    pub messages_lost_radio: u64,
     /// Messages lost because the sender's transmit queue was full.
-    pub parcels_queue_full: u64,
+    pub messages_queue_full: u64,
     /// Relays deployed.
     pub relays_left: u64,
     /// Deployments refused because the agent had no relay left.
@@ -128,7 +129,7 @@ pub struct Totals {
     /// Reads of relay content by agents.
     pub relay_readings: u64,
     /// Bytes of delivered messages.
-    pub parcel_bytes_delivered: u64,
+    pub message_bytes_delivered: u64,
     /// The same by message kind.
-    pub parcel_bytes_by_kind: BTreeMap<u8, u64>,
+    pub message_bytes_by_kind: BTreeMap<u8, u64>,
 }

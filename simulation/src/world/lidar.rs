@@ -6,16 +6,16 @@
 //! the two. Rays are fixed in the frame `map` and do not turn with the body
 //! (docs/reference-model.md, "LiDAR"); the heading only selects which of them are used if the field
 //! of view is limited. Scans are exact, except for those of `noisy`. Bodies do not occlude what is
-//! behind them. `reach` says which rays find nothing new and need not be cast.
+//! behind them. `culling` says which rays find nothing new and need not be cast.
 //!
 //! Invariants: a scan changes only the seen marks of its memory, and these are the same on every
 //! processor; if a scan that was cast ahead is taken back, the memory is as if it had never been
-//! cast. When scans are due is decided in [`super::World::look`].
+//! cast. When scans are due is decided in [`super::World::sense`].
 
 mod cast;
+mod culling;
 mod noisy;
 mod pattern;
-mod reach;
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -25,10 +25,10 @@ use nalgebra::{Point3, Vector3};
 use voxels::{Extent, Grid, Terrain};
 
 use super::body::Pose;
-use cast::{FREE, Field, Found, Kernel, OUTSIDE, Start, WALL};
+use cast::{CellLists, FREE, Field, Kernel, OUTSIDE, Start, WALL};
+use culling::{Culling, CullingState, Frontier, UndoEntry};
 pub use noisy::NoisyScan;
 use pattern::Bundle;
-use reach::{Frontier, Reach, Replaced, Unseen};
 
 /// The directions of the rays of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,7 +69,7 @@ struct Rays {
     count: u32,
     bundles: Vec<Bundle>,
     /// Says which bundles need not be cast; `None` if all are.
-    reach: Option<Arc<Reach>>,
+    culling: Option<Arc<Culling>>,
 }
 
 /// Those in use in this process: they take 10 ms and 4 MB, and are the same in each world.
@@ -85,8 +85,8 @@ impl Rays {
             let directions = pattern.directions();
             let count = directions.len() as u32;
             let bundles = Bundle::pack(directions);
-            let reach = Reach::of_many(pattern, count, &bundles);
-            let rays = Arc::new(Self { pattern, count, bundles, reach });
+            let culling = Culling::of_many(pattern, count, &bundles);
+            let rays = Arc::new(Self { pattern, count, bundles, culling });
             in_use.push(Arc::downgrade(&rays));
             rays
         })
@@ -142,7 +142,7 @@ impl Scanner {
     /// it.** A position outside the map sees nothing.
     pub fn scan(&self, memory: &mut SensorMemory, pose: &Pose, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
         let first = [new_free.len(), new_wall.len()];
-        self.cast(memory, pose, &mut Found { free: new_free, wall: new_wall });
+        self.cast(memory, pose, &mut CellLists { free: new_free, wall: new_wall });
         for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
             *slot = memory.index_of(*slot);
         }
@@ -152,31 +152,31 @@ impl Scanner {
     /// later one is not cast ahead.
     pub fn scan_ahead(&self, memory: &mut SensorMemory, pose: &Pose) -> ScanAhead {
         let (mut free, mut wall) = (Vec::new(), Vec::new());
-        let replaced = self.cast(memory, pose, &mut Found { free: &mut free, wall: &mut wall });
-        ScanAhead { pose: *pose, free, wall, replaced }
+        let undo = self.cast(memory, pose, &mut CellLists { free: &mut free, wall: &mut wall });
+        ScanAhead { pose: *pose, free, wall, undo }
     }
 
     /// Casts a scan, marks the cells it hits as seen, and adds the slots of the new ones. Returns
     /// what it has replaced of what was known.
-    fn cast(&self, memory: &mut SensorMemory, pose: &Pose, found: &mut Found<'_>) -> Option<Replaced> {
+    fn cast(&self, memory: &mut SensorMemory, pose: &Pose, found: &mut CellLists<'_>) -> Option<UndoEntry> {
         let start = self.start(memory, pose)?;
         let first = found.free.len();
-        let mut replaced = None;
+        let mut undo = None;
         let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
         found.mark(&mut field, start.slot());
         let kernel = Kernel::best();
-        if let Some(reach) = &self.rays.reach {
+        if let Some(culling) = &self.rays.culling {
             let range_cells = self.unit_range_cells(memory.extent);
-            let open = reach.open_bundles(&start, range_cells, field.seen, &mut memory.unseen);
-            replaced = open.replaced;
-            for open in open.bundles {
-                kernel.scan(&mut field, &start, &self.rays.bundles[open], found);
+            let active = culling.active_bundles(&start, range_cells, field.seen, &mut memory.culling);
+            undo = active.undo;
+            for active in active.bundles {
+                kernel.scan(&mut field, &start, &self.rays.bundles[active], found);
             }
         } else {
             kernel.scan(&mut field, &start, &self.rays.bundles, found);
         }
-        found.free[first..].iter().for_each(|&slot| memory.unseen.note_free(slot as usize));
-        replaced
+        found.free[first..].iter().for_each(|&slot| memory.culling.note_free(slot as usize));
+        undo
     }
 
     /// Everything that a scan from `pose` sees, whether seen before or not.
@@ -185,8 +185,8 @@ impl Scanner {
         let Some(start) = self.start(memory, pose) else { return view };
         let cell_m = memory.extent.cell_m();
         let mut met = vec![false; memory.kinds.len()];
-        let mut lists = Found { free: &mut view.free, wall: &mut view.wall };
-        let mut meet = |slot: usize, lists: &mut Found<'_>| {
+        let mut lists = CellLists { free: &mut view.free, wall: &mut view.wall };
+        let mut meet = |slot: usize, lists: &mut CellLists<'_>| {
             if !std::mem::replace(&mut met[slot], true) {
                 lists.add(memory.kinds[slot], slot);
             }
@@ -271,7 +271,7 @@ pub struct SensorMemory {
     /// By cell index the number of rays that crossed it minus those that ended in it; empty without
     /// noise.
     votes: Vec<i8>,
-    unseen: Unseen,
+    culling: CullingState,
 }
 
 /// Omits the cells, of which there are millions.
@@ -292,7 +292,7 @@ impl SensorMemory {
             kinds: Arc::default(),
             seen: Vec::new(),
             votes: Vec::new(),
-            unseen: Unseen::new(Frontier::new([x, y, z])),
+            culling: CullingState::new(Frontier::new([x, y, z])),
         };
         let mut kinds = vec![OUTSIDE; x * y * z];
         for (number, row) in terrain.as_slice().chunks_exact(x - 2).enumerate() {
@@ -313,26 +313,26 @@ impl SensorMemory {
     #[must_use]
     pub fn unused(&self) -> Self {
         let (extent, strides, kinds) = (self.extent, self.strides, Arc::clone(&self.kinds));
-        let (seen, unseen) = (vec![0; self.seen.len()], self.unseen.unused());
-        Self { extent, strides, kinds, seen, votes: Vec::new(), unseen }
+        let (seen, culling) = (vec![0; self.seen.len()], self.culling.unused());
+        Self { extent, strides, kinds, seen, votes: Vec::new(), culling }
     }
 
     /// Takes back the last scans of this memory, which were cast ahead: the latest first.
     pub fn take_back(&mut self, scans: impl Iterator<Item = ScanAhead>) {
-        for ScanAhead { free, wall, replaced, .. } in scans {
+        for ScanAhead { free, wall, undo, .. } in scans {
             // Marks of the outside may stay: no cell is there.
             free.iter().chain(&wall).for_each(|&slot| self.seen[slot as usize] = 0);
             for &slot in &free {
-                self.unseen.forget_free(slot as usize);
+                self.culling.forget_free(slot as usize);
             }
             for &slot in free.iter().chain(&wall) {
                 let neighbours =
                     self.strides.iter().flat_map(|stride| [slot as usize - stride, slot as usize + stride]);
                 for neighbour in neighbours.filter(|&neighbour| self.seen[neighbour] == FREE) {
-                    self.unseen.note_free(neighbour);
+                    self.culling.note_free(neighbour);
                 }
             }
-            self.unseen.restore(replaced);
+            self.culling.restore(undo);
         }
     }
 
@@ -358,7 +358,7 @@ pub struct ScanAhead {
     /// Slots of the new cells.
     free: Vec<u32>,
     wall: Vec<u32>,
-    replaced: Option<Replaced>,
+    undo: Option<UndoEntry>,
 }
 
 impl ScanAhead {

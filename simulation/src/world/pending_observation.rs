@@ -4,23 +4,23 @@
 //! Invariant: [`PendingObservation::commit`] returns the same however often
 //! [`PendingObservation::speculate`] was called before, so look-ahead does not change a run.
 
-use msgs::limits::PARCEL_BYTES_MAX;
+use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
 
 use super::comms::AgentMessage;
-use super::{Events, PARCEL};
+use super::{EventMask, MESSAGE};
 
 /// Bytes charged for a message in addition to its data, so that empty messages fill an inbox as
 /// well.
-const PARCEL_BYTES_BARE: usize = 64;
+const AGENT_MESSAGE_BYTES_BARE: usize = 64;
 
 /// Capacity of an inbox in bytes, 64 messages of the largest size; a message that does not fit is
 /// lost. It bounds the memory that an agent which is never due can take.
-const INBOX_BYTES_MAX: usize = 64 * (PARCEL_BYTES_MAX + PARCEL_BYTES_BARE);
+const INBOX_BYTES_MAX: usize = 64 * (AGENT_MESSAGE_BYTES_MAX + AGENT_MESSAGE_BYTES_BARE);
 
 /// The content of an observation that is new to its agent. Cells are ascending indices.
 #[derive(Debug, Default)]
 pub(super) struct ObservationDelta {
-    pub(super) events: Events,
+    pub(super) events: EventMask,
     pub(super) free: Vec<u32>,
     pub(super) wall: Vec<u32>,
     pub(super) messages: Vec<AgentMessage>,
@@ -29,19 +29,19 @@ pub(super) struct ObservationDelta {
 /// Events, cells and messages since the last committed observation.
 #[derive(Debug, Default)]
 pub(super) struct PendingObservation {
-    pub(super) events: Events,
+    pub(super) events: EventMask,
     /// Cell indices in the order in which they were seen.
     pub(super) free: Vec<u32>,
     pub(super) wall: Vec<u32>,
     messages: Vec<AgentMessage>,
     message_bytes: usize,
-    watermark: Watermark,
+    cursor: Cursor,
 }
 
 /// How much of the pending observation speculative observations have contained.
 #[derive(Debug, Default)]
-struct Watermark {
-    events: Events,
+struct Cursor {
+    events: EventMask,
     free: usize,
     wall: usize,
     messages: usize,
@@ -50,12 +50,12 @@ struct Watermark {
 impl PendingObservation {
     /// Adds a message to the inbox; returns false, and drops it, if the inbox is full.
     pub(super) fn post(&mut self, message: AgentMessage) -> bool {
-        let bytes = self.message_bytes + PARCEL_BYTES_BARE + message.data.len();
+        let bytes = self.message_bytes + AGENT_MESSAGE_BYTES_BARE + message.data.len();
         if bytes > INBOX_BYTES_MAX {
             return false;
         }
         self.message_bytes = bytes;
-        self.events |= PARCEL;
+        self.events |= MESSAGE;
         self.messages.push(message);
         true
     }
@@ -74,17 +74,13 @@ impl PendingObservation {
     /// Copies what is new since the last call; everything stays pending.
     pub(super) fn speculate(&mut self) -> ObservationDelta {
         let delta = ObservationDelta {
-            events: self.events & !self.watermark.events,
-            free: sorted(self.free[self.watermark.free..].to_vec()),
-            wall: sorted(self.wall[self.watermark.wall..].to_vec()),
-            messages: self.messages[self.watermark.messages..].to_vec(),
+            events: self.events & !self.cursor.events,
+            free: sorted(self.free[self.cursor.free..].to_vec()),
+            wall: sorted(self.wall[self.cursor.wall..].to_vec()),
+            messages: self.messages[self.cursor.messages..].to_vec(),
         };
-        self.watermark = Watermark {
-            events: self.events,
-            free: self.free.len(),
-            wall: self.wall.len(),
-            messages: self.messages.len(),
-        };
+        self.cursor =
+            Cursor { events: self.events, free: self.free.len(), wall: self.wall.len(), messages: self.messages.len() };
         delta
     }
 }

@@ -14,7 +14,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{PARCEL_BYTES_BARE, RELAYS_TOLD_MAX};
+use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, RELAYS_TOLD_MAX};
 use msgs::relay_id::RelayId;
 use nalgebra::Point3;
 use rand_chacha::rand_core::Rng;
@@ -23,7 +23,7 @@ use voxels::OpenSpace;
 use super::collision::Sphere;
 use super::comms::{AgentMessage, Comms, ContactRules, ContactTable, Peer, Radio};
 use super::relays::{Relay, Relays};
-use super::{Action, AgentState, CONTACTS, Events, World};
+use super::{Action, AgentState, CONTACTS, EventMask, World};
 
 /// Draws reserved for one message, more than it can have receivers.
 const RECEIVERS_MAX: u128 = 1 << 32;
@@ -123,7 +123,7 @@ impl Queue {
 
 /// Bytes of a message on the air, its header included.
 fn bytes_on_air(message: &AgentMessage) -> u64 {
-    (message.data.len() + PARCEL_BYTES_BARE) as u64
+    (message.data.len() + AGENT_MESSAGE_BYTES_BARE) as u64
 }
 
 /// Whether packet loss drops message number `others` of `sender` in `tick` on its way to
@@ -171,7 +171,7 @@ impl World {
                 continue;
             }
             let refused = to_agents.filter(|&message| !queue.push(message.clone(), queue_bytes)).count();
-            self.totals.parcels_queue_full += refused as u64;
+            self.totals.messages_queue_full += refused as u64;
             let sent = queue.send(bytes_per_tick);
             sent.iter().enumerate().for_each(|(others, message)| self.deliver(sender, message, others));
         }
@@ -187,24 +187,24 @@ impl World {
         };
         let (loss, seed, tick) = (self.params.comms.loss, self.params.comms.seed, self.tick);
         for receiver in receivers {
-            self.totals.parcels_sent += 1;
+            self.totals.messages_sent += 1;
             if receiver == sender || !self.in_contact(sender, receiver) {
-                self.totals.parcels_out_of_contact += 1;
+                self.totals.messages_out_of_contact += 1;
                 continue;
             }
             if is_lost(loss, seed, tick, sender, others, receiver) {
-                self.totals.parcels_lost_radio += 1;
+                self.totals.messages_lost_radio += 1;
                 continue;
             }
             let pending_observation = &mut self.agents[receiver.index()].pending_observation;
             if !pending_observation.post(AgentMessage { peer: Peer::One(sender), ..message.clone() }) {
-                self.totals.parcels_inbox_full += 1;
+                self.totals.messages_inbox_full += 1;
                 continue;
             }
-            self.totals.parcels_delivered += 1;
+            self.totals.messages_delivered += 1;
             let bytes = message.data.len() as u64;
-            self.totals.parcel_bytes_delivered += bytes;
-            *self.totals.parcel_bytes_by_kind.entry(message.kind).or_default() += bytes;
+            self.totals.message_bytes_delivered += bytes;
+            *self.totals.message_bytes_by_kind.entry(message.kind).or_default() += bytes;
         }
     }
 
@@ -284,7 +284,7 @@ impl World {
 
     /// [`CONTACTS`] if the agents or relays in contact differ from those of the last committed
     /// observation, else no event.
-    pub(super) fn change_of_contacts(&mut self, agent: AgentId) -> Events {
+    pub(super) fn change_of_contacts(&mut self, agent: AgentId) -> EventMask {
         let relays = self.relays_of(agent);
         let Present { table, rules, agents } = self.present_contacts();
         let state = &agents[agent.index()];

@@ -3,7 +3,7 @@
 //! What a scan sees follows from the pose it is cast from and from the earlier scans of the same
 //! sensor, so a helper may cast it later, while the loop continues with other agents and ticks, or
 //! ahead. The results are collected where something depends on them: those of an agent in its
-//! observation, those of all agents in the coverage ([`World::settle`]).
+//! observation, those of all agents in the coverage ([`World::flush_scans`]).
 //!
 //! Invariants: coverage counts scans tick by tick; without helpers each scan is cast and counted at
 //! once.
@@ -15,7 +15,7 @@ use voxels::Terrain;
 
 use super::{AgentState, World};
 use crate::workers::Workers;
-use sensor::Found;
+use sensor::ScanResult;
 pub(super) use sensor::{Lidar, Sensor};
 
 /// The explored share of the team after each tick with scans, as they are counted.
@@ -58,7 +58,7 @@ impl World {
 
     /// Casts a scan of an agent, or has a helper cast it.
     pub(super) fn request_scan(&mut self, index: usize, workers: &Workers) {
-        let is_own = self.uncounted.is_empty() && !self.is_deferring;
+        let is_own = self.pending_scans.is_empty() && !self.is_deferring;
         let state = &mut self.agents[index];
         state.sensor.request(*state.body.pose(), self.tick);
         if !workers.has_helpers() {
@@ -69,7 +69,7 @@ impl World {
         }
         state.has_results = true;
         if !std::mem::replace(&mut state.is_uncounted, true) {
-            self.uncounted.push(index);
+            self.pending_scans.push(index);
         }
     }
 
@@ -78,7 +78,7 @@ impl World {
         if !workers.has_helpers() {
             return;
         }
-        for &index in &self.tasked {
+        for &index in &self.with_task {
             let state = &self.agents[index];
             if state.expect_scans(self.tick) {
                 state.sensor.announce(workers);
@@ -98,14 +98,14 @@ impl World {
 
     /// Whether all scans are cast and counted.
     #[must_use]
-    pub fn is_settled(&self) -> bool {
-        self.uncounted.is_empty()
+    pub fn has_no_pending_scans(&self) -> bool {
+        self.pending_scans.is_empty()
     }
 
     /// Casts what is left of all scans, and counts them in the coverage.
-    pub fn settle(&mut self) -> ExploredShares {
+    pub fn flush_scans(&mut self) -> ExploredShares {
         let mut shares = ExploredShares { before: self.coverage.explored(), after: Vec::new() };
-        let agents = std::mem::take(&mut self.uncounted);
+        let agents = std::mem::take(&mut self.pending_scans);
         // From the end, for helpers begin with those that have waited longest; those that a helper
         // is casting come last.
         let is_busy = |&index: &usize| !self.agents[index].sensor.try_cast();
@@ -114,7 +114,7 @@ impl World {
         let mut scans = Vec::new();
         for index in agents {
             self.agents[index].is_uncounted = false;
-            let Found { explored, ends, .. } = &mut *self.agents[index].sensor.found();
+            let ScanResult { explored, ends, .. } = &mut *self.agents[index].sensor.found();
             let mut start = 0;
             for (tick, end) in ends.drain(..) {
                 scans.push((tick, index, explored[start..end].to_vec()));

@@ -9,7 +9,7 @@ use voxels::Extent;
 use super::body::Motion;
 use super::comms::{AgentMessage, ContactModel, Peer};
 use super::lidar::Pattern;
-use msgs::limits::PARCEL_BYTES_MAX;
+use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
 
 use super::*;
 use crate::digest::Chain;
@@ -72,14 +72,14 @@ fn first_scan_explores_a_hall() {
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
     assert_eq!(world.coverage().explored(), 0.0);
     assert_eq!(world.coverage().covered(), 1.0 / 60.0);
-    world.look(&workers);
+    world.sense(&workers);
     assert!(world.coverage().is_explored());
     assert_eq!(world.coverage().explored(), 1.0);
-    let observation = world.observe(A, Commit::Committed);
+    let observation = world.observe(A, RequestKind::Scheduled);
     assert_eq!(observation.seen_free.len(), 60);
     assert!(observation.seen_free.is_sorted() && observation.seen_wall.is_sorted());
     assert_eq!(observation.scan_tick, Some(Tick::ZERO));
-    let again = world.observe(A, Commit::Committed);
+    let again = world.observe(A, RequestKind::Scheduled);
     assert!(again.seen_free.is_empty() && again.seen_wall.is_empty());
 }
 
@@ -91,8 +91,8 @@ fn scan_schedule_follows_scenario_and_requests() {
         let first = world.tick().0;
         (first..first + ticks)
             .filter(|&tick| {
-                world.look(&workers);
-                let scanned = world.observe(A, Commit::Committed).scan_tick == Some(Tick(tick));
+                world.sense(&workers);
+                let scanned = world.observe(A, RequestKind::Scheduled).scan_tick == Some(Tick(tick));
                 let lidar = if tick == first { request.unwrap_or_default() } else { ScanRequest::Keep };
                 world.step([(A, Action { lidar, ..action(Motion::Keep) })].into());
                 scanned
@@ -113,8 +113,8 @@ fn one_agent_scans_per_tick_in_turn() {
     let turns = WorldParams { schedule: ScanSchedule::TakeTurns, ..params() };
     let mut world = World::new(hall([5, 4, 3]), turns, &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     for tick in 0..6 {
-        world.look(&workers);
-        let scanned = [A, B].map(|agent| world.observe(agent, Commit::Committed).scan_tick == Some(Tick(tick)));
+        world.sense(&workers);
+        let scanned = [A, B].map(|agent| world.observe(agent, RequestKind::Scheduled).scan_tick == Some(Tick(tick)));
         assert_eq!(scanned, [tick % 2 == 0, tick % 2 == 1]);
         world.step([(A, Action { lidar: ScanRequest::Never, ..action(Motion::Keep) })].into());
     }
@@ -126,8 +126,8 @@ fn scans_do_not_depend_on_threads() {
     let seen = |threads| {
         let workers = workers(threads);
         let mut world = World::new(two_rooms(), params(), &starts);
-        world.look(&workers);
-        [0, 1, 2].map(|agent| world.observe(AgentId(agent), Commit::Committed))
+        world.sense(&workers);
+        [0, 1, 2].map(|agent| world.observe(AgentId(agent), RequestKind::Scheduled))
     };
     assert_eq!(seen(1), seen(2));
     assert_eq!(seen(1), seen(8));
@@ -151,11 +151,11 @@ fn deferred_scans_change_nothing() {
         };
         world.step([(A, walk(&[(1.5, 2.5), (6.5, 2.5)], 3)), (B, walk(&[(7.5, 3.5)], 4))].into());
         for tick in 0..400 {
-            world.look(&workers);
-            unsettled += usize::from(!world.is_settled());
+            world.sense(&workers);
+            unsettled += usize::from(!world.has_no_pending_scans());
             match tick % 31 {
-                3 | 18 => observed.push(world.observe(A, Commit::Committed)),
-                7 => observed.push(world.observe(B, Commit::Speculative)),
+                3 | 18 => observed.push(world.observe(A, RequestKind::Scheduled)),
+                7 => observed.push(world.observe(B, RequestKind::Polled)),
                 _ => {}
             }
             world.step(BTreeMap::new());
@@ -167,7 +167,7 @@ fn deferred_scans_change_nothing() {
             }
             chain.close(&world);
             if !is_deferring || tick % 50 == 49 {
-                chain.resolve(&world.settle());
+                chain.resolve(&world.flush_scans());
             }
         }
         assert_eq!(unsettled > 0, threads > 1);
@@ -188,7 +188,7 @@ fn walls_and_range_end_contact() {
         let params = WorldParams { comms: within(range_m), ..params() };
         let mut world = World::new(two_rooms(), params, &starts);
         [0, 1, 2].map(|agent| {
-            let contacts = world.observe(AgentId(agent), Commit::Committed).contacts;
+            let contacts = world.observe(AgentId(agent), RequestKind::Scheduled).contacts;
             contacts.into_iter().map(|(other, _)| other.0).collect::<Vec<_>>()
         })
     };
@@ -205,50 +205,51 @@ fn messages_reach_agents_in_contact() {
     let messages =
         vec![message(Peer::Broadcast, b"all"), message(Peer::One(B), b"one"), message(Peer::One(A), b"self")];
     world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
-    assert_eq!(world.observe(B, Commit::Committed).messages, []);
-    let third = world.observe(AgentId(2), Commit::Committed);
+    assert_eq!(world.observe(B, RequestKind::Scheduled).messages, []);
+    let third = world.observe(AgentId(2), RequestKind::Scheduled);
     assert_eq!(third.messages, [message(Peer::One(A), b"all")]);
-    assert_eq!(third.events & PARCEL, PARCEL);
+    assert_eq!(third.events & MESSAGE, MESSAGE);
     let totals = world.totals();
-    assert_eq!((totals.parcels_sent, totals.parcels_delivered, totals.parcels_out_of_contact), (3, 1, 2));
-    assert_eq!(totals.parcel_bytes_delivered, 3);
+    assert_eq!((totals.messages_sent, totals.messages_delivered, totals.messages_out_of_contact), (3, 1, 2));
+    assert_eq!(totals.message_bytes_delivered, 3);
 }
 
 #[test]
 fn full_inbox_drops_messages() {
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     for _ in 0..70 {
-        let messages = vec![AgentMessage { peer: Peer::One(B), kind: 0, data: vec![0; PARCEL_BYTES_MAX].into() }];
+        let messages =
+            vec![AgentMessage { peer: Peer::One(B), kind: 0, data: vec![0; AGENT_MESSAGE_BYTES_MAX].into() }];
         world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
     }
-    assert_eq!((world.totals().parcels_delivered, world.totals().parcels_inbox_full), (64, 6));
-    assert_eq!(world.observe(B, Commit::Committed).messages.len(), 64);
+    assert_eq!((world.totals().messages_delivered, world.totals().messages_inbox_full), (64, 6));
+    assert_eq!(world.observe(B, RequestKind::Scheduled).messages.len(), 64);
 }
 
 #[test]
 fn events_are_reported_once() {
     let workers = workers(1);
     let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5)]);
-    world.observe(A, Commit::Committed);
+    world.observe(A, RequestKind::Scheduled);
     world.step([(A, action(Motion::Path(vec![Point3::new(1.5, 2.5, 1.5)])))].into());
     let mut happened = 0;
     for _ in 0..500 {
-        world.look(&workers);
-        happened |= world.events(A, TASK_DONE | COLLISION | NEW_CELL | CONTACTS | PARCEL);
+        world.sense(&workers);
+        happened |= world.events(A, TASK_DONE | COLLISION | NEW_CELL | CONTACTS | MESSAGE);
         world.step(BTreeMap::new());
     }
     assert_eq!(happened, TASK_DONE | NEW_CELL);
     assert_eq!(world.events(A, TASK_DONE), TASK_DONE);
     assert_eq!(world.events(A, COLLISION), 0);
-    assert_eq!(world.observe(A, Commit::Committed).events, TASK_DONE | NEW_CELL);
-    assert_eq!(world.observe(A, Commit::Committed).events, 0);
+    assert_eq!(world.observe(A, RequestKind::Scheduled).events, TASK_DONE | NEW_CELL);
+    assert_eq!(world.observe(A, RequestKind::Scheduled).events, 0);
     // Into the line of the door, then along it.
     world.step([(B, action(Motion::Path(vec![Point3::new(7.5, 2.5, 1.5)])))].into());
     for _ in 0..500 {
         world.step(BTreeMap::new());
     }
     assert_eq!(world.events(A, CONTACTS), CONTACTS);
-    assert_eq!(world.observe(A, Commit::Committed).contacts.len(), 1);
+    assert_eq!(world.observe(A, RequestKind::Scheduled).contacts.len(), 1);
     assert_eq!(world.events(A, CONTACTS), 0);
 }
 
@@ -256,30 +257,30 @@ fn events_are_reported_once() {
 fn speculative_observations_do_not_commit() {
     let workers = workers(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
-    world.look(&workers);
-    let first = world.observe(A, Commit::Speculative);
+    world.sense(&workers);
+    let first = world.observe(A, RequestKind::Polled);
     assert_eq!(first.seen_free.len(), 60);
     let message = |data: &[u8]| AgentMessage { peer: Peer::One(A), kind: 0, data: data.into() };
     world.step([(B, Action { messages: vec![message(b"x")], ..action(Motion::Keep) })].into());
-    let second = world.observe(A, Commit::Speculative);
-    assert_eq!((second.seen_free.len(), second.messages.len(), second.events & PARCEL), (0, 1, PARCEL));
-    let third = world.observe(A, Commit::Speculative);
-    assert_eq!((third.messages.len(), third.events & PARCEL), (0, 0));
-    let counted = world.observe(A, Commit::Committed);
-    assert_eq!((counted.seen_free.len(), counted.messages.len(), counted.events & PARCEL), (60, 1, PARCEL));
+    let second = world.observe(A, RequestKind::Polled);
+    assert_eq!((second.seen_free.len(), second.messages.len(), second.events & MESSAGE), (0, 1, MESSAGE));
+    let third = world.observe(A, RequestKind::Polled);
+    assert_eq!((third.messages.len(), third.events & MESSAGE), (0, 0));
+    let counted = world.observe(A, RequestKind::Scheduled);
+    assert_eq!((counted.seen_free.len(), counted.messages.len(), counted.events & MESSAGE), (60, 1, MESSAGE));
 }
 
 #[test]
 fn view_is_included_on_request() {
     let workers = workers(1);
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
-    world.look(&workers);
-    assert_eq!(world.observe(A, Commit::Committed).view, None);
+    world.sense(&workers);
+    assert_eq!(world.observe(A, RequestKind::Scheduled).view, None);
     world.step([(A, Action { want_view: true, ..action(Motion::Keep) })].into());
-    let view = world.observe(A, Commit::Committed).view.unwrap();
+    let view = world.observe(A, RequestKind::Scheduled).view.unwrap();
     assert_eq!(view.free.len(), 60);
     world.step([(A, action(Motion::Keep))].into());
-    assert_eq!(world.observe(A, Commit::Committed).view, None);
+    assert_eq!(world.observe(A, RequestKind::Scheduled).view, None);
 }
 
 #[test]
@@ -349,7 +350,7 @@ fn place_needs_room_and_reports_task_done() {
         assert!(world.place(A, at(x, y, 1.5)).is_err(), "{x}, {y}");
     }
     assert_eq!(world.body(A).pose().position, moved);
-    world.observe(A, Commit::Committed);
+    world.observe(A, RequestKind::Scheduled);
     let pairs = world.pairs_in_contact();
     world.place(A, at(2.5, 1.5, 1.5)).unwrap();
     assert_eq!((world.body(A).is_active(), world.body(A).pose().position.x), (false, 2.5));
@@ -386,13 +387,13 @@ fn noise_depends_neither_on_threads_nor_on_speculation() {
         let workers = workers(threads);
         let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &starts);
         for _ in 0..100 {
-            world.look(&workers);
+            world.sense(&workers);
             if is_asked_between {
-                world.observe(B, Commit::Speculative);
+                world.observe(B, RequestKind::Polled);
             }
             world.step(BTreeMap::new());
         }
-        [A, B].map(|agent| world.observe(agent, Commit::Committed))
+        [A, B].map(|agent| world.observe(agent, RequestKind::Scheduled))
     };
     let first = observed(1, false);
     assert_eq!(first, observed(4, true));
@@ -411,10 +412,10 @@ fn walls_seen_as_free_are_not_explored() {
     let workers = workers(1);
     let mut world = World::new(two_rooms(), WorldParams { noise, ..params() }, &[at(1.5, 1.5, 1.5)]);
     for _ in 0..100 {
-        world.look(&workers);
+        world.sense(&workers);
         world.step(BTreeMap::new());
     }
-    let seen = world.observe(A, Commit::Committed).seen_free;
+    let seen = world.observe(A, RequestKind::Scheduled).seen_free;
     let truly_free = seen.iter().filter(|&&cell| world.terrain().as_slice()[cell as usize] == Terrain::Free).count();
     assert!(truly_free < seen.len());
     let score = world.coverage().explored() * world.coverage().free_cells() as f64;

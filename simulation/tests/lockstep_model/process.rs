@@ -139,7 +139,7 @@ impl Process {
                     Some(last) if tick < last => return false,
                     Some(last) if tick == last => {}
                     _ => {
-                        // Between its triggers an agent learns nothing.
+                        // Between its wake-up conditions an agent learns nothing.
                         let is_due = tick >= hosted.due;
                         if is_due {
                             hosted.history.push(tick);

@@ -8,13 +8,13 @@ use std::time::Duration;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
-use msgs::maes_msgs::{Command, Join, Observation, Scenario, Wake};
-use msgs::trigger::Trigger;
+use msgs::maes_msgs::{Command, Join, Observation, Scenario, WakeCondition};
+use msgs::wake_condition::WakeCondition;
 use simulation::lockstep::{
     AgentSessions, Event, Inbound, Incoming, JoinPolicy, Notice, ObservationRequest, ReplayPolicy, Replies,
     RunIdentity, SourceId, TimeoutPolicy, Transmit,
 };
-use simulation::world::Commit;
+use simulation::world::RequestKind;
 
 use crate::Mutant;
 use crate::process::{Message, Network, undisturbed};
@@ -69,7 +69,7 @@ pub(crate) struct Server {
     pub(crate) phase: Phase,
     tick: u64,
     requests: Vec<ObservationRequest>,
-    triggers: Vec<Trigger>,
+    wake_conditions: Vec<WakeCondition>,
     recording: Vec<Exchange>,
     has_left: bool,
     run: u64,
@@ -94,7 +94,8 @@ impl Server {
             phase: Phase::Admission,
             tick: before.map_or(0, |before| before.tick),
             requests: Vec::new(),
-            triggers: before.map_or_else(|| vec![Trigger::NEXT_TICK; plan.agents as usize], |it| it.triggers.clone()),
+            wake_conditions: before
+                .map_or_else(|| vec![WakeCondition::NEXT_TICK; plan.agents as usize], |it| it.wake_conditions.clone()),
             recording: before.map(|before| before.recording.clone()).unwrap_or_default(),
             has_left: before.is_some_and(|before| before.has_left),
             run,
@@ -111,10 +112,11 @@ impl Server {
     pub(crate) fn rest(&self) -> impl Hash + PartialEq + '_ {
         let Self { phase, tick, has_left, run, owners, violation, .. } = self;
         let requests: Vec<_> = self.requests.iter().map(|request| (request.agent.0, request.since)).collect();
-        let requests: Vec<_> = requests.into_iter().map(|(agent, since)| (agent, since == Commit::Committed)).collect();
-        let triggers: Vec<u64> = self.triggers.iter().map(|trigger| trigger.at.0).collect();
+        let requests: Vec<_> =
+            requests.into_iter().map(|(agent, since)| (agent, since == RequestKind::Scheduled)).collect();
+        let wake_conditions: Vec<u64> = self.wake_conditions.iter().map(|wake| wake.at.0).collect();
         let recorded: Vec<_> = self.recording.iter().map(|it| (it.agent, it.command.tick, &it.command.info)).collect();
-        (phase, tick, has_left, run, owners, violation, requests, triggers, recorded)
+        (phase, tick, has_left, run, owners, violation, requests, wake_conditions, recorded)
     }
 
     /// Whether its sessions wait for a timer.
@@ -141,7 +143,7 @@ impl Server {
                 (agent, instance, Inbound::Join(join))
             }
             Message::Command { agent, instance, tick, info, wake } => {
-                let wake = Wake { at_tick: wake, ..Wake::default() };
+                let wake = WakeCondition { at_tick: wake, ..WakeCondition::default() };
                 (agent, instance, Inbound::Command(Command { tick, run, agent, wake, info, ..Command::default() }))
             }
             Message::Reply { .. } | Message::Observation { .. } => return false,
@@ -287,7 +289,7 @@ impl Server {
         self.has_left && plan.leaves.is_some_and(|(left, _)| left == agent)
     }
 
-    fn request(&self, agent: u32, since: Commit, phase: u8) -> ObservationRequest {
+    fn request(&self, agent: u32, kind: RequestKind, phase: u8) -> ObservationRequest {
         let fragment = Observation { tick: self.tick, agent, parts: 1, phase, ..Observation::default() };
         ObservationRequest { agent: AgentId(agent), since, fragments: Arc::new(vec![fragment]) }
     }
@@ -297,7 +299,7 @@ impl Server {
         if let Some((agent, _)) = plan.leaves.filter(|(_, tick)| self.tick == *tick && !self.has_left) {
             self.phase = Phase::Dismissal;
             self.has_left = true;
-            let last = [self.request(agent, Commit::Speculative, Observation::ENDED)];
+            let last = [self.request(agent, RequestKind::Polled, Observation::ENDED)];
             self.sessions.shut_down(Tick(self.tick), &last, self.time, TIMEOUT);
             self.attend(plan, network);
             return;
@@ -305,9 +307,9 @@ impl Server {
         self.requests = (0..plan.agents)
             .filter(|agent| !self.is_out(plan, *agent))
             .filter_map(|agent| {
-                let is_due = self.triggers[agent as usize].is_due(Tick(self.tick), 0);
+                let is_due = self.wake_conditions[agent as usize].is_met(Tick(self.tick), 0);
                 let is_polled = plan.polled == Some(self.tick);
-                let since = if is_due { Commit::Committed } else { Commit::Speculative };
+                let since = if is_due { RequestKind::Scheduled } else { RequestKind::Polled };
                 (is_due || is_polled).then(|| self.request(agent, since, Observation::RUNNING))
             })
             .collect();
@@ -330,7 +332,7 @@ impl Server {
                 self.violate("a tick was committed with a command missing");
                 continue;
             };
-            if since == Commit::Speculative {
+            if since == RequestKind::Polled {
                 if !reply.is_no_op() {
                     self.violate("an agent acts that is not due");
                 }
@@ -339,7 +341,7 @@ impl Server {
             if reply.message.info != undisturbed(agent.0, self.tick) {
                 self.violate(format!("agent {agent} has told {:?} in tick {}", reply.message.info, self.tick));
             }
-            self.triggers[agent.index()] = reply.trigger;
+            self.wake_conditions[agent.index()] = reply.wake;
             self.sessions.append(agent, Arc::clone(&fragments), &reply.message, true);
             self.recording.push(Exchange { agent: agent.0, fragments, command: reply.message });
         }
@@ -349,7 +351,8 @@ impl Server {
         } else if self.tick > plan.last {
             self.phase = Phase::Shutdown;
             let agents = (0..plan.agents).filter(|agent| !self.is_out(plan, *agent));
-            let last: Vec<_> = agents.map(|agent| self.request(agent, Commit::Committed, Observation::ENDED)).collect();
+            let last: Vec<_> =
+                agents.map(|agent| self.request(agent, RequestKind::Scheduled, Observation::ENDED)).collect();
             self.sessions.shut_down(Tick(self.tick), &last, self.time, TIMEOUT);
             self.attend(plan, network);
         } else if plan.is_paced {

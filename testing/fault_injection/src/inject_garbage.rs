@@ -6,8 +6,8 @@
 use std::time::Duration;
 
 use msgs::ids::AgentId;
-use msgs::limits::{PARCEL_BYTES_MAX, PROTOCOL};
-use msgs::maes_msgs::{Command, Join, Parcel, Scenario, SignedCommand, SignedJoin, Task};
+use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, PROTOCOL};
+use msgs::maes_msgs::{AgentMessage, Command, Join, Motion, Scenario, SignedCommand, SignedJoin};
 use msgs::signing::{Bytes, NONE};
 use msgs::topics;
 use rand::RngExt;
@@ -82,17 +82,17 @@ fn join(rng: &mut ChaCha8Rng, run: u64, topic: u32, agents: u32) -> Join {
 }
 
 fn command(rng: &mut ChaCha8Rng, run: u64, topic: u32, agents: u32) -> Command {
-    let stop = Task { kind: Task::STOP, ..Task::default() };
-    let command = Command { tick: rng.random_range(0..3000), run, agent: topic, task: stop, ..Command::default() };
-    let task = |task: Task| Command { task, ..command.clone() };
+    let stop = Motion { kind: Motion::STOP, ..Motion::default() };
+    let command = Command { tick: rng.random_range(0..3000), run, agent: topic, motion: stop, ..Command::default() };
+    let motion = |motion: Motion| Command { motion, ..command.clone() };
     match rng.random_range(0..7) {
         0 => Command { tick: u64::MAX, ..command },
         1 => Command { agent: rng.random_range(0..agents), ..command },
         2 => Command { agent: agents, ..command },
         3 => Command { run: run ^ 1, ..command },
-        4 => task(Task { kind: Task::MOVE, distance_m: f64::NAN, pitch_rad: f64::INFINITY, ..Task::default() }),
+        4 => motion(Motion { kind: Motion::MOVE, distance_m: f64::NAN, pitch_rad: f64::INFINITY, ..Motion::default() }),
         5 => Command {
-            parcels: vec![Parcel { agent: 0, kind: 1, data: vec![7; PARCEL_BYTES_MAX + 1].into() }],
+            messages: vec![AgentMessage { agent: 0, kind: 1, data: vec![7; AGENT_MESSAGE_BYTES_MAX + 1].into() }],
             ..command
         },
         _ => command,

@@ -13,25 +13,25 @@ use rand_chacha::ChaCha8Rng;
 const FAULTS_MAX: u32 = 4;
 
 /// The kinds of faults; a kind is as likely as it is frequent in this list.
-const KINDS: [Kind; 14] = [
-    Kind::KillAgent,
-    Kind::KillAgent,
-    Kind::KillAgent,
-    Kind::KillServer,
-    Kind::KillServer,
-    Kind::KillServer,
-    Kind::Hang,
-    Kind::Hang,
-    Kind::Hang,
-    Kind::LateReplies,
-    Kind::Duplicate,
-    Kind::Duplicate,
-    Kind::Garbage,
-    Kind::Garbage,
+const KINDS: [FaultKind; 14] = [
+    FaultKind::KillAgent,
+    FaultKind::KillAgent,
+    FaultKind::KillAgent,
+    FaultKind::KillServer,
+    FaultKind::KillServer,
+    FaultKind::KillServer,
+    FaultKind::Hang,
+    FaultKind::Hang,
+    FaultKind::Hang,
+    FaultKind::LateReplies,
+    FaultKind::Duplicate,
+    FaultKind::Duplicate,
+    FaultKind::Garbage,
+    FaultKind::Garbage,
 ];
 
 #[derive(Debug, Clone, Copy)]
-enum Kind {
+enum FaultKind {
     KillAgent,
     KillServer,
     Hang,
@@ -131,21 +131,21 @@ fn fault(rng: &mut ChaCha8Rng, agents: u32, timeout_ms: u32) -> Fault {
     let agent = rng.random_range(0..agents);
     let which = if rng.random_bool(0.5) { Which::Oldest } else { Which::Newest };
     match kind {
-        Kind::KillAgent => Fault::KillAgent { agent, which, restart_ms: rng.random_range(0..timeout_ms * 2) },
-        Kind::KillServer => {
+        FaultKind::KillAgent => Fault::KillAgent { agent, which, restart_ms: rng.random_range(0..timeout_ms * 2) },
+        FaultKind::KillServer => {
             let again_ms = rng.random_bool(0.3).then(|| rng.random_range(0..2000));
             Fault::KillServer { again_ms }
         }
-        Kind::Hang => {
+        FaultKind::Hang => {
             let is_long = rng.random_bool(0.6);
             let for_ms =
                 if is_long { rng.random_range(timeout_ms..timeout_ms * 3) } else { rng.random_range(1..timeout_ms) };
             let successor_ms = (is_long && rng.random_bool(0.6)).then(|| rng.random_range(0..timeout_ms * 2));
             Fault::Hang { agent, which, for_ms, successor_ms }
         }
-        Kind::LateReplies => Fault::LateReplies { agent, up_to_ms: rng.random_range(5..40) },
-        Kind::Duplicate => Fault::Duplicate { agent },
-        Kind::Garbage => Fault::Garbage { messages: rng.random_range(100..4000) },
+        FaultKind::LateReplies => Fault::LateReplies { agent, up_to_ms: rng.random_range(5..40) },
+        FaultKind::Duplicate => Fault::Duplicate { agent },
+        FaultKind::Garbage => Fault::Garbage { messages: rng.random_range(100..4000) },
     }
 }
 

@@ -8,7 +8,7 @@ use msgs::cdr;
 use msgs::geometry_msgs::{Point, Vector3};
 use msgs::ids::AgentId;
 use msgs::limits::OBSERVATION_BYTES_MAX;
-use msgs::maes_msgs::{Body, CellRuns, Contact, Lidar, Observation as Part, Parcel, Scenario};
+use msgs::maes_msgs::{AgentMessage, Body, CellRuns, Contact, Lidar, Observation as Part, Scenario};
 
 use crate::hostile_messages::number;
 
@@ -98,7 +98,7 @@ fn part(data: &mut Unstructured<'_>, tick: u64) -> Result<Part> {
         collision_with_agent: data.arbitrary()?,
         events: data.arbitrary()?,
         contacts: some(data, |data| Ok(Contact { agent: peer(data)?, position: position(data)? }))?,
-        parcels: some(data, parcel)?,
+        messages: some(data, message)?,
         scan_tick: if data.arbitrary()? { Part::NEVER } else { tick },
         seen_free: runs(data)?,
         seen_wall: runs(data)?,
@@ -131,8 +131,8 @@ fn position(data: &mut Unstructured<'_>) -> Result<Point> {
 
 /// An agent message, mostly of the kind of a map, with a correct version and, if it is an update or
 /// a completion, for [`OWN`] alone.
-fn parcel(data: &mut Unstructured<'_>) -> Result<Parcel> {
-    let kind = if data.ratio(1, 4)? { data.arbitrary()? } else { agent_node::sharing::MAP_MESSAGE };
+fn message(data: &mut Unstructured<'_>) -> Result<AgentMessage> {
+    let kind = if data.ratio(1, 4)? { data.arbitrary()? } else { MessageType::Map.number() };
     let length = data.int_in_range(0..=40)?;
     let mut content = match data.int_in_range(0..=7)? {
         0 => Vec::new(),
@@ -142,7 +142,7 @@ fn parcel(data: &mut Unstructured<'_>) -> Result<Parcel> {
         _ => vec![agent_node::sharing::VERSION, 1, 1, OWN.0 as u8],
     };
     content.extend_from_slice(data.bytes(length.min(data.len()))?);
-    Ok(Parcel { agent: peer(data)?, kind, data: content.into() })
+    Ok(AgentMessage { agent: peer(data)?, kind, data: content.into() })
 }
 
 /// Runs of cells, mostly of this map.

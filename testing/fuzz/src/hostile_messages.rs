@@ -3,8 +3,8 @@
 
 use arbitrary::{Result, Unstructured};
 use msgs::geometry_msgs::{Point, Vector3};
-use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
-use msgs::maes_msgs::{Command, Join, LidarRequest, Parcel, Task, Wake};
+use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
+use msgs::maes_msgs::{AgentMessage, Command, Join, Motion, ScanRequest, WakeCondition};
 use msgs::shared_bytes::SharedBytes;
 use sim_server::transport::Inbound;
 
@@ -51,11 +51,14 @@ fn command(data: &mut Unstructured<'_>, known: &Known, run: u64, agent: u32) -> 
         tick,
         run,
         agent,
-        task: task(data)?,
-        lidar: LidarRequest { kind: data.int_in_range(0..=4)?, period_ticks: data.int_in_range(0..=5)? },
+        motion: motion(data)?,
+        lidar: ScanRequest { kind: data.int_in_range(0..=4)?, period_ticks: data.int_in_range(0..=5)? },
         want_view: data.arbitrary()?,
-        parcels: parcels(data, known.agents)?,
-        wake: Wake { at_tick: known.tick.wrapping_add(data.arbitrary::<u8>()?.into()), events: data.arbitrary()? },
+        messages: messages(data, known.agents)?,
+        wake: WakeCondition {
+            at_tick: known.tick.wrapping_add(data.arbitrary::<u8>()?.into()),
+            events: data.arbitrary()?,
+        },
         info: if data.ratio(1, 8)? { text(data)? } else { String::new() },
         known_free: data.arbitrary()?,
         failed_searches: data.arbitrary()?,
@@ -67,16 +70,16 @@ fn id(data: &mut Unstructured<'_>, agents: u32) -> Result<u32> {
     if data.ratio(1, 8)? { data.arbitrary() } else { data.int_in_range(0..=agents) }
 }
 
-fn task(data: &mut Unstructured<'_>) -> Result<Task> {
+fn motion(data: &mut Unstructured<'_>) -> Result<Motion> {
     let kind = data.int_in_range(0..=6)?;
     let points = match (kind, data.ratio(1, 16)?) {
-        (Task::PATH, false) => data.int_in_range(0..=3)?,
-        (Task::PATH, true) => PATH_POINTS_MAX + data.int_in_range(0..=1)?,
+        (Motion::PATH, false) => data.int_in_range(0..=3)?,
+        (Motion::PATH, true) => PATH_POINTS_MAX + data.int_in_range(0..=1)?,
         _ => 0,
     };
     let mut point = || Ok(Point { x: number(data)?, y: number(data)?, z: number(data)? });
     let path = (0..points).map(|_| point()).collect::<Result<_>>()?;
-    Ok(Task {
+    Ok(Motion {
         kind,
         pitch_rad: number(data)?,
         distance_m: number(data)?,
@@ -95,25 +98,25 @@ pub(crate) fn number(data: &mut Unstructured<'_>) -> Result<f64> {
     Ok(f64::from(data.arbitrary::<i8>()?) / 8.0)
 }
 
-fn parcels(data: &mut Unstructured<'_>, agents: u32) -> Result<Vec<Parcel>> {
+fn messages(data: &mut Unstructured<'_>, agents: u32) -> Result<Vec<AgentMessage>> {
     let count = match data.int_in_range(0..=31)? {
         0 => 4_000,
         few => few % 4,
     };
     let one = |data: &mut Unstructured<'_>| {
-        let agent = if data.ratio(1, 2)? { Parcel::BROADCAST } else { id(data, agents)? };
+        let agent = if data.ratio(1, 2)? { AgentMessage::BROADCAST } else { id(data, agents)? };
         let length = if data.ratio(1, 8)? {
-            PARCEL_BYTES_MAX + data.int_in_range(0..=1)?
+            AGENT_MESSAGE_BYTES_MAX + data.int_in_range(0..=1)?
         } else {
             data.arbitrary_len::<u8>()? % 64
         };
         let mut content = vec![0; length];
         let given = length.min(data.len()).min(64);
         data.fill_buffer(&mut content[..given])?;
-        Ok(Parcel { agent, kind: data.arbitrary()?, data: content.into() })
+        Ok(AgentMessage { agent, kind: data.arbitrary()?, data: content.into() })
     };
     if count > 4 {
-        return Ok(vec![Parcel { data: SharedBytes::default(), ..one(data)? }; count]);
+        return Ok(vec![AgentMessage { data: SharedBytes::default(), ..one(data)? }; count]);
     }
     (0..count).map(|_| one(data)).collect()
 }

@@ -18,7 +18,8 @@ use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
 use msgs::maes_msgs::{
-    self, Command, Join, JoinReply, Observation, Parcel, SignedCommand, SignedJoin, SignedObservation, Task, Wake,
+    self, AgentMessage, Command, Join, JoinReply, Motion, Observation, SignedCommand, SignedJoin, SignedObservation,
+    WakeCondition,
 };
 use msgs::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::{JoinPolicy, RunConfig, RunObserver};
@@ -219,7 +220,7 @@ impl<'a> Script<'a> {
         let mut notes = Notes(0);
         let secret = self.signing.as_ref().map(|signing| signing.secret.clone());
         let config = RunConfig::live(&scenario).expect("the system has random numbers");
-        let config = config.with_policy(JoinPolicy { secret, external: BTreeSet::new() });
+        let config = config.with_policy(JoinPolicy { secret, third_party: BTreeSet::new() });
         let outcome = sim_server::session::run(config, world, self, None, &mut notes, &AtomicBool::new(false));
         let outcome = outcome.unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(Tick(outcome.result.tick), scenario.duration_ticks());
@@ -277,19 +278,19 @@ impl<'a> Script<'a> {
             return Command { run: self.run, ..command.clone() };
         }
         let tick = self.tick;
-        let task = match (tick + u64::from(agent)) % 5 {
-            0 => Task { kind: Task::TURN, angle_rad: 0.5, ..Task::default() },
-            1 => Task { kind: Task::MOVE, pitch_rad: 0.3, distance_m: 1.0, ..Task::default() },
-            _ => Task::default(),
+        let motion = match (tick + u64::from(agent)) % 5 {
+            0 => Motion { kind: Motion::TURN, angle_rad: 0.5, ..Motion::default() },
+            1 => Motion { kind: Motion::MOVE, pitch_rad: 0.3, distance_m: 1.0, ..Motion::default() },
+            _ => Motion::default(),
         };
-        let parcel = Parcel { agent: Parcel::BROADCAST, kind: 9, data: vec![tick as u8; 100].into() };
+        let message = AgentMessage { agent: AgentMessage::BROADCAST, kind: 9, data: vec![tick as u8; 100].into() };
         Command {
             tick,
             run: self.run,
             agent,
-            task,
-            parcels: if tick.is_multiple_of(3) { vec![parcel] } else { Vec::new() },
-            wake: Wake { at_tick: tick + 2, events: Wake::PARCEL },
+            motion,
+            messages: if tick.is_multiple_of(3) { vec![message] } else { Vec::new() },
+            wake: WakeCondition { at_tick: tick + 2, events: WakeCondition::MESSAGE },
             ..Command::default()
         }
     }

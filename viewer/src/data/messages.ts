@@ -307,7 +307,7 @@ export function result(bytes: Uint8Array, last: Progress | undefined): Result {
     reason,
     ...shares,
     pairsInContact: last?.pairsInContact ?? 0,
-    messageBytes: counters.get("parcel_bytes_delivered") ?? last?.messageBytes ?? 0,
+    messageBytes: counters.get("message_bytes_delivered") ?? last?.messageBytes ?? 0,
     counters,
     digest,
   };

@@ -10,10 +10,10 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 
 use super::obstacles::is_near;
-use crate::command::Trigger;
+use crate::command::WakeCondition;
 use crate::controllers::Ctx;
 use crate::observation::Observation;
-use msgs::maes_msgs::Wake as Events;
+use msgs::event_mask::EventMask;
 
 /// Blockages by a body after which it is taken to stay.
 const BLOCKAGES_MIN: u32 = 4;
@@ -50,7 +50,7 @@ struct Standing {
 /// A rest before a body that is taken to stay.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Rest {
-    pub(super) trigger: Trigger,
+    pub(super) wake: WakeCondition,
     pub(super) info: String,
 }
 
@@ -93,10 +93,10 @@ impl Blockages {
         longest.map(|standing| {
             let rests = (standing.blockages - BLOCKAGES_MIN + 1).min(RESTS_MAX);
             let at = now.after(REST_TICKS * u64::from(rests));
-            let trigger = Trigger::at(at).or(Trigger::on(Events::CONTACTS | Events::PARCEL));
+            let wake = WakeCondition::at(at).or(WakeCondition::on(EventMask::CONTACTS | EventMask::MESSAGE));
             let body =
                 standing.agent.map_or_else(|| "the body in the way".to_owned(), |agent| format!("agent {agent}"));
-            Rest { trigger, info: format!("waits for {body} to move") }
+            Rest { wake, info: format!("waits for {body} to move") }
         })
     }
 }

@@ -1,21 +1,22 @@
 //! How the planners of a team keep out of each other's way: [`Coordination`], with an
 //! implementation for each way: not at all ([`Alone`]), by an auction of goals ([`Auction`]), and
-//! by tours that each agent plans for the whole team ([`Team`](super::team::Team)).
+//! by tours that each agent plans for the whole team ([`TourCoordination`](super::team::Team)).
 //!
 //! The planner asks here what a goal is worth beside the goals of others.
 
 use std::fmt;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
-use msgs::maes_msgs::Wake as Events;
 use voxels::Cell;
 
 use super::obstacles::Obstacles;
 use super::{Dsvp, Plan};
-use crate::command::{Command, Trigger};
+use crate::command::{Command, WakeCondition};
 use crate::controllers::Ctx;
-use crate::controllers::auction::{Auction, CLAIMS_MESSAGE};
+use crate::controllers::auction::Auction;
 use crate::observation::Observation;
+use msgs::message_type::MessageType;
 
 /// A way to coordinate, with its state in one agent.
 ///
@@ -23,7 +24,7 @@ use crate::observation::Observation;
 /// that have received the same messages agree.
 pub(super) trait Coordination: fmt::Debug + Send + Sized {
     /// The events at which an agent under way is due, to read the messages of others.
-    fn trigger(&self) -> Trigger;
+    fn wake(&self) -> WakeCondition;
 
     /// Processes the messages of an observation. `agents` is the team size.
     fn receive(&mut self, observation: &Observation, agents: u32);
@@ -60,8 +61,8 @@ pub(super) trait Coordination: fmt::Debug + Send + Sized {
 pub(super) struct Alone;
 
 impl Coordination for Alone {
-    fn trigger(&self) -> Trigger {
-        Trigger::on(0)
+    fn wake(&self) -> WakeCondition {
+        WakeCondition::on(0)
     }
 
     fn receive(&mut self, _observation: &Observation, _agents: u32) {}
@@ -97,8 +98,8 @@ impl Coordination for Alone {
 }
 
 impl Coordination for Auction {
-    fn trigger(&self) -> Trigger {
-        Trigger::on(Events::CONTACTS | Events::PARCEL)
+    fn wake(&self) -> WakeCondition {
+        WakeCondition::on(EventMask::CONTACTS | EventMask::MESSAGE)
     }
 
     fn receive(&mut self, observation: &Observation, agents: u32) {
@@ -138,6 +139,6 @@ impl Coordination for Auction {
         if observation.contacts.is_empty() {
             return command;
         }
-        command.with_message(None, CLAIMS_MESSAGE, self.encode())
+        command.with_message(None, MessageType::Claims.number(), self.encode())
     }
 }

@@ -1,14 +1,14 @@
 //! The trajectory under way: which velocity is due, and the next trajectory from that of the body.
 //!
 //! Invariants: the body is at rest, or holds the velocity of the present step of its trajectory;
-//! the agent decides where that changes, by a trigger of its own.
+//! the agent decides where that changes, by a wake-up condition of its own.
 
 use msgs::ids::Tick;
 use nalgebra::Point3;
 
 use super::obstacles::Obstacles;
 use crate::bodies::legs_s;
-use crate::command::{Motion, Trigger};
+use crate::command::{Motion, WakeCondition};
 use crate::controllers::Ctx;
 use crate::observation::Observation;
 use crate::path::{BodyState, Trajectory};
@@ -75,9 +75,9 @@ impl Driving {
     }
 
     /// When the next velocity is due.
-    pub(super) fn trigger(&self, now: Tick) -> Trigger {
+    pub(super) fn wake(&self, now: Tick) -> WakeCondition {
         let step = (self.passed(now) / Trajectory::STEP_TICKS) as usize;
-        Trigger::at(self.since.after(self.trajectory.next_change(step) as u64 * Trajectory::STEP_TICKS))
+        WakeCondition::at(self.since.after(self.trajectory.next_change(step) as u64 * Trajectory::STEP_TICKS))
     }
 }
 
@@ -127,11 +127,11 @@ mod tests {
         let mut last = ends.to_vec();
         let mut due = since;
         for tick in (1..=ticks).map(|ticks| since.after(ticks)) {
-            let next = driving.trigger(Tick(tick.0 - 1));
+            let next = driving.wake(Tick(tick.0 - 1));
             match driving.motion(tick) {
-                Motion::Keep => assert!(!next.is_due(tick, 0), "{tick:?}"),
+                Motion::Keep => assert!(!next.is_met(tick, 0), "{tick:?}"),
                 motion => {
-                    assert!(next.is_due(tick, 0) && tick.0 >= due.0 + Trajectory::STEP_TICKS, "{tick:?}");
+                    assert!(next.is_met(tick, 0) && tick.0 >= due.0 + Trajectory::STEP_TICKS, "{tick:?}");
                     due = tick;
                     if tick < since.after(ticks) {
                         last = velocity(&driving, tick);

@@ -30,15 +30,15 @@ pub(in crate::controllers) struct Likelihood {
 pub(in crate::controllers) const WHOLE: u32 = 256;
 
 impl Likelihood {
-    /// Each known wall beside a cell multiplies what it counts by `beside_wall`.
-    pub(in crate::controllers) fn new(beside_wall: f64) -> Self {
+    /// Each known wall beside a cell multiplies what it counts by `wall_adjacency_factor`.
+    pub(in crate::controllers) fn new(wall_adjacency_factor: f64) -> Self {
         let mut factor = 1.0;
         let by_walls = [0; 7].map(|_: u32| {
             let counts = (f64::from(WHOLE) * factor).round() as u32;
-            factor *= beside_wall;
+            factor *= wall_adjacency_factor;
             counts
         });
-        Self { by_walls: (beside_wall < 1.0).then_some(by_walls) }
+        Self { by_walls: (wall_adjacency_factor < 1.0).then_some(by_walls) }
     }
 
     /// What an unexplored cell counts.
@@ -97,7 +97,7 @@ impl Scratch {
 }
 
 /// An unexplored cell on a ray.
-struct Met {
+struct VisitedCell {
     cell: Cell,
     /// Its index in the cube around the viewpoint.
     place: usize,
@@ -126,7 +126,7 @@ impl GainEstimator {
         let mut gain = 0;
         SCRATCH.with_borrow_mut(|scratch| {
             scratch.begin(rays.cube_cells);
-            let mut meet = |Met { cell, place, .. }: Met| {
+            let mut meet = |VisitedCell { cell, place, .. }: VisitedCell| {
                 if scratch.count(place) {
                     gain += self.likelihood.of(map, cell);
                 }
@@ -170,7 +170,7 @@ impl GainEstimator {
             scratch.begin(rays.cube_cells);
             scratch.around.resize(scratch.counted.len(), Around::default());
             let mut certain = WHOLE;
-            let mut meet = |Met { cell, place, before }: Met| {
+            let mut meet = |VisitedCell { cell, place, before }: VisitedCell| {
                 let is_new = scratch.count(place);
                 let around = &mut scratch.around[place];
                 if is_new {
@@ -191,7 +191,13 @@ impl GainEstimator {
 
     /// Calls `meet` for the unexplored cells that rays meet, ray by ray, nearest first; a ray ends
     /// once that returns false.
-    fn along_rays(&self, rays: &Rays, map: &ExplorationMap, viewpoint: Cell, meet: &mut impl FnMut(Met) -> bool) {
+    fn along_rays(
+        &self,
+        rays: &Rays,
+        map: &ExplorationMap,
+        viewpoint: Cell,
+        meet: &mut impl FnMut(VisitedCell) -> bool,
+    ) {
         let extent = map.extent();
         let Some(index) = extent.index(viewpoint) else { return };
         let state = |at: &RayCell| map.state_at(index.wrapping_add_signed(at.offset as isize));
@@ -216,7 +222,7 @@ impl GainEstimator {
         ray: &[RayCell],
         viewpoint: Cell,
         state: impl Fn(&RayCell) -> CellState,
-        meet: &mut impl FnMut(Met) -> bool,
+        meet: &mut impl FnMut(VisitedCell) -> bool,
     ) {
         let mut unexplored = 0;
         for at in ray {
@@ -225,7 +231,7 @@ impl GainEstimator {
                 CellState::Free | CellState::Covered => {}
                 CellState::Unexplored => {
                     let cell = viewpoint + at.by;
-                    let is_followed = meet(Met { cell, place: at.place as usize, before: unexplored });
+                    let is_followed = meet(VisitedCell { cell, place: at.place as usize, before: unexplored });
                     unexplored += 1;
                     if unexplored == self.depth || !is_followed {
                         break;
@@ -272,7 +278,7 @@ mod tests {
             at in (0..9_i32, 0..8_i32, 0..7_i32),
             range in prop::sample::select(vec![1.0, 2.5, 5.0]),
             depth in 1..4_u32,
-            beside_wall in prop::sample::select(vec![1.0, 0.5]),
+            wall_adjacency_factor in prop::sample::select(vec![1.0, 0.5]),
         ) {
             let extent = Extent::new([9, 8, 7], 1.0).unwrap();
             let mut map = ExplorationMap::new(extent);
@@ -284,7 +290,7 @@ mod tests {
                 }
             }
             let viewpoint = Cell::new(at.0, at.1, at.2);
-            let likelihood = Likelihood::new(beside_wall);
+            let likelihood = Likelihood::new(wall_adjacency_factor);
             let mut met = BTreeSet::new();
             for ray in 0..300 {
                 let mut unexplored = 0;
@@ -326,12 +332,13 @@ mod tests {
         let map = corridor();
         let ahead = Cell::new(9, 1, 1);
         // Four walls beside the cell at the end of the corridor.
-        let of = |beside_wall| Likelihood::new(beside_wall).of(&map, ahead);
+        let of = |wall_adjacency_factor| Likelihood::new(wall_adjacency_factor).of(&map, ahead);
         assert_eq!([of(1.0), of(0.5), of(0.1)], [WHOLE, WHOLE / 16, 0]);
         let empty = ExplorationMap::new(Extent::new([21; 3], 1.0).unwrap());
         assert_eq!(Likelihood::new(0.1).of(&empty, Cell::new(10, 10, 10)), WHOLE);
-        let gain =
-            |beside_wall| GainEstimator::new(2000, 5.0, 9, Likelihood::new(beside_wall)).gain(&map, Cell::new(8, 1, 1));
+        let gain = |wall_adjacency_factor| {
+            GainEstimator::new(2000, 5.0, 9, Likelihood::new(wall_adjacency_factor)).gain(&map, Cell::new(8, 1, 1))
+        };
         assert_eq!([gain(1.0), gain(0.9), gain(0.1)], [5, 3, 0]);
     }
 

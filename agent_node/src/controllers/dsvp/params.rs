@@ -41,7 +41,7 @@ pub struct Params {
     /// Viewpoints with a gain below this count as having none. Original: 5 to 10.
     pub gain_min: u32,
     /// Factor on an unexplored cell for each known wall beside it; 1: all cells count alike.
-    pub beside_wall: f64,
+    pub wall_adjacency_factor: f64,
     /// A viewpoint is dropped once its gain has fallen below this share of its gain when chosen.
     pub gain_left: f64,
     /// Which waypoints are taken along a path.
@@ -65,7 +65,7 @@ impl Default for Params {
             gain_rays: 200,
             gain_depth: 3,
             gain_min: 3,
-            beside_wall: 1.0,
+            wall_adjacency_factor: 1.0,
             gain_left: 0.1,
             waypoints: Waypoints::Fewest,
             scan_range: ScanRange { start_m: 0.0, stop_m: 12.0 },
@@ -114,7 +114,7 @@ impl Params {
             gain_rays,
             gain_depth,
             gain_min,
-            beside_wall: settings.number("beside_wall", default.beside_wall, 0.0, 1.0)?,
+            wall_adjacency_factor: settings.number("wall_adjacency_factor", default.wall_adjacency_factor, 0.0, 1.0)?,
             gain_left: settings.number("gain_left", default.gain_left, 0.0, 1.0)?,
             waypoints,
             scan_range: ScanRange {
@@ -154,9 +154,9 @@ impl TeamParams {
             aerial_tasks: settings.integer("aerial_tasks", 90, 1, 1000)? as usize,
             expected_min: settings.number("expected_min", 4.0, 0.0, 10_000.0)?,
             exponent: settings.number("exponent", 1.5, 0.0, 10.0)?,
-            urgency: settings.number("urgency", 5.0, 0.0, 1000.0)?,
+            latency_weight: settings.number("latency_weight", 5.0, 0.0, 1000.0)?,
             leg_s: settings.number("leg_s", 7.0, 0.0, 100.0)?,
-            aerial_urgency: settings.number("aerial_urgency", 0.5, 0.0, 1000.0)?,
+            aerial_latency_weight: settings.number("aerial_latency_weight", 0.5, 0.0, 1000.0)?,
             aerial_leg_s: settings.number("aerial_leg_s", 4.0, 0.0, 100.0)?,
             memory_s: settings.number("memory_s", 60.0, 0.0, 10_000.0)?,
         })
@@ -166,9 +166,12 @@ impl TeamParams {
     pub(super) fn of(self, kind: BodyKind) -> Self {
         match kind {
             BodyKind::Submarine => self,
-            BodyKind::Aerial => {
-                Self { tasks: self.aerial_tasks, urgency: self.aerial_urgency, leg_s: self.aerial_leg_s, ..self }
-            }
+            BodyKind::Aerial => Self {
+                tasks: self.aerial_tasks,
+                latency_weight: self.aerial_latency_weight,
+                leg_s: self.aerial_leg_s,
+                ..self
+            },
         }
     }
 }

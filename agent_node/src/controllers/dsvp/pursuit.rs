@@ -21,7 +21,6 @@ use crate::command::Command;
 use crate::observation::{Contact, Observation, ReceivedMessage};
 
 /// The message kind of the reports.
-pub const FINISHED_MESSAGE: u8 = 4;
 
 const VERSION: u8 = 1;
 
@@ -77,7 +76,7 @@ impl Pursuit {
             self.last_known[place] = Some(LastKnown { cell, seen: observation.tick, is_absent: false });
         }
         for ReceivedMessage { kind, data, .. } in &observation.messages {
-            if *kind == FINISHED_MESSAGE
+            if *kind == MessageType::Finished.number()
                 && let Some(received) = decode(data, self.agents)
             {
                 self.merge(&received, observation.tick);
@@ -125,7 +124,7 @@ impl Pursuit {
             return command;
         }
         self.is_unsent = false;
-        command.with_message(None, FINISHED_MESSAGE, encode(&self.reports))
+        command.with_message(None, MessageType::Finished.number(), encode(&self.reports))
     }
 
     /// Notes that an agent pursued is not at the position of the goal, if this one is there.
@@ -206,7 +205,7 @@ mod tests {
     /// After receiving these reports in this tick.
     fn received(pursuit: &mut Pursuit, now: u64, reports: &[(AgentId, Report)]) {
         let data = encode(&reports.iter().copied().collect()).into();
-        let messages = vec![ReceivedMessage { from: OTHER, kind: FINISHED_MESSAGE, data }];
+        let messages = vec![ReceivedMessage { from: OTHER, kind: MessageType::Finished.number(), data }];
         let observation = Observation { tick: Tick(now), messages, ..idle() };
         pursuit.receive(&observation, Extent::new([10; 3], 1.0).unwrap());
     }
@@ -250,7 +249,7 @@ mod tests {
         let contacts = [Contact { agent: OTHER, position: nalgebra::Point3::origin() }];
         let mut pursuit = Pursuit::new(OWN, 3);
         let sends = |pursuit: &mut Pursuit, has_met| {
-            let command = Command::keep(crate::command::Trigger::NEXT_TICK);
+            let command = Command::keep(crate::command::WakeCondition::NEXT_TICK);
             !pursuit.with_reports(command, &contacts, has_met).messages.is_empty()
         };
         assert!(!sends(&mut pursuit, true), "there is none");

@@ -80,7 +80,7 @@ impl Scanning {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::command::Trigger;
+    use crate::command::WakeCondition;
     use crate::controllers::testing::World;
 
     /// A corridor that is unexplored beyond its high end.
@@ -96,7 +96,7 @@ mod tests {
         let mut world = World::known(CORRIDOR, Cell::new(x, 1, 0));
         world.observation.is_active = is_active;
         let observation = world.observation.clone();
-        scanning.with_request(Command::keep(Trigger::NEXT_TICK), range, &observation, &world.ctx()).lidar
+        scanning.with_request(Command::keep(WakeCondition::NEXT_TICK), range, &observation, &world.ctx()).lidar
     }
 
     #[test]
@@ -127,7 +127,7 @@ mod tests {
         let mut world = World::known(walled, Cell::new(17, 3, 0));
         world.observation.is_active = true;
         let observation = world.observation.clone();
-        let command = Command::keep(Trigger::NEXT_TICK);
+        let command = Command::keep(WakeCondition::NEXT_TICK);
         let command = Scanning::default().with_request(command, RANGE, &observation, &world.ctx());
         assert_eq!(command.lidar, ScanRequest::Never);
     }
@@ -138,7 +138,7 @@ mod tests {
         world.observation.is_active = true;
         let observation = world.observation.clone();
         let mut scanning = Scanning { is_on: false, frontier: None };
-        let once = Command { lidar: ScanRequest::Once, ..Command::keep(Trigger::NEXT_TICK) };
+        let once = Command { lidar: ScanRequest::Once, ..Command::keep(WakeCondition::NEXT_TICK) };
         let command = scanning.with_request(once, RANGE, &observation, &world.ctx());
         assert_eq!((command.lidar, scanning.is_on), (ScanRequest::Once, true));
     }

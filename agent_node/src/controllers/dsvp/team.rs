@@ -28,7 +28,7 @@ use super::goal::Goal;
 use super::obstacles::Obstacles;
 use super::{ATTEMPTS, Dsvp, Plan, has_gain_left};
 use crate::abstract_graph::{AbstractGraph, PathLengths, RegionId};
-use crate::command::{Command, Trigger};
+use crate::command::{Command, WakeCondition};
 use crate::controllers::Ctx;
 use crate::controllers::auction::{Auction, AuctionParams};
 use crate::observation::{Observation, RunInfo};
@@ -59,12 +59,12 @@ pub(super) struct TeamParams {
     /// Exponent of the expected free cells in the weight of a task.
     pub(super) exponent: f64,
     /// What the weighted mean of the times of all tasks counts beside the mean duration of tours.
-    pub(super) urgency: f64,
+    pub(super) latency_weight: f64,
     /// Time of a leg beside its length over the speed: to turn, start, stop and look; seconds.
     pub(super) leg_s: f64,
-    /// The tasks, the urgency and the time of a leg for aerial bodies, which need not turn.
+    /// The tasks, the latency_weight and the time of a leg for aerial bodies, which need not turn.
     pub(super) aerial_tasks: usize,
-    pub(super) aerial_urgency: f64,
+    pub(super) aerial_latency_weight: f64,
     pub(super) aerial_leg_s: f64,
     /// How long an agent has a part in divisions after it should have been at its last known goal,
     /// seconds.
@@ -73,7 +73,7 @@ pub(super) struct TeamParams {
 
 /// What an agent knows about the team and the tasks.
 #[derive(Debug)]
-pub(super) struct Team {
+pub(super) struct TourCoordination {
     params: TeamParams,
     auction: Auction,
     viewpoints: Viewpoints,
@@ -101,7 +101,7 @@ fn arrivals_s(valued: &[Valued], sighting: usize) -> Vec<f64> {
     valued.iter().map(|valued| valued.arrivals_s[sighting]).collect()
 }
 
-impl Team {
+impl TourCoordination {
     /// That of an agent of a run, which knows nothing yet.
     pub(super) fn new(params: TeamParams, agent: AgentId, run_info: &RunInfo) -> Self {
         Self {
@@ -114,7 +114,7 @@ impl Team {
     }
 
     /// The tasks that are worth most for their time, with the times to them.
-    fn valued(&mut self, tasks: Vec<Task>, own_m: &BTreeMap<RegionId, f64>, world: &World<'_>) -> Vec<Valued> {
+    fn valued(&mut self, tasks: Vec<Task>, own_m: &BTreeMap<RegionId, f64>, world: &TeamContext<'_>) -> Vec<Valued> {
         let TeamParams { leg_s, exponent, .. } = self.params;
         let mut arrivals_s: Vec<Vec<f64>> = vec![Vec::new(); tasks.len()];
         self.lengths.renew(world.graph);
@@ -148,8 +148,8 @@ impl Team {
 
     /// The tour of this agent over some tasks: its part in the division among the team, or, if that
     /// is empty, a tour over all of them.
-    fn own_tour(&mut self, valued: &[Valued], world: &World<'_>) -> Vec<usize> {
-        let TeamParams { leg_s, urgency, memory_s, .. } = self.params;
+    fn own_tour(&mut self, valued: &[Valued], world: &TeamContext<'_>) -> Vec<usize> {
+        let TeamParams { leg_s, latency_weight, memory_s, .. } = self.params;
         let tasks: Vec<Task> = valued.iter().map(|valued| valued.task).collect();
         let mut between_s = vec![vec![UNREACHABLE_S; tasks.len()]; tasks.len()];
         // A path is as long as the way back. The searches from the tasks farthest from here come
@@ -174,30 +174,30 @@ impl Team {
         let others = self.sightings.iter().enumerate().filter(|(_, (_, sighting))| takes_part(sighting));
         let arrivals_s = others.map(|(other, _)| arrivals_s(valued, other));
         let first_s = std::iter::once(own.clone()).chain(arrivals_s).collect();
-        let division = Division { first_s, between_s: &between_s, weights: &weights, urgency };
+        let division = Division { first_s, between_s: &between_s, weights: &weights, latency_weight };
         let tour = division.tours().swap_remove(0);
         if tour.is_empty() { Division { first_s: vec![own], ..division }.tours().swap_remove(0) } else { tour }
     }
 }
 
 /// What a plan starts from.
-struct World<'g> {
+struct TeamContext<'g> {
     graph: &'g AbstractGraph,
     cell_m: f64,
     speed_m_s: f64,
     now: Tick,
 }
 
-impl World<'_> {
+impl TeamContext<'_> {
     /// The duration of a leg of this length in cells, with a stop, seconds.
     fn leg_s(&self, length: Option<f64>, speed_m_s: f64, stop_s: f64) -> f64 {
         length.map_or(UNREACHABLE_S, |cells| cells * self.cell_m / speed_m_s + stop_s)
     }
 }
 
-impl Coordination for Team {
-    fn trigger(&self) -> Trigger {
-        Coordination::trigger(&self.auction)
+impl Coordination for TourCoordination {
+    fn wake(&self) -> WakeCondition {
+        Coordination::wake(&self.auction)
     }
 
     fn receive(&mut self, observation: &Observation, agents: u32) {
@@ -218,7 +218,7 @@ impl Coordination for Team {
         }
         team.sightings.update(&team.auction, observation);
         let cell_m = map.extent().cell_m();
-        let world = World { graph, cell_m, speed_m_s: team.auction.own_speed_m_s(), now };
+        let world = TeamContext { graph, cell_m, speed_m_s: team.auction.own_speed_m_s(), now };
         let mut candidates = Vec::new();
         let mut own_m = BTreeMap::new();
         paths.begin(graph, here);

@@ -97,7 +97,7 @@ fn goals_name_the_stages_of_measures() {
     let mut world = World::new(ROOMS.trim_start(), Cell::new(1, 1, 0));
     let mut controller = planner(&world, &[]);
     for _ in 0..40 {
-        world.look();
+        world.sense();
         let command = world.ask(&mut controller);
         assert_eq!(command.stage.is_some(), !command.info.is_empty(), "{command:?}");
         world.arrive(&command.motion);
@@ -174,13 +174,14 @@ fn after_contact_with(finished: &[u32]) -> (Vec<String>, bool) {
     world.said.clear();
     let report = |id: &u32| [&id.to_le_bytes()[..], &7_u64.to_le_bytes(), &[1]].concat();
     let data: Vec<u8> = [1].into_iter().chain(finished.iter().flat_map(report)).collect();
-    world.observation.messages = vec![ReceivedMessage { from: AgentId(2), kind: FINISHED_MESSAGE, data: data.into() }];
+    world.observation.messages =
+        vec![ReceivedMessage { from: AgentId(2), kind: MessageType::Finished.number(), data: data.into() }];
     world.observation.scan_tick = Some(world.observation.tick);
     let sent = world.ask(&mut controller).messages;
     world.observation.messages.clear();
     world.observation.contacts.clear();
     world.run(&mut controller, 500);
-    (world.said, sent.iter().any(|message| message.kind == FINISHED_MESSAGE))
+    (world.said, sent.iter().any(|message| message.kind == MessageType::Finished.number()))
 }
 
 #[test]

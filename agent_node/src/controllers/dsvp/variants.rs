@@ -4,7 +4,7 @@
 use super::avoidance::Waypoints;
 use super::coordination::Alone;
 use super::scanning::ScanRange;
-use super::team::{Team, TeamParams};
+use super::team::{TeamParams, TourCoordination};
 use super::{Dsvp, Params};
 use crate::controllers::auction::{Auction, AuctionParams};
 use crate::controllers::settings::{SettingError, Settings};
@@ -20,7 +20,8 @@ pub fn alone(settings: &mut Settings, setup: Setup<'_>) -> Result<impl Controlle
 }
 
 /// The planner with an auction of goals. Settings: those of [`Params`], and `spread_m`,
-/// `discount`, `trespass_m`, `detour`, `pace_m_s`, `lease_s` (see docs/controllers.md).
+/// `discount`, `conflict_penalty_m`, `detour`, `cruise_speed_m_s`, `lease_s` (see
+/// docs/controllers.md).
 ///
 /// # Errors
 /// If a setting is out of range.
@@ -32,8 +33,8 @@ pub fn with_auction(settings: &mut Settings, setup: Setup<'_>) -> Result<impl Co
 }
 
 /// The planner with tours for the whole team. Settings: those of [`with_auction`], and `regions`,
-/// `tasks`, `aerial_tasks`, `expected_min`, `exponent`, `urgency`, `leg_s`, `aerial_urgency`,
-/// `aerial_leg_s`, `memory_s` (see docs/controllers.md).
+/// `tasks`, `aerial_tasks`, `expected_min`, `exponent`, `latency_weight`, `leg_s`,
+/// `aerial_latency_weight`, `aerial_leg_s`, `memory_s` (see docs/controllers.md).
 ///
 /// # Errors
 /// If a setting is out of range.
@@ -42,6 +43,6 @@ pub fn with_team(settings: &mut Settings, setup: Setup<'_>) -> Result<impl Contr
     let scan_range = ScanRange { start_m: 1.0, ..default.scan_range };
     let default = Params { gain_min: 5, waypoints: Waypoints::Passed, scan_range, ..default };
     let params = Params::from_settings(settings, default)?;
-    let team = Team::new(TeamParams::from_settings(settings)?, setup.agent, setup.run_info);
+    let team = TourCoordination::new(TeamParams::from_settings(settings)?, setup.agent, setup.run_info);
     Ok(Dsvp::new(params, team, setup))
 }

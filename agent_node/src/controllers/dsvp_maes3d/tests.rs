@@ -19,7 +19,7 @@ fn planner() -> DsvpMaes3d {
 fn act(world: &mut World, planner: &mut DsvpMaes3d) -> Command {
     let late = world.ask(planner);
     assert_eq!(late.motion, Motion::Keep);
-    assert_eq!(late.trigger, Trigger::at(world.observation.tick.next()));
+    assert_eq!(late.wake, WakeCondition::at(world.observation.tick.next()));
     world.wait(1);
     world.ask(planner)
 }
@@ -52,12 +52,12 @@ const BENT: &str = "\
 fn waits_for_a_scan_and_a_tick_and_always_requests_the_view() {
     let mut world = World::known(&room(), flat(4, 4));
     let mut planner = planner();
-    assert_eq!(world.ask(&mut planner), Command::keep(Trigger::NEXT_TICK).with_view_request());
+    assert_eq!(world.ask(&mut planner), Command::keep(WakeCondition::NEXT_TICK).with_view_request());
     world.observation = Observation { tick: Tick(1), ..in_room().observation };
     // One tick after the start the status becomes idle, with or without a scan.
     let go = world.ask(&mut planner);
     assert!(matches!(go.motion, Motion::Path(_)) && go.want_view, "{go:?}");
-    assert_eq!(go.trigger, UNDER_WAY);
+    assert_eq!(go.wake, UNDER_WAY);
     assert_eq!(world.ask(&mut planner), Command::keep(UNDER_WAY).with_view_request());
     // The end of a task is noticed a tick late; a collision at once.
     world.arrive(&go.motion);
@@ -242,7 +242,7 @@ fn relocation_discards_frontiers_in_straight_reach() {
     let go = act(&mut world, &mut planner);
     assert_eq!(destination(&world, &go), flat(1, 3));
     assert!(planner.is_done && planner.frontiers.list.is_empty());
-    assert_eq!(go.trigger, NEVER);
+    assert_eq!(go.wake, NEVER);
 
     // From the other end, the last one can be reached straight and is discarded; the one behind the
     // corner ends the loop.
@@ -277,9 +277,9 @@ fn done_agent_stays_done() {
     world.show(&[flat(0, 0), flat(1, 0), flat(2, 0)]);
     let mut planner = planner();
     let end = act(&mut world, &mut planner);
-    assert_eq!((end.motion, end.info.as_str(), end.trigger), (Motion::Keep, "no frontiers left", NEVER));
+    assert_eq!((end.motion, end.info.as_str(), end.wake), (Motion::Keep, "no frontiers left", NEVER));
     let mut world = in_room();
-    world.observation.events = Events::PARCEL;
+    world.observation.events = EventMask::MESSAGE;
     assert_eq!(world.ask(&mut planner), Command::keep(NEVER));
 }
 
@@ -354,8 +354,8 @@ fn without_destination_it_retries_and_lists_frontiers_once() {
     let first = act(&mut world, &mut planner);
     assert_eq!((&first.motion, first.info.as_str()), (&Motion::Keep, "exploration: no destination"));
     // Retrying is useless until the map changes.
-    let wait = Trigger { at: world.observation.tick.after(10), events: Events::PARCEL };
-    assert_eq!(first.trigger, wait);
+    let wait = WakeCondition { at: world.observation.tick.after(10), events: EventMask::MESSAGE };
+    assert_eq!(first.wake, wait);
     let listed = planner.frontiers.list.len();
     assert_eq!(listed, 7 + 2);
     world.wait(10);

@@ -139,7 +139,7 @@ mod tests {
     /// At the left end, after a scan.
     fn at_the_left() -> World {
         let mut world = World::new(MOUTHS, flat(1, 3));
-        world.look();
+        world.sense();
         world
     }
 

@@ -42,7 +42,7 @@ fn contact(x: i32, y: i32, z: i32) -> Contact {
 
 /// An agent in search mode with a scan from where it is.
 fn searching_in(world: &mut World) -> LvdMaes3d {
-    world.look();
+    world.sense();
     let mut lvd = LvdMaes3d { is_in_search_mode: true, ..LvdMaes3d::new() };
     lvd.scan.load(world.map.extent(), &world.view());
     lvd
@@ -62,16 +62,16 @@ fn to(cell: Cell) -> Motion {
 fn acts_a_tick_late_at_the_start_and_after_each_task() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d::new();
-    world.look();
-    assert_eq!(world.ask(&mut lvd).trigger, Trigger::at(Tick(1)));
+    world.sense();
+    assert_eq!(world.ask(&mut lvd).wake, WakeCondition::at(Tick(1)));
     world.observation.tick = Tick(1);
-    world.look();
+    world.sense();
     assert_eq!(world.ask(&mut lvd).motion, to(Cell::new(7, 11, 0)));
     world.run(&mut lvd, 3);
-    world.look();
+    world.sense();
     world.observation.is_active = false;
     world.observation.tick = Tick(50);
-    assert_eq!(world.ask(&mut lvd).trigger, Trigger::at(Tick(51)));
+    assert_eq!(world.ask(&mut lvd).wake, WakeCondition::at(Tick(51)));
     world.observation.tick = Tick(51);
     assert_ne!(world.ask(&mut lvd).motion, Motion::Keep);
 }
@@ -99,10 +99,10 @@ fn cells_between_two_agents_belong_to_both() {
 #[test]
 fn last_scan_is_used_even_from_another_place() {
     let mut world = World::new(FIELD, MIDDLE);
-    world.look();
+    world.sense();
     let extent = world.map.extent();
     let far = extent.index(Cell::new(13, 1, 0)).unwrap() as u32;
-    world.look();
+    world.sense();
     let mut observation = world.observation.clone();
     observation.tick = Tick(9);
     observation.view = Some(Cells { free: vec![far], wall: vec![] });
@@ -137,10 +137,10 @@ fn unvisited_cell_in_view_ends_search_mode_at_own_centre() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = searching_in(&mut world);
     cover_all(&mut world);
-    world.look();
+    world.sense();
     let mut observation = world.observation.clone();
     observation.is_active = true;
-    observation.events = Events::NEW_CELL;
+    observation.events = EventMask::NEW_CELL;
     assert_eq!(world.ask_about(&mut lvd, &observation).motion, Motion::Keep);
     // On another map, one cell is not visited; it belongs to another agent.
     let mut world = World::new(FIELD, MIDDLE);
@@ -161,11 +161,11 @@ fn wall_at_the_edge_of_the_map_is_an_error() {
     let mut lvd = searching_in(&mut world);
     cover_all(&mut world);
     assert_eq!(lvd.occlusion_point(world.map.extent(), MIDDLE, &[]), Err(OutOfBounds));
-    world.look();
+    world.sense();
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
     lvd.notices_at = Some(Tick(5));
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Trigger::NEXT_TICK));
+    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(WakeCondition::NEXT_TICK));
     assert!(lvd.selections.is_empty());
 }
 
@@ -173,10 +173,10 @@ fn wall_at_the_edge_of_the_map_is_an_error() {
 fn without_destination_it_retries_every_tick() {
     let mut world = World::new(FIELD, MIDDLE);
     let mut lvd = LvdMaes3d { notices_at: Some(Tick(5)), ..LvdMaes3d::new() };
-    world.look();
+    world.sense();
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(Trigger::NEXT_TICK));
+    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(WakeCondition::NEXT_TICK));
     assert!(lvd.is_in_search_mode);
 }
 

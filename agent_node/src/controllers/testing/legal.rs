@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{INFO_BYTES_MAX, PARCEL_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
+use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
 use msgs::relay_id::RelayId;
 use msgs::shared_bytes::SharedBytes;
 use nalgebra::{Point3, Vector3};
@@ -31,7 +31,7 @@ const OTHER_SETTINGS: [(&str, &[&str]); 6] = [
     ("nearest-frontier", &["search_time=background", "search_ticks=3"]),
 ];
 
-/// The rules of `msgs/msg/Task.msg` and its like.
+/// The rules of `msgs/msg/Motion.msg` and its like.
 pub(super) fn assert_legal(command: &Command) {
     let is_coordinate = |along: f64| along.abs() <= 1e6;
     let is_legal_path = |points: &[Point3<f64>]| {
@@ -54,7 +54,7 @@ pub(super) fn assert_legal(command: &Command) {
     let of_messages = command.messages.iter().map(|message| message.data.len());
     let of_relays = command.relays.iter().map(|order| order.data.len());
     assert!(of_relays.clone().all(|bytes| bytes <= RELAY_BYTES_MAX), "{command:?}");
-    assert!(of_messages.chain(of_relays).sum::<usize>() <= PARCEL_BYTES_MAX, "{command:?}");
+    assert!(of_messages.chain(of_relays).sum::<usize>() <= AGENT_MESSAGE_BYTES_MAX, "{command:?}");
 }
 
 /// Mostly in the map, else on its edges, outside, or not finite.

@@ -57,19 +57,23 @@ fn summaries_and_completions_are_read_as_written() {
     assert_eq!(decode(&encode(12)), Ok(Message::Summary { number: 6, state, receivers: receivers.to_vec(), known }));
     let own = Message::Summary { number: 6, state, receivers: vec![], known: vec![(AgentId(3), 300)] };
     assert_eq!(decode(&encode(11)), Ok(own));
-    let completed = |receiver, updates| Completed { receiver: AgentId(receiver), summary: 3, updates };
+    let completed = |receiver, updates| Acknowledged { receiver: AgentId(receiver), summary: 3, updates };
     let [some, none] = [AgentSet::of([AgentId(0)]), AgentSet::default()];
-    let completion =
-        |is_for_hubs| Completion::new(&[(completed(1, 2), &some), (completed(3, 0), &none)], (9, is_for_hubs), |_| 5);
-    let for_hubs = encode_completion(&completion(true));
+    let acknowledgement = |is_for_relay_peers| {
+        Acknowledgement::new(&[(completed(1, 2), &some), (completed(3, 0), &none)], (9, is_for_relay_peers), |_| 5)
+    };
+    let for_hubs = encode_acknowledgement(&acknowledgement(true));
     assert_eq!(for_hubs[..2], [4, 3]);
-    assert_eq!(decode(&for_hubs), Ok(Message::Completion(completion(true))));
-    let completion = completion(false);
-    let bytes = encode_completion(&completion);
+    assert_eq!(decode(&for_hubs), Ok(Message::Acknowledgement(acknowledgement(true))));
+    let acknowledgement = acknowledgement(false);
+    let bytes = encode_acknowledgement(&acknowledgement);
     assert_eq!(bytes, [4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 1, 3, 0, 0, 9]);
-    assert_eq!([1, 2, 3].map(|agent| completion.place_of(AgentId(agent))), [Some(0), None, Some(1)]);
-    assert_eq!([0, 1].map(|place| completion.rest_from(place).collect::<Vec<_>>()), [vec![(AgentId(0), 5)], vec![]]);
-    assert_eq!(decode(&bytes), Ok(Message::Completion(completion)));
+    assert_eq!([1, 2, 3].map(|agent| acknowledgement.place_of(AgentId(agent))), [Some(0), None, Some(1)]);
+    assert_eq!(
+        [0, 1].map(|place| acknowledgement.rest_from(place).collect::<Vec<_>>()),
+        [vec![(AgentId(0), 5)], vec![]]
+    );
+    assert_eq!(decode(&bytes), Ok(Message::Acknowledgement(acknowledgement)));
     assert_eq!(decode(&[4, 2, 2, 1, 0, 0, 1, 0, 5, 3, 2, 2, 3, 0, 0, 9]), Err(MapMessageError::Filling));
 }
 

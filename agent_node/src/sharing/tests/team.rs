@@ -2,26 +2,26 @@
 
 use std::ops::Range;
 
-use msgs::limits::{PARCEL_BYTES_BARE, PARCEL_BYTES_MAX};
-use msgs::maes_msgs::Wake as Events;
+use msgs::event_mask::EventMask;
+use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX};
 use nalgebra::Point3;
 use voxels::Extent;
 
 use super::super::*;
-use crate::command::Trigger;
+use crate::command::WakeCondition;
 use crate::exploration_map::{CellState, Delta};
-use crate::sharing::hubs::Division;
+use crate::sharing::deltas::{ByOthers, DeltaBatch, Deltas, State};
 use crate::sharing::map_message::Message;
-use crate::sharing::news::{ByOthers, Found, News, State};
-use crate::sharing::outbox::{ADDRESSED_MAX, is_crowd};
+use crate::sharing::outbox::{ADDRESSED_MAX, is_dense};
+use crate::sharing::relay_peers::Division;
 
-pub(super) const BUDGET: usize = PARCEL_BYTES_MAX;
+pub(super) const BUDGET: usize = AGENT_MESSAGE_BYTES_MAX;
 
-/// A summary, updates, a completion, and one in which they arrive.
+/// A summary, updates, an acknowledgement, and one in which they arrive.
 const EXCHANGE_TICKS: u64 = 4;
 
 /// Agents with their maps, and a world that delivers their messages.
-pub(super) struct Team {
+pub(super) struct SimulatedTeam {
     pub(super) maps: Vec<ExplorationMap>,
     pub(super) sharings: Vec<Sharing>,
     pub(super) inboxes: Vec<Vec<ReceivedMessage>>,
@@ -32,10 +32,10 @@ pub(super) struct Team {
     /// Whether the next messages get lost; those after them do not.
     pub(super) losses: std::vec::IntoIter<bool>,
     /// When each agent is due and whom it has seen last; else all are asked in every tick.
-    pub(super) due: Option<Vec<(Trigger, Vec<AgentId>)>>,
+    pub(super) due: Option<Vec<(WakeCondition, Vec<AgentId>)>>,
 }
 
-impl Team {
+impl SimulatedTeam {
     pub(super) fn new(agents: u32, extent: Extent, period: u32) -> Self {
         let count = agents as usize;
         Self {
@@ -66,25 +66,26 @@ impl Team {
             let contacts = contacts(agent, pairs);
             let in_contact: Vec<AgentId> = contacts.iter().map(|contact| contact.agent).collect();
             if let Some(due) = &self.due {
-                let (trigger, seen) = &due[index];
+                let (wake, seen) = &due[index];
                 let has_met = in_contact.iter().any(|agent| !seen.contains(agent));
-                let events = [(has_met, Events::FIRST_CONTACT), (!self.inboxes[index].is_empty(), Events::PARCEL)];
+                let events =
+                    [(has_met, EventMask::FIRST_CONTACT), (!self.inboxes[index].is_empty(), EventMask::MESSAGE)];
                 let events = events.into_iter().filter(|&(has, _)| has).fold(0, |events, (_, event)| events | event);
-                if !trigger.is_due(Tick(now), events) {
+                if !wake.is_met(Tick(now), events) {
                     continue;
                 }
             }
             let received = std::mem::take(&mut self.inboxes[index]);
             let report = self.sharings[index].incoming(&mut self.maps[index], &received);
             assert_eq!(report.refused, []);
-            check_news(&self.sharings[index], &self.maps[index], &contacts, (Tick(now), budget));
+            check_deltas(&self.sharings[index], &self.maps[index], &contacts, (Tick(now), budget));
             let messages = self.sharings[index].outgoing(&self.maps[index], &contacts, Tick(now), budget);
-            let bytes: usize = messages.iter().map(|message| message.data.len() + PARCEL_BYTES_BARE).sum();
+            let bytes: usize = messages.iter().map(|message| message.data.len() + AGENT_MESSAGE_BYTES_BARE).sum();
             assert!(bytes <= budget);
             sent[index] =
                 messages.iter().filter(|message| message.data[1] == 1).map(|message| message.data.len()).sum();
             if let Some(due) = &mut self.due {
-                due[index] = (self.sharings[index].next_trigger(&contacts, Tick(now)), in_contact.clone());
+                due[index] = (self.sharings[index].next_wake(&contacts, Tick(now)), in_contact.clone());
             }
             for AgentMessage { to, kind, data } in messages {
                 let receivers = to.map_or_else(|| in_contact.clone(), |to| vec![to]);
@@ -93,7 +94,7 @@ impl Team {
                 let (named, delta) = match message {
                     Message::Summary { .. } => (receivers.clone(), Delta::default()),
                     Message::Update { receivers, delta, .. } => (receivers, delta),
-                    Message::Completion(completion) => (completion.agents(), Delta::default()),
+                    Message::Acknowledgement(acknowledgement) => (acknowledgement.agents(), Delta::default()),
                 };
                 self.posted += receivers.len();
                 for &receiver in &receivers {
@@ -128,44 +129,54 @@ impl Team {
         map.extent().cells().map(|cell| map.state(cell)).collect()
     }
 
-    pub(super) fn trigger(&self, agent: u32, pairs: &[(u32, u32)], now: u64) -> Trigger {
-        self.sharings[agent as usize].next_trigger(&contacts(agent, pairs), Tick(now))
+    pub(super) fn wake(&self, agent: u32, pairs: &[(u32, u32)], now: u64) -> WakeCondition {
+        self.sharings[agent as usize].next_wake(&contacts(agent, pairs), Tick(now))
     }
 }
 
-/// Compares the news for peers that are sent all of the journal with what a search cell by cell
+/// Compares the delta for peers that are sent all of the journal with what a search cell by cell
 /// finds.
-fn check_news(sharing: &Sharing, map: &ExplorationMap, contacts: &[Contact], (now, budget): (Tick, usize)) {
+fn check_deltas(sharing: &Sharing, map: &ExplorationMap, contacts: &[Contact], (now, budget): (Tick, usize)) {
     let mut sharing = sharing.clone();
     for contact in contacts {
         peer(&mut sharing.peers, contact.agent).until = map.journal_len();
     }
     for (budget, cell_bits) in [(BUDGET, 2), (budget, 2), (500, 40)] {
-        let deputies = sharing.deputies(contacts, now);
-        for uses_hubs in [false, true] {
-            let state =
-                State { peers: &sharing.peers, provenances: &sharing.provenances, deputies: &deputies, uses_hubs };
+        let delegates = sharing.delegates(contacts, now);
+        for uses_relay_peers in [false, true] {
+            let state = State {
+                peers: &sharing.peers,
+                provenances: &sharing.provenances,
+                delegates: &delegates,
+                uses_relay_peers,
+            };
             assert_eq!(
-                news::news(&state, contacts, budget, cell_bits),
-                plain_news(&state, contacts, budget, cell_bits)
+                deltas::deltas(&state, contacts, budget, cell_bits),
+                plain_deltas(&state, contacts, budget, cell_bits)
             );
         }
     }
 }
 
-/// What [`news::news`] is to find.
-fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_bits: usize) -> Option<Found<News>> {
-    let State { peers, provenances, deputies, uses_hubs } = state;
+/// What [`deltas::deltas`] is to find.
+fn plain_deltas(
+    state: &State<'_>,
+    contacts: &[Contact],
+    mut budget: usize,
+    cell_bits: usize,
+) -> Option<DeltaBatch<Deltas>> {
+    let State { peers, provenances, delegates, uses_relay_peers } = state;
     let waits = |agent: AgentId| peers.get(agent.index()).filter(|peer| peer.cursor < peer.until);
     let waiting: Vec<AgentId> =
         contacts.iter().map(|contact| contact.agent).filter(|&agent| waits(agent).is_some()).collect();
     let is_exchanging =
         |agent: AgentId, at: usize| waits(agent).is_some_and(|peer| (peer.cursor..peer.until).contains(&at));
     let heard = |at: usize| provenances.iter().find(|provenance| provenance.positions.contains(&at));
-    let knows = |agent: AgentId, at: usize| heard(at).is_some_and(|section| peers[agent.index()].knows(section));
-    let deputy = |agent: AgentId, at: usize| {
-        let reaches = |deputy: &AgentId| peers[deputy.index()].heard.receivers.iter().any(|contact| contact == agent);
-        deputies.iter().copied().filter(|&deputy| knows(deputy, at)).find(reaches)
+    let knows = |agent: AgentId, at: usize| heard(at).is_some_and(|segment| peers[agent.index()].knows(segment));
+    let delegate = |agent: AgentId, at: usize| {
+        let reaches =
+            |delegate: &AgentId| peers[delegate.index()].heard.receivers.iter().any(|contact| contact == agent);
+        delegates.iter().copied().filter(|&delegate| knows(delegate, at)).find(reaches)
     };
     let is_edge = |at: usize| {
         let is_end = |range: Range<usize>| range.start == at || range.end == at;
@@ -174,43 +185,43 @@ fn plain_news(state: &State<'_>, contacts: &[Contact], mut budget: usize, cell_b
     };
     let start = waiting.iter().filter_map(|&agent| waits(agent)).map(|peer| peer.cursor).min()?;
     let last = waiting.iter().filter_map(|&agent| waits(agent)).map(|peer| peer.until).max()?;
-    let (mut at, mut news, mut by_others) = (start, News::new(), ByOthers::default());
+    let (mut at, mut deltas, mut by_others) = (start, Deltas::new(), ByOthers::default());
     while at < last {
         let end = (at + 1..=last).find(|&at| is_edge(at)).unwrap_or(last);
         let lacking = waiting.iter().copied().filter(|&agent| is_exchanging(agent, at) && !knows(agent, at));
-        let (with_deputies, mut receivers): (Vec<AgentId>, Vec<AgentId>) =
-            lacking.partition(|&agent| deputy(agent, at).is_some());
-        let deputies_of = with_deputies.into_iter().filter_map(|agent| Some((agent, deputy(agent, at)?)));
-        if is_crowd(contacts) {
+        let (with_delegates, mut receivers): (Vec<AgentId>, Vec<AgentId>) =
+            lacking.partition(|&agent| delegate(agent, at).is_some());
+        let delegates_of = with_delegates.into_iter().filter_map(|agent| Some((agent, delegate(agent, at)?)));
+        if is_dense(contacts) {
             let exchanging = AgentSet::of(waiting.iter().copied().filter(|&agent| is_exchanging(agent, at)));
             let all = AgentSet::of(contacts.iter().map(|contact| contact.agent));
-            let division = Division::of(exchanging, all, if *uses_hubs { deputies } else { &[] }, peers);
-            by_others.hubs.extend(&division.hubs);
-            by_others.left_to_hubs.extend(&division.left);
+            let division = Division::of(exchanging, all, if *uses_relay_peers { delegates } else { &[] }, peers);
+            by_others.relay_peers.extend(&division.relay_peers);
+            by_others.left_to_relay_peers.extend(&division.left);
             if receivers.is_empty() {
-                by_others.deputies.extend(deputies_of.filter(|&(agent, _)| !division.left.contains(agent)));
+                by_others.delegates.extend(delegates_of.filter(|&(agent, _)| !division.left.contains(agent)));
             } else {
                 receivers = division.receivers.iter().collect();
             }
         } else {
-            by_others.deputies.extend(deputies_of);
+            by_others.delegates.extend(delegates_of);
         }
         if receivers.is_empty() {
             at = end;
             continue;
         }
         let copies = copies(receivers.len(), contacts);
-        let is_begun = news.contains_key(&receivers);
-        let bare = if is_begun { 0 } else { map_message::bare_bytes_max(receivers.len()) + PARCEL_BYTES_BARE };
+        let is_begun = deltas.contains_key(&receivers);
+        let bare = if is_begun { 0 } else { map_message::bare_bytes_max(receivers.len()) + AGENT_MESSAGE_BYTES_BARE };
         let taken = (end - at).min(8 * budget.saturating_sub(copies * bare) / (copies * cell_bits));
         if taken == 0 {
             break;
         }
         budget -= copies * bare + (taken * copies * cell_bits).div_ceil(8);
-        news.entry(receivers).or_default().push(at..at + taken);
+        deltas.entry(receivers).or_default().push(at..at + taken);
         at += taken;
     }
-    (at > start).then_some(Found { news, by_others, end: at })
+    (at > start).then_some(DeltaBatch { deltas, by_others, end: at })
 }
 
 pub(super) fn contacts(agent: u32, pairs: &[(u32, u32)]) -> Vec<Contact> {

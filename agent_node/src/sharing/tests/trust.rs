@@ -12,20 +12,23 @@ fn malformed_messages_are_rejected_and_other_kinds_ignored() {
     let mut sharing = Sharing::new(AgentId(0), 5, 3);
     let message = |kind, data: &[u8]| ReceivedMessage { from: AgentId(2), kind, data: data.into() };
     let received = [
-        message(MAP_MESSAGE, &[9]),
+        message(MessageType::Map.number(), &[9]),
         message(0, &[1, 2, 3]),
-        message(MAP_MESSAGE, &[VERSION, 1, 1, 0, 1, 1, 0b100_1000, 0]),
-        message(MAP_MESSAGE, &[VERSION, 1, 1, 0, 1, 1, 1, 0]),
+        message(MessageType::Map.number(), &[VERSION, 1, 1, 0, 1, 1, 0b100_1000, 0]),
+        message(MessageType::Map.number(), &[VERSION, 1, 1, 0, 1, 1, 1, 0]),
     ];
     let report = sharing.incoming(&mut map, &received);
     let refused = [(AgentId(2), MapMessageError::Version(9)), (AgentId(2), MapMessageError::Outside { block: 1 })];
-    assert_eq!(report, Report { messages: 1, for_others: 0, news: 1, refused: refused.to_vec() });
+    assert_eq!(report, Report { messages: 1, for_others: 0, deltas: 1, refused: refused.to_vec() });
     let totals = *sharing.totals();
     assert_eq!((totals.messages_refused, totals.messages_taken), (2, 1));
     // Every byte of map messages is counted as merged or rejected; messages of other kinds are not
     // counted.
-    let bytes: usize =
-        received.iter().filter(|message| message.kind == MAP_MESSAGE).map(|message| message.data.len()).sum();
+    let bytes: usize = received
+        .iter()
+        .filter(|message| message.kind == MessageType::Map.number())
+        .map(|message| message.data.len())
+        .sum();
     assert_eq!(totals.bytes_refused + totals.bytes_taken, bytes as u64);
     assert_eq!((map.free(), map.state(Cell::new(3, 0, 0))), (1, CellState::Free));
 }
@@ -35,7 +38,7 @@ fn whole_map(extent: Extent, finding: Finding) -> ReceivedMessage {
     let all = (0..extent.volume() as u32).map(|cell| Change { cell, finding, from: None });
     ReceivedMessage {
         from: AgentId(2),
-        kind: MAP_MESSAGE,
+        kind: MessageType::Map.number(),
         data: map_message::encode_update(&[AgentId(0), AgentId(3)], 1, &Delta::of(extent, all)).into(),
     }
 }
@@ -68,7 +71,7 @@ fn flooding_sender_is_barred() {
     assert!(map.journal_len() as u64 <= CHANGES_MAX as u64 * volume);
     // Malformed messages get the same answer, since messages of barred senders are not decoded.
     let refused = |sharing: &mut Sharing, map: &mut ExplorationMap, from: u32, data: &[u8]| {
-        let message = ReceivedMessage { from: AgentId(from), kind: MAP_MESSAGE, data: data.into() };
+        let message = ReceivedMessage { from: AgentId(from), kind: MessageType::Map.number(), data: data.into() };
         sharing.incoming(map, &[message]).refused
     };
     let barred = MapMessageError::Barred { allowance: 4 * volume };
@@ -86,7 +89,7 @@ fn summaries_that_know_more_than_there_is_are_rejected() {
     let mut sharing = Sharing::new(AgentId(0), 5, 3);
     let summary = |known: &[u32]| {
         let data = map_message::encode_summary((0, SenderState::default()), &[AgentId(0)], known, AgentId(1), 100);
-        ReceivedMessage { from: AgentId(1), kind: MAP_MESSAGE, data: data.into() }
+        ReceivedMessage { from: AgentId(1), kind: MessageType::Map.number(), data: data.into() }
     };
     let report = sharing.incoming(&mut map, &[summary(&[3, 7])]);
     assert_eq!(report.refused, [(AgentId(1), MapMessageError::Ahead { position: 3, entries: 2 })]);

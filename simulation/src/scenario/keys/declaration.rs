@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use msgs::limits::{PARCEL_BYTES_MAX, RELAYS_PER_AGENT_MAX};
+use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
 
 use crate::scenario::AGENTS_MAX;
 
@@ -26,7 +26,7 @@ const PERIOD: Option<Range> = at_least(1.0, U32_MAX);
 const PERIOD_OR_NEVER: Option<Range> = at_least(0.0, U32_MAX);
 
 /// Two full messages, so that a send queue never blocks, to 1 GiB.
-const QUEUE_BYTES: Option<Range> = between(2.0 * PARCEL_BYTES_MAX as f64, 1_073_741_824.0);
+const QUEUE_BYTES: Option<Range> = between(2.0 * AGENT_MESSAGE_BYTES_MAX as f64, 1_073_741_824.0);
 
 const U32_MAX: f64 = 4_294_967_295.0;
 const UNLIMITED: f64 = f64::INFINITY;

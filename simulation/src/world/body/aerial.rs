@@ -16,7 +16,7 @@ use msgs::kinematics::{approached, turned, wrapped};
 use nalgebra::{Point3, Vector3};
 
 use super::ramp::{Ramp, landing_speed};
-use super::{Body, MOVE_REST_M, Moved, Obstacles};
+use super::{Body, MOVE_REST_M, MotionOutcome, Obstacles};
 
 /// A path bends where its direction differs by more than this from that at the beginning of a leg,
 /// radians; at 3 m/s that is a change of velocity of 3 mm/s.
@@ -102,13 +102,13 @@ impl Leg {
 }
 
 impl Body {
-    pub(super) fn step_flight(&mut self, flight: &mut Flight, obstacles: &Obstacles<'_>, dt_s: f64) -> Moved {
+    pub(super) fn step_flight(&mut self, flight: &mut Flight, obstacles: &Obstacles<'_>, dt_s: f64) -> MotionOutcome {
         let here = self.pose.position;
         let Some(leg) = &mut flight.leg else {
             flight.leg = Leg::of(&here, &flight.targets);
             let heading_rad = flight.leg.as_ref().and_then(|leg| leg.heading_rad);
             self.set_velocities(Vector3::zeros(), self.rate_to_heading(heading_rad, dt_s), dt_s);
-            return Moved::default();
+            return MotionOutcome::default();
         };
         let heading_rad = leg.heading_rad;
         let (step_m, has_landed) = leg.go.next_landing_step(&self.move_limits(), dt_s);
@@ -134,7 +134,7 @@ impl Body {
         (target_in_body_m_s, target_yaw_rate_rad_s): (Vector3<f64>, f64),
         obstacles: &Obstacles<'_>,
         dt_s: f64,
-    ) -> Moved {
+    ) -> MotionOutcome {
         // In the frame `map`, because the body turns while it moves.
         let target_m_s = turned(&self.model.clamped(target_in_body_m_s), self.pose.yaw_rad);
         let present_m_s = self.velocity_in_map_m_s();

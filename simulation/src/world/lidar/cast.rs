@@ -42,12 +42,12 @@ pub(super) struct Field<'a> {
 }
 
 /// Slots (see [`super::SensorMemory`]) of cells that a scan sees for the first time.
-pub(super) struct Found<'a> {
+pub(super) struct CellLists<'a> {
     pub(super) free: &'a mut Vec<u32>,
     pub(super) wall: &'a mut Vec<u32>,
 }
 
-impl Found<'_> {
+impl CellLists<'_> {
     /// Marks a cell as seen, adds it if it is new, and returns its kind.
     pub(super) fn mark(&mut self, field: &mut Field<'_>, slot: usize) -> u8 {
         let kind = field.kinds[slot];
@@ -220,7 +220,7 @@ impl Kernel {
             reason = "vector code is two to three times as fast; only the caller can know that it may run"
         )
     )]
-    pub(super) fn scan(self, field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+    pub(super) fn scan(self, field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
         assert!(self.is_available(), "{self:?} is for another processor");
         match self {
             Kernel::Single => scan_singly(field, start, bundles, found),
@@ -235,7 +235,7 @@ impl Kernel {
     }
 }
 
-fn scan_singly(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+fn scan_singly(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
     for bundle in bundles {
         for lane in bundle.lanes(start.cone()) {
             cast_ray(start, bundle, lane, |slot| field.seen[slot] == FREE || !is_stop(found.mark(field, slot)));

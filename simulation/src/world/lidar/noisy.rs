@@ -16,7 +16,7 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 use voxels::{Cell, walk};
 
-use super::cast::{self, Field, Found};
+use super::cast::{self, CellLists, Field};
 use super::{Pattern, ScanView, Scanner, SensorMemory};
 use crate::world::body::Pose;
 use crate::world::noise::SensorNoise;
@@ -83,10 +83,10 @@ impl Scanner {
             }
             // The reported kind may differ from the true one.
             let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
-            Found { free: &mut truly_free, wall: &mut Vec::new() }.mark(&mut field, slot);
+            CellLists { free: &mut truly_free, wall: &mut Vec::new() }.mark(&mut field, slot);
             if leads > 0 { new_free.push(index as u32) } else { new_wall.push(index as u32) }
         }
-        truly_free.iter().for_each(|&slot| memory.unseen.note_free(slot as usize));
+        truly_free.iter().for_each(|&slot| memory.culling.note_free(slot as usize));
     }
 
     /// As [`Scanner::view`], with noise: the kind of each cell is that of most rays of the scan.

@@ -6,8 +6,8 @@ use proptest::prelude::*;
 use voxels::{Cell, is_wall_at, walk};
 
 use super::*;
+use crate::world::lidar::culling::Culling;
 use crate::world::lidar::pattern::LANES;
-use crate::world::lidar::reach::Reach;
 
 fn pose(position: [f64; 3], yaw_rad: f64) -> Pose {
     Pose { position: position.into(), yaw_rad }
@@ -198,10 +198,10 @@ fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
 /// `1 << offset_bits` cells.
 fn full_and_pruned(pattern: Pattern, range_m: f64, fov_rad: f64, offset_bits: u32) -> [Scanner; 2] {
     let scanner = Scanner::new(pattern, range_m, fov_rad);
-    let reach = Arc::new(Reach::new(pattern, &scanner.rays.bundles, offset_bits));
-    [None, Some(reach)].map(|reach| {
+    let culling = Arc::new(Culling::new(pattern, &scanner.rays.bundles, offset_bits));
+    [None, Some(culling)].map(|culling| {
         let Rays { count, ref bundles, .. } = *scanner.rays;
-        Scanner { rays: Arc::new(Rays { pattern, count, bundles: bundles.clone(), reach }), ..scanner.clone() }
+        Scanner { rays: Arc::new(Rays { pattern, count, bundles: bundles.clone(), culling }), ..scanner.clone() }
     })
 }
 
@@ -211,7 +211,7 @@ fn see(memory: &mut SensorMemory, cells: &[bool]) {
         let slot = memory.slot_of(memory.extent.cell_at(index));
         memory.seen[slot] = memory.kinds[slot];
         if memory.kinds[slot] == FREE {
-            memory.unseen.note_free(slot);
+            memory.culling.note_free(slot);
         }
     }
 }
@@ -321,7 +321,7 @@ proptest! {
             let mut seen = vec![0; fresh.kinds.len()];
             let mut field = Field { kinds: &fresh.kinds, seen: &mut seen };
             let (mut free, mut wall) = (Vec::new(), Vec::new());
-            let mut found = Found { free: &mut free, wall: &mut wall };
+            let mut found = CellLists { free: &mut free, wall: &mut wall };
             let start = scanner.start(&fresh, &body).unwrap();
             found.mark(&mut field, start.slot());
             kernel.scan(&mut field, &start, &scanner.rays.bundles, &mut found);
@@ -388,9 +388,9 @@ fn scans_of_a_known_place_cast_few_rays() {
         let body = Pose { position: extent.centre(cell) + Vector3::repeat(shift), yaw_rad: 0.0 };
         let memory = &memories[1];
         let start = pruned.start(memory, &body).unwrap();
-        let reach = pruned.rays.reach.as_ref().unwrap();
-        let open = reach.open_bundles(&start, f64::INFINITY, &memory.seen, &mut memory.unseen.clone());
-        cast += open.bundles.iter().map(ExactSizeIterator::len).sum::<usize>();
+        let culling = pruned.rays.culling.as_ref().unwrap();
+        let active = culling.active_bundles(&start, f64::INFINITY, &memory.seen, &mut memory.culling.clone());
+        cast += active.bundles.iter().map(ExactSizeIterator::len).sum::<usize>();
         scans += 1;
         let [full, pruned] = [0, 1].map(|which| scanned(&scanners[which], &mut memories[which], &body));
         assert_eq!(full, pruned);

@@ -11,7 +11,7 @@ use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
 use crate::world::noise::SensorNoise;
-use crate::world::{CONTACTS, Commit, PARCEL, ScanSchedule, WorldParams};
+use crate::world::{CONTACTS, MESSAGE, RequestKind, ScanSchedule, WorldParams};
 
 const A: AgentId = AgentId(0);
 const B: AgentId = AgentId(1);
@@ -62,7 +62,7 @@ fn sends(messages: Vec<AgentMessage>) -> Action {
 }
 
 fn received(world: &mut World, agent: AgentId) -> Vec<AgentMessage> {
-    world.observe(agent, Commit::Committed).messages
+    world.observe(agent, RequestKind::Scheduled).messages
 }
 
 #[test]
@@ -77,9 +77,9 @@ fn packet_loss_has_its_share_and_is_reproducible() {
             })
             .collect();
         let totals = world.totals();
-        assert_eq!(totals.parcels_sent, 1000);
-        assert_eq!(totals.parcels_delivered + totals.parcels_lost_radio, 1000);
-        (totals.parcels_lost_radio, arrived)
+        assert_eq!(totals.messages_sent, 1000);
+        assert_eq!(totals.messages_delivered + totals.messages_lost_radio, 1000);
+        (totals.messages_lost_radio, arrived)
     };
     let some = lost(1, 0.25);
     assert!((200..300).contains(&some.0), "{}", some.0);
@@ -121,7 +121,7 @@ fn limited_rate_keeps_order_and_drops_overflow() {
     }
     // Two wait, and the third and the fourth do not fit.
     assert_eq!(arrived, [(2, 0), (4, 1)]);
-    assert_eq!((world.totals().parcels_queue_full, world.totals().parcels_delivered), (2, 2));
+    assert_eq!((world.totals().messages_queue_full, world.totals().messages_delivered), (2, 2));
     // Idle time is not saved up.
     world.step([(A, sends(vec![message(Peer::One(B), &[9; 24])]))].into());
     assert_eq!(received(&mut world, B), []);
@@ -137,7 +137,11 @@ fn contact_is_checked_when_a_message_is_complete() {
     let away = Pose { position: Point3::new(6.8 - 0.3, 2.5, 1.5), yaw_rad: 0.0 };
     world.place(B, away).unwrap();
     world.step(BTreeMap::new());
-    assert_eq!((received(&mut world, B).len(), world.totals().parcels_sent), (0, 0), "no agent is in contact any more");
+    assert_eq!(
+        (received(&mut world, B).len(), world.totals().messages_sent),
+        (0, 0),
+        "no agent is in contact any more"
+    );
 }
 
 #[test]
@@ -158,12 +162,12 @@ fn first_contact_is_reported_once_in_each_share_period() {
             _ => {}
         }
         if world.events(A, FIRST_CONTACT) != 0 {
-            let observation = world.observe(A, Commit::Committed);
+            let observation = world.observe(A, RequestKind::Scheduled);
             assert_eq!((observation.events & FIRST_CONTACT, observation.contacts.len()), (FIRST_CONTACT, 1));
             reported.push(tick);
         }
         // Only to those who ask for it.
-        assert_eq!(world.observe(B, Commit::Committed).events & FIRST_CONTACT, 0);
+        assert_eq!(world.observe(B, RequestKind::Scheduled).events & FIRST_CONTACT, 0);
         world.step(BTreeMap::new());
     }
     assert_eq!(reported, [0, 10, 20, 33, 40]);
@@ -172,7 +176,7 @@ fn first_contact_is_reported_once_in_each_share_period() {
 #[test]
 fn relays_connect_agents_and_store_content() {
     let mut world = gallery(Comms { relays_per_agent: 1, ..perfect() }, 2);
-    let contacts = |world: &mut World, agent| world.observe(agent, Commit::Committed).contacts.len();
+    let contacts = |world: &mut World, agent| world.observe(agent, RequestKind::Scheduled).contacts.len();
     assert_eq!((contacts(&mut world, A), contacts(&mut world, B)), (0, 0));
     // One in each leg of the gallery, in sight of each other.
     let place = |world: &mut World, agent, x, y| {
@@ -192,7 +196,7 @@ fn relays_connect_agents_and_store_content() {
 
     let first = RelayId { owner: A, number: 0 };
     let second = RelayId { owner: B, number: 0 };
-    let observation = world.observe(A, Commit::Committed);
+    let observation = world.observe(A, RequestKind::Scheduled);
     assert_eq!(observation.relays, [(first, Point3::new(1.5, 3.5, 1.5))]);
     assert_eq!(world.totals().relay_readings, 1, "B has read the corner from the other corner");
     received(&mut world, B);
@@ -207,7 +211,7 @@ fn relays_connect_agents_and_store_content() {
     assert_eq!(received(&mut world, B), [message(Peer::One(A), b"hello")]);
     place(&mut world, B, 7.5, 3.5);
     world.step(BTreeMap::new());
-    assert_eq!(world.events(B, CONTACTS | PARCEL), CONTACTS | PARCEL);
+    assert_eq!(world.events(B, CONTACTS | MESSAGE), CONTACTS | MESSAGE);
     assert_eq!(received(&mut world, B), [message(Peer::Relay(first), b"near")]);
     world.step(BTreeMap::new());
     assert_eq!(received(&mut world, B), [], "delivered once");
@@ -217,10 +221,10 @@ fn relays_connect_agents_and_store_content() {
 fn relays_are_read_within_the_read_range() {
     let mut world = hall(Comms { relays_per_agent: 1, relay_read_range_m: 2.0, ..perfect() });
     world.step([(A, sends(vec![message(Peer::NewRelay, b"x")]))].into());
-    assert_eq!(world.observe(B, Commit::Committed).relays, []);
+    assert_eq!(world.observe(B, RequestKind::Scheduled).relays, []);
     world.place(B, Pose { position: Point3::new(3.5, 2.5, 2.5), yaw_rad: 0.0 }).unwrap();
     world.step(BTreeMap::new());
-    let observation = world.observe(B, Commit::Committed);
+    let observation = world.observe(B, RequestKind::Scheduled);
     assert_eq!((observation.relays.len(), observation.messages.len()), (1, 1));
 }
 
@@ -235,7 +239,7 @@ proptest! {
             let message = AgentMessage { kind: n as u8, ..message(Peer::Broadcast, &vec![0; size]) };
             prop_assert!(queue.push(message, u64::MAX));
         }
-        let all: u64 = sizes.iter().map(|&size| (size + PARCEL_BYTES_BARE) as u64).sum();
+        let all: u64 = sizes.iter().map(|&size| (size + AGENT_MESSAGE_BYTES_BARE) as u64).sum();
         prop_assert_eq!(queue.bytes, all);
         let mut sent = Vec::new();
         let mut bytes = 0;

@@ -49,7 +49,7 @@ struct Shared {
     is_announced: AtomicBool,
     state: Mutex<State>,
     /// Locked after the state.
-    found: Mutex<Found>,
+    found: Mutex<ScanResult>,
 }
 
 /// The scans to cast.
@@ -88,7 +88,7 @@ pub(in crate::world) struct State {
 
 /// The results of scans that were not collected yet.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct ScanResult {
     /// New cells for the observation of the agent.
     pub(super) free: Vec<u32>,
     pub(super) wall: Vec<u32>,
@@ -173,7 +173,7 @@ impl Sensor {
     }
 
     /// The results of all scans.
-    pub(super) fn found(&self) -> MutexGuard<'_, Found> {
+    pub(super) fn found(&self) -> MutexGuard<'_, ScanResult> {
         if !self.0.is_done() {
             drop(self.state());
         }
@@ -186,7 +186,7 @@ impl Shared {
         self.schedule.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn found(&self) -> MutexGuard<'_, Found> {
+    fn found(&self) -> MutexGuard<'_, ScanResult> {
         self.found.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -253,8 +253,8 @@ impl Shared {
 }
 
 impl State {
-    fn cast(&mut self, scanner: &Scanner, scan: NoisyScan<'_>, pose: &Pose, found: &mut Found) {
-        let Found { free, wall, explored, ends } = found;
+    fn cast(&mut self, scanner: &Scanner, scan: NoisyScan<'_>, pose: &Pose, found: &mut ScanResult) {
+        let ScanResult { free, wall, explored, ends } = found;
         let first = free.len();
         if scan.noise.affects_scans() {
             scanner.scan_noisy(&mut self.memory, pose, scan, free, wall);

@@ -13,8 +13,8 @@ fn late_agents_are_not_there_before() {
     let workers = workers(1);
     let mut world = with_late_agent();
     assert_eq!(world.coverage().covered(), 1.0 / 54.0);
-    world.look(&workers);
-    assert!(world.observe(B, Commit::Committed).scan_tick.is_none() && world.in_contact_with(A).is_empty());
+    world.sense(&workers);
+    assert!(world.observe(B, RequestKind::Scheduled).scan_tick.is_none() && world.in_contact_with(A).is_empty());
     // Through its place, and into it.
     world.step([(A, action(Motion::Path(vec![Point3::new(3.5, 1.5, 1.5)])))].into());
     while world.body(A).is_active() {
@@ -28,8 +28,8 @@ fn late_agents_are_not_there_before() {
     }
     let apart_m = (world.body(A).pose().position - world.body(B).pose().position).norm();
     assert!(apart_m >= 2.0 * BodyModel::default().radius_m, "{apart_m}");
-    world.look(&workers);
-    assert_eq!(world.observe(B, Commit::Committed).scan_tick, Some(world.tick()), "it scans at once");
+    world.sense(&workers);
+    assert_eq!(world.observe(B, RequestKind::Scheduled).scan_tick, Some(world.tick()), "it scans at once");
     assert_eq!((world.in_contact_with(A), world.presence(B)), (vec![B], Presence::Active));
 }
 
@@ -44,8 +44,8 @@ fn late_agents_may_join_elsewhere() {
     world.join_at(B, at(4.5, 1.5, 1.5)).expect("there is room");
     assert_eq!((world.presence(B), world.body(B).pose().position.x), (Presence::Active, 4.5));
     assert_eq!(world.coverage().covered(), 2.0 / 54.0, "the cell where it joined counts, its start does not");
-    world.look(&workers);
-    assert_eq!(world.observe(B, Commit::Committed).pose.position.x, 4.5);
+    world.sense(&workers);
+    assert_eq!(world.observe(B, RequestKind::Scheduled).pose.position.x, 4.5);
     assert_eq!(world.in_contact_with(A), vec![B]);
 }
 
@@ -66,8 +66,8 @@ fn broken_bodies_are_silent_obstacles_and_those_that_left_are_none() {
     assert!(!world.body(B).is_active() && world.in_contact_with(A).is_empty() && !world.is_on_air(B));
     let (x, is_agent) = towards(&mut world);
     assert!(is_agent && x < 3.5, "{x}");
-    world.look(&workers);
-    assert!(world.observe(B, Commit::Committed).scan_tick.is_none());
+    world.sense(&workers);
+    assert!(world.observe(B, RequestKind::Scheduled).scan_tick.is_none());
     world.leave(B);
     let (x, is_agent) = towards(&mut world);
     assert!(!is_agent && x > 5.0, "{x}");
@@ -81,7 +81,7 @@ fn silent_radios_have_no_contacts() {
         let message = |peer| AgentMessage { peer, kind: 7, data: vec![1].into() };
         let messages = vec![message(Peer::One(B)), message(Peer::Broadcast)];
         world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
-        world.observe(B, Commit::Committed).messages.len()
+        world.observe(B, RequestKind::Scheduled).messages.len()
     };
     assert_eq!(send(&mut world), 2);
     for silent in [A, B] {

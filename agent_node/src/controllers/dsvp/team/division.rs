@@ -1,10 +1,10 @@
 //! The tours of a whole team over its tasks, so that much is seen soon and nothing late.
 //!
 //! Minimised is the mean duration of the tours, plus the weighted mean of the times at which tasks
-//! are reached times the urgency: tours of least duration alone (the travelling salesman) leave
-//! what is worth most for last, and tours of least latency alone (the travelling repairman) pass by
-//! what has to be returned for. Tasks are inserted one by one, those of most weight first, where
-//! they add least, and moved while that lowers the cost, in a fixed number of rounds.
+//! are reached times the latency_weight: tours of least duration alone (the travelling salesman)
+//! leave what is worth most for last, and tours of least latency alone (the travelling repairman)
+//! pass by what has to be returned for. Tasks are inserted one by one, those of most weight first,
+//! where they add least, and moved while that lowers the cost, in a fixed number of rounds.
 //!
 //! Sources: B. Zhou, H. Xu, S. Shen, "RACER", IEEE T-RO 2023, and C. Cao, H. Zhu, H. Choset, J.
 //! Zhang, "TARE", RSS 2021 (tours over viewpoints); Blum et al., STOC 1994 (minimum latency).
@@ -30,7 +30,7 @@ pub(super) struct Division<'l> {
     /// By task; their sum is 1.
     pub(super) weights: &'l [f64],
     /// What the weighted mean of the times counts beside the mean duration.
-    pub(super) urgency: f64,
+    pub(super) latency_weight: f64,
 }
 
 /// The tour of one agent, with what has to be known to insert a task.
@@ -116,7 +116,7 @@ impl Division<'_> {
             None => (time_s - end_s, 0.0),
         };
         let weighted_s = self.weights[task] * time_s + weight_from * longer_s;
-        longer_s / self.first_s.len() as f64 + self.urgency * weighted_s
+        longer_s / self.first_s.len() as f64 + self.latency_weight * weighted_s
     }
 
     fn insert(&self, tour: &mut Tour, agent: usize, place: usize, task: usize) {
@@ -146,7 +146,7 @@ impl Division<'_> {
             weighted_s += self.weights[task] * time_s.max(0.0);
             end_s = time_s;
         }
-        end_s.max(0.0) / self.first_s.len() as f64 + self.urgency * weighted_s
+        end_s.max(0.0) / self.first_s.len() as f64 + self.latency_weight * weighted_s
     }
 
     /// The tasks of a tour with the times at which they are reached, seconds from now.
@@ -180,13 +180,13 @@ mod tests {
     use super::*;
 
     /// Tasks and agents on a line, at 1 m/s.
-    fn tours(agents: &[f64], tasks: &[f64], weights: &[f64], urgency: f64) -> Vec<Vec<usize>> {
+    fn tours(agents: &[f64], tasks: &[f64], weights: &[f64], latency_weight: f64) -> Vec<Vec<usize>> {
         let to = |from: f64| tasks.iter().map(|task| (task - from).abs()).collect::<Vec<f64>>();
         let between_s: Vec<Vec<f64>> = tasks.iter().map(|&task| to(task)).collect();
         let whole: f64 = weights.iter().sum();
         let weights: Vec<f64> = weights.iter().map(|weight| weight / whole).collect();
         let first_s = agents.iter().map(|&agent| to(agent)).collect();
-        Division { first_s, between_s: &between_s, weights: &weights, urgency }.tours()
+        Division { first_s, between_s: &between_s, weights: &weights, latency_weight }.tours()
     }
 
     #[test]
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn urgency_decides_between_what_is_near_and_what_is_worth_most() {
+    fn latency_weight_ranks_near_against_valuable() {
         let tasks = [3.0, -10.0];
         assert_eq!(tours(&[0.0], &tasks, &[1.0, 100.0], 0.0), [[0, 1]]);
         assert_eq!(tours(&[0.0], &tasks, &[1.0, 100.0], 50.0), [[1, 0]]);
@@ -216,7 +216,7 @@ mod tests {
             first_s: vec![vec![5.0, 5.0], vec![-40.0, 60.0]],
             between_s: &[vec![0.0, 100.0], vec![100.0, 0.0]],
             weights: &[0.5, 0.5],
-            urgency: 5.0,
+            latency_weight: 5.0,
         };
         assert_eq!(division.tours(), [[1], [0]]);
     }
@@ -229,7 +229,7 @@ mod tests {
             weights in prop::collection::vec(0.0..1.0, 6),
             count in 0..6_usize,
         ) {
-            let division = Division { first_s: vec![first_s; 2], between_s: &between_s, weights: &weights, urgency: 5.0 };
+            let division = Division { first_s: vec![first_s; 2], between_s: &between_s, weights: &weights, latency_weight: 5.0 };
             let mut tour = Tour { tasks: (0..count).collect(), ..Tour::default() };
             division.time(&mut tour, 1);
             for place in 0..=count {
@@ -244,10 +244,10 @@ mod tests {
         fn each_task_is_in_one_tour(
             agents in prop::collection::vec(-50.0..50.0, 1..5),
             tasks in prop::collection::vec((-50.0..50.0, 0.1..9.0), 1..12),
-            urgency in 0.0..20.0,
+            latency_weight in 0.0..20.0,
         ) {
             let (places, weights): (Vec<f64>, Vec<f64>) = tasks.into_iter().unzip();
-            let tours = tours(&agents, &places, &weights, urgency);
+            let tours = tours(&agents, &places, &weights, latency_weight);
             let mut all: Vec<usize> = tours.into_iter().flatten().collect();
             all.sort_unstable();
             prop_assert_eq!(all, (0..places.len()).collect::<Vec<_>>());

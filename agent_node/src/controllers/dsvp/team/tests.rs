@@ -119,7 +119,8 @@ fn settings_are_checked() {
         let mut settings = Settings::parse(&[setting.to_owned()]).unwrap();
         with_team(&mut settings, SmallWorld::empty().setup()).map(drop)
     };
-    let allowed = ["regions=1", "tasks=1", "exponent=0", "urgency=0", "memory_s=0", "scan_start_m=0", "scan_stop_m=0"];
+    let allowed =
+        ["regions=1", "tasks=1", "exponent=0", "latency_weight=0", "memory_s=0", "scan_start_m=0", "scan_stop_m=0"];
     assert!(allowed.into_iter().all(|setting| built(setting).is_ok()));
     let refused = ["regions=0", "tasks=0", "exponent=-1", "leg_s=101", "scan_start_m=-1", "scan_stop_m=-1"];
     assert!(refused.into_iter().all(|setting| built(setting).is_err()));
@@ -147,6 +148,6 @@ fn explores_with_one_task_or_region_at_a_time() {
 fn aerial_bodies_have_settings_of_their_own() {
     let texts = ["leg_s=9".to_owned(), "aerial_leg_s=2".to_owned()];
     let params = TeamParams::from_settings(&mut Settings::parse(&texts).unwrap()).unwrap();
-    let of = |kind| (params.of(kind).leg_s, params.of(kind).urgency, params.of(kind).tasks);
+    let of = |kind| (params.of(kind).leg_s, params.of(kind).latency_weight, params.of(kind).tasks);
     assert_eq!([of(BodyKind::Submarine), of(BodyKind::Aerial)], [(9.0, 5.0, 40), (2.0, 0.5, 90)]);
 }

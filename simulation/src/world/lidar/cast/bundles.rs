@@ -4,7 +4,7 @@
 //! multiplications and additions. All lanes compute in every round, and lanes whose rays have ended
 //! keep their slots.
 
-use super::{Field, Found, SEEN, Start};
+use super::{CellLists, Field, SEEN, Start};
 use crate::world::lidar::pattern::{Bundle, Cone, LANES};
 
 /// Lanes in one word of marks.
@@ -18,18 +18,18 @@ type LaneMarks = [u64; LANES / WORD];
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-pub(super) fn scan_avx2(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+pub(super) fn scan_avx2(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
     scan(field, start, bundles, found);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,avx512f,avx512vl,avx512dq,avx512bw")]
-pub(super) fn scan_avx512(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+pub(super) fn scan_avx512(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
     scan(field, start, bundles, found);
 }
 
 #[inline(always)]
-fn scan(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut Found<'_>) {
+fn scan(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
     let is_limited = start.limit < f64::INFINITY;
     for bundle in bundles {
         let on = lanes_on(bundle, start.cone());
@@ -61,7 +61,7 @@ fn cast<const LIMITED: bool>(
     start: &Start,
     bundle: &Bundle,
     mut on: LaneMarks,
-    found: &mut Found<'_>,
+    found: &mut CellLists<'_>,
 ) {
     let (first, [step_x, step_y, step_z]) = start.towards(bundle);
     let [x, y, z] = bundle.inverse;
@@ -116,7 +116,7 @@ fn mask(condition: bool) -> u64 {
 /// may have hit the same cell.
 #[cold]
 #[inline(never)]
-fn mark_lanes(field: &mut Field<'_>, slots: &[i64], mut new: u64, found: &mut Found<'_>) -> u64 {
+fn mark_lanes(field: &mut Field<'_>, slots: &[i64], mut new: u64, found: &mut CellLists<'_>) -> u64 {
     let mut marks = 0;
     while new != 0 {
         let lane = new.trailing_zeros() as usize / 8;

@@ -1,25 +1,27 @@
 //! The wake-up condition of an agent: when the server requests its next command.
 //!
-//! The message is `maes_msgs/Wake`.
+//! The message is `maes_msgs/WakeCondition`.
 
 use crate::ids::Tick;
-use crate::maes_msgs::Wake;
+use crate::maes_msgs::WakeCondition;
 
 /// A tick and a set of events, whichever comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Trigger {
+pub struct WakeCondition {
     /// The latest tick. One that has passed means the next tick.
     pub at: Tick,
-    /// The events that trigger earlier: a sum of the constants of `maes_msgs/Wake`, 0 for none.
+    /// The events that end the wait earlier: a sum of the constants of `maes_msgs/WakeCondition`, 0
+    /// for none.
     pub events: u8,
 }
 
-impl Trigger {
+impl WakeCondition {
     /// The next tick; also what holds before an agent's first command.
     pub const NEXT_TICK: Self = Self { at: Tick::ZERO, events: 0 };
 
     /// The end of the task, by itself or by a collision.
-    pub const TASK_DONE: Self = Self { at: Tick(u64::MAX), events: Wake::TASK_DONE | Wake::COLLISION };
+    pub const TASK_DONE: Self =
+        Self { at: Tick(u64::MAX), events: WakeCondition::TASK_DONE | WakeCondition::COLLISION };
 
     /// A tick and no event.
     #[must_use]
@@ -35,26 +37,26 @@ impl Trigger {
 
     /// Whether the agent is due at `tick`, given the `events` since its last observation.
     #[must_use]
-    pub fn is_due(&self, tick: Tick, events: u8) -> bool {
+    pub fn is_met(&self, tick: Tick, events: u8) -> bool {
         tick >= self.at || events & self.events != 0
     }
 
-    /// The earlier of two triggers.
+    /// The earlier of two wake-up conditions.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self { at: self.at.min(other.at), events: self.events | other.events }
     }
 }
 
-impl From<Wake> for Trigger {
-    fn from(message: Wake) -> Self {
+impl From<WakeCondition> for WakeCondition {
+    fn from(message: WakeCondition) -> Self {
         Self { at: Tick(message.at_tick), events: message.events }
     }
 }
 
-impl From<Trigger> for Wake {
-    fn from(trigger: Trigger) -> Self {
-        Self { at_tick: trigger.at.0, events: trigger.events }
+impl From<WakeCondition> for WakeCondition {
+    fn from(wake: WakeCondition) -> Self {
+        Self { at_tick: wake.at.0, events: wake.events }
     }
 }
 
@@ -64,23 +66,23 @@ mod tests {
 
     #[test]
     fn due_at_the_tick_or_at_an_event() {
-        let trigger = Trigger { at: Tick(10), events: 0b101 };
-        assert!(!trigger.is_due(Tick(9), 0b010));
-        assert!(trigger.is_due(Tick(9), 0b100));
-        assert!(trigger.is_due(Tick(10), 0));
-        assert!(trigger.is_due(Tick(11), 0));
-        assert!(Trigger::NEXT_TICK.is_due(Tick(0), 0));
+        let wake = WakeCondition { at: Tick(10), events: 0b101 };
+        assert!(!wake.is_met(Tick(9), 0b010));
+        assert!(wake.is_met(Tick(9), 0b100));
+        assert!(wake.is_met(Tick(10), 0));
+        assert!(wake.is_met(Tick(11), 0));
+        assert!(WakeCondition::NEXT_TICK.is_met(Tick(0), 0));
     }
 
     #[test]
     fn either_of_two_is_due_with_the_earlier() {
-        let either = Trigger::at(Tick(5)).or(Trigger::on(Wake::PARCEL));
-        assert_eq!(either, Trigger { at: Tick(5), events: Wake::PARCEL });
+        let either = WakeCondition::at(Tick(5)).or(WakeCondition::on(WakeCondition::MESSAGE));
+        assert_eq!(either, WakeCondition { at: Tick(5), events: WakeCondition::MESSAGE });
     }
 
     #[test]
     fn message_round_trips() {
-        let trigger = Trigger { at: Tick(7), events: 0b1010_0001 };
-        assert_eq!(Trigger::from(Wake::from(trigger)), trigger);
+        let wake = WakeCondition { at: Tick(7), events: 0b1010_0001 };
+        assert_eq!(WakeCondition::from(WakeCondition::from(wake)), wake);
     }
 }

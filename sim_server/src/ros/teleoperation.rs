@@ -30,7 +30,7 @@ use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 const POLL_PERIOD: Duration = Duration::from_millis(50);
 
 /// The externally controlled agents of a run.
-pub(super) struct ExternalAgents {
+pub(super) struct TeleoperatedAgents {
     agents: BTreeMap<AgentId, ExternalAgent>,
     /// Messages on behalf of their controllers.
     outgoing: VecDeque<Incoming>,
@@ -48,7 +48,7 @@ struct ExternalAgent {
     requested: Rc<Cell<Option<Tick>>>,
 }
 
-impl ExternalAgents {
+impl TeleoperatedAgents {
     /// Subscribes to the velocities of these agents. `own_run` holds the number of the run once it
     /// is known.
     ///
@@ -61,7 +61,7 @@ impl ExternalAgents {
         inbox: &mut Inbox<Item>,
         own_run: &Rc<Cell<Option<u64>>>,
     ) -> Result<Self, RosError> {
-        let mut external = BTreeMap::new();
+        let mut teleoperated = BTreeMap::new();
         for &agent in agents {
             let entry = ExternalAgent::default();
             let (requested, own_run) = (Rc::clone(&entry.requested), Rc::clone(own_run));
@@ -72,9 +72,9 @@ impl ExternalAgents {
                 let source = SourceId(sample.source);
                 Item::Agent(Box::new(Incoming { topic_agent: agent, source, message }))
             })?;
-            external.insert(agent, entry);
+            teleoperated.insert(agent, entry);
         }
-        Ok(Self { agents: external, outgoing: VecDeque::new(), polled: None })
+        Ok(Self { agents: teleoperated, outgoing: VecDeque::new(), polled: None })
     }
 
     /// Forgets the previous run.
@@ -106,10 +106,10 @@ impl ExternalAgents {
     }
 
     fn find_controllers(&mut self, context: &Context, run: u64) {
-        for (&agent, external) in self.agents.iter_mut().filter(|(_, external)| !external.is_accepted) {
+        for (&agent, teleoperated) in self.agents.iter_mut().filter(|(_, teleoperated)| !teleoperated.is_accepted) {
             let sources = context.publishers(&topics::cmd_vel(agent)).into_iter().map(SourceId);
-            external.source = external.source.or(sources.min());
-            if let Some(source) = external.source {
+            teleoperated.source = teleoperated.source.or(sources.min());
+            if let Some(source) = teleoperated.source {
                 let message = Inbound::Join(twist::join(run, agent));
                 self.outgoing.push_back(Incoming { topic_agent: agent, source, message });
             }
@@ -118,17 +118,17 @@ impl ExternalAgents {
 
     /// Handles the reply to a join.
     pub(super) fn receive_reply(&mut self, reply: &JoinReply) {
-        if let Some(external) = self.agents.get_mut(&AgentId(reply.agent)) {
-            external.is_accepted |= reply.accepted;
+        if let Some(teleoperated) = self.agents.get_mut(&AgentId(reply.agent)) {
+            teleoperated.is_accepted |= reply.accepted;
         }
     }
 
     /// Keeps what an agent receives in this tick.
     pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
-        if let Some(external) = self.agents.get_mut(&agent) {
+        if let Some(teleoperated) = self.agents.get_mut(&agent) {
             let points = points.map(|points| (VisualisationTopic::Points(agent), VisualisationMessage::Points(points)));
             let odometry = (VisualisationTopic::Odometry(agent), VisualisationMessage::Odometry(Box::new(odometry)));
-            external.pictures = points.into_iter().chain([odometry]).collect();
+            teleoperated.pictures = points.into_iter().chain([odometry]).collect();
         }
     }
 
@@ -141,19 +141,19 @@ impl ExternalAgents {
         agent: AgentId,
         part: &Part,
     ) {
-        let Some(external) = self.agents.get_mut(&agent).filter(|_| part.is_last()) else { return };
+        let Some(teleoperated) = self.agents.get_mut(&agent).filter(|_| part.is_last()) else { return };
         let tick = Tick(part.tick);
         if part.phase == Part::ENDED {
-            if let Some(source) = external.source {
+            if let Some(source) = teleoperated.source {
                 let message = Inbound::Command(twist::acknowledgement(part.run, agent, tick));
                 self.outgoing.push_back(Incoming { topic_agent: agent, source, message });
             }
             return;
         }
-        for (view, picture) in &external.pictures {
+        for (view, picture) in &teleoperated.pictures {
             visualisation.show(node, *view, picture);
         }
-        if external.requested.replace(Some(tick)) == Some(tick) {
+        if teleoperated.requested.replace(Some(tick)) == Some(tick) {
             // A resend: some of it may have been lost, perhaps the clock.
             clock.publish(node, &Clock { clock: tick.into() });
         }

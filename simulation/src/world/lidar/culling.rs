@@ -9,14 +9,14 @@
 //! neighbour makes the rays *open* that pass both. The sets have more rays than truly pass, never
 //! fewer: they hold for every position in the body's cell, they tell groups of rays apart and not
 //! single ones, blocks are larger than cells, and all is widened by [`SLACK_CELLS`] against
-//! rounding. Open rays are cast in full.
+//! rounding. Active rays are cast in full.
 //!
-//! **What stays known.** Cells are never forgotten, so a group that is not open from a cell of the
-//! body never is from there again. A memory keeps the open groups of each cell that its body has
-//! scanned from, and follows only those the next time. (A scan that was cast ahead may be taken
+//! **What stays known.** Cells are never forgotten, so a group that is not active from a cell of
+//! the body never is from there again. A memory keeps the active groups of each cell that its body
+//! has scanned from, and follows only those the next time. (A scan that was cast ahead may be taken
 //! back, with all that was known by it.) While the body stays in its cell, a group
-//! stays open as long as the unseen cell that opened it, its witness, is unseen; then it is
-//! followed anew.
+//! stays active as long as the unseen cell that activated it, its watched cell, is unseen; then it
+//! is followed anew.
 //!
 //! Invariant: the marks of a memory and the lists of new cells, with their order, are those of a
 //! cast of all rays, whatever the memory holds; tests compare the two.
@@ -50,7 +50,7 @@ const SLACK_CELLS: f64 = 1e-6;
 type Groups = u64;
 
 /// The rays of a scanner, in groups that are followed together.
-pub(super) struct Reach {
+pub(super) struct Culling {
     octants: Vec<Octant>,
     offset_bits: u32,
 }
@@ -66,45 +66,45 @@ struct Octant {
 
 /// What a memory knows about the cells that it has not seen.
 #[derive(Clone)]
-pub(super) struct Unseen {
+pub(super) struct CullingState {
     frontier: Frontier,
     /// The rays for which the rest is known.
-    reach: Option<Arc<Reach>>,
-    /// By slot of the body's cell, and by octant, the groups that were open at the last scan from
+    culling: Option<Arc<Culling>>,
+    /// By slot of the body's cell, and by octant, the groups that were active at the last scan from
     /// there.
-    open_from: BTreeMap<usize, [Groups; 8]>,
+    active_from: BTreeMap<usize, [Groups; 8]>,
     /// The slot of the body's cell at the last scan.
     slot: Option<usize>,
-    /// What is open from there, by octant.
-    open: [Open; 8],
+    /// What is active from there, by octant.
+    active: [ActiveSet; 8],
 }
 
 /// The rays to cast.
-pub(super) struct OpenBundles {
+pub(super) struct ActiveBundles {
     pub(super) bundles: Vec<Range<usize>>,
     /// What finding them has replaced.
-    pub(super) replaced: Option<Replaced>,
+    pub(super) undo: Option<UndoEntry>,
 }
 
 /// A slot of a body's cell, and what was known about scans from there.
 #[derive(Debug)]
-pub(super) struct Replaced(usize, Option<[Groups; 8]>);
+pub(super) struct UndoEntry(usize, Option<[Groups; 8]>);
 
-/// The open groups of one octant.
+/// The active groups of one octant.
 #[derive(Clone, Copy)]
-struct Open {
+struct ActiveSet {
     groups: Groups,
-    /// By group, the slot of an unseen cell that opens it; [`NO_WITNESS`] if it is open because it
-    /// is free for too long.
-    witnesses: [u32; Groups::BITS as usize],
+    /// By group, the slot of an unseen cell that activates it; [`NO_WATCHED_CELL`] if it is active
+    /// because it is free for too long.
+    watched_cells: [u32; Groups::BITS as usize],
 }
 
 /// No slot.
-const NO_WITNESS: u32 = u32::MAX;
+const NO_WATCHED_CELL: u32 = u32::MAX;
 
 /// A block that groups may enter.
 #[derive(Clone, Copy)]
-struct Place {
+struct Offset {
     /// Its offset in blocks from that of the body, packed: x first.
     offset: u32,
     block: u32,
@@ -116,14 +116,14 @@ struct Scratch {
     /// By offset in blocks the groups that may enter; all 0 between two uses.
     entering: Vec<Groups>,
     /// The places at one number of steps from the body's block, and at one more.
-    layers: [Vec<Place>; 2],
+    layers: [Vec<Offset>; 2],
 }
 
 thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-impl Reach {
+impl Culling {
     /// The reach of these bundles, or `None` if there are too few rays to gain from it.
     pub(super) fn of_many(pattern: Pattern, rays: u32, bundles: &[Bundle]) -> Option<Arc<Self>> {
         (rays >= RAYS_MIN).then(|| Arc::new(Self::new(pattern, bundles, OFFSET_BITS)))
@@ -149,44 +149,45 @@ impl Reach {
 
     /// The ranges of bundles to cast: those with rays that may reach an unseen cell. `range_cells`
     /// is that of rays whose direction has length 1, and infinite for others.
-    pub(super) fn open_bundles(
+    pub(super) fn active_bundles(
         self: &Arc<Self>,
         start: &Start,
         range_cells: f64,
         seen: &[u8],
-        unseen: &mut Unseen,
-    ) -> OpenBundles {
-        let mut changed = unseen.changed(self, start.slot(), seen);
+        culling: &mut CullingState,
+    ) -> ActiveBundles {
+        let mut changed = culling.changed(self, start.slot(), seen);
         SCRATCH.with_borrow_mut(|scratch| {
             scratch.entering.resize(1 << (3 * (self.offset_bits - 1)), 0);
-            for ((octant, open), changed) in self.octants.iter().zip(&mut unseen.open).zip(&mut changed) {
-                open.groups &= !*changed;
+            for ((octant, active), changed) in self.octants.iter().zip(&mut culling.active).zip(&mut changed) {
+                active.groups &= !*changed;
                 if *changed != 0 {
                     let follow = Follow { octant, start, seen, range_cells, block_bits: self.offset_bits - 1 };
-                    open.groups |= follow.open_groups(*changed, &mut open.witnesses, &mut unseen.frontier, scratch);
+                    active.groups |=
+                        follow.active_groups(*changed, &mut active.watched_cells, &mut culling.frontier, scratch);
                 }
             }
         });
-        let replaced = (changed != [0; 8]).then(|| {
-            let open = unseen.open.map(|open| open.groups);
-            Replaced(start.slot(), unseen.open_from.insert(start.slot(), open))
+        let undo = (changed != [0; 8]).then(|| {
+            let active = culling.active.map(|active| active.groups);
+            UndoEntry(start.slot(), culling.active_from.insert(start.slot(), active))
         });
         let mut ranges = Vec::new();
-        for (octant, open) in self.octants.iter().zip(&unseen.open) {
-            octant.add_bundles(open.groups, &mut ranges);
+        for (octant, active) in self.octants.iter().zip(&culling.active) {
+            octant.add_bundles(active.groups, &mut ranges);
         }
-        OpenBundles { bundles: ranges, replaced }
+        ActiveBundles { bundles: ranges, undo }
     }
 }
 
-impl Unseen {
+impl CullingState {
     /// What is known before anything was seen.
     pub(super) fn new(frontier: Frontier) -> Self {
-        let open = [Open { groups: 0, witnesses: [NO_WITNESS; Groups::BITS as usize] }; 8];
-        Self { frontier, reach: None, open_from: BTreeMap::new(), slot: None, open }
+        let active = [ActiveSet { groups: 0, watched_cells: [NO_WATCHED_CELL; Groups::BITS as usize] }; 8];
+        Self { frontier, culling: None, active_from: BTreeMap::new(), slot: None, active }
     }
 
-    /// As [`Unseen::new`], for a memory of the same size.
+    /// As [`CullingState::new`], for a memory of the same size.
     pub(super) fn unused(&self) -> Self {
         Self::new(self.frontier.unused())
     }
@@ -203,41 +204,41 @@ impl Unseen {
     }
 
     /// Takes back what is known since a scan that replaced this.
-    pub(super) fn restore(&mut self, replaced: Option<Replaced>) {
-        match replaced {
-            Some(Replaced(slot, Some(open))) => self.open_from.insert(slot, open),
-            Some(Replaced(slot, None)) => self.open_from.remove(&slot),
+    pub(super) fn restore(&mut self, undo: Option<UndoEntry>) {
+        match undo {
+            Some(UndoEntry(slot, Some(active))) => self.active_from.insert(slot, active),
+            Some(UndoEntry(slot, None)) => self.active_from.remove(&slot),
             None => None,
         };
         self.slot = None;
     }
 
     /// The groups to be followed for a scan from a slot, by octant.
-    fn changed(&mut self, reach: &Arc<Reach>, slot: usize, seen: &[u8]) -> [Groups; 8] {
-        let is_same = self.reach.as_ref().is_some_and(|known| Arc::ptr_eq(known, reach));
+    fn changed(&mut self, culling: &Arc<Culling>, slot: usize, seen: &[u8]) -> [Groups; 8] {
+        let is_same = self.culling.as_ref().is_some_and(|known| Arc::ptr_eq(known, culling));
         if !is_same {
-            self.reach = Some(Arc::clone(reach));
-            self.open_from.clear();
+            self.culling = Some(Arc::clone(culling));
+            self.active_from.clear();
         }
         if is_same && self.slot == Some(slot) {
-            return self.open.each_ref().map(|open| open.outdated(seen));
+            return self.active.each_ref().map(|active| active.outdated(seen));
         }
         self.slot = Some(slot);
-        self.open.iter_mut().for_each(|open| open.groups = 0);
-        self.open_from.get(&slot).copied().unwrap_or([Groups::MAX; 8])
+        self.active.iter_mut().for_each(|active| active.groups = 0);
+        self.active_from.get(&slot).copied().unwrap_or([Groups::MAX; 8])
     }
 }
 
-impl Open {
-    /// The groups whose witness has been seen.
+impl ActiveSet {
+    /// The groups whose watched cell has been seen.
     fn outdated(&self, seen: &[u8]) -> Groups {
         let mut groups = self.groups;
         let mut outdated = 0;
         while groups != 0 {
             let group = groups.trailing_zeros();
             groups &= groups - 1;
-            let witness = self.witnesses[group as usize];
-            outdated |= Groups::from(witness != NO_WITNESS && seen[witness as usize] != 0) << group;
+            let watched = self.watched_cells[group as usize];
+            outdated |= Groups::from(watched != NO_WATCHED_CELL && seen[watched as usize] != 0) << group;
         }
         outdated
     }
@@ -271,10 +272,10 @@ struct Follow<'a> {
 impl Follow<'_> {
     /// The groups among `groups` that may reach a cell that has not been seen, with their
     /// witnesses.
-    fn open_groups(
+    fn active_groups(
         &self,
         groups: Groups,
-        witnesses: &mut [u32; Groups::BITS as usize],
+        watched_cells: &mut [u32; Groups::BITS as usize],
         frontier: &mut Frontier,
         scratch: &mut Scratch,
     ) -> Groups {
@@ -289,12 +290,12 @@ impl Follow<'_> {
         let steps = [0, 1, 2].map(|axis| if goes_down[axis] { strides[axis].wrapping_neg() } else { strides[axis] });
         let last = (1_u32 << self.block_bits) - 1;
         // The rays leave the body's cell whatever it is.
-        let mut open = self.opened_at(groups, self.start.slot(), [0; 3], witnesses);
+        let mut active = self.activated_at(groups, self.start.slot(), [0; 3], watched_cells);
         entering[0] = groups;
-        present.push(Place { offset: 0, block: home.block as u32 });
+        present.push(Offset { offset: 0, block: home.block as u32 });
         while !present.is_empty() {
-            for Place { offset, block } in present.drain(..) {
-                let mut entered = std::mem::take(&mut entering[offset as usize]) & passing[offset as usize] & !open;
+            for Offset { offset, block } in present.drain(..) {
+                let mut entered = std::mem::take(&mut entering[offset as usize]) & passing[offset as usize] & !active;
                 let blocks = [0, 1, 2].map(|axis| offset >> (axis * self.block_bits) & last);
                 // The offset in cells of the nearest cell of the block; below 0 only behind the
                 // body.
@@ -304,15 +305,15 @@ impl Follow<'_> {
                 }
                 let cells = frontier.of_block(block as usize);
                 if cells != 0 {
-                    let (opened, outdated) = self.opened_in_block(entered, cells, nearest, witnesses);
+                    let (activated, outdated) = self.activated_in_block(entered, cells, nearest, watched_cells);
                     frontier.remove(block as usize, outdated);
-                    open |= opened;
-                    entered &= !opened;
+                    active |= activated;
+                    entered &= !activated;
                 }
                 for axis in 0..3 {
                     if blocks[axis] == last {
-                        open |= entered;
-                        set_witness(witnesses, entered, NO_WITNESS);
+                        active |= entered;
+                        set_watched_cell(watched_cells, entered, NO_WATCHED_CELL);
                         break;
                     }
                     let block = block.wrapping_add(steps[axis]);
@@ -320,7 +321,7 @@ impl Follow<'_> {
                         let offset = offset + (1 << (axis as u32 * self.block_bits));
                         let entering = &mut entering[offset as usize];
                         if *entering == 0 {
-                            next.push(Place { offset, block });
+                            next.push(Offset { offset, block });
                         }
                         *entering |= entered;
                     }
@@ -328,20 +329,20 @@ impl Follow<'_> {
             }
             std::mem::swap(present, next);
         }
-        open
+        active
     }
 
-    /// The groups among `groups` that these cells of a block open, and the cells that do not belong
-    /// to the frontier any more. The nearest cell of the block has this offset.
-    fn opened_in_block(
+    /// The groups among `groups` that these cells of a block activate, and the cells that do not
+    /// belong to the frontier any more. The nearest cell of the block has this offset.
+    fn activated_in_block(
         &self,
         groups: Groups,
         mut cells: u8,
         nearest: [i32; 3],
-        witnesses: &mut [u32; Groups::BITS as usize],
+        watched_cells: &mut [u32; Groups::BITS as usize],
     ) -> (Groups, u8) {
         let steps = self.start.steps(self.octant.goes_down);
-        let (mut opened, mut outdated) = (0, 0);
+        let (mut activated, mut outdated) = (0, 0);
         while cells != 0 {
             let cell = cells & cells.wrapping_neg();
             cells ^= cell;
@@ -355,34 +356,35 @@ impl Follow<'_> {
             if !steps.iter().any(|&step| self.is_unseen(slot, step) || self.is_unseen(slot, -step)) {
                 outdated |= cell;
             } else if offset.iter().all(|&cells| cells >= 0) {
-                opened |= self.opened_at(groups & !opened, slot, offset.map(|cells| cells as u32), witnesses);
+                activated |=
+                    self.activated_at(groups & !activated, slot, offset.map(|cells| cells as u32), watched_cells);
             }
         }
-        (opened, outdated)
+        (activated, outdated)
     }
 
     /// The groups among `groups` that pass the free cell at an offset and a neighbour that has not
-    /// been seen, with that as their witness.
-    fn opened_at(
+    /// been seen, with that as their watched cell.
+    fn activated_at(
         &self,
         groups: Groups,
         slot: usize,
         offset: [u32; 3],
-        witnesses: &mut [u32; Groups::BITS as usize],
+        watched_cells: &mut [u32; Groups::BITS as usize],
     ) -> Groups {
         let passing = &self.octant.passing;
         let groups = groups & passing.cell(offset);
-        let mut opened = 0;
+        let mut activated = 0;
         for (axis, step) in self.start.steps(self.octant.goes_down).into_iter().enumerate() {
             let mut beside = offset;
             beside[axis] += 1;
-            if groups & !opened != 0 && self.is_unseen(slot, step) && self.is_in_range(beside) {
-                let new = groups & !opened & passing.cell(beside);
-                set_witness(witnesses, new, (slot as i64 + step) as u32);
-                opened |= new;
+            if groups & !activated != 0 && self.is_unseen(slot, step) && self.is_in_range(beside) {
+                let new = groups & !activated & passing.cell(beside);
+                set_watched_cell(watched_cells, new, (slot as i64 + step) as u32);
+                activated |= new;
             }
         }
-        opened
+        activated
     }
 
     fn is_unseen(&self, slot: usize, step: i64) -> bool {
@@ -396,14 +398,14 @@ impl Follow<'_> {
             let gap = f64::from(cells.saturating_sub(1));
             gap * gap
         };
-        let reach = self.range_cells + SLACK_CELLS;
-        self.range_cells == f64::INFINITY || offset.map(squared).iter().sum::<f64>() <= reach * reach
+        let limit_cells = self.range_cells + SLACK_CELLS;
+        self.range_cells == f64::INFINITY || offset.map(squared).iter().sum::<f64>() <= limit_cells * limit_cells
     }
 }
 
-fn set_witness(witnesses: &mut [u32; Groups::BITS as usize], mut groups: Groups, slot: u32) {
+fn set_watched_cell(watched_cells: &mut [u32; Groups::BITS as usize], mut groups: Groups, slot: u32) {
     while groups != 0 {
-        witnesses[groups.trailing_zeros() as usize] = slot;
+        watched_cells[groups.trailing_zeros() as usize] = slot;
         groups &= groups - 1;
     }
 }
