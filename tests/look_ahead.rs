@@ -13,6 +13,7 @@ use agent_node::command::{AgentMessage, Command, Motion, ScanRequest, WakeCondit
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use in_memory::AgentsEnd;
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -58,7 +59,7 @@ impl Gossip {
     fn mix_all(&mut self, observation: &Observation, ctx: &Ctx<'_>) {
         let Observation { tick, pose, events, .. } = observation;
         self.mix(tick.0);
-        self.mix(u64::from(*events));
+        self.mix(u64::from(events.bits()));
         self.mix(pose.position.x.to_bits() ^ pose.yaw_rad.to_bits());
         self.mix(u64::from(observation.is_active) + 2 * u64::from(observation.collision.is_some()));
         self.mix(observation.scan_tick.map_or(0, |tick| tick.0));
@@ -112,7 +113,7 @@ impl Controller for Gossip {
     }
 
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let is_due = observation.tick >= self.wake.at || observation.events & self.wake.events != 0;
+        let is_due = observation.tick >= self.wake.at || observation.events.intersects(self.wake.events);
         if !is_due {
             let turn = Motion::Turn { angle_rad: 0.1 };
             return if self.acts_between { Command::new(turn, self.wake) } else { Command::keep(self.wake) };
@@ -121,7 +122,7 @@ impl Controller for Gossip {
         self.wake = WakeCondition {
             at: Tick(observation.tick.0 + self.rng.random_range(0..80)),
             // Each of the five kinds of events, and all of their combinations.
-            events: self.rng.random_range(0..32),
+            events: EventMask::from_bits_retain(self.rng.random_range(0..32)),
         };
         Command {
             motion: self.motion(observation),

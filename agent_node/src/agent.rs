@@ -23,6 +23,7 @@
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX, LIST_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::{self, Observation as Part};
+use msgs::message_type::MessageType;
 
 use crate::command::{Command, Motion, WakeCondition};
 use crate::controllers::{Controller, ControllerError, Ctx, Failure};
@@ -31,7 +32,6 @@ use crate::navigation::NavigationTask;
 use crate::observation::{Observation, RunInfo};
 use crate::sharing::Sharing;
 use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
-use msgs::message_type::MessageType;
 
 /// Builds the controller that takes over when the run info has changed; `None`: the present one
 /// stays.

@@ -6,6 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use msgs::ids::AgentId;
 use msgs::limits::INFO_BYTES_MAX;
+pub use msgs::message_type::MessageType;
 use msgs::relay_id::RelayId;
 pub use msgs::scan_request::ScanRequest;
 use msgs::shared_bytes::SharedBytes;
@@ -129,9 +130,9 @@ impl Command {
         }
     }
 
-    /// Adds a message: `kind` is the sender's mark (not
-    /// [`crate::sharing::MessageType::Map.number()`]), `to` the receiver (`None`: all agents in
-    /// contact).
+    /// Adds a message: `kind` is the type of the content (not
+    /// [`MessageType::Map`]), `to` the receiver (`None`: all
+    /// agents in contact).
     #[must_use]
     pub fn with_message(mut self, to: Option<AgentId>, kind: u8, data: impl Into<SharedBytes>) -> Self {
         self.messages.push(AgentMessage { to, kind, data: data.into() });

@@ -12,6 +12,7 @@
 use std::num::NonZeroU64;
 use std::task::Poll;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::Point3;
 use voxels::Cell;
@@ -171,7 +172,7 @@ impl NavigationTask {
         }
         let Poll::Ready(path) = self.search(map, start, goal, neighbours, time, now) else {
             let at = self.pending.as_ref().map_or(Tick::ZERO, |pending| pending.answer.usable_at());
-            return NavigationStatus::Searching(WakeCondition { at, events: 0 });
+            return NavigationStatus::Searching(WakeCondition { at, events: EventMask::empty() });
         };
         self.pending = None;
         let status = path.map_or(NavigationStatus::NoPath, |path| self.motion_along(map, from, &path));

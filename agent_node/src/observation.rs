@@ -2,6 +2,7 @@
 //!
 //! Lengths in metres, angles in radians, frame `map` unless a name says otherwise.
 
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
 use msgs::shared_bytes::SharedBytes;
@@ -133,7 +134,7 @@ pub struct Observation {
     /// The collision that ended the last motion, if any.
     pub collision: Option<Collision>,
     /// Events since the last observation: bits of `maes_msgs/WakeCondition`.
-    pub events: u8,
+    pub events: EventMask,
     /// Agents in contact, ascending.
     pub contacts: Vec<Contact>,
     /// Relays in reach, ascending.

@@ -85,6 +85,7 @@ use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::AGENT_MESSAGE_BYTES_BARE;
+use msgs::message_type::MessageType;
 use msgs::shared_bytes::SharedBytes;
 
 use crate::command::AgentMessage;
@@ -98,8 +99,6 @@ pub use map_message::{MapMessageError, VERSION};
 use outbox::{Outbox, copies};
 use peer::{Peer, Provenance, peer};
 use updates::complete;
-
-/// The mark of map messages; all other marks are the controllers'.
 
 /// Ticks between exchanges in the reference: 5.02 s.
 pub const DEFAULT_PERIOD_TICKS: u32 = 251;

@@ -24,7 +24,9 @@ pub mod maes_msgs;
 pub mod relay_id;
 
 pub mod body_model;
+pub mod event_mask;
 pub mod kinematics;
+pub mod message_type;
 pub mod scan_request;
 pub mod stage;
 pub mod wake_condition;

@@ -58,8 +58,8 @@ messages! {
         TwistWithCovariance Vector3
     }
     "../msg/": maes_msgs {
-        Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar ScanRequest Observation AgentMessage Progress
-        Radio Result Scenario SignedCommand SignedJoin SignedObservation Motion WakeCondition
+        AgentMessage Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar Motion Observation Progress
+        Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
     }
     "standard/nav_msgs/": nav_msgs { Odometry Path }
     "standard/rcl_interfaces/": rcl_interfaces { Log }

@@ -4,7 +4,7 @@
 
 use thiserror::Error;
 
-use crate::maes_msgs::ScanRequest;
+use crate::maes_msgs;
 
 /// When the LiDAR of an agent scans from now on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -31,22 +31,22 @@ pub enum ScanRequestError {
     UnknownKind(u8),
 }
 
-impl TryFrom<ScanRequest> for ScanRequest {
+impl TryFrom<maes_msgs::ScanRequest> for ScanRequest {
     type Error = ScanRequestError;
 
-    fn try_from(message: ScanRequest) -> Result<Self, ScanRequestError> {
+    fn try_from(message: maes_msgs::ScanRequest) -> Result<Self, ScanRequestError> {
         match message.kind {
-            ScanRequest::KEEP => Ok(Self::Keep),
-            ScanRequest::NEVER => Ok(Self::Never),
-            ScanRequest::ONCE => Ok(Self::Once),
-            ScanRequest::EVERY if message.period_ticks >= 1 => Ok(Self::Every(message.period_ticks)),
-            ScanRequest::EVERY => Err(ScanRequestError::ZeroPeriod),
+            maes_msgs::ScanRequest::KEEP => Ok(Self::Keep),
+            maes_msgs::ScanRequest::NEVER => Ok(Self::Never),
+            maes_msgs::ScanRequest::ONCE => Ok(Self::Once),
+            maes_msgs::ScanRequest::EVERY if message.period_ticks >= 1 => Ok(Self::Every(message.period_ticks)),
+            maes_msgs::ScanRequest::EVERY => Err(ScanRequestError::ZeroPeriod),
             other => Err(ScanRequestError::UnknownKind(other)),
         }
     }
 }
 
-impl From<ScanRequest> for ScanRequest {
+impl From<ScanRequest> for maes_msgs::ScanRequest {
     fn from(request: ScanRequest) -> Self {
         let (kind, period_ticks) = match request {
             ScanRequest::Keep => (Self::KEEP, 0),
@@ -65,14 +65,14 @@ mod tests {
     #[test]
     fn message_round_trips() {
         for request in [ScanRequest::Keep, ScanRequest::Never, ScanRequest::Once, ScanRequest::Every(3)] {
-            assert_eq!(ScanRequest::try_from(ScanRequest::from(request)), Ok(request));
+            assert_eq!(ScanRequest::try_from(maes_msgs::ScanRequest::from(request)), Ok(request));
         }
     }
 
     #[test]
     fn illegal_messages_are_refused() {
-        let request = |kind, period_ticks| ScanRequest::try_from(ScanRequest { kind, period_ticks });
-        assert_eq!(request(ScanRequest::EVERY, 0), Err(ScanRequestError::ZeroPeriod));
+        let request = |kind, period_ticks| ScanRequest::try_from(maes_msgs::ScanRequest { kind, period_ticks });
+        assert_eq!(request(maes_msgs::ScanRequest::EVERY, 0), Err(ScanRequestError::ZeroPeriod));
         assert_eq!(request(4, 1), Err(ScanRequestError::UnknownKind(4)));
     }
 }

@@ -132,11 +132,11 @@ mod tests {
         assert_eq!(
             appended(Command::TYPE),
             [
-                "maes_msgs/ScanRequest",
                 "maes_msgs/AgentMessage",
                 "maes_msgs/Motion",
                 "geometry_msgs/Point",
                 "geometry_msgs/Vector3",
+                "maes_msgs/ScanRequest",
                 "maes_msgs/WakeCondition"
             ]
         );

@@ -11,7 +11,7 @@ from ._maes import Command, Ctx, Observation, Rng
 
 
 class EventMask(IntFlag):
-    """What can have happened since the last observation, and what a trigger can wait for."""
+    """What can have happened since the last observation, and what a wake-up condition can name."""
 
     TASK_DONE = 1
     COLLISION = 2

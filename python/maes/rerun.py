@@ -226,11 +226,11 @@ class Sender:
         position_at = dict(zip(observed.time_s, observed.position_m))
         times, strips = [], []
         for time_s, command in part.messages(f"/agent_{agent}/command"):
-            task = command["task"]
-            if task["kind"] != _KEEP:
+            motion = command["motion"]
+            if motion["kind"] != _KEEP:
                 times.append(time_s)
-                points = [tuple(position_at[time_s]), *_points(task["path"])]
-                strips.append([points] if task["kind"] == _PATH else [])
+                points = [tuple(position_at[time_s]), *_points(motion["path"])]
+                strips.append([points] if motion["kind"] == _PATH else [])
         self._send_strips(f"world/paths/agent_{agent}", _colour(agent), times, strips)
 
     def _send_contacts(self, part: Recording) -> None:

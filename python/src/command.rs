@@ -1,7 +1,9 @@
 //! Motions, wake-up conditions and commands, as `agent_node::command` has them.
 
 use agent_node::command::{Command, Motion, ScanRequest, Stage, WakeCondition};
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
+use msgs::message_type::MessageType;
 use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 use numpy::{PyArray2, PyArrayLike2};
@@ -140,7 +142,7 @@ impl PyWakeCondition {
     /// Any of these events (a sum of `EventMask`), however late.
     #[staticmethod]
     fn on(events: u8) -> Self {
-        Self(WakeCondition::on(events))
+        Self(WakeCondition::on(EventMask::from_bits_retain(events)))
     }
 
     /// The earlier of two wake-up conditions.
@@ -149,7 +151,7 @@ impl PyWakeCondition {
     }
 
     fn __repr__(&self) -> String {
-        format!("WakeCondition(at={}, events={})", self.0.at.0, self.0.events)
+        format!("WakeCondition(at={}, events={})", self.0.at.0, self.0.events.bits())
     }
 }
 

@@ -16,7 +16,7 @@ use pyo3::types::{PyDict, PyType};
 use rand_chacha::ChaCha8Rng;
 
 use crate::command::checked;
-use crate::ctx::{PyCtx, Shared};
+use crate::ctx::{PyCtx, SharedCtx};
 use crate::error::bad_input;
 use crate::interrupt::Deciding;
 use crate::observation::PyObservation;
@@ -175,7 +175,7 @@ fn take(
 struct Bridge {
     /// `None` if its construction has failed.
     object: Option<Py<PyAny>>,
-    shared: Arc<Shared>,
+    shared: Arc<SharedCtx>,
     failure: Option<PyErr>,
 }
 

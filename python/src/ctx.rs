@@ -46,7 +46,7 @@ pub(crate) struct CellsArray {
 
 /// What outlives a decision: the loan of its context, and the array of the map.
 #[derive(Default)]
-pub(crate) struct Shared {
+pub(crate) struct SharedCtx {
     pub(crate) loan: Loan,
     cells: Mutex<Option<CellsArray>>,
 }
@@ -54,7 +54,7 @@ pub(crate) struct Shared {
 /// What a controller can query besides the observation, and helpers for its motion. It is valid
 /// until `decide` returns.
 #[pyclass(name = "Ctx", module = "maes", frozen)]
-pub(crate) struct PyCtx(pub(crate) Arc<Shared>);
+pub(crate) struct PyCtx(pub(crate) Arc<SharedCtx>);
 
 impl PyCtx {
     pub(crate) fn with<T>(&self, use_it: impl FnOnce(&mut Ctx<'_>) -> T) -> PyResult<T> {
@@ -284,7 +284,7 @@ impl PyCtx {
 /// The map of an agent. It is valid until `decide` returns, and so are its arrays: later they keep
 /// the state of the last time that `cells` was asked for.
 #[pyclass(name = "ExplorationMap", module = "maes", frozen)]
-pub(crate) struct PyExplorationMap(Arc<Shared>);
+pub(crate) struct PyExplorationMap(Arc<SharedCtx>);
 
 #[pymethods]
 impl PyExplorationMap {

@@ -77,7 +77,7 @@ impl PyObservation {
     /// Events since the last observation: a sum of `EventMask`.
     #[getter]
     fn events(&self) -> u8 {
-        self.0.events
+        self.0.events.bits()
     }
 
     /// Agents in contact, ascending: id and position in metres.

@@ -220,7 +220,8 @@ impl PyRecording {
         dict.set_item("explored", result.explored)?;
         dict.set_item("covered", result.covered)?;
         dict.set_item("distance_m", result.distance_m)?;
-        let counters: BTreeMap<String, u64> = result.counters.into_iter().map(|one| (one.name, one.value)).collect();
+        let counters = result.counters.iter().map(|counter| (counter.present_name(), counter.value));
+        let counters: BTreeMap<String, u64> = counters.collect();
         dict.set_item("counters", counters)?;
         Ok(Some(dict))
     }

@@ -153,7 +153,7 @@ impl Environment {
             .collect();
         let alone = Workers::new(1).map_err(|error| error.to_string())?;
         let mut environment = Self { scenario, shape, run_info, world, explorers, alone };
-        environment.look()?;
+        environment.sense()?;
         Ok(environment)
     }
 

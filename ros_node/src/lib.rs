@@ -44,7 +44,7 @@ pub use blocking_publisher::{BlockingPublisher, PublishOutcome};
 pub use dds::has_fixes as has_dds_fixes;
 pub use inbox::{Inbox, Sample, own_source};
 pub use network::{Context, EndpointFactory, Node, Publisher, join, node};
-pub use parameters::Shared as SharedParameters;
+pub use parameters::SharedParameters;
 pub use subscription_tracker::SubscriptionTracker;
 pub use unix_sockets::{Connected, MessageKind, SocketSample, Sockets};
 

@@ -14,7 +14,7 @@ use msgs::parameters::{
 use msgs::service::{Ask, Service};
 
 /// Parameters shared by the node and its services.
-pub type Shared = Rc<RefCell<Parameters>>;
+pub type SharedParameters = Rc<RefCell<Parameters>>;
 
 impl EndpointFactory {
     /// Offers the parameters of a node, whose name begins with a slash. The inbox yields `convert`
@@ -28,7 +28,7 @@ impl EndpointFactory {
         node: &mut Node,
         name: &str,
         inbox: &mut Inbox<T>,
-        parameters: &Shared,
+        parameters: &SharedParameters,
         check: fn(&Named) -> Result<(), String>,
         convert: impl Fn(Result<Vec<Named>, String>) -> T + 'static,
     ) -> Result<(), RosError> {

@@ -378,11 +378,11 @@ fn between_refusals(before: &[u8], now: &[u8]) -> Option<Field> {
     counters(&before, &now, |name| name.starts_with(REFUSED))
 }
 
-/// The first counter by name that differs, among those that `of` selects.
+/// The first counter by its present name that differs, among those that `of` selects.
 fn counters(before: &maes_msgs::Result, now: &maes_msgs::Result, of: impl Fn(&str) -> bool) -> Option<Field> {
     let by_name = |result: &maes_msgs::Result| -> BTreeMap<String, u64> {
         let counters = result.counters.iter().filter(|counter| of(&counter.name));
-        counters.map(|counter| (counter.name.clone(), counter.value)).collect()
+        counters.map(|counter| (counter.present_name(), counter.value)).collect()
     };
     let (before, now) = (by_name(before), by_name(now));
     let different = before.keys().chain(now.keys()).find(|name| before.get(*name) != now.get(*name))?;

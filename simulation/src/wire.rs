@@ -8,6 +8,7 @@
 
 use std::collections::BTreeMap;
 
+use msgs::event_mask::EventMask;
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{
@@ -67,7 +68,7 @@ pub fn observation_parts(observation: Observation, phase: u8) -> Vec<Part> {
             Some(Surface::Ceiling) => Part::CEILING,
         },
         collision_with_agent: observation.collision.is_some_and(|collision| collision.with_agent),
-        events: observation.events,
+        events: observation.events.bits(),
         contacts: Vec::new(),
         messages: Vec::new(),
         scan_tick: observation.scan_tick.map_or(Part::NEVER, |tick| tick.0),
@@ -94,7 +95,7 @@ pub fn observation_parts(observation: Observation, phase: u8) -> Vec<Part> {
         .collect();
     for message in observation.messages {
         parts.make_room(AGENT_MESSAGE_BYTES_BARE + message.data.len());
-        parts.filling.messages.push(message(message));
+        parts.filling.messages.push(message_on_wire(message));
     }
     parts.add_runs(&observation.seen_free, |part| &mut part.seen_free);
     parts.add_runs(&observation.seen_wall, |part| &mut part.seen_wall);
@@ -166,7 +167,7 @@ pub fn command(message: &maes_msgs::Command, agents: u32) -> Result<(Action, Wak
     }
     let wake = WakeCondition {
         at: Tick(message.wake.at_tick.max(message.tick.saturating_add(1))),
-        events: message.wake.events,
+        events: EventMask::from_bits_retain(message.wake.events),
     };
     Ok((action, wake))
 }
@@ -266,7 +267,7 @@ fn within(field: &str, value: f64, low: f64, high: f64) -> Result<f64, String> {
     }
 }
 
-fn message(message: AgentMessage) -> maes_msgs::AgentMessage {
+fn message_on_wire(message: AgentMessage) -> maes_msgs::AgentMessage {
     maes_msgs::AgentMessage {
         agent: match message.peer {
             Peer::One(agent) => agent.0,

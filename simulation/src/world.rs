@@ -31,6 +31,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use msgs::body_model::BodyModel;
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
 use msgs::scan_request::ScanRequest;
@@ -43,10 +44,7 @@ use body::{Body, Motion, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
-pub use interface::{
-    Action, COLLISION, CONTACTS, EventMask, FIRST_CONTACT, MESSAGE, NEW_CELL, Observation, RequestKind, TASK_DONE,
-    Totals,
-};
+pub use interface::{Action, Observation, RequestKind, Totals};
 use lidar::{NoisyScan, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
@@ -68,7 +66,7 @@ pub struct WorldParams {
     pub schedule: ScanSchedule,
     /// The radios and their contact model.
     pub comms: Comms,
-    /// Length of the share periods, which [`FIRST_CONTACT`] refers to; 0: one period without end.
+    /// Length of the share periods, which [`EventMask::FIRST_CONTACT`] refers to; 0: one period without end.
     pub share_period_ticks: u32,
     /// The sensor noise.
     pub noise: SensorNoise,
@@ -258,7 +256,7 @@ impl World {
         state.drift.measured(&state.body.pose().position, self.terrain.extent())
     }
 
-    /// Moves a body to a pose, at rest, and ends its task with [`TASK_DONE`].
+    /// Moves a body to a pose, at rest, and ends its task with [`EventMask::TASK_DONE`].
     ///
     /// # Errors
     /// The obstacle, if the body does not fit there; the world is unchanged then.
@@ -267,7 +265,7 @@ impl World {
         self.check_room(agent, &pose.position)?;
         let state = &mut self.agents[agent.index()];
         state.body = Body::at_rest(model, pose);
-        state.pending_observation.events |= TASK_DONE;
+        state.pending_observation.events |= EventMask::TASK_DONE;
         self.contacts = None;
         self.update_position(agent.index());
         Ok(())
@@ -355,13 +353,13 @@ impl World {
     }
 
     /// The events of an agent since its last committed observation, restricted to `asked`. Contacts
-    /// are computed only if `asked` names [`CONTACTS`] or [`FIRST_CONTACT`].
+    /// are computed only if `asked` names [`EventMask::CONTACTS`] or [`EventMask::FIRST_CONTACT`].
     pub fn events(&mut self, agent: AgentId, asked: EventMask) -> EventMask {
-        if asked & FIRST_CONTACT != 0 && self.has_first_contact(agent) {
-            self.agents[agent.index()].pending_observation.events |= FIRST_CONTACT;
+        if asked.intersects(EventMask::FIRST_CONTACT) && self.has_first_contact(agent) {
+            self.agents[agent.index()].pending_observation.events |= EventMask::FIRST_CONTACT;
         }
         let mut events = self.agents[agent.index()].pending_observation.events;
-        if asked & CONTACTS != 0 {
+        if asked.intersects(EventMask::CONTACTS) {
             events |= self.change_of_contacts(agent);
         }
         events & asked
@@ -455,10 +453,10 @@ impl World {
             let moved = state.body.advance(&obstacles, Tick::TICK_S);
             state.distance_m += moved.distance_m;
             if moved.task_done {
-                state.pending_observation.events |= TASK_DONE;
+                state.pending_observation.events |= EventMask::TASK_DONE;
             }
             if moved.collided {
-                state.pending_observation.events |= COLLISION;
+                state.pending_observation.events |= EventMask::COLLISION;
                 self.totals.collisions += 1;
             }
             self.update_position(index);
@@ -479,7 +477,7 @@ impl World {
         if cell != state.cell {
             assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "agent {index} has left free space");
             state.cell = cell;
-            state.pending_observation.events |= NEW_CELL;
+            state.pending_observation.events |= EventMask::NEW_CELL;
             self.coverage.cover(AgentId::from_index(index), index_of(&self.terrain, cell));
         }
     }

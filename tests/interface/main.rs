@@ -46,8 +46,8 @@ fn cases() -> Vec<Case> {
             Vector3
         }
         maes_msgs {
-            Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar ScanRequest Observation AgentMessage
-            Progress Radio Result Scenario SignedCommand SignedJoin SignedObservation Motion WakeCondition
+            AgentMessage Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar Motion Observation
+            Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
         }
         nav_msgs { Odometry Path }
         rcl_interfaces { Log }

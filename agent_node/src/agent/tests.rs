@@ -1,7 +1,9 @@
 use std::mem::take;
 use std::sync::{Arc, Mutex};
 
-use msgs::maes_msgs::{AgentMessage as Message, CellRuns, Contact, WakeCondition as Events};
+use msgs::event_mask::EventMask;
+use msgs::maes_msgs::{AgentMessage as Message, CellRuns, Contact};
+use msgs::message_type::MessageType;
 use nalgebra::Point3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -91,8 +93,10 @@ impl Controller for Whim {
         }
         self.shown.lock().unwrap().push(observation.clone());
         let rng = &mut self.rng;
-        self.wake =
-            WakeCondition { at: observation.tick.after(rng.random_range(0..40)), events: rng.random_range(0..32) };
+        self.wake = WakeCondition {
+            at: observation.tick.after(rng.random_range(0..40)),
+            events: EventMask::from_bits_retain(rng.random_range(0..32)),
+        };
         let angle_rad = (ctx.map().free() + 3 * ctx.map().covered() + 7 * ctx.map().wall()) as f64 / 1e3;
         let noise = |rng: &mut ChaCha8Rng| (0..rng.random_range(0..9)).map(|_| rng.random()).collect::<Vec<u8>>();
         Command {
@@ -117,8 +121,8 @@ impl Controller for Whim {
 struct Mailbox {
     free: Vec<u32>,
     messages: Vec<Message>,
-    events: u8,
-    requested: (usize, usize, u8),
+    events: EventMask,
+    requested: (usize, usize, EventMask),
     contacts: Vec<u32>,
     /// The contacts that were listed since the last multiple of [`SHARE_PERIOD`].
     listed: Vec<u32>,
@@ -182,7 +186,7 @@ fn play(
             }
             let contacts: Vec<u32> =
                 (0..AGENTS).filter(|&other| pairs.contains(&(id, other)) || pairs.contains(&(other, id))).collect();
-            let mut change = if contacts == mailbox.contacts { 0 } else { EventMask::CONTACTS };
+            let mut change = if contacts == mailbox.contacts { EventMask::empty() } else { EventMask::CONTACTS };
             if tick % u64::from(SHARE_PERIOD) == 0 {
                 mailbox.listed.clear();
             }
@@ -194,7 +198,7 @@ fn play(
             if !is_due && looks_ahead {
                 continue;
             }
-            let (free, messages, events) = if is_due { (0, 0, 0) } else { mailbox.requested };
+            let (free, messages, events) = if is_due { (0, 0, EventMask::empty()) } else { mailbox.requested };
             let mut seen = mailbox.free[free..].to_vec();
             seen.sort_unstable();
             let (start, length) = voxels::runs(seen.into_iter());
@@ -203,7 +207,7 @@ fn play(
                 tick,
                 parts: 1,
                 position: msgs::geometry_msgs::Point { x: centre.x, y: centre.y, z: centre.z },
-                events: mailbox.events & !events | change,
+                events: (mailbox.events & !events | change).bits(),
                 contacts: contacts.iter().map(|&agent| Contact { agent, ..Contact::default() }).collect(),
                 messages: mailbox.messages[messages..].to_vec(),
                 scan_tick: Part::NEVER,
@@ -225,7 +229,7 @@ fn play(
             if !is_due && command == nothing {
                 continue;
             }
-            let wake = WakeCondition { at: Tick(command.wake.at_tick.max(tick + 1)), events: command.wake.events };
+            let wake = WakeCondition { at: Tick(command.wake.at_tick.max(tick + 1)), ..command.wake.into() };
             let committed = [std::mem::take(&mut mailbox.committed), vec![command.clone()]].concat();
             let listed = [std::mem::take(&mut mailbox.listed), contacts.clone()].concat();
             let contacts_now = contacts.clone();
@@ -269,7 +273,7 @@ struct Sleeper {
 impl Controller for Sleeper {
     fn decide(&mut self, observation: &Observation, _ctx: &mut Ctx<'_>) -> Command {
         self.shown.lock().unwrap().push(observation.clone());
-        let wake = WakeCondition { at: Tick(self.ticks.remove(0)), events: 0 };
+        let wake = WakeCondition { at: Tick(self.ticks.remove(0)), events: EventMask::empty() };
         Command { want_view: true, ..Command::keep(wake) }
     }
 }
@@ -287,7 +291,7 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
         command
     };
     let first = ask(5, 0, Vec::new());
-    assert_eq!((first.wake.at_tick, first.wake.events, first.messages.len()), (6, EventMask::FIRST_CONTACT, 1));
+    assert_eq!((first.wake.at_tick, first.wake.events, first.messages.len()), (6, EventMask::FIRST_CONTACT.bits(), 1));
     let map_message = Message {
         agent: 1,
         kind: MessageType::Map.number(),
@@ -304,7 +308,7 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
     assert_eq!(shown[1].seen.free, [2, 4, 9]);
     let received = ReceivedMessage { from: AgentId(1), kind: 7, data: vec![3].into() };
     assert_eq!(shown[1].messages, [received.clone(), received]);
-    assert_eq!(shown[1].events, 0b111);
+    assert_eq!(shown[1].events.bits(), 0b111);
     // Four cells seen, of which its own is covered, and one received.
     assert_eq!((agent.map().free(), agent.map().covered()), (5, 1));
 }

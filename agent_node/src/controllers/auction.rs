@@ -22,13 +22,12 @@ use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_3;
 
 use msgs::ids::{AgentId, Tick};
+use msgs::message_type::MessageType;
 use voxels::{Cell, Extent};
 
 use super::settings::{SettingError, Settings};
 use crate::bodies::{Bodies, BodyKind, BodyModel, leg_s};
 use crate::observation::{Contact, ReceivedMessage};
-
-/// The mark of messages that carry claims.
 
 const VERSION: u8 = 1;
 

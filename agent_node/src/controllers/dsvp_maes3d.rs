@@ -246,10 +246,12 @@ impl DsvpMaes3d {
 }
 
 /// Under way the list of frontiers is updated in each new cell.
-const UNDER_WAY: WakeCondition =
-    WakeCondition { at: Tick(u64::MAX), events: EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL };
+const UNDER_WAY: WakeCondition = WakeCondition {
+    at: Tick(u64::MAX),
+    events: EventMask::TASK_DONE.union(EventMask::COLLISION).union(EventMask::NEW_CELL),
+};
 
-const NEVER: WakeCondition = WakeCondition { at: Tick(u64::MAX), events: 0 };
+const NEVER: WakeCondition = WakeCondition { at: Tick(u64::MAX), events: EventMask::empty() };
 
 impl Controller for DsvpMaes3d {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {

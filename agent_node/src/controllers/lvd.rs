@@ -48,7 +48,7 @@ use places::Places;
 use region::Region;
 
 /// The events that end a leg or can change the destination of an agent under way.
-const UNDER_WAY: u8 = EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL;
+const UNDER_WAY: EventMask = EventMask::TASK_DONE.union(EventMask::COLLISION).union(EventMask::NEW_CELL);
 
 /// How long an agent without a destination waits for map updates at a time: 5 s, as the reference's
 /// map sharing.

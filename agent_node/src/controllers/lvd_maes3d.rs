@@ -49,7 +49,7 @@ use crate::path::Neighbours;
 /// Cells seen from within this distance are visited, in cells.
 const VISIT_RADIUS_CELLS: f64 = 3.75;
 
-const UNDER_WAY: u8 = EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL;
+const UNDER_WAY: EventMask = EventMask::TASK_DONE.union(EventMask::COLLISION).union(EventMask::NEW_CELL);
 
 /// The reference would have read a cell outside the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

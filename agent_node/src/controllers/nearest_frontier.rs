@@ -250,7 +250,7 @@ mod tests {
                 let command = world.ask(&mut controller);
                 match &command.motion {
                     Motion::Path(_) => world.arrive(&command.motion),
-                    Motion::Stop if command.wake.events != 0 => break command,
+                    Motion::Stop if !command.wake.events.is_empty() => break command,
                     Motion::Stop => {
                         searches += 1;
                         world.observation.tick = command.wake.at.max(world.observation.tick.next());
@@ -326,7 +326,7 @@ mod tests {
             world.wait(10);
             world.collide();
             let aside = world.ask(&mut controller);
-            assert_eq!((aside.info.as_str(), aside.wake.events), ("makes way", 0));
+            assert_eq!((aside.info.as_str(), aside.wake.events), ("makes way", EventMask::empty()));
             let wait = aside.wake.at.0 - world.observation.tick.0;
             assert!(HOLD_TICKS.contains(&wait));
             waits.insert(wait);

@@ -7,6 +7,7 @@
 
 use std::f64::consts::PI;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -48,7 +49,7 @@ impl Controller for RbwMaes3d {
         if surface.is_none() {
             let notices_at = *self.notices_at.get_or_insert(observation.tick.after(1));
             if observation.tick < notices_at {
-                return Command::keep(WakeCondition { at: notices_at, events: 0 });
+                return Command::keep(WakeCondition { at: notices_at, events: EventMask::empty() });
             }
         }
         match surface {
@@ -84,7 +85,7 @@ mod tests {
         let mut rbw = walk();
         let mut observation = idle();
         let keep = world.ask_about(&mut rbw, &observation);
-        assert_eq!(keep, Command::keep(WakeCondition { at: Tick(1), events: 0 }));
+        assert_eq!(keep, Command::keep(WakeCondition { at: Tick(1), events: EventMask::empty() }));
         observation.tick = Tick(1);
         let go = world.ask_about(&mut rbw, &observation);
         assert_eq!(go.motion, Motion::Move { pitch_rad: degrees(45), distance_m: f64::INFINITY });

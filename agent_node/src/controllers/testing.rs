@@ -49,7 +49,7 @@ pub(crate) fn idle() -> Observation {
         yaw_rate_rad_s: 0.0,
         is_active: false,
         collision: None,
-        events: 0,
+        events: EventMask::empty(),
         contacts: Vec::new(),
         relays: Vec::new(),
         messages: Vec::new(),
@@ -196,7 +196,7 @@ impl World {
     pub(crate) fn ask(&mut self, controller: &mut dyn Controller) -> Command {
         let observation = self.observation.clone();
         let command = self.ask_about(controller, &observation);
-        self.observation.events = 0;
+        self.observation.events = EventMask::empty();
         self.observation.seen = Cells::default();
         match &command.motion {
             Motion::Keep => {}

@@ -1,3 +1,4 @@
+use msgs::event_mask::EventMask;
 use proptest::prelude::*;
 
 use super::*;
@@ -37,7 +38,7 @@ fn ask_until_answered(
 ) -> (u64, NavigationStatus) {
     match ask(navigation, map, flat(3, 0), time, now) {
         NavigationStatus::Searching(wake) => {
-            assert_eq!(wake.events, 0);
+            assert_eq!(wake.events, EventMask::empty());
             let at = wake.at.0;
             assert!(at > now);
             // Polling earlier changes nothing.

@@ -113,7 +113,7 @@ pub enum MapMessageError {
     #[error("version {0}, expected {VERSION}")]
     Version(u8),
     /// A form that does not exist.
-    #[error("form {0}, allowed are {SUMMARY} to {COMPLETION_FOR_HUBS}")]
+    #[error("form {0}, allowed are {SUMMARY} to {ACKNOWLEDGEMENT_FOR_RELAY_PEERS}")]
     Form(u8),
     /// Flags of a summary that do not exist.
     #[error("flags {0}, allowed are 0 to 3")]

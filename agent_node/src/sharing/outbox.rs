@@ -2,12 +2,12 @@
 
 use msgs::ids::AgentId;
 use msgs::limits::AGENT_MESSAGE_BYTES_BARE;
+use msgs::message_type::MessageType;
 use msgs::shared_bytes::SharedBytes;
 
 use super::Totals;
 use crate::command::AgentMessage;
 use crate::observation::Contact;
-use msgs::message_type::MessageType;
 
 /// A message for more receivers than this is broadcast, and not repeated for each of them.
 pub(super) const ADDRESSED_MAX: usize = 32;

@@ -33,7 +33,7 @@ impl Sharing {
     #[must_use]
     pub fn next_wake(&self, contacts: &[Contact], now: Tick) -> WakeCondition {
         if self.agents < 2 {
-            return WakeCondition { at: Tick(u64::MAX), events: 0 };
+            return WakeCondition { at: Tick(u64::MAX), events: EventMask::empty() };
         }
         if self.period == 0 {
             return WakeCondition { at: Tick(u64::MAX), events: EventMask::MESSAGE };
@@ -56,12 +56,12 @@ impl Sharing {
         let waits_for_relay_peer = has_had_round && !self.present.is_empty();
         let is_relay_peer = self.relay_role == RelayRole::MayBeAsked && self.is_in_round(now);
         let is_late = is_relay_peer || !waits_for_relay_peer && contacts.iter().any(is_waiting);
-        let late = if is_late { EventMask::MESSAGE } else { 0 };
+        let late = if is_late { EventMask::MESSAGE } else { EventMask::empty() };
         let at = match self.relay_role {
             RelayRole::Asked => now.next(),
             _ => contacts.iter().map(due).min().unwrap_or(Tick(u64::MAX)),
         };
-        let met = if has_had_round { 0 } else { EventMask::FIRST_CONTACT };
+        let met = if has_had_round { EventMask::empty() } else { EventMask::FIRST_CONTACT };
         WakeCondition { at, events: met | late }
     }
 

@@ -3,6 +3,7 @@ mod team;
 mod trust;
 
 use msgs::event_mask::EventMask;
+use msgs::message_type::MessageType;
 use nalgebra::Point3;
 use proptest::prelude::*;
 use voxels::Cell;

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use msgs::cdr;
+use msgs::event_mask::EventMask;
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
@@ -123,7 +124,7 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
         yaw_rate_rad_s: first.yaw_rate_rad_s,
         is_active: first.task_status == Part::ACTIVE,
         collision: surface.map(|surface| Collision { surface, with_agent: first.collision_with_agent }),
-        events: first.events,
+        events: EventMask::from_bits_retain(first.events),
         contacts: Vec::with_capacity(first.contacts.len()),
         relays: Vec::new(),
         messages: Vec::new(),

@@ -2,9 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use msgs::message_type::MessageType;
-use msgs::message_type::MessageType;
-use msgs::message_type::MessageType;
+use agent_node::command::MessageType;
 
 use super::super::estimates::{Estimate, RESAMPLES};
 use super::super::plot::{Axis, Layout, Mark, Panel, SMALL, Sheet, colour, room_for};
@@ -169,6 +167,6 @@ fn kind_name(kind: u8) -> String {
         Some(MessageType::Map) => format!("maps (kind {kind})"),
         Some(MessageType::Claims) => format!("claims (kind {kind})"),
         Some(MessageType::Finished) => format!("nothing left (kind {kind})"),
-        other => format!("kind {other}"),
+        None => format!("kind {kind}"),
     }
 }

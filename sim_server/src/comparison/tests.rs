@@ -96,6 +96,9 @@ fn only_refusal_counters_are_ignored() {
     let disturbed = compared(&before, &[result(&[("scans", 5), ("refused_wrong_tick", 2)])]);
     assert_eq!(disturbed.difference(), None);
     assert_eq!(disturbed.refusals().unwrap().to_string(), "counters.refused_wrong_tick was 0 and is 2");
+    let renamed = recording(&[result(&[("parcels_sent", 5), ("parcel_bytes_delivered_kind_1", 3)])], false);
+    let now = [result(&[("message_bytes_delivered_kind_1", 3), ("messages_sent", 5)])];
+    assert_eq!(compared(&renamed, &now).difference(), None);
     let other = compared(&before, &[result(&[("scans", 6), ("refused_wrong_tick", 0)])]);
     assert_eq!(other.difference().unwrap().to_string(), "tick 9, /sim/result: counters.scans was 5 and is 6");
 }

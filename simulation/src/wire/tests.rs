@@ -1,6 +1,7 @@
 use msgs::cdr;
 use msgs::maes_msgs::{
-    AgentMessage as WireMessage, Command, Motion, ScanRequest as WireScanRequest, WakeCondition as WireWakeCondition,
+    AgentMessage as WireMessage, Command, Motion as WireMotion, ScanRequest as WireScanRequest,
+    WakeCondition as WireWakeCondition,
 };
 use msgs::shared_bytes::SharedBytes;
 use msgs::stage::Stage;
@@ -19,7 +20,7 @@ fn observation() -> Observation {
         yaw_rate_rad_s: 0.0,
         is_active: true,
         collision: None,
-        events: 0,
+        events: EventMask::empty(),
         relays: Vec::new(),
         contacts: vec![(AgentId(1), Point3::new(4.0, 5.0, 6.0))],
         messages: Vec::new(),
@@ -87,7 +88,7 @@ proptest! {
     ) {
         let [pitch_rad, distance_m, angle_rad, other] = numbers;
         let message = Command {
-            motion: Motion {
+            motion: WireMotion {
                 kind,
                 pitch_rad,
                 distance_m,
@@ -130,14 +131,17 @@ fn refuses(message: &Command, expected: &str) {
 
 #[test]
 fn refusals_name_field_value_and_what_is_allowed() {
-    let motion = |motion: Motion| Command { motion, ..Command::default() };
-    let moving = Motion { kind: Motion::MOVE, ..Motion::default() };
-    refuses(&motion(Motion { kind: 6, ..Motion::default() }), "motion.kind = 6, 0 to 5 are allowed");
-    refuses(&motion(Motion { distance_m: f64::NAN, ..moving.clone() }), "motion.distance_m = NaN, 0 to inf is allowed");
-    refuses(&motion(Motion { distance_m: -1.0, ..moving.clone() }), "motion.distance_m = -1");
-    refuses(&motion(Motion { pitch_rad: 2.0, ..moving }), "motion.pitch_rad = 2");
+    let motion = |motion: WireMotion| Command { motion, ..Command::default() };
+    let moving = WireMotion { kind: WireMotion::MOVE, ..WireMotion::default() };
+    refuses(&motion(WireMotion { kind: 6, ..WireMotion::default() }), "motion.kind = 6, 0 to 5 are allowed");
     refuses(
-        &motion(Motion { kind: Motion::PATH, ..Motion::default() }),
+        &motion(WireMotion { distance_m: f64::NAN, ..moving.clone() }),
+        "motion.distance_m = NaN, 0 to inf is allowed",
+    );
+    refuses(&motion(WireMotion { distance_m: -1.0, ..moving.clone() }), "motion.distance_m = -1");
+    refuses(&motion(WireMotion { pitch_rad: 2.0, ..moving }), "motion.pitch_rad = 2");
+    refuses(
+        &motion(WireMotion { kind: WireMotion::PATH, ..WireMotion::default() }),
         "motion.path has 0 waypoints, 1 to 1024 are allowed",
     );
     refuses(
@@ -160,7 +164,7 @@ fn next_request_is_never_before_the_next_tick() {
         command(&message, 5).unwrap().1
     };
     assert_eq!(wake(7, 0).at, Tick(8));
-    assert_eq!(wake(7, 20), WakeCondition { at: Tick(20), events: 3 });
+    assert_eq!(wake(7, 20), WakeCondition { at: Tick(20), events: EventMask::from_bits_retain(3) });
     assert_eq!(wake(u64::MAX, 0).at, Tick(u64::MAX));
 }
 

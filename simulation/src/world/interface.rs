@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use msgs::relay_id::RelayId;
 use msgs::scan_request::ScanRequest;
@@ -12,24 +13,6 @@ use nalgebra::{Point3, Vector3};
 use super::body::{Collision, Motion, Pose};
 use super::comms::AgentMessage;
 use super::lidar::ScanView;
-
-/// A set of events between two observations of an agent: a sum of the constants of
-/// `maes_msgs/WakeCondition`. It is a plain number because it travels as one, unknown bits
-/// included.
-pub type EventMask = u8;
-/// The task has ended.
-pub const TASK_DONE: EventMask = msgs::maes_msgs::WakeCondition::TASK_DONE;
-/// A motion was refused.
-pub const COLLISION: EventMask = msgs::maes_msgs::WakeCondition::COLLISION;
-/// The centre of the body has entered another cell.
-pub const NEW_CELL: EventMask = msgs::maes_msgs::WakeCondition::NEW_CELL;
-/// The contacts differ from those of the last observation.
-pub const CONTACTS: EventMask = msgs::maes_msgs::WakeCondition::CONTACTS;
-/// A message has arrived.
-pub const MESSAGE: EventMask = msgs::maes_msgs::WakeCondition::MESSAGE;
-/// An agent is in contact that no committed observation of this share period has listed. It is only
-/// looked for, and reported, if it is asked for.
-pub const FIRST_CONTACT: EventMask = msgs::maes_msgs::WakeCondition::FIRST_CONTACT;
 
 /// What an agent does in one tick: its command without the wake-up condition.
 #[derive(Debug, Clone, PartialEq)]

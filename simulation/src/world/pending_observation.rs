@@ -4,10 +4,10 @@
 //! Invariant: [`PendingObservation::commit`] returns the same however often
 //! [`PendingObservation::speculate`] was called before, so look-ahead does not change a run.
 
+use msgs::event_mask::EventMask;
 use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
 
 use super::comms::AgentMessage;
-use super::{EventMask, MESSAGE};
 
 /// Bytes charged for a message in addition to its data, so that empty messages fill an inbox as
 /// well.
@@ -55,7 +55,7 @@ impl PendingObservation {
             return false;
         }
         self.message_bytes = bytes;
-        self.events |= MESSAGE;
+        self.events |= EventMask::MESSAGE;
         self.messages.push(message);
         true
     }

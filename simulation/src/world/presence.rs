@@ -7,13 +7,14 @@
 //!
 //! Invariant: no body overlaps another, whoever joins.
 
+use msgs::event_mask::EventMask;
 use msgs::ids::AgentId;
 use msgs::shared_bytes::SharedBytes;
 use nalgebra::Point3;
 
 use super::body::{Body, Pose};
 use super::comms::{AgentMessage, Peer};
-use super::{ScanSchedule, TASK_DONE, World, index_of, spawn};
+use super::{ScanSchedule, World, index_of, spawn};
 
 /// Whether an agent is in the world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,13 +123,13 @@ impl World {
     }
 
     /// Hands an agent over to another controller: its body is at rest, its task has ended with
-    /// [`TASK_DONE`], and its LiDAR scans as at the start.
+    /// [`EventMask::TASK_DONE`], and its LiDAR scans as at the start.
     pub fn hand_over(&mut self, agent: AgentId) {
         let tick = self.tick;
         let schedule = self.params.schedule;
         let state = &mut self.agents[agent.index()];
         state.body = Body::at_rest(*state.body.model(), *state.body.pose());
-        state.pending_observation.events |= TASK_DONE;
+        state.pending_observation.events |= EventMask::TASK_DONE;
         state.want_view = false;
         if let ScanSchedule::OnRequest { period_ticks } = schedule {
             (state.next_scan, state.scan_period_ticks) = (Some(tick), Some(period_ticks));

@@ -13,6 +13,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, RELAYS_TOLD_MAX};
 use msgs::relay_id::RelayId;
@@ -23,7 +24,7 @@ use voxels::OpenSpace;
 use super::collision::Sphere;
 use super::comms::{AgentMessage, Comms, ContactRules, ContactTable, Peer, Radio};
 use super::relays::{Relay, Relays};
-use super::{Action, AgentState, CONTACTS, EventMask, World};
+use super::{Action, AgentState, World};
 
 /// Draws reserved for one message, more than it can have receivers.
 const RECEIVERS_MAX: u128 = 1 << 32;
@@ -282,14 +283,14 @@ impl World {
         table.of(agent, rules).collect()
     }
 
-    /// [`CONTACTS`] if the agents or relays in contact differ from those of the last committed
+    /// [`EventMask::CONTACTS`] if the agents or relays in contact differ from those of the last committed
     /// observation, else no event.
     pub(super) fn change_of_contacts(&mut self, agent: AgentId) -> EventMask {
         let relays = self.relays_of(agent);
         let Present { table, rules, agents } = self.present_contacts();
         let state = &agents[agent.index()];
         let is_as_reported = relays == state.reported_relays && table.row(agent, rules) == state.reported_contacts.last;
-        if is_as_reported { 0 } else { CONTACTS }
+        if is_as_reported { EventMask::empty() } else { EventMask::CONTACTS }
     }
 
     /// Whether an agent is in contact that no committed observation of this share period has

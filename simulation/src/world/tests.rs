@@ -9,6 +9,7 @@ use voxels::Extent;
 use super::body::Motion;
 use super::comms::{AgentMessage, ContactModel, Peer};
 use super::lidar::Pattern;
+use msgs::event_mask::EventMask;
 use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
 
 use super::*;
@@ -208,7 +209,7 @@ fn messages_reach_agents_in_contact() {
     assert_eq!(world.observe(B, RequestKind::Scheduled).messages, []);
     let third = world.observe(AgentId(2), RequestKind::Scheduled);
     assert_eq!(third.messages, [message(Peer::One(A), b"all")]);
-    assert_eq!(third.events & MESSAGE, MESSAGE);
+    assert_eq!(third.events & EventMask::MESSAGE, EventMask::MESSAGE);
     let totals = world.totals();
     assert_eq!((totals.messages_sent, totals.messages_delivered, totals.messages_out_of_contact), (3, 1, 2));
     assert_eq!(totals.message_bytes_delivered, 3);
@@ -232,25 +233,32 @@ fn events_are_reported_once() {
     let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5)]);
     world.observe(A, RequestKind::Scheduled);
     world.step([(A, action(Motion::Path(vec![Point3::new(1.5, 2.5, 1.5)])))].into());
-    let mut happened = 0;
+    let mut happened = EventMask::empty();
     for _ in 0..500 {
         world.sense(&workers);
-        happened |= world.events(A, TASK_DONE | COLLISION | NEW_CELL | CONTACTS | MESSAGE);
+        happened |= world.events(
+            A,
+            EventMask::TASK_DONE
+                | EventMask::COLLISION
+                | EventMask::NEW_CELL
+                | EventMask::CONTACTS
+                | EventMask::MESSAGE,
+        );
         world.step(BTreeMap::new());
     }
-    assert_eq!(happened, TASK_DONE | NEW_CELL);
-    assert_eq!(world.events(A, TASK_DONE), TASK_DONE);
-    assert_eq!(world.events(A, COLLISION), 0);
-    assert_eq!(world.observe(A, RequestKind::Scheduled).events, TASK_DONE | NEW_CELL);
-    assert_eq!(world.observe(A, RequestKind::Scheduled).events, 0);
+    assert_eq!(happened, EventMask::TASK_DONE | EventMask::NEW_CELL);
+    assert_eq!(world.events(A, EventMask::TASK_DONE), EventMask::TASK_DONE);
+    assert_eq!(world.events(A, EventMask::COLLISION), EventMask::empty());
+    assert_eq!(world.observe(A, RequestKind::Scheduled).events, EventMask::TASK_DONE | EventMask::NEW_CELL);
+    assert_eq!(world.observe(A, RequestKind::Scheduled).events, EventMask::empty());
     // Into the line of the door, then along it.
     world.step([(B, action(Motion::Path(vec![Point3::new(7.5, 2.5, 1.5)])))].into());
     for _ in 0..500 {
         world.step(BTreeMap::new());
     }
-    assert_eq!(world.events(A, CONTACTS), CONTACTS);
+    assert_eq!(world.events(A, EventMask::CONTACTS), EventMask::CONTACTS);
     assert_eq!(world.observe(A, RequestKind::Scheduled).contacts.len(), 1);
-    assert_eq!(world.events(A, CONTACTS), 0);
+    assert_eq!(world.events(A, EventMask::CONTACTS), EventMask::empty());
 }
 
 #[test]
@@ -263,11 +271,17 @@ fn speculative_observations_do_not_commit() {
     let message = |data: &[u8]| AgentMessage { peer: Peer::One(A), kind: 0, data: data.into() };
     world.step([(B, Action { messages: vec![message(b"x")], ..action(Motion::Keep) })].into());
     let second = world.observe(A, RequestKind::Polled);
-    assert_eq!((second.seen_free.len(), second.messages.len(), second.events & MESSAGE), (0, 1, MESSAGE));
+    assert_eq!(
+        (second.seen_free.len(), second.messages.len(), second.events & EventMask::MESSAGE),
+        (0, 1, EventMask::MESSAGE)
+    );
     let third = world.observe(A, RequestKind::Polled);
-    assert_eq!((third.messages.len(), third.events & MESSAGE), (0, 0));
+    assert_eq!((third.messages.len(), third.events & EventMask::MESSAGE), (0, EventMask::empty()));
     let counted = world.observe(A, RequestKind::Scheduled);
-    assert_eq!((counted.seen_free.len(), counted.messages.len(), counted.events & MESSAGE), (60, 1, MESSAGE));
+    assert_eq!(
+        (counted.seen_free.len(), counted.messages.len(), counted.events & EventMask::MESSAGE),
+        (60, 1, EventMask::MESSAGE)
+    );
 }
 
 #[test]
@@ -354,7 +368,7 @@ fn place_needs_room_and_reports_task_done() {
     let pairs = world.pairs_in_contact();
     world.place(A, at(2.5, 1.5, 1.5)).unwrap();
     assert_eq!((world.body(A).is_active(), world.body(A).pose().position.x), (false, 2.5));
-    assert_eq!(world.events(A, TASK_DONE | NEW_CELL), TASK_DONE | NEW_CELL);
+    assert_eq!(world.events(A, EventMask::TASK_DONE | EventMask::NEW_CELL), EventMask::TASK_DONE | EventMask::NEW_CELL);
     assert_eq!((pairs, world.pairs_in_contact()), (0, 0));
     world.place(B, at(5.5, 2.5, 1.5)).unwrap();
     world.place(A, at(2.5, 2.5, 1.5)).unwrap();

@@ -9,6 +9,7 @@ use msgs::geometry_msgs::{Point, Vector3};
 use msgs::ids::AgentId;
 use msgs::limits::OBSERVATION_BYTES_MAX;
 use msgs::maes_msgs::{AgentMessage, Body, CellRuns, Contact, Lidar, Observation as Part, Scenario};
+use msgs::message_type::MessageType;
 
 use crate::hostile_messages::number;
 

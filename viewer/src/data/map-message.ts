@@ -48,8 +48,8 @@ export class MapMessageReader {
 
   /**
    * Cells that a message contains, free or wall, for one of its receivers; valid until the next
-   * call. An agent ignores updates for others, as broadcasts to crowds are. Null if it is no map
-   * message of this run; the other forms are not looked at.
+   * call. An agent ignores updates for others, as broadcasts to dense neighbourhoods are. Null if
+   * it is no map message of this run; the other forms are not looked at.
    */
   cells(bytes: Uint8Array, receiver: number): Uint32Array | null {
     this.#count = 0;

@@ -297,7 +297,8 @@ export function result(bytes: Uint8Array, last: Progress | undefined): Result {
   const shares = sharesOf(reader);
   const counters = new Map<string, number>();
   for (let left = reader.count(13); left > 0; left--) {
-    const name = reader.string();
+    // Builds with protocol 6 or earlier called messages of agents parcels.
+    const name = reader.string().replace(/^parcel/, "message");
     counters.set(name, reader.u64());
   }
   const digest = Array.from({ length: 32 }, () => reader.u8().toString(16).padStart(2, "0")).join("");

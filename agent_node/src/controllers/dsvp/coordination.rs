@@ -8,6 +8,7 @@ use std::fmt;
 
 use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
+use msgs::message_type::MessageType;
 use voxels::Cell;
 
 use super::obstacles::Obstacles;
@@ -16,7 +17,6 @@ use crate::command::{Command, WakeCondition};
 use crate::controllers::Ctx;
 use crate::controllers::auction::Auction;
 use crate::observation::Observation;
-use msgs::message_type::MessageType;
 
 /// A way to coordinate, with its state in one agent.
 ///
@@ -62,7 +62,7 @@ pub(super) struct Alone;
 
 impl Coordination for Alone {
     fn wake(&self) -> WakeCondition {
-        WakeCondition::on(0)
+        WakeCondition::on(EventMask::empty())
     }
 
     fn receive(&mut self, _observation: &Observation, _agents: u32) {}

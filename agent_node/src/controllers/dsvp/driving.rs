@@ -83,6 +83,8 @@ impl Driving {
 
 #[cfg(test)]
 mod tests {
+    use msgs::event_mask::EventMask;
+
     use voxels::Cell;
 
     use super::*;
@@ -129,9 +131,12 @@ mod tests {
         for tick in (1..=ticks).map(|ticks| since.after(ticks)) {
             let next = driving.wake(Tick(tick.0 - 1));
             match driving.motion(tick) {
-                Motion::Keep => assert!(!next.is_met(tick, 0), "{tick:?}"),
+                Motion::Keep => assert!(!next.is_met(tick, EventMask::empty()), "{tick:?}"),
                 motion => {
-                    assert!(next.is_met(tick, 0) && tick.0 >= due.0 + Trajectory::STEP_TICKS, "{tick:?}");
+                    assert!(
+                        next.is_met(tick, EventMask::empty()) && tick.0 >= due.0 + Trajectory::STEP_TICKS,
+                        "{tick:?}"
+                    );
                     due = tick;
                     if tick < since.after(ticks) {
                         last = velocity(&driving, tick);

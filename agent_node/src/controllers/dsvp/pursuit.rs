@@ -14,13 +14,12 @@
 use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
+use msgs::message_type::MessageType;
 use voxels::{Cell, Extent};
 
 use super::goal::Goal;
 use crate::command::Command;
 use crate::observation::{Contact, Observation, ReceivedMessage};
-
-/// The message kind of the reports.
 
 const VERSION: u8 = 1;
 

@@ -1,4 +1,5 @@
 use msgs::ids::AgentId;
+use msgs::message_type::MessageType;
 use nalgebra::Point3;
 
 use super::super::testing::World;

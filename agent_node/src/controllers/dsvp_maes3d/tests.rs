@@ -1,6 +1,7 @@
 use super::*;
 use crate::controllers::testing::{RADIUS_M, World, drawn, flat};
 use crate::path::Moves;
+use msgs::event_mask::EventMask;
 
 /// The moves of a body that fits into a cell.
 fn moves() -> Moves {

@@ -1,3 +1,4 @@
+use msgs::event_mask::EventMask;
 use msgs::ids::AgentId;
 
 use super::*;
@@ -151,7 +152,7 @@ fn unvisited_cell_in_view_ends_search_mode_at_own_centre() {
     observation.contacts = vec![contact(13, 13, 0)];
     let command = world.ask_about(&mut lvd, &observation);
     assert_eq!((command.motion, lvd.is_in_search_mode), (to(MIDDLE), false));
-    observation.events = 0;
+    observation.events = EventMask::empty();
     assert_eq!(world.ask_about(&mut lvd, &observation).motion, Motion::Keep);
 }
 

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
 use msgs::relay_id::RelayId;
@@ -102,7 +103,7 @@ prop_compose! {
             yaw_rate_rad_s: 0.0,
             is_active,
             collision,
-            events,
+            events: EventMask::from_bits_retain(events),
             contacts: contacts
                 .into_iter()
                 .map(|(agent, position)| Contact { agent: AgentId(agent), position })

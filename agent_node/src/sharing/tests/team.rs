@@ -70,7 +70,10 @@ impl SimulatedTeam {
                 let has_met = in_contact.iter().any(|agent| !seen.contains(agent));
                 let events =
                     [(has_met, EventMask::FIRST_CONTACT), (!self.inboxes[index].is_empty(), EventMask::MESSAGE)];
-                let events = events.into_iter().filter(|&(has, _)| has).fold(0, |events, (_, event)| events | event);
+                let events = events
+                    .into_iter()
+                    .filter(|&(has, _)| has)
+                    .fold(EventMask::empty(), |events, (_, event)| events | event);
                 if !wake.is_met(Tick(now), events) {
                     continue;
                 }

@@ -1,5 +1,6 @@
 //! Messages of senders that are faulty or malicious.
 
+use msgs::message_type::MessageType;
 use voxels::{Cell, Extent};
 
 use super::super::*;

@@ -1,17 +1,17 @@
 use std::f64::consts::TAU;
 
 use msgs::body_model::BodyModel;
+use msgs::event_mask::EventMask;
 use msgs::scan_request::ScanRequest;
 use proptest::prelude::*;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
-use crate::world::FIRST_CONTACT;
 use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
 use crate::world::noise::SensorNoise;
-use crate::world::{CONTACTS, MESSAGE, RequestKind, ScanSchedule, WorldParams};
+use crate::world::{RequestKind, ScanSchedule, WorldParams};
 
 const A: AgentId = AgentId(0);
 const B: AgentId = AgentId(1);
@@ -161,13 +161,16 @@ fn first_contact_is_reported_once_in_each_share_period() {
             5 | 21 => stand(&mut world, FAR),
             _ => {}
         }
-        if world.events(A, FIRST_CONTACT) != 0 {
+        if world.events(A, EventMask::FIRST_CONTACT) != EventMask::empty() {
             let observation = world.observe(A, RequestKind::Scheduled);
-            assert_eq!((observation.events & FIRST_CONTACT, observation.contacts.len()), (FIRST_CONTACT, 1));
+            assert_eq!(
+                (observation.events & EventMask::FIRST_CONTACT, observation.contacts.len()),
+                (EventMask::FIRST_CONTACT, 1)
+            );
             reported.push(tick);
         }
         // Only to those who ask for it.
-        assert_eq!(world.observe(B, RequestKind::Scheduled).events & FIRST_CONTACT, 0);
+        assert_eq!(world.observe(B, RequestKind::Scheduled).events & EventMask::FIRST_CONTACT, EventMask::empty());
         world.step(BTreeMap::new());
     }
     assert_eq!(reported, [0, 10, 20, 33, 40]);
@@ -211,7 +214,7 @@ fn relays_connect_agents_and_store_content() {
     assert_eq!(received(&mut world, B), [message(Peer::One(A), b"hello")]);
     place(&mut world, B, 7.5, 3.5);
     world.step(BTreeMap::new());
-    assert_eq!(world.events(B, CONTACTS | MESSAGE), CONTACTS | MESSAGE);
+    assert_eq!(world.events(B, EventMask::CONTACTS | EventMask::MESSAGE), EventMask::CONTACTS | EventMask::MESSAGE);
     assert_eq!(received(&mut world, B), [message(Peer::Relay(first), b"near")]);
     world.step(BTreeMap::new());
     assert_eq!(received(&mut world, B), [], "delivered once");

@@ -33,15 +33,15 @@ pub(in crate::world) struct Lidar {
     /// Scans that each sensor casts ahead at most.
     ahead_max: u32,
     /// The sensors with scans to cast ahead. Those that have waited longest come first.
-    ahead: Mutex<VecDeque<Weak<Shared>>>,
+    ahead: Mutex<VecDeque<Weak<SensorCell>>>,
 }
 
 /// The sensor of one agent; clones are the same sensor.
 #[derive(Debug, Clone)]
-pub(in crate::world) struct Sensor(Arc<Shared>);
+pub(in crate::world) struct Sensor(Arc<SensorCell>);
 
 #[derive(Debug)]
-struct Shared {
+struct SensorCell {
     agent: AgentId,
     lidar: Arc<Lidar>,
     schedule: Mutex<Schedule>,
@@ -104,12 +104,12 @@ impl Lidar {
         Self { scanner, noise, ahead_max, ahead: Mutex::default() }
     }
 
-    fn ahead(&self) -> MutexGuard<'_, VecDeque<Weak<Shared>>> {
+    fn ahead(&self) -> MutexGuard<'_, VecDeque<Weak<SensorCell>>> {
         self.ahead.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Removes the first sensor with scans to cast ahead that is still in use.
-    fn next_ahead(&self) -> Option<Arc<Shared>> {
+    fn next_ahead(&self) -> Option<Arc<SensorCell>> {
         let mut ahead = self.ahead();
         std::iter::from_fn(|| ahead.pop_front()).find_map(|sensor| sensor.upgrade())
     }
@@ -119,7 +119,7 @@ impl Sensor {
     pub(in crate::world) fn new(agent: AgentId, lidar: &Arc<Lidar>, memory: SensorMemory) -> Self {
         let state = Mutex::new(State { memory, ahead: VecDeque::new() });
         let (schedule, is_announced, found) = Default::default();
-        Self(Arc::new(Shared { agent, lidar: Arc::clone(lidar), schedule, is_announced, state, found }))
+        Self(Arc::new(SensorCell { agent, lidar: Arc::clone(lidar), schedule, is_announced, state, found }))
     }
 
     /// Has a scan cast once its results are collected, or by a helper that it is announced to.
@@ -181,7 +181,7 @@ impl Sensor {
     }
 }
 
-impl Shared {
+impl SensorCell {
     fn schedule(&self) -> MutexGuard<'_, Schedule> {
         self.schedule.lock().unwrap_or_else(PoisonError::into_inner)
     }
