@@ -28,7 +28,7 @@ pub fn main(own: &'static [Registration]) -> ExitCode {
     run(std::env::args_os().skip(1), own)
 }
 
-/// The same, with arguments after the name of the program.
+/// Runs the agents as [`main`] does, with arguments after the name of the program.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &'static [Registration]) -> ExitCode {
     match Registry::with(own) {
@@ -37,7 +37,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &'static [Registr
     }
 }
 
-/// The same with a registry; returns the exit code, for programs that end in another way.
+/// Runs the agents as [`run`] does, with a registry; returns the exit code, for programs that end in another way.
 #[must_use]
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
     let name = OsString::from("agent_node");

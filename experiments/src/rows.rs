@@ -79,7 +79,7 @@ impl FailedRun {
     }
 }
 
-/// What is known about a run beside its metrics.
+/// When and on which map a run was made.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunMetadata {
@@ -136,17 +136,17 @@ pub struct RunRow {
     pub covered: f64,
     /// Share of the free cells on an agent's map at the end: mean over the agents.
     pub believed_mean: f64,
-    /// The same: minimum over the agents.
+    /// Share of the free cells on an agent's map at the end: minimum over the agents.
     pub believed_min: f64,
     /// Sim time at which the team had seen 50 % of the free cells, s; `None` if it never had.
     pub t50_s: Option<f64>,
-    /// The same, for 90 %.
+    /// Sim time at which the team had seen 90 % of the free cells, s.
     pub t90_s: Option<f64>,
-    /// The same, for 99 %.
+    /// Sim time at which the team had seen 99 % of the free cells, s.
     pub t99_s: Option<f64>,
-    /// The same, for 99.9 %.
+    /// Sim time at which the team had seen 99.9 % of the free cells, s.
     pub t99_9_s: Option<f64>,
-    /// The same, for 100 %.
+    /// Sim time at which the team had seen all free cells, s.
     pub t100_s: Option<f64>,
     /// Mean of the explored share over the whole duration, 0 to 1; constant after the end.
     pub area_under_explored: f64,
@@ -170,13 +170,13 @@ pub struct RunRow {
     /// See [`in_memory::stages`].
     #[serde(default)]
     pub exploring_s: f64,
-    /// The same, to frontiers that are not nearby.
+    /// Sim time in which agents were on the way to frontiers that are not nearby, summed, s.
     #[serde(default)]
     pub relocating_s: f64,
-    /// The same, to other agents, with news.
+    /// Sim time in which agents carried cells of their maps to other agents, summed, s.
     #[serde(default)]
     pub carrying_s: f64,
-    /// The same, without a goal or out of the way of others.
+    /// Sim time in which agents had no goal, or kept out of the way of others, summed, s.
     #[serde(default)]
     pub waiting_s: f64,
     /// Coefficient of variation of the cells that each agent has seen itself.
@@ -187,7 +187,7 @@ pub struct RunRow {
     pub messages: u64,
     /// Payload of the agent-to-agent messages delivered, bytes.
     pub message_bytes: u64,
-    /// The same, by kind of message.
+    /// Payload of the agent-to-agent messages delivered by type of message, bytes.
     pub bytes_by_kind: BTreeMap<u8, u64>,
     /// Share of the cells seen by the team that an agent's map lacks: mean over agents and samples.
     pub staleness: f64,

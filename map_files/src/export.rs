@@ -202,7 +202,7 @@ pub fn obj(terrain: &Grid<Terrain>) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// The same as a binary STL file.
+/// The surface of walls as a binary STL file.
 #[must_use]
 pub fn stl(terrain: &Grid<Terrain>) -> Vec<u8> {
     let cell_m = terrain.extent().cell_m();

@@ -45,7 +45,7 @@ impl Units {
         Ok(Self { up: options.up.unwrap_or(Up::Z), metres: options.scale.unwrap_or(1.0), cell_m, margin })
     }
 
-    /// The same units with another axis that points upwards.
+    /// A frame of equal units with another axis that points upwards.
     pub(super) fn with_up(self, up: Up) -> Self {
         Self { up, ..self }
     }

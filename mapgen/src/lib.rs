@@ -184,7 +184,7 @@ pub enum MapError {
 /// ```
 ///
 /// # Errors
-/// Those of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`];
+/// The errors of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`];
 /// [`MapError::Empty`] if nothing free is left.
 pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMap, MapError> {
     check_memory(extent, GENERATION_CELL_BYTES)?;
@@ -251,7 +251,7 @@ fn described(
 /// it.
 ///
 /// # Errors
-/// Those of [`MapSpec::check`]; [`MapError::OutOfRange`] if the building has fewer entrances than
+/// The errors of [`MapSpec::check`]; [`MapError::OutOfRange`] if the building has fewer entrances than
 /// it should.
 pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entrance>, MapError> {
     match spec {

@@ -24,7 +24,7 @@ pub struct DiagnosticStatus {
     pub message: String,
     /// Not used here.
     pub hardware_id: String,
-    /// The same in numbers.
+    /// The state in numbers.
     pub values: Vec<KeyValue>,
 }
 

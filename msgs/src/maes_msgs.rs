@@ -115,8 +115,8 @@ pub struct Counter {
 }
 
 impl Counter {
-    /// The name that the counter has today. Builds with protocol 6 or earlier called messages of
-    /// agents parcels.
+    /// The name that the counter has today. Builds with protocol 6 or earlier called
+    /// messages of agents parcels.
     #[must_use]
     pub fn present_name(&self) -> String {
         self.name.strip_prefix("parcel").map_or_else(|| self.name.clone(), |rest| format!("message{rest}"))
@@ -313,7 +313,7 @@ pub struct Observation {
     pub scan_tick: u64,
     /// Free cells this agent has seen for the first time since its last observation.
     pub seen_free: CellRuns,
-    /// The same for walls.
+    /// Walls this agent has seen for the first time since its last observation.
     pub seen_wall: CellRuns,
     /// Whether the last command requested the view and there has been a scan.
     pub has_view: bool,

@@ -38,7 +38,7 @@ pub(crate) fn indices_of(Cell { x, y, z }: Cell) -> CellIndices {
 pub(crate) struct CellsArray {
     /// By index of the cell.
     base: Py<PyArray1<u8>>,
-    /// The same memory, read-only, by x, y and z.
+    /// The memory of the map, read-only, by x, y and z.
     view: Py<PyAny>,
     /// Entries of the journal that it has.
     journal_len: usize,

@@ -157,7 +157,7 @@ impl Environment {
         Ok(environment)
     }
 
-    /// The same scenario and shape at tick 0 with a seed.
+    /// An environment of this scenario and shape at tick 0 with a seed.
     ///
     /// # Errors
     /// See [`Self::new`].

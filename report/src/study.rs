@@ -104,7 +104,7 @@ pub(super) struct Study {
     pub(super) plan: Option<String>,
     pub(super) design: Design,
     pub(super) runs: Vec<RunRecord>,
-    /// What is known about each run beside its metrics.
+    /// When and on which map each run was made.
     pub(super) made: Vec<RunMetadata>,
     /// The name of what is compared, such as `controller`.
     pub(super) variant_title: String,
@@ -191,7 +191,7 @@ impl Study {
         cell.runs.iter().enumerate().filter_map(is_first).collect()
     }
 
-    /// The same with those that repeat another one.
+    /// All runs of a group, those that repeat another one included.
     pub(super) fn all_of_cell(&self, condition: &Condition, variant: usize) -> Vec<&RunRecord> {
         let cell = self.cells.get(&(condition.clone(), variant));
         cell.into_iter().flat_map(|cell| &cell.runs).map(|&run| &self.runs[run]).collect()
@@ -217,7 +217,7 @@ impl Study {
         self.pairs_of(condition, (a, b), |_| true)
     }
 
-    /// Those of [`Self::pairs`] of which no run has failed.
+    /// The pairs of [`Self::pairs`] of which no run has failed.
     pub(super) fn measured_pairs(&self, condition: &Condition, a: usize, b: usize) -> Pairs<'_> {
         self.pairs_of(condition, (a, b), |run| run.row.failure().is_none())
     }

@@ -51,12 +51,12 @@ const SOCKETS: &str = "/proc/net/udp";
 /// The part of a GUID that names a participant.
 type Prefix = Vec<u8>;
 
-/// What is known of the other participants of the domain.
+/// The other participants of the domain, as far as they have been discovered.
 #[derive(Default)]
 struct Discovery {
     /// Participants that have answered.
     discovered: BTreeSet<Prefix>,
-    /// Those of another middleware, which lose announcements.
+    /// Participants of another middleware, which lose announcements.
     foreign: BTreeSet<Prefix>,
     /// Participants that have announced an endpoint, from when on they also receive the
     /// announcements of this process.

@@ -96,7 +96,7 @@ impl CellSet {
         bits_of(&self.occupied).flat_map(|word| bits(self.words[word]).map(move |bit| 64 * word + bit as usize))
     }
 
-    /// Those of some cells that are in it, ascending.
+    /// The cells of a range that are in the set, ascending.
     pub fn iter_in(&self, cells: Range<usize>) -> impl Iterator<Item = usize> + '_ {
         let end = cells.end;
         cells.step_by(64).flat_map(move |start| {

@@ -24,7 +24,7 @@ pub(super) struct Knowledge {
 }
 
 impl Knowledge {
-    /// What is known.
+    /// The position in the log of each agent up to which this agent knows it.
     pub(super) fn known(&self) -> &Known {
         &self.known
     }

@@ -59,7 +59,8 @@ impl Links {
         self.send(MessageKind::JoinReply, AgentId(reply.agent), reply, REPLIES, inbox, context)
     }
 
-    /// The same with a fragment of an observation.
+    /// Sends a fragment of an observation over a socket, if its agent has one; returns whether it is
+    /// to be published as well.
     pub(super) fn observe(
         &mut self,
         agent: AgentId,

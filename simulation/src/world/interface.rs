@@ -113,6 +113,6 @@ pub struct Totals {
     pub relay_readings: u64,
     /// Bytes of delivered messages.
     pub message_bytes_delivered: u64,
-    /// The same by message kind.
+    /// Bytes of delivered messages by message type.
     pub message_bytes_by_kind: BTreeMap<u8, u64>,
 }

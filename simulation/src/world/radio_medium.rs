@@ -40,7 +40,7 @@ pub(super) struct RadioMedium {
 #[derive(Debug)]
 pub(super) struct ReportedContacts {
     last: Vec<u64>,
-    /// Those of all committed observations of a share period.
+    /// The contacts that all committed observations of a share period have listed.
     in_period: Vec<u64>,
     period: u64,
 }

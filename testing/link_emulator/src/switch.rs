@@ -39,13 +39,13 @@ pub struct Outage {
 pub struct Counts {
     /// Frames that a host has sent.
     pub sent: u64,
-    /// Those of them that were lost at random.
+    /// Sent frames that were lost at random.
     pub lost: u64,
-    /// Those of them that were lost in the outage.
+    /// Sent frames that were lost in the outage.
     pub cut: u64,
-    /// Those of them that others could overtake.
+    /// Sent frames that others could overtake.
     pub held_back: u64,
-    /// Those of them for which there was no room.
+    /// Sent frames that a full queue dropped.
     pub dropped: u64,
 }
 

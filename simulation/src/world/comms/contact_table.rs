@@ -49,7 +49,7 @@ pub struct ContactTable {
     /// By agent and other agent the reading of the odometer of the first one up to which the
     /// decision on the pair holds, metres; infinity for an agent and itself.
     own_until_m: Vec<f64>,
-    /// The same for the odometer of the other one: the transposed matrix.
+    /// The transposed matrix: the readings of the odometer of the other agent.
     other_until_m: Vec<f64>,
     /// For each agent a bit for each agent that was in contact when the pair was last decided.
     rows: Vec<u64>,
@@ -81,7 +81,7 @@ pub struct ContactRules<'w> {
     pub open_space: &'w OpenSpace,
 }
 
-/// What is known of two radios.
+/// What has been measured between two radios.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
     /// Sum of the two odometers up to which a line of sight has been found to have no slack,

@@ -181,7 +181,7 @@ impl Culling {
 }
 
 impl CullingState {
-    /// What is known before anything was seen.
+    /// The state before the first scan: every group is active.
     pub(super) fn new(frontier: Frontier) -> Self {
         let active = [ActiveSet { groups: 0, watched_cells: [NO_WATCHED_CELL; Groups::BITS as usize] }; 8];
         Self { frontier, culling: None, active_from: BTreeMap::new(), slot: None, active }

@@ -98,7 +98,7 @@ pub(super) struct ScanResult {
 }
 
 impl Lidar {
-    /// Those of this many agents.
+    /// The LiDARs of a team of `agents`.
     pub(in crate::world) fn new(scanner: Scanner, noise: SensorNoise, agents: u32) -> Self {
         let ahead_max = (TEAM_AHEAD / agents.max(1)).clamp(1, AHEAD_MAX);
         Self { scanner, noise, ahead_max, ahead: Mutex::default() }
