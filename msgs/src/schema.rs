@@ -145,9 +145,9 @@ mod tests {
             [
                 "geometry_msgs/Point",
                 "geometry_msgs/Vector3",
+                "maes_msgs/AgentMessage",
                 "maes_msgs/CellRuns",
                 "maes_msgs/Contact",
-                "maes_msgs/AgentMessage",
                 "std_msgs/Header",
                 "builtin_interfaces/Time"
             ]
