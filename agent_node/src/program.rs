@@ -37,7 +37,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &'static [Registr
     }
 }
 
-/// Runs the agents as [`run`] does, with a registry; returns the exit code, for programs that end in another way.
+/// Runs the agents as [`run`] does, with a registry; returns the exit code, for programs that
+/// end in another way.
 #[must_use]
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
     let name = OsString::from("agent_node");

@@ -251,8 +251,8 @@ fn described(
 /// it.
 ///
 /// # Errors
-/// The errors of [`MapSpec::check`]; [`MapError::OutOfRange`] if the building has fewer entrances than
-/// it should.
+/// The errors of [`MapSpec::check`]; [`MapError::OutOfRange`] if the building has fewer entrances
+/// than it should.
 pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entrance>, MapError> {
     match spec {
         MapSpec::Building(spec) => building::entrances(spec, extent, seed),

@@ -66,7 +66,8 @@ pub struct WorldParams {
     pub schedule: ScanSchedule,
     /// The radios and their contact model.
     pub comms: Comms,
-    /// Length of the share periods, which [`EventMask::FIRST_CONTACT`] refers to; 0: one period without end.
+    /// Length of the share periods, which [`EventMask::FIRST_CONTACT`] refers to; 0: one
+    /// period without end.
     pub share_period_ticks: u32,
     /// The sensor noise.
     pub noise: SensorNoise,

@@ -283,8 +283,8 @@ impl World {
         table.of(agent, rules).collect()
     }
 
-    /// [`EventMask::CONTACTS`] if the agents or relays in contact differ from those of the last committed
-    /// observation, else no event.
+    /// [`EventMask::CONTACTS`] if the agents or relays in contact differ from those of the last
+    /// committed observation, else no event.
     pub(super) fn change_of_contacts(&mut self, agent: AgentId) -> EventMask {
         let relays = self.relays_of(agent);
         let Present { table, rules, agents } = self.present_contacts();
