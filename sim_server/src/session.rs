@@ -144,7 +144,7 @@ pub fn run(
         begun,
         agents: Agents::new(AgentSessions::new(
             start.identity,
-            policy.with_external(&scenario.third_party()),
+            policy.with_third_party(&scenario.third_party()),
             agents,
             ReplayPolicy { keeps_log, allows_replacement },
         )),

@@ -59,7 +59,7 @@ impl Driven {
 
     fn request(agent: u32, tick: u64, phase: u8) -> ObservationRequest {
         let fragment = Observation { agent, tick, parts: 1, phase, ..Observation::default() };
-        ObservationRequest { agent: AgentId(agent), kind: RequestKind::Committed, fragments: Arc::new(vec![fragment]) }
+        ObservationRequest { agent: AgentId(agent), kind: RequestKind::Scheduled, fragments: Arc::new(vec![fragment]) }
     }
 
     fn ask(&mut self, tick: u64, agents: &[u32]) {

@@ -97,8 +97,10 @@ impl NearestFrontier {
 }
 
 /// Under way it decides in each new cell, since it may have seen beyond the frontier from there.
-const UNDER_WAY: WakeCondition =
-    WakeCondition { at: Tick(u64::MAX), events: EventMask::TASK_DONE | EventMask::COLLISION | EventMask::NEW_CELL };
+const UNDER_WAY: WakeCondition = WakeCondition {
+    at: Tick(u64::MAX),
+    events: EventMask::TASK_DONE.union(EventMask::COLLISION).union(EventMask::NEW_CELL),
+};
 
 impl NearestFrontier {
     /// The decision of a body wider than a cell, after its first scan and without a collision.

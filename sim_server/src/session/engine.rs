@@ -318,9 +318,9 @@ impl<'a> Engine<'a> {
         self.world.switch_radio(agent, is_on);
     }
 
-    /// Lets another scenario hold from now on. The agents receive it, except `external` ones; those
+    /// Lets another scenario hold from now on. The agents receive it, except `third_party` ones; those
     /// whose controller or its settings change hand over their bodies and LiDARs, and are due.
-    pub(super) fn change(&mut self, scenario: Scenario, external: &BTreeSet<AgentId>) {
+    pub(super) fn change(&mut self, scenario: Scenario, third_party: &BTreeSet<AgentId>) {
         let before = self.scenario();
         let choices = before.agents.controllers().into_iter().zip(scenario.agents.controllers());
         let takes_over: Vec<bool> = choices.map(|(old, new)| old != new).collect();
@@ -332,7 +332,7 @@ impl<'a> Engine<'a> {
             self.world.set_radios(scenario.communication.comms(scenario.seed));
         }
         let data = SharedBytes::from(cdr::encode(&announcement));
-        for agent in self.world.agents().filter(|agent| !self.lost.contains(agent) && !external.contains(agent)) {
+        for agent in self.world.agents().filter(|agent| !self.lost.contains(agent) && !third_party.contains(agent)) {
             if is_news {
                 self.world.tell(agent, data.clone());
             }

@@ -75,7 +75,7 @@ impl Authentication {
     }
 
     fn is_external(&self, agent: AgentId) -> bool {
-        self.policy.external.contains(&agent)
+        self.policy.third_party.contains(&agent)
     }
 
     fn is_proven(&self, source: SourceId, join: &SignedJoin) -> bool {

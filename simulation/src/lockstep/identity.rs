@@ -11,17 +11,17 @@ use msgs::signing::{Bytes, JoinSecret, SessionKey};
 pub struct JoinPolicy {
     /// What a process must know; `None`: nothing.
     pub secret: Option<JoinSecret>,
-    /// Ids whose processes need not sign their commands, because foreign nodes run them. Those that
-    /// the scenario says so of ([`Scenario::third_party`](crate::scenario::Scenario::unsigned)) are
-    /// always among them.
-    pub external: BTreeSet<AgentId>,
+    /// Ids whose processes need not sign their commands, because foreign nodes run them. The
+    /// [third-party agents of the scenario](crate::scenario::Scenario::third_party) are always among
+    /// them.
+    pub third_party: BTreeSet<AgentId>,
 }
 
 impl JoinPolicy {
-    /// The same policy, by which these need not sign either.
+    /// This policy with further third-party agents.
     #[must_use]
-    pub fn with_external(&self, unsigned: &BTreeSet<AgentId>) -> Self {
-        Self { external: self.external.union(unsigned).copied().collect(), ..self.clone() }
+    pub fn with_third_party(&self, agents: &BTreeSet<AgentId>) -> Self {
+        Self { third_party: self.third_party.union(agents).copied().collect(), ..self.clone() }
     }
 }
 

@@ -6,9 +6,10 @@ use std::hash::Hash;
 use std::sync::Arc;
 use std::time::Duration;
 
+use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
-use msgs::maes_msgs::{Command, Join, Observation, Scenario, WakeCondition};
+use msgs::maes_msgs::{Command, Join, Observation, Scenario, WakeCondition as WireWakeCondition};
 use msgs::wake_condition::WakeCondition;
 use simulation::lockstep::{
     AgentSessions, Event, Inbound, Incoming, JoinPolicy, Notice, ObservationRequest, ReplayPolicy, Replies,
@@ -111,9 +112,9 @@ impl Server {
     /// What the future of the server depends on, besides its sessions.
     pub(crate) fn rest(&self) -> impl Hash + PartialEq + '_ {
         let Self { phase, tick, has_left, run, owners, violation, .. } = self;
-        let requests: Vec<_> = self.requests.iter().map(|request| (request.agent.0, request.since)).collect();
+        let requests: Vec<_> = self.requests.iter().map(|request| (request.agent.0, request.kind)).collect();
         let requests: Vec<_> =
-            requests.into_iter().map(|(agent, since)| (agent, since == RequestKind::Scheduled)).collect();
+            requests.into_iter().map(|(agent, kind)| (agent, kind == RequestKind::Scheduled)).collect();
         let wake_conditions: Vec<u64> = self.wake_conditions.iter().map(|wake| wake.at.0).collect();
         let recorded: Vec<_> = self.recording.iter().map(|it| (it.agent, it.command.tick, &it.command.info)).collect();
         (phase, tick, has_left, run, owners, violation, requests, wake_conditions, recorded)
@@ -143,7 +144,7 @@ impl Server {
                 (agent, instance, Inbound::Join(join))
             }
             Message::Command { agent, instance, tick, info, wake } => {
-                let wake = WakeCondition { at_tick: wake, ..WakeCondition::default() };
+                let wake = WireWakeCondition { at_tick: wake, ..WireWakeCondition::default() };
                 (agent, instance, Inbound::Command(Command { tick, run, agent, wake, info, ..Command::default() }))
             }
             Message::Reply { .. } | Message::Observation { .. } => return false,
@@ -291,7 +292,7 @@ impl Server {
 
     fn request(&self, agent: u32, kind: RequestKind, phase: u8) -> ObservationRequest {
         let fragment = Observation { tick: self.tick, agent, parts: 1, phase, ..Observation::default() };
-        ObservationRequest { agent: AgentId(agent), since, fragments: Arc::new(vec![fragment]) }
+        ObservationRequest { agent: AgentId(agent), kind, fragments: Arc::new(vec![fragment]) }
     }
 
     /// Starts the present tick, or the next one in which an agent is asked.
@@ -307,10 +308,10 @@ impl Server {
         self.requests = (0..plan.agents)
             .filter(|agent| !self.is_out(plan, *agent))
             .filter_map(|agent| {
-                let is_due = self.wake_conditions[agent as usize].is_met(Tick(self.tick), 0);
+                let is_scheduled = self.wake_conditions[agent as usize].is_met(Tick(self.tick), EventMask::empty());
                 let is_polled = plan.polled == Some(self.tick);
-                let since = if is_due { RequestKind::Scheduled } else { RequestKind::Polled };
-                (is_due || is_polled).then(|| self.request(agent, since, Observation::RUNNING))
+                let kind = if is_scheduled { RequestKind::Scheduled } else { RequestKind::Polled };
+                (is_scheduled || is_polled).then(|| self.request(agent, kind, Observation::RUNNING))
             })
             .collect();
         self.sessions.enter(Tick(self.tick));
@@ -327,12 +328,12 @@ impl Server {
     }
 
     fn commit(&mut self, plan: &Plan, mut replies: Replies, network: &mut Network) {
-        for ObservationRequest { agent, since, fragments } in std::mem::take(&mut self.requests) {
+        for ObservationRequest { agent, kind, fragments } in std::mem::take(&mut self.requests) {
             let Some(reply) = replies.remove(&agent) else {
                 self.violate("a tick was committed with a command missing");
                 continue;
             };
-            if since == RequestKind::Polled {
+            if kind == RequestKind::Polled {
                 if !reply.is_no_op() {
                     self.violate("an agent acts that is not due");
                 }
