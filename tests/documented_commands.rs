@@ -349,6 +349,12 @@ fn defects_of_blocks_are_found() {
     for (language, whole, broken, reason) in [
         ("sh", "maes info a.mcap", "maes info\nmaes info c.mcap", "line 4 fails"),
         ("sh", "false & maes info a.mcap", "maes info a.mcap | false", "line 4 fails"),
+        (
+            "sh",
+            "maes run --transport memory --size 20 --duration 20",
+            "maes run --transport memory --size 20 --duration 0.1",
+            "the team has moved",
+        ),
         ("sh", "maes diff a.mcap b.mcap", "maes diff a.mcap c.mcap", "c.mcap"),
         (
             "sh,checked,docker",

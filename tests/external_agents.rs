@@ -14,6 +14,15 @@ fn example(site: &Site, script: &str, agent: &str) -> Process {
     Process::start(&mut command)
 }
 
+/// The example in C++, compiled against the parts of rclcpp that it uses.
+fn cpp_example(site: &Site, agent: &str) -> Process {
+    python::prepare_ros();
+    let mut command = site.command("bash");
+    command.args(python::in_ros()).arg("python3").arg(root().join("tests/cpp_agent.py"));
+    command.arg(site.path("")).arg(agent).env("PYTHONDONTWRITEBYTECODE", "1");
+    Process::start(&mut command)
+}
+
 /// Agent 0 uses the protocol, agent 1 standard messages; agent 2 is an `agent_node`.
 fn mixed_team(order: &str) -> Outcome {
     let site = Site::new();
@@ -51,6 +60,18 @@ fn examples_move_on_the_default_map() {
             assert!(result.explored_by[0] > 0.1, "{script}, seed {seed}: {:?}", result.explored_by);
         }
     }
+}
+
+#[test]
+fn cpp_example_moves() {
+    let site = Site::new();
+    let agent = cpp_example(&site, "0");
+    let run = ["--agents", "2", "--external", "0", "--duration", "90", "--set", "stop_when_explored=false"];
+    let outcome = site.record(&[&run[..], &["--decision-timeout", "60", "--join-timeout", "300"]].concat());
+    agent.ended().with_code(0);
+    let result = Recording::from_bytes(&outcome.bytes).result();
+    assert!(result.distance_m[0] > 5.0, "{:?}", result.distance_m);
+    assert!(result.explored_by[0] > 0.1, "{:?}", result.explored_by);
 }
 
 #[test]

@@ -471,11 +471,13 @@ fn rewritten_recordings_verify() {
     let bytes = std::fs::read(site.path("run.mcap")).expect("there is a recording");
     let of = |compression| Rewriting { options: WriteOptions::new().compression(compression), ..Rewriting::default() };
     let no_chunks = WriteOptions::new().use_chunks(false);
+    let no_index = WriteOptions::new().emit_summary_records(false).emit_message_indexes(false);
     for (name, rewriting) in [
         ("zstd", of(Some(Compression::Zstd))),
         ("lz4", of(Some(Compression::Lz4))),
         ("none", of(None)),
         ("no chunks", Rewriting { options: no_chunks, ..Rewriting::default() }),
+        ("no index", Rewriting { options: no_index, ..Rewriting::default() }),
         ("metadata", Rewriting { metadata_in_the_middle: true, ..Rewriting::default() }),
         ("attachments last", Rewriting { are_attachments_last: true, ..Rewriting::default() }),
         ("topics by name", Rewriting { topics_by_name: true, ..Rewriting::default() }),
