@@ -14,10 +14,7 @@ pub enum SupervisorError {
     #[error("--external {agent}: agent {agent} is not in the run: ids are 0 to {}", count - 1)]
     UnknownExternal { agent: u32, count: u32 },
     /// Third-party agents are processes of their own, so the others have to be, too.
-    #[error(
-        "--agents-per-process {0}: expected 1 if some agents are third-party, or have a program
-    #of their own"
-    )]
+    #[error("--agents-per-process {0}: expected 1 if some agents are third-party, or have a program of their own")]
     SharedProcess(u32),
     /// A file of hosts, or what it says.
     #[error("{}: {reason}", file.display())]
