@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Parser;
 use msgs::ids::AgentId;
 
-use crate::controllers::Registry;
+use controllers::Registry;
 use crate::host::Options;
 
 /// Agents of a deterministic simulator of 3-D multi-agent exploration: one process for one or more

@@ -30,10 +30,10 @@ use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Scenario, SignedCommand, SignedObservation};
 use msgs::signing::{Bytes, NONE, SessionKey, is_equal};
 
-use crate::agent::{Agent, Reaction};
+use crate::control_loop::{Agent, Reaction};
 use crate::parameters;
 use crate::transport::{Inbound, Level, ServerTransport};
-use crate::wire;
+use crate::wire::{self, WireError};
 
 use authentication::Authentication;
 pub use authentication::Credentials;
@@ -200,7 +200,7 @@ impl<T: ServerTransport> Host<T> {
         }
         let mut agents = BTreeMap::new();
         for &id in &options.agents {
-            let wrong = |source| RunError::Wire { agent: id, source };
+            let wrong = |source: WireError| RunError::Agent { agent: id, source: source.into() };
             let run_info = wire::run_info(scenario, id).map_err(wrong)?;
             let (name, settings) = options.decides(&run_info.controller, &run_info.settings);
             let resolved = options.registry.resolve_settings(name, &settings)?;
@@ -379,7 +379,7 @@ impl<T: ServerTransport> Host<T> {
         if is_one_of_several {
             self.messages.share(&mut part);
         }
-        let reaction = hosted.agent.take(part).map_err(|source| RunError::Wire { agent: id, source })?;
+        let reaction = hosted.agent.take(part).map_err(|source| RunError::Agent { agent: id, source })?;
         if let Some(source) = hosted.agent.failure() {
             return Err(RunError::Failed { agent: id, source });
         }

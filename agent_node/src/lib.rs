@@ -1,12 +1,9 @@
-//! An agent: its map, its controllers, and its process.
+//! The process of an agent: its control loop, over a transport.
 //!
-//! In reading order: [`observation`] and [`command`] are its inputs and outputs, [`bodies`] what
-//! the bodies of the team can do; [`exploration_map`] is its map, [`path`] searches paths on it,
-//! [`abstract_graph`] does so coarsely, [`navigation`] makes motions of paths, [`sharing`]
-//! exchanges maps with other agents; [`controllers`] decide; [`agent`] combines all of these;
-//! [`host`] runs the agents of a process over a [`transport`]; [`wire`] converts messages;
-//! [`map_markers`] visualises a map; `ros` is the transport over ROS 2; [`program`] is the whole
-//! program `agent_node`.
+//! In reading order: [`control_loop`] merges observations into the map of an agent, calls its
+//! controller and replies; [`host`] runs the agents of a process over a [`transport`]; [`wire`]
+//! converts messages; `ros` is the transport over ROS 2; [`program`] is the whole program
+//! `agent_node`. What an agent knows is in the crate `agent`, what it decides in `controllers`.
 //!
 //! A program elsewhere that depends on this crate registers controllers of its own and is an
 //! `agent_node` with them: its `main` is [`program::main`]. What their interface is made of is
@@ -16,28 +13,20 @@
 
 #![warn(missing_docs)]
 
-pub mod agent;
-
-pub mod abstract_graph;
-pub mod bodies;
 pub mod cli;
-pub mod command;
-pub mod controllers;
-pub mod exploration_map;
+pub mod control_loop;
 pub mod host;
-pub mod map_markers;
-pub mod navigation;
-pub mod observation;
 pub mod parameters;
-pub mod path;
 pub mod program;
 #[cfg(feature = "ros")]
 pub mod ros;
-pub mod sharing;
-pub mod stopwatch;
 pub mod transport;
 pub mod wire;
 
+pub use agent::{
+    abstract_graph, bodies, command, exploration_map, map_markers, navigation, observation, path, sharing,
+};
+pub use controllers::{self, stopwatch};
 pub use msgs;
 pub use nalgebra;
 pub use rand;

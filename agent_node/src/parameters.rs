@@ -3,7 +3,7 @@
 use msgs::ids::AgentId;
 use msgs::parameters::{Parameter, Value};
 
-use crate::controllers::settings::{Setting, SettingValue};
+use controllers::settings::{Setting, SettingValue};
 
 /// The parameters before the scenario is known.
 #[must_use]
@@ -41,7 +41,7 @@ pub fn of_controller(name: &str, settings: &[Setting]) -> Vec<Parameter> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controllers;
+    use controllers;
 
     #[test]
     fn every_setting_is_a_parameter_with_its_range() {

@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::cli::Cli;
-use crate::controllers::{Registration, Registry};
+use controllers::{Registration, Registry};
 
 /// Bad input: an argument, a controller, a setting.
 const BAD_INPUT: u8 = 2;
@@ -76,7 +76,7 @@ mod serve {
     use ros_node::ros_env::RosEnv;
 
     use crate::cli::Cli;
-    use crate::controllers::Registry;
+    use controllers::Registry;
     use crate::host::{self, Credentials, Options, RunError};
     use crate::ros::RosTransport;
 
@@ -130,7 +130,7 @@ mod serve {
 #[cfg(not(feature = "ros"))]
 mod serve {
     use crate::cli::Cli;
-    use crate::controllers::Registry;
+    use controllers::Registry;
 
     pub(super) fn run(_cli: &Cli, _registry: Registry) -> u8 {
         super::fail(&"this program was built without the feature `ros` of agent_node", 1)

@@ -17,10 +17,9 @@ use nalgebra::Point3;
 use thiserror::Error;
 use voxels::{Extent, ExtentError, RunsError};
 
-use crate::bodies::{Bodies, BodyModel};
-use crate::command::{Command, Motion, Stage};
-use crate::controllers::ControllerError;
-use crate::observation::RunInfo;
+use agent::bodies::{Bodies, BodyModel};
+use agent::command::{Command, Motion, Stage};
+use agent::observation::RunInfo;
 
 pub use observation::{FragmentReassembler, Reassembled};
 
@@ -59,14 +58,6 @@ pub enum WireError {
         value: String,
         /// The legal values.
         allowed: String,
-    },
-    /// The controller that is to take over cannot be built.
-    #[error("observation of tick {tick}: {source}")]
-    Controller {
-        /// The tick of the observation.
-        tick: Tick,
-        /// What is wrong.
-        source: ControllerError,
     },
     /// A fragment number is out of range, or the fragments disagree on their count.
     #[error("observation of tick {tick}: part {part} of {parts}")]

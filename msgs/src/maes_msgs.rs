@@ -114,15 +114,6 @@ pub struct Counter {
     pub value: u64,
 }
 
-impl Counter {
-    /// The name that the counter has today. Builds with protocol 6 or earlier called
-    /// messages of agents parcels.
-    #[must_use]
-    pub fn present_name(&self) -> String {
-        self.name.strip_prefix("parcel").map_or_else(|| self.name.clone(), |rest| format!("message{rest}"))
-    }
-}
-
 /// The digest of the run up to and including a tick: a chain over the state of the world, the
 /// observations and the commands.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

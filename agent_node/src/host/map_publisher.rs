@@ -9,7 +9,7 @@ use msgs::ids::{AgentId, Tick};
 use voxels::Extent;
 
 use super::{Host, HostedAgent, RECEIVE_TIMEOUT};
-use crate::map_markers::MapMarkers;
+use agent::map_markers::MapMarkers;
 use crate::transport::{Level, ServerTransport};
 
 /// Wall time between two markers of one map, so that subscribers can keep up.

@@ -7,9 +7,9 @@ use msgs::limits::PROTOCOL;
 use thiserror::Error;
 
 use super::Credentials;
-use crate::controllers::{ControllerError, Failure, Registry};
-use crate::stopwatch::DecisionTimes;
-use crate::wire::WireError;
+use controllers::{ControllerError, Failure, Registry};
+use controllers::stopwatch::DecisionTimes;
+use crate::control_loop::AgentError;
 
 /// The options of a process.
 #[derive(Debug, Clone)]
@@ -119,12 +119,12 @@ pub enum RunError {
         /// What the controller says.
         source: Failure,
     },
-    /// The server violates the protocol.
+    /// The server violates the protocol, or the controller that is to take over cannot be built.
     #[error("agent {agent}: {source}")]
-    Wire {
+    Agent {
         /// The agent.
         agent: AgentId,
-        /// The violation.
-        source: WireError,
+        /// Why.
+        source: AgentError,
     },
 }

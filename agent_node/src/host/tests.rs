@@ -1,5 +1,5 @@
 use super::*;
-use crate::controllers::Registry;
+use controllers::Registry;
 
 const OURS: u64 = 7;
 const OTHER: u64 = 8;

@@ -15,7 +15,7 @@ use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 
 use super::{WireError, run_info};
-use crate::observation::{
+use agent::observation::{
     Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
 };
 

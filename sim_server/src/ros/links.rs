@@ -59,8 +59,8 @@ impl Links {
         self.send(MessageKind::JoinReply, AgentId(reply.agent), reply, REPLIES, inbox, context)
     }
 
-    /// Sends a fragment of an observation over a socket, if its agent has one; returns whether it is
-    /// to be published as well.
+    /// Sends a fragment of an observation over a socket, if its agent has one; returns whether it
+    /// is to be published as well.
     pub(super) fn observe(
         &mut self,
         agent: AgentId,

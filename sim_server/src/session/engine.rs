@@ -318,8 +318,9 @@ impl<'a> Engine<'a> {
         self.world.switch_radio(agent, is_on);
     }
 
-    /// Lets another scenario hold from now on. The agents receive it, except `third_party` ones; those
-    /// whose controller or its settings change hand over their bodies and LiDARs, and are due.
+    /// Lets another scenario hold from now on. The agents receive it, except `third_party` ones;
+    /// those whose controller or its settings change hand over their bodies and LiDARs, and are
+    /// due.
     pub(super) fn change(&mut self, scenario: Scenario, third_party: &BTreeSet<AgentId>) {
         let before = self.scenario();
         let choices = before.agents.controllers().into_iter().zip(scenario.agents.controllers());

@@ -1,0 +1,52 @@
+//! What a map knows of the cells of a cube, row by row instead of cell by cell.
+
+use voxels::Cell;
+
+use super::{ExplorationMap, state_of};
+
+impl ExplorationMap {
+    /// The cells known to be free in a cube of at most 5 cells along each axis whose lowest cell is
+    /// inside the map: one bit each, x first.
+    pub fn free_in(&self, corner: Cell, side: i32) -> u128 {
+        self.in_rows(corner, side, |start, count| {
+            let row = &self.cells.as_slice()[start..start + count];
+            (0..)
+                .zip(row)
+                .fold(0, |bits, (place, &packed): (u32, _)| bits | u64::from(state_of(packed).is_free()) << place)
+        })
+    }
+
+    /// The frontiers in such a cube.
+    pub fn frontiers_in(&self, corner: Cell, side: i32) -> u128 {
+        self.in_rows(corner, side, |start, count| self.frontier.run(start, count as u32))
+    }
+
+    /// Puts the bits of the rows of a cube together; `row` gets the first cell of a row and the
+    /// number of its cells that are inside the map.
+    fn in_rows(&self, corner: Cell, side: i32, row: impl Fn(usize, usize) -> u64) -> u128 {
+        let [size_x, size_y, size_z] = self.extent().size().map(u32::cast_signed);
+        let count = side.min(size_x - corner.x) as usize;
+        let mut bits = 0;
+        for z in 0..side.min(size_z - corner.z) {
+            for y in 0..side.min(size_y - corner.y) {
+                let start = ((corner.z + z) * size_y + corner.y + y) * size_x + corner.x;
+                bits |= u128::from(row(start as usize, count)) << ((z * side + y) * side);
+            }
+        }
+        bits
+    }
+
+    /// The frontiers within so many cells of a cell along each axis, by ascending index.
+    pub fn frontiers_near(&self, cell: Cell, reach: i32) -> impl Iterator<Item = Cell> + '_ {
+        let extent = self.extent();
+        let [size_x, size_y, size_z] = extent.size().map(u32::cast_signed);
+        let near = |at: i32, size: i32| {
+            at.saturating_sub(reach).clamp(0, size)..at.saturating_add(reach).saturating_add(1).clamp(0, size)
+        };
+        let [along_x, along_y, along_z] = [near(cell.x, size_x), near(cell.y, size_y), near(cell.z, size_z)];
+        let rows = along_z.flat_map(move |z| along_y.clone().map(move |y| (z * size_y + y) * size_x));
+        let frontiers = rows
+            .flat_map(move |row| self.frontier.iter_in((row + along_x.start) as usize..(row + along_x.end) as usize));
+        frontiers.map(move |index| extent.cell_at(index))
+    }
+}

@@ -1,0 +1,34 @@
+//! What an agent knows and can do: its map, paths on it, and its exchange with other agents.
+//!
+//! In reading order: [`observation`] and [`command`] are the inputs and outputs of an agent,
+//! [`bodies`] what the bodies of the team can do; [`exploration_map`] is its map, [`path`] searches
+//! paths on it, [`abstract_graph`] does so coarsely, [`navigation`] makes motions of paths,
+//! [`sharing`] exchanges maps with other agents; [`map_markers`] visualises a map.
+//!
+//! ```
+//! use agent::exploration_map::ExplorationMap;
+//! use voxels::{Cell, Extent};
+//!
+//! let extent = Extent::new([3, 1, 1], 1.0)?;
+//! let mut map = ExplorationMap::new(extent);
+//! map.note_free(&[0, 1]);
+//! assert!(map.state(Cell::new(1, 0, 0)).is_free());
+//! assert!(map.is_frontier(Cell::new(1, 0, 0)));
+//! # Ok::<(), voxels::ExtentError>(())
+//! ```
+//!
+//! This crate decides nothing, and knows no message of ROS, no transport and no clock.
+
+#![warn(missing_docs)]
+
+pub mod abstract_graph;
+pub mod bodies;
+pub mod command;
+pub mod exploration_map;
+pub mod map_markers;
+pub mod navigation;
+pub mod observation;
+pub mod path;
+pub mod sharing;
+#[cfg(any(test, feature = "testing"))]
+pub mod testing;

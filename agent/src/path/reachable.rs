@@ -1,0 +1,106 @@
+//! The cells that a body wider than a cell can reach, kept up to date with its map.
+//!
+//! Such a body sees many cells that it cannot come near: a search to one of them would expand
+//! everything else first, again and again. What can be reached only grows while cells become known
+//! to be free, so an update costs as much as what has changed. A wall where a cell was taken to be
+//! free may cut off cells that stay in the set: a search says so.
+
+use voxels::{Cell, CellSet};
+
+use super::Graph;
+
+/// The reachable cells of one body.
+#[derive(Debug, Default)]
+pub struct Reachable {
+    /// Once it has been asked for.
+    cells: Option<CellSet>,
+    /// Position in the journal of the map up to which changes have been read.
+    read: usize,
+}
+
+impl Reachable {
+    /// Applies the changes of the map since the last update; begins anew if the body is somewhere
+    /// else. The map and the moves of the body must be the same each time.
+    pub fn update(&mut self, graph: Graph<'_>, from: Cell) {
+        let map = graph.map();
+        let extent = map.extent();
+        let Some(start) = extent.index(from) else { return };
+        let read = std::mem::replace(&mut self.read, map.journal_len());
+        if read == self.read && self.holds(graph, from) {
+            return;
+        }
+        let known = self.cells.take().filter(|cells| cells.contains(start));
+        let mut open = Vec::new();
+        let mut cells = if let Some(cells) = known {
+            // Cells whose steps may have been blocked by one that was unexplored.
+            let mut opened = CellSet::new(extent.volume());
+            for (changed, _) in map.cells_changed_since(read).filter(|&(cell, _)| map.state(cell).is_free()) {
+                for index in graph.cells_near(changed).filter_map(|cell| extent.index(cell)) {
+                    if cells.contains(index) {
+                        opened.insert(index);
+                    }
+                }
+            }
+            open.extend(opened.iter().map(|index| extent.cell_at(index)));
+            cells
+        } else {
+            let mut cells = CellSet::new(extent.volume());
+            cells.insert(start);
+            open.push(from);
+            cells
+        };
+        while let Some(cell) = open.pop() {
+            for next in graph.next_to(cell, cell == from) {
+                if let Some(index) = extent.index(next).filter(|&index| !cells.contains(index)) {
+                    cells.insert(index);
+                    open.push(next);
+                }
+            }
+        }
+        self.cells = Some(cells);
+    }
+
+    /// Whether the body could reach a cell at the last update; that in which it is counts as well.
+    pub fn holds(&self, graph: Graph<'_>, cell: Cell) -> bool {
+        let index = graph.map().extent().index(cell);
+        self.cells.as_ref().zip(index).is_some_and(|(cells, index)| cells.contains(index))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use voxels::Extent;
+
+    use super::*;
+    use crate::exploration_map::ExplorationMap;
+    use crate::path::{Goal, Moves, Neighbours, find};
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(60))]
+
+        #[test]
+        fn cells_are_reachable_if_a_search_finds_a_path(
+            radius_m in 0.1..0.5_f64,
+            boxes in prop::collection::vec((0..12_i32, 0..8_i32, 0..6_i32, 2..7_i32), 1..10),
+        ) {
+            let extent = Extent::new([14, 10, 8], 0.2).unwrap();
+            let moves = Moves::new(radius_m, 0.2, Neighbours::TwentySix);
+            let mut map = ExplorationMap::new(extent);
+            let from = Cell::new(7, 5, 4);
+            let mut kept = Reachable::default();
+            for (x, y, z, side) in boxes {
+                let is_in_box = |cell: &Cell| [cell.x - x, cell.y - y, cell.z - z].iter().all(|by| (0..side).contains(by));
+                let cells: Vec<u32> =
+                    extent.cells().filter(is_in_box).map(|cell| extent.index(cell).unwrap() as u32).collect();
+                map.note_free(&cells);
+                kept.update(Graph::new(&map, &moves), from);
+            }
+            let graph = Graph::new(&map, &moves);
+            for cell in extent.cells() {
+                let is_reached = find(graph, from, Goal::Cell(cell)).is_some();
+                prop_assert_eq!(kept.holds(graph, cell), is_reached, "{:?}", cell);
+            }
+        }
+    }
+}

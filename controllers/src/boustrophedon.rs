@@ -1,0 +1,277 @@
+//! Boustrophedon: sweeps the free space line by line, as an ox ploughs a field, until the body has
+//! been in every cell. It covers, and explores on the way.
+//!
+//! From where it is, the agent goes straight on through uncovered free cells: along x as far as
+//! they reach, else one cell along y, else one along z, so that lines fill a layer and layers a
+//! room (Choset and Pignon, Coverage Path Planning: The Boustrophedon Cellular Decomposition, FSR
+//! 1997, but on the map so far instead of a map known beforehand). If no uncovered cell is beside
+//! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
+//! the nearest of all. Cells that others report as covered are left out.
+//!
+//! A body wider than a cell cannot be in every free cell: once it knows no other cell to be in, it
+//! goes where it sees something unexplored (`viewpoints.rs`).
+//!
+//! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
+//! seen.
+
+use std::collections::BTreeSet;
+use std::task::Poll;
+
+use msgs::event_mask::EventMask;
+use nalgebra::Point3;
+use rand_chacha::ChaCha8Rng;
+use voxels::Cell;
+
+use super::settings::{SettingError, Settings};
+use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
+use super::{Controller, Ctx, collision_recovery};
+use agent::command::{Command, Motion, Stage, WakeCondition};
+use agent::exploration_map::{CellState, ExplorationMap};
+use agent::navigation::{NavigationStatus, SearchTime};
+use agent::observation::Observation;
+
+/// The directions of a line in order of preference, and the greatest length of each, cells.
+const LINES: [(Cell, u32); 6] = [
+    (Cell::new(1, 0, 0), LINE_CELLS_MAX),
+    (Cell::new(-1, 0, 0), LINE_CELLS_MAX),
+    (Cell::new(0, 1, 0), 1),
+    (Cell::new(0, -1, 0), 1),
+    (Cell::new(0, 0, 1), 1),
+    (Cell::new(0, 0, -1), 1),
+];
+
+/// Greatest length of a line, cells: longer ones would only delay the next look at what other
+/// agents have covered.
+const LINE_CELLS_MAX: u32 = 32;
+
+/// The present task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Task {
+    /// None.
+    None,
+    /// A line, by its first cell and its step from cell to cell.
+    Line(Cell, Cell),
+    /// A path to this cell.
+    Transit(Cell),
+}
+
+/// The controller of one agent.
+#[derive(Debug)]
+pub struct Boustrophedon {
+    search_time: SearchTime,
+    rng: ChaCha8Rng,
+    task: Task,
+    /// Cells without a path to them.
+    abandoned: BTreeSet<Cell>,
+    /// Of a body wider than a cell, once it knows no other cell to be in.
+    viewpoints: Option<Viewpoints>,
+}
+
+impl Boustrophedon {
+    /// Settings: `search_time`, see [`Settings::search_time`].
+    ///
+    /// # Errors
+    /// If a setting is out of range.
+    pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+        let search_time = settings.search_time()?;
+        Ok(Self { search_time, rng, task: Task::None, abandoned: BTreeSet::new(), viewpoints: None })
+    }
+
+    /// Marks the cells of the line up to the body as covered, since the controller is not called in
+    /// each of them. The body may have been moved elsewhere (`set_entity_state`).
+    fn mark_line_covered(ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
+        let here = ctx.cell();
+        let line = std::iter::successors(Some(from), |&cell| Some(cell + step)).take(LINE_CELLS_MAX as usize + 1);
+        if let Some(passed) = line.clone().position(|cell| cell == here) {
+            line.take(passed).for_each(|cell| ctx.mark_covered(cell));
+        }
+    }
+
+    /// The step and the last cell of the next line, if there is one.
+    fn next_line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
+        let here = ctx.cell();
+        // Lines lead from cell centre to cell centre.
+        if ctx.map().extent().centre(here) != ctx.position() {
+            return None;
+        }
+        LINES.iter().find_map(|&(step, cells_max)| {
+            let mut end = here;
+            for _ in 0..cells_max {
+                let next = end + step;
+                if ctx.map().state(next) != CellState::Free || !ctx.is_clear_to(next) {
+                    break;
+                }
+                end = next;
+            }
+            (end != here).then_some((step, end))
+        })
+    }
+
+    /// The uncovered cell with the shortest path, among those that no agent in contact is nearer to
+    /// if there are any.
+    fn nearest(&self, observation: &Observation, ctx: &mut Ctx<'_>) -> Option<Cell> {
+        let here = ctx.position();
+        let others: Vec<Point3<f64>> = observation.contacts.iter().map(|contact| contact.position).collect();
+        let is_wanted =
+            |map: &ExplorationMap, cell| map.state(cell) == CellState::Free && !self.abandoned.contains(&cell);
+        let is_ours = |map: &ExplorationMap, cell: Cell| {
+            let centre = map.extent().centre(cell);
+            let own_m = (centre - here).norm();
+            others.iter().all(|other| (centre - other).norm() >= own_m)
+        };
+        let ours = ctx.nearest(|map, cell| is_wanted(map, cell) && is_ours(map, cell));
+        if ours.is_some() || others.is_empty() { ours } else { ctx.nearest(is_wanted) }
+    }
+
+    /// Where a body wider than a cell sees something unexplored.
+    fn viewpoint(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Cell>> {
+        if !ctx.is_wide() {
+            return Poll::Ready(None);
+        }
+        let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
+        viewpoints.visit(ctx.map().extent(), ctx.cell());
+        viewpoints.next(ctx).map(|found| found.map(|viewpoint| viewpoint.cell))
+    }
+}
+
+impl Controller for Boustrophedon {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        // Before the first scan only the own cell is known.
+        if observation.scan_tick.is_none() {
+            return Command::keep(WakeCondition::NEXT_TICK);
+        }
+        if let Task::Line(from, step) = self.task {
+            Self::mark_line_covered(ctx, from, step);
+        }
+        if self.task != Task::None && observation.events.intersects(EventMask::COLLISION) {
+            self.task = Task::None;
+            return collision_recovery::step_aside(&mut self.rng, ctx);
+        }
+        if let Some((step, end)) = Self::next_line(ctx) {
+            self.task = Task::Line(ctx.cell(), step);
+            let motion = Motion::Path(vec![ctx.map().extent().centre(end)]);
+            return Command::new(motion, WakeCondition::TASK_DONE).with_info("ploughs");
+        }
+        let under_way = match self.task {
+            Task::Transit(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
+            _ => None,
+        };
+        let goal = match under_way.or_else(|| self.nearest(observation, ctx)) {
+            Some(goal) => Poll::Ready(Some(goal)),
+            None => self.viewpoint(ctx),
+        };
+        let goal = match goal {
+            Poll::Ready(Some(goal)) => goal,
+            Poll::Ready(None) => {
+                self.task = Task::None;
+                let info = match ctx.is_wide() && ctx.map().frontier_count() > 0 {
+                    true => NOTHING_TO_SEE,
+                    false => "knows nothing to cover",
+                };
+                return Command::new(Motion::Stop, WakeCondition::on(EventMask::MESSAGE | EventMask::CONTACTS))
+                    .with_stage(Stage::Waiting)
+                    .with_info(info);
+            }
+            Poll::Pending => {
+                return Command::new(Motion::Stop, WakeCondition::NEXT_TICK)
+                    .with_stage(Stage::Waiting)
+                    .with_info("looks for a viewpoint");
+            }
+        };
+        self.task = Task::Transit(goal);
+        match ctx.go_to_cell(goal, self.search_time) {
+            NavigationStatus::Go(motion) => {
+                let Cell { x, y, z } = goal;
+                Command::new(motion, WakeCondition::TASK_DONE).with_info(format!("goes to {x} {y} {z}"))
+            }
+            // The body must stay at rest, since the path begins where it is now.
+            NavigationStatus::Searching(wake) => Command::new(Motion::Stop, wake).with_info("searches a way"),
+            NavigationStatus::NoPath => {
+                self.abandoned.insert(goal);
+                if let Some(viewpoints) = &mut self.viewpoints {
+                    viewpoints.visit(ctx.map().extent(), goal);
+                }
+                self.task = Task::None;
+                Command::new(Motion::Stop, WakeCondition::NEXT_TICK)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use agent::command::ScanRequest;
+    use crate::testing::{World, flat};
+    use agent::observation::Contact;
+
+    const HALL: &str = "\
+        ##########\n\
+        #......#.#\n\
+        #......#.#\n\
+        #........#\n\
+        ###.####.#\n\
+        #....#...#\n\
+        ##########\n";
+
+    fn controller(search_time: &str) -> Boustrophedon {
+        let mut settings = Settings::parse(&[format!("search_time={search_time}")]).unwrap();
+        Boustrophedon::new(&mut settings, voxels::random_streams::stream(1, 0, "test")).unwrap()
+    }
+
+    #[test]
+    fn covers_every_cell_with_few_revisits() {
+        for search_time in ["instant", "budgeted", "background"] {
+            let mut world = World::new(HALL, flat(1, 5));
+            world.run(&mut controller(search_time), 3000);
+            assert_eq!(world.left(&[CellState::Covered]), [], "{search_time}");
+            let mut visited = world.been.clone();
+            visited.sort();
+            visited.dedup();
+            let free = HALL.matches('.').count();
+            assert_eq!(visited.len(), free, "{search_time}: the map says so, and so it was");
+            assert!(world.been.len() < free * 3 / 2, "{search_time}: {} cells for {free}", world.been.len());
+            assert_eq!(world.said.last().unwrap(), "knows nothing to cover");
+        }
+    }
+
+    #[test]
+    fn lines_are_straight_and_as_long_as_possible() {
+        let mut world = World::new(HALL, flat(1, 5));
+        world.sense();
+        let command = world.ask(&mut controller("instant"));
+        assert_eq!(command.motion, Motion::Path(vec![world.map.extent().centre(flat(6, 5))]));
+        assert_eq!(
+            (command.wake, command.lidar, command.messages.len()),
+            (WakeCondition::TASK_DONE, ScanRequest::Keep, 0)
+        );
+    }
+
+    #[test]
+    fn cells_nearer_to_another_agent_come_last() {
+        // Only both ends of a corridor are not covered.
+        let mut world = World::known("#########\n#.......#\n#########\n", flat(3, 1));
+        (2..7).for_each(|x| world.map.note_covered(flat(x, 1)));
+        world.sense();
+        let aside = Contact { agent: msgs::ids::AgentId(0), position: Point3::new(2.5, 1.5, 0.5) };
+        world.observation.contacts = vec![aside];
+        assert_eq!(world.ask(&mut controller("instant")).info, "goes to 7 1 0");
+        world.map.note_covered(flat(7, 1));
+        assert_eq!(world.ask(&mut controller("instant")).info, "goes to 1 1 0");
+    }
+
+    #[test]
+    fn continues_after_a_collision_with_an_agent() {
+        let mut world = World::new(HALL, flat(1, 5));
+        let mut controller = controller("instant");
+        world.sense();
+        world.ask(&mut controller);
+        world.put(flat(3, 5));
+        world.collide();
+        assert_eq!(world.ask(&mut controller).info, "makes way");
+        assert_eq!(world.map.state(flat(2, 5)), CellState::Covered, "it has been there");
+        assert_eq!(world.map.state(flat(4, 5)), CellState::Free);
+        world.run(&mut controller, 3000);
+        assert_eq!(world.left(&[CellState::Covered]), []);
+    }
+}

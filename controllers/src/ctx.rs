@@ -1,0 +1,198 @@
+//! The context of a decision: what a controller can query besides the observation, and helpers for
+//! its motion.
+//!
+//! This module decides nothing.
+
+use msgs::ids::{AgentId, Tick};
+use nalgebra::{Point3, Vector3};
+use voxels::Cell;
+
+use agent::bodies::{BodyKind, BodyModel};
+use agent::command::Motion;
+use agent::exploration_map::ExplorationMap;
+use agent::navigation::{NavigationStatus, NavigationTask, SearchTime};
+use agent::observation::{Observation, Pose, RunInfo};
+use agent::path::{Goal, Graph, Neighbours, Path, direct, find};
+
+/// Largest coordinate of a waypoint, metres.
+const COORDINATE_MAX: f64 = 1e6;
+
+/// The agent as its controller sees it: identity, pose, map, and navigation.
+#[derive(Debug)]
+pub struct Ctx<'a> {
+    agent: AgentId,
+    run_info: &'a RunInfo,
+    tick: Tick,
+    pose: Pose,
+    map: &'a mut ExplorationMap,
+    navigation: &'a mut NavigationTask,
+}
+
+impl<'a> Ctx<'a> {
+    /// The context of an observation that has been merged into the map.
+    #[must_use]
+    pub fn new(
+        agent: AgentId,
+        run_info: &'a RunInfo,
+        observation: &Observation,
+        map: &'a mut ExplorationMap,
+        navigation: &'a mut NavigationTask,
+    ) -> Self {
+        Self { agent, run_info, tick: observation.tick, pose: observation.pose, map, navigation }
+    }
+
+    /// The id of the agent.
+    #[must_use]
+    pub fn agent(&self) -> AgentId {
+        self.agent
+    }
+
+    /// The model of its body.
+    #[must_use]
+    pub fn body(&self) -> &'a BodyModel {
+        self.run_info.bodies.of(self.agent)
+    }
+
+    /// The static information on the run.
+    #[must_use]
+    pub fn run_info(&self) -> &'a RunInfo {
+        self.run_info
+    }
+
+    /// The tick of the observation.
+    #[must_use]
+    pub fn tick(&self) -> Tick {
+        self.tick
+    }
+
+    /// Position of the body, metres, frame `map`.
+    #[must_use]
+    pub fn position(&self) -> Point3<f64> {
+        self.pose.position
+    }
+
+    /// Heading: 0 along x, positive to the left, in (-pi, pi].
+    #[must_use]
+    pub fn yaw_rad(&self) -> f64 {
+        self.pose.yaw_rad
+    }
+
+    /// The cell that contains the centre of the body.
+    #[must_use]
+    pub fn cell(&self) -> Cell {
+        self.map.extent().cell_of(&self.pose.position)
+    }
+
+    /// The map of the agent: all it has sensed and received.
+    #[must_use]
+    pub fn map(&self) -> &ExplorationMap {
+        self.map
+    }
+
+    /// Marks a cell of the agent's map as covered, and with it as free if it is unexplored; the
+    /// mark is shared with the map. Ignored in walls and outside the map.
+    pub fn mark_covered(&mut self, cell: Cell) {
+        self.map.note_covered(cell);
+    }
+
+    /// The turn to a heading (0 along x, positive to the left), the shorter way round.
+    #[must_use]
+    pub fn turn_to(&self, yaw_rad: f64) -> Motion {
+        Motion::turn(yaw_rad - self.pose.yaw_rad)
+    }
+
+    /// The motion straight on in a direction (heading and elevation, radians) until a collision,
+    /// without a turn before it; `None` for a body that has to turn first.
+    #[must_use]
+    pub fn straight_towards(&self, heading_rad: f64, pitch_rad: f64) -> Option<Motion> {
+        let (yaw_sin, yaw_cos) = libm::sincos(heading_rad);
+        let (pitch_sin, pitch_cos) = libm::sincos(pitch_rad);
+        let extent = self.map.extent();
+        let across_m: f64 = extent.size().iter().map(|&cells| f64::from(cells) * extent.cell_m()).sum();
+        let end = self.pose.position + Vector3::new(yaw_cos * pitch_cos, yaw_sin * pitch_cos, pitch_sin) * across_m;
+        let can_be_told = end.iter().all(|along| along.abs() <= COORDINATE_MAX);
+        (self.body().kind == BodyKind::Aerial && can_be_told).then(|| Motion::Path(vec![end]))
+    }
+
+    /// The motion to the centre of a cell: straight if that is known to be clear, else along the
+    /// cheapest path through cells known to be free, with 26 neighbours.
+    ///
+    /// If the search takes time, the body must stay at rest until the wake-up condition of
+    /// [`NavigationStatus::Searching`] fires; then call again with the same cell.
+    pub fn go_to_cell(&mut self, goal: Cell, time: SearchTime) -> NavigationStatus {
+        self.go_to_cell_by(goal, Neighbours::TwentySix, time)
+    }
+
+    /// [`Ctx::go_to_cell`] with a choice of neighbours.
+    pub fn go_to_cell_by(&mut self, goal: Cell, neighbours: Neighbours, time: SearchTime) -> NavigationStatus {
+        if let Some(motion) = self.recentring() {
+            return NavigationStatus::Go(motion);
+        }
+        self.navigation.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
+    }
+
+    /// Where the body goes to see a cell from nearby: that cell, or for a body wider than a cell
+    /// the nearest one that it can reach within a few cells beyond its radius, and from which the
+    /// cell is in sight.
+    pub fn approach(&mut self, cell: Cell) -> Option<Cell> {
+        self.navigation.approach(self.map, &self.pose.position, cell)
+    }
+
+    /// Limits all later path searches to this number of expanded cells, beyond which they find no
+    /// path. This bounds the wall time of a decision: 10 000 cells take some milliseconds.
+    pub fn limit_searches(&mut self, cells_max: u64) {
+        self.navigation.limit_searches(cells_max);
+    }
+
+    /// The motion to the centre of a cell nearby that the body has to make before it can follow
+    /// paths, which lead through centres: a body wider than a cell that was stopped between them
+    /// may not reach that of its own cell, because a wall is too near to it. `None` for all others,
+    /// and if there is no such cell.
+    #[must_use]
+    pub fn recentring(&self) -> Option<Motion> {
+        if !self.is_wide() || self.is_clear_to(self.cell()) {
+            return None;
+        }
+        let cell = self.graph(Neighbours::TwentySix).cells_near(self.cell()).find(|&cell| self.is_clear_to(cell))?;
+        Some(Motion::Path(vec![self.map.extent().centre(cell)]))
+    }
+
+    /// The motion along a path that begins in the cell of the body, with as few legs as possible.
+    #[must_use]
+    pub fn follow(&self, path: &Path) -> NavigationStatus {
+        self.navigation.motion_along(self.map, &self.pose.position, path)
+    }
+
+    /// Whether the straight leg to the centre of a cell is known to be clear for the body.
+    #[must_use]
+    pub fn is_clear_to(&self, goal: Cell) -> bool {
+        direct(self.map, &self.pose.position, goal, self.body().radius_m)
+    }
+
+    /// The 26 neighbours of the body's cell that are [clear](Ctx::is_clear_to).
+    #[must_use]
+    pub fn clear_neighbours(&self) -> Vec<Cell> {
+        self.cell().neighbours26().into_iter().filter(|&cell| self.is_clear_to(cell)).collect()
+    }
+
+    /// The wanted cell with the shortest path to it, with 26 neighbours.
+    pub fn nearest(&self, is_wanted: impl Fn(&ExplorationMap, Cell) -> bool) -> Option<Cell> {
+        let is_goal = |cell| is_wanted(self.map, cell);
+        let path = find(self.graph(Neighbours::TwentySix), self.cell(), Goal::Where(&is_goal))?;
+        path.cells.last().copied()
+    }
+
+    /// Whether the body is wider than a cell, so that there are free cells that it cannot be in
+    /// without touching others.
+    #[must_use]
+    pub fn is_wide(&self) -> bool {
+        self.navigation.moves(Neighbours::TwentySix).are_wide()
+    }
+
+    /// The moves of the body on its map, for path searches of a controller's own; see
+    /// [`agent::path`].
+    #[must_use]
+    pub fn graph(&self, neighbours: Neighbours) -> Graph<'_> {
+        Graph::new(self.map, self.navigation.moves(neighbours))
+    }
+}

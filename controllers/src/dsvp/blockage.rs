@@ -1,0 +1,102 @@
+//! Bodies that stand in the way and do not move.
+//!
+//! A body that blocks all paths mostly moves on, so an agent waits a little or evades, and plans
+//! again. One that has broken down in a passage does not: after some blockages at the same place
+//! the agent rests. It plans again when a contact begins or ends, when a message arrives, and after
+//! longer and longer times, since a body without a radio is noticed by collisions alone. A change
+//! of its map ends all that.
+
+use msgs::ids::{AgentId, Tick};
+use nalgebra::Point3;
+
+use super::obstacles::is_near;
+use agent::command::WakeCondition;
+use crate::Ctx;
+use agent::observation::Observation;
+use msgs::event_mask::EventMask;
+
+/// Blockages by a body after which it is taken to stay.
+const BLOCKAGES_MIN: u32 = 4;
+
+/// Sim time from the first of them to the last: 20 s.
+const STANDING_TICKS: u64 = 1000;
+
+/// Rest before the next plan: 10 s more for each further blockage, up to two minutes.
+const REST_TICKS: u64 = 500;
+const RESTS_MAX: u32 = 12;
+
+/// Most blockages that are remembered.
+const PLACES_MAX: usize = 64;
+
+/// The blockages since the map last changed.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Blockages {
+    /// Known cells of the map at the last one.
+    known_cells: usize,
+    standing: Vec<Standing>,
+}
+
+/// A body that has not moved between blockages.
+#[derive(Debug, Clone, Copy)]
+struct Standing {
+    /// `None`: a body that is not in contact, which this one ran into.
+    agent: Option<AgentId>,
+    /// Where it is, or where this body was when they collided.
+    at: Point3<f64>,
+    since: Tick,
+    blockages: u32,
+}
+
+/// A rest before a body that is taken to stay.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Rest {
+    pub(super) wake: WakeCondition,
+    pub(super) info: String,
+}
+
+impl Blockages {
+    /// Notes that the bodies nearby block all paths now, or that this body has run into another
+    /// one. Returns how it rests if one of them is taken to stay where it is.
+    pub(super) fn note(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Rest> {
+        let known_cells = ctx.map().free() + ctx.map().wall();
+        if std::mem::replace(&mut self.known_cells, known_cells) != known_cells {
+            self.standing.clear();
+        }
+        let (bodies, radius_m, here) = (&ctx.run_info().bodies, ctx.body().radius_m, ctx.position());
+        let near = observation.contacts.iter().filter(|contact| is_near(contact, &here, radius_m, bodies));
+        let mut blocking: Vec<(Option<AgentId>, Point3<f64>)> =
+            near.map(|contact| (Some(contact.agent), contact.position)).collect();
+        if blocking.is_empty() {
+            blocking.push((None, here));
+        }
+        let now = observation.tick;
+        let mut longest: Option<Standing> = None;
+        for (agent, at) in blocking {
+            let is_same =
+                |standing: &&mut Standing| standing.agent == agent && (standing.at - at).norm() < 2.0 * radius_m;
+            let standing = match self.standing.iter_mut().find(is_same) {
+                Some(standing) => standing,
+                None => {
+                    if self.standing.len() == PLACES_MAX {
+                        self.standing.remove(0);
+                    }
+                    self.standing.push(Standing { agent, at, since: now, blockages: 0 });
+                    self.standing.last_mut()?
+                }
+            };
+            standing.blockages += 1;
+            let stays = standing.blockages >= BLOCKAGES_MIN && now >= standing.since.after(STANDING_TICKS);
+            if stays && longest.is_none_or(|longest| standing.blockages > longest.blockages) {
+                longest = Some(*standing);
+            }
+        }
+        longest.map(|standing| {
+            let rests = (standing.blockages - BLOCKAGES_MIN + 1).min(RESTS_MAX);
+            let at = now.after(REST_TICKS * u64::from(rests));
+            let wake = WakeCondition::at(at).or(WakeCondition::on(EventMask::CONTACTS | EventMask::MESSAGE));
+            let body =
+                standing.agent.map_or_else(|| "the body in the way".to_owned(), |agent| format!("agent {agent}"));
+            Rest { wake, info: format!("waits for {body} to move") }
+        })
+    }
+}

@@ -1,0 +1,110 @@
+//! Wall time of decisions, for information only: no result depends on it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use msgs::ids::{AgentId, Tick};
+
+use agent::command::Command;
+use crate::{Controller, Ctx, Failure};
+use agent::exploration_map::{Change, Finding};
+use agent::observation::Observation;
+
+/// The wall time of each decision of some agents, in no order. Clones share it.
+#[derive(Debug, Clone, Default)]
+pub struct DecisionTimes(Arc<Mutex<Vec<Decision>>>);
+
+/// A decision of an agent.
+#[derive(Debug, Clone, Copy)]
+pub struct Decision {
+    /// The agent.
+    pub agent: AgentId,
+    /// The tick of its observation.
+    pub tick: Tick,
+    /// When it began, wall time.
+    pub start: Instant,
+    /// How long it took, wall time.
+    pub duration: Duration,
+    /// Free cells that the agent has seen itself since its last decision, and that other agents had
+    /// put on its map before.
+    pub seen_again: u32,
+}
+
+impl DecisionTimes {
+    /// Wraps a controller to time its decisions.
+    #[must_use]
+    pub fn of(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
+        Box::new(Timed { controller, times: self.clone(), read: 0 })
+    }
+
+    /// All times, ascending.
+    #[must_use]
+    pub fn sorted(&self) -> Vec<Duration> {
+        let mut times: Vec<Duration> = self.all().iter().map(|decision| decision.duration).collect();
+        times.sort_unstable();
+        times
+    }
+
+    /// All decisions so far.
+    #[must_use]
+    pub fn all(&self) -> Vec<Decision> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+struct Timed {
+    controller: Box<dyn Controller>,
+    times: DecisionTimes,
+    /// Position in the journal of the map up to which changes are counted.
+    read: usize,
+}
+
+impl Controller for Timed {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let map = ctx.map();
+        let own = |change: &Change| change.from.is_none() && change.finding == Finding::Free;
+        let first = map.changes_since(self.read).filter(own).count();
+        self.read = map.journal_len();
+        let seen_again = observation.seen.free.len().saturating_sub(first) as u32;
+        let start = now();
+        let command = self.controller.decide(observation, ctx);
+        let (agent, tick, duration) = (ctx.agent(), observation.tick, start.elapsed());
+        let mut times = self.times.0.lock().unwrap_or_else(PoisonError::into_inner);
+        times.push(Decision { agent, tick, start, duration, seen_again });
+        command
+    }
+
+    fn is_polled_between_wakes(&self) -> bool {
+        self.controller.is_polled_between_wakes()
+    }
+
+    fn failure(&mut self) -> Option<Failure> {
+        self.controller.failure()
+    }
+}
+
+#[expect(clippy::disallowed_methods, reason = "measuring the wall time is what this is for")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build;
+    use crate::testing::{World, idle};
+    use agent::observation::RunInfo;
+
+    #[test]
+    fn decisions_are_timed_and_unchanged() {
+        let times = DecisionTimes::default();
+        let walk = || build("rbw", &[], AgentId(0), &RunInfo::smallest()).unwrap();
+        let (mut plain, mut timed) = (walk(), times.of(walk()));
+        let mut world = World::empty();
+        for decisions in 1..4 {
+            assert_eq!(world.ask_about(timed.as_mut(), &idle()), world.ask_about(plain.as_mut(), &idle()));
+            assert_eq!(times.sorted().len(), decisions);
+        }
+        assert!(times.sorted().is_sorted());
+    }
+}

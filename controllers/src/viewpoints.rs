@@ -1,0 +1,269 @@
+//! Viewpoints for bodies that are wider than a cell: where such a body can be to see what it cannot
+//! touch.
+//!
+//! A frontier has an unexplored cell beside it, and a body of several cells may not touch one: the
+//! frontier itself is no goal. A goal is a *viewpoint*, a cell in which the body has room, that it
+//! can reach, and from which an unexplored cell is seen within the range of the LiDAR. Viewpoints
+//! beside frontiers come first, by path length; once there are none, those from which a ray meets
+//! an unexplored cell, however far away: rays pass where the body does not.
+//!
+//! Invariants: a known cell stays known, so a cell from which no ray meets an unexplored one is not
+//! examined again (only a wall that turns out to be free could change that); a viewpoint at which
+//! the body has been is not chosen again; rays of at most [`RAY_CELLS_MAX`] cells are cast for a
+//! decision. The result depends on the map and on earlier calls alone.
+//!
+//! Bodies that touch one cell have no use for this: they go to the frontier.
+
+use std::cell::RefCell;
+use std::ops::ControlFlow;
+use std::task::Poll;
+
+use voxels::{Cell, CellSet, Extent, walk_segment};
+
+use super::Ctx;
+use super::dsvp::gain::{GainEstimator, Likelihood};
+use agent::exploration_map::{CellState, ExplorationMap};
+use agent::observation::RunInfo;
+use agent::path::{Goal, Neighbours, Search};
+
+/// Rays of a viewpoint: as many as those of the LiDAR of MAES3D, in the same directions.
+const RAYS: u32 = 5124;
+
+/// Longest ray, cells; it bounds the memory of the rays.
+const RANGE_CELLS_MAX: f64 = 100.0;
+
+/// Most cells on the rays of the scans that a decision casts on the map, some tens of milliseconds.
+const RAY_CELLS_MAX: usize = 1 << 24;
+
+/// Number of viewpoints among which the gain decides, the nearest ones.
+const OFFERS: usize = 8;
+
+/// Added to the length of a path where gains are compared by length, metres.
+const NEAR_M: f64 = 2.0;
+
+/// The spacing of the viewpoints examined, cells; a finer one follows if a coarser one has none.
+const SPACINGS: [i32; 3] = [4, 2, 1];
+
+/// Edge of the blocks by which cells far from every frontier are left out, cells.
+const BLOCK_CELLS: i32 = 8;
+
+/// What an agent says that rests because nothing unexplored can be seen from where its body can be.
+pub(crate) const NOTHING_TO_SEE: &str = "sees nothing more from where it can be";
+
+/// A viewpoint and what it is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Viewpoint {
+    /// Where the body goes.
+    pub(crate) cell: Cell,
+    /// An unexplored cell that is seen from there.
+    pub(crate) target: Cell,
+}
+
+/// The viewpoints of one agent.
+#[derive(Debug)]
+pub(crate) struct Viewpoints {
+    rays: GainEstimator,
+    range_m: f64,
+    /// Cells within this distance of a frontier along each axis are beside it.
+    beside: i32,
+    /// Cells from which nothing new is seen: those examined, and those at which the body has been.
+    exhausted: CellSet,
+    /// The reachable cells with the lengths of their paths in cells, while they are being examined.
+    reached: Option<Reached>,
+}
+
+/// The cells that the body can reach, nearest first.
+#[derive(Debug)]
+struct Reached {
+    from: Cell,
+    /// The length of the map's journal.
+    as_of: usize,
+    cells: Vec<(Cell, f64)>,
+}
+
+impl Viewpoints {
+    /// For a body of `radius_m` metres; nothing has been examined yet.
+    pub(crate) fn new(run_info: &RunInfo, radius_m: f64) -> Self {
+        let extent = run_info.extent;
+        let range_cells = (run_info.lidar_range_m / extent.cell_m()).min(RANGE_CELLS_MAX);
+        Self {
+            rays: GainEstimator::new(RAYS, range_cells, 1, Likelihood::new(1.0)),
+            range_m: range_cells * extent.cell_m(),
+            beside: (radius_m / extent.cell_m() + 0.5).ceil() as i32 + 1,
+            exhausted: CellSet::new(extent.volume()),
+            reached: None,
+        }
+    }
+
+    /// Notes that the body is at rest in a cell and has scanned there: it need not look from there
+    /// again.
+    pub(crate) fn visit(&mut self, extent: Extent, cell: Cell) {
+        if let Some(index) = extent.index(cell) {
+            self.exhausted.insert(index);
+        }
+    }
+
+    /// The viewpoint to go to next. `None`: nothing unexplored can be seen from anywhere that the
+    /// body can reach. Pending: more are left to examine in the next tick, with the body at rest.
+    pub(crate) fn next(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Viewpoint>> {
+        let map = ctx.map();
+        if map.frontier_count() == 0 {
+            return Poll::Ready(None);
+        }
+        let (from, as_of) = (ctx.cell(), map.journal_len());
+        let reached = match self.reached.take() {
+            Some(reached) if (reached.from, reached.as_of) == (from, as_of) => reached,
+            _ => match self.beside_frontier(ctx) {
+                Ok(viewpoint) => return Poll::Ready(Some(viewpoint)),
+                Err(cells) => Reached { from, as_of, cells },
+            },
+        };
+        let answer = self.by_rays(map, &reached.cells);
+        // Also if there is none: the next call with the same map has the same answer.
+        self.reached = Some(reached);
+        answer
+    }
+
+    /// The nearest viewpoint beside a frontier, or all reachable cells.
+    fn beside_frontier(&self, ctx: &Ctx<'_>) -> Result<Viewpoint, Vec<(Cell, f64)>> {
+        let map = ctx.map();
+        let expanded = RefCell::new(Vec::new());
+        let found = RefCell::new(None);
+        let is_goal = |cell: Cell| {
+            expanded.borrow_mut().push(cell);
+            let target = if self.is_exhausted(map, cell) { None } else { self.target_beside(map, cell) };
+            *found.borrow_mut() = target.map(|target| Viewpoint { cell, target });
+            target.is_some()
+        };
+        let mut search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Where(&is_goal));
+        let _ = search.run();
+        let costs: Vec<f64> = expanded.borrow().iter().map(|&cell| search.length_cells(cell)).collect();
+        drop(search);
+        match found.into_inner() {
+            Some(viewpoint) => Ok(viewpoint),
+            None => Err(expanded.into_inner().into_iter().zip(costs).collect()),
+        }
+    }
+
+    fn is_exhausted(&self, map: &ExplorationMap, cell: Cell) -> bool {
+        map.extent().index(cell).is_none_or(|index| self.exhausted.contains(index))
+    }
+
+    /// An unexplored cell beside a frontier nearby that is in sight.
+    fn target_beside(&self, map: &ExplorationMap, cell: Cell) -> Option<Cell> {
+        let unexplored = map
+            .frontiers_near(cell, self.beside)
+            .flat_map(Cell::neighbours6)
+            .filter(|&beside| map.extent().contains(beside) && map.state(beside) == CellState::Unexplored);
+        unexplored.into_iter().find(|&target| self.is_seen(map, cell, target))
+    }
+
+    /// Whether the centre of an unexplored cell is in sight and in range of the centre of another.
+    fn is_seen(&self, map: &ExplorationMap, from: Cell, target: Cell) -> bool {
+        let (here, there) = (map.extent().centre(from), map.extent().centre(target));
+        let is_clear = |cell| match cell == target || map.state(cell).is_free() {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        };
+        (there - here).norm() <= self.range_m && walk_segment(map.extent(), &here, &there, is_clear).is_continue()
+    }
+
+    /// Of the nearest viewpoints from which a ray meets an unexplored cell, the one with the most
+    /// such cells for its path.
+    fn by_rays(&mut self, map: &ExplorationMap, reached: &[(Cell, f64)]) -> Poll<Option<Viewpoint>> {
+        let extent = map.extent();
+        let near = NearFrontiers::of(map, (self.range_m / extent.cell_m()).ceil() as i32 + 1);
+        let mut casts_left = (RAY_CELLS_MAX / self.rays.ray_cells(map)).max(1);
+        for spacing in SPACINGS {
+            let mut offers: Vec<(f64, Viewpoint)> = Vec::new();
+            for &(cell, length_cells) in reached {
+                let is_on_lattice = [cell.x, cell.y, cell.z].iter().all(|along| along % spacing == 0);
+                let Some(index) = extent.index(cell).filter(|_| is_on_lattice && near.holds(cell)) else { continue };
+                if self.exhausted.contains(index) {
+                    continue;
+                }
+                if casts_left == 0 {
+                    if offers.is_empty() {
+                        return Poll::Pending;
+                    }
+                    break;
+                }
+                casts_left -= 1;
+                let Some(target) = self.rays.first_unexplored(map, cell) else {
+                    self.exhausted.insert(index);
+                    continue;
+                };
+                let gain = f64::from(self.rays.gain(map, cell));
+                offers.push((gain / (length_cells * extent.cell_m() + NEAR_M), Viewpoint { cell, target }));
+                if offers.len() == OFFERS {
+                    break;
+                }
+            }
+            // Of equal ones the nearest.
+            let best = offers.into_iter().reduce(|best, offer| if offer.0 > best.0 { offer } else { best });
+            if let Some((_, viewpoint)) = best {
+                return Poll::Ready(Some(viewpoint));
+            }
+        }
+        Poll::Ready(None)
+    }
+}
+
+/// The blocks of cells within a distance of a frontier.
+struct NearFrontiers {
+    size: [i32; 3],
+    is_near: Vec<bool>,
+}
+
+impl NearFrontiers {
+    fn of(map: &ExplorationMap, reach_cells: i32) -> Self {
+        let size = map.extent().size().map(|cells| (cells.cast_signed() + BLOCK_CELLS - 1) / BLOCK_CELLS);
+        let volume = size.iter().map(|&blocks| blocks as usize).product();
+        let mut near = Self { size, is_near: vec![false; volume] };
+        let mut last = None;
+        for index in map.frontiers() {
+            let block = block_of(map.extent().cell_at(index as usize));
+            if last.replace(block) != Some(block) {
+                let place = near.place(block);
+                near.is_near[place] = true;
+            }
+        }
+        for axis in 0..3 {
+            near.dilate(axis, reach_cells.div_euclid(BLOCK_CELLS) + 1);
+        }
+        near
+    }
+
+    /// Extends the blocks along an axis.
+    fn dilate(&mut self, axis: usize, by: i32) {
+        let before = self.is_near.clone();
+        for z in 0..self.size[2] {
+            for y in 0..self.size[1] {
+                for x in 0..self.size[0] {
+                    let here = [x, y, z];
+                    let range = (here[axis] - by).max(0)..=(here[axis] + by).min(self.size[axis] - 1);
+                    let is_near = range.into_iter().any(|along| {
+                        let mut other = here;
+                        other[axis] = along;
+                        before[self.place(other)]
+                    });
+                    let place = self.place(here);
+                    self.is_near[place] = is_near;
+                }
+            }
+        }
+    }
+
+    fn place(&self, [x, y, z]: [i32; 3]) -> usize {
+        ((z * self.size[1] + y) * self.size[0] + x) as usize
+    }
+
+    fn holds(&self, cell: Cell) -> bool {
+        self.is_near[self.place(block_of(cell))]
+    }
+}
+
+/// The block of a cell of the map.
+fn block_of(cell: Cell) -> [i32; 3] {
+    [cell.x, cell.y, cell.z].map(|along| along / BLOCK_CELLS)
+}
