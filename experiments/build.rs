@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// What a run is made by, from the folder of the workspace. What only looks at runs is not among
 /// it.
-const SOURCES: [&str; 12] = [
+const SOURCES: [&str; 14] = [
     "Cargo.lock",
     "voxels/src",
     "mapgen/src",
@@ -15,6 +15,8 @@ const SOURCES: [&str; 12] = [
     "ros_node/src",
     "simulation/src",
     "sim_server/src",
+    "agent/src",
+    "controllers/src",
     "agent_node/src",
     "in_memory/src",
     "experiments/src/measure.rs",

@@ -337,7 +337,7 @@ fn forged_command_fails_verification() {
     let quick = verify(&site, "forged.mcap", &["--no-controllers"]).with_code(0);
     assert!(quick.stdout.contains(words), "{quick}");
     let refused = verify(&site, "forged.mcap", &[]);
-    let reason = "error: forged.mcap: tick 0, agent 1, /agent_1/command: task.";
+    let reason = "error: forged.mcap: tick 0, agent 1, /agent_1/command: motion.";
     assert!(refused.code == Some(1) && refused.stderr.starts_with(reason) && refused.stdout.is_empty(), "{refused}");
 }
 

@@ -210,9 +210,13 @@ impl ExplorationMap {
         self.cells.get(cell).map_or(CellState::Wall, |&packed| state_of(packed))
     }
 
-    /// The state of the cell with this index, which is inside the map.
+    /// The state of the cell with this index.
+    ///
+    /// # Panics
+    /// If it is outside the map.
+    #[must_use]
     #[inline]
-    pub(crate) fn state_at(&self, index: usize) -> CellState {
+    pub fn state_at(&self, index: usize) -> CellState {
         state_of(self.cells[index])
     }
 

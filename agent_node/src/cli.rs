@@ -6,8 +6,8 @@ use std::time::Duration;
 use clap::Parser;
 use msgs::ids::AgentId;
 
-use controllers::Registry;
 use crate::host::Options;
+use controllers::Registry;
 
 /// Agents of a deterministic simulator of 3-D multi-agent exploration: one process for one or more
 /// agents

@@ -25,14 +25,14 @@ use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX, LIST_BYTES
 use msgs::maes_msgs::{self, Observation as Part};
 use msgs::message_type::MessageType;
 
+use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
 use agent::command::{Command, Motion, WakeCondition};
-use controllers::{Controller, ControllerError, Ctx, Failure, Successors};
-use thiserror::Error;
 use agent::exploration_map::ExplorationMap;
 use agent::navigation::NavigationTask;
 use agent::observation::{Observation, RunInfo};
 use agent::sharing::Sharing;
-use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
+use controllers::{Controller, ControllerError, Ctx, Failure, Successors};
+use thiserror::Error;
 
 /// One agent.
 pub struct Agent {
@@ -172,7 +172,7 @@ impl Agent {
         // The server makes every agent due whose controller changes.
         let takes_over = observation.change.as_ref().is_some_and(|now| self.is_another_controller(now));
         let command = if takes_over || self.due.is_met(tick, observation.events) {
-            self.reply_to_trigger(observation)?
+            self.reply_to_wake(observation)?
         } else if self.controller.is_polled_between_wakes() {
             self.reply_to_poll(observation)?
         } else {
@@ -187,7 +187,7 @@ impl Agent {
         Ok(Reaction::Reply(command))
     }
 
-    fn reply_to_trigger(&mut self, mut observation: Observation) -> Result<Command, AgentError> {
+    fn reply_to_wake(&mut self, mut observation: Observation) -> Result<Command, AgentError> {
         // The server repeats it in this observation.
         self.unmerged = None;
         self.merge(&mut observation)?;

@@ -76,9 +76,9 @@ mod serve {
     use ros_node::ros_env::RosEnv;
 
     use crate::cli::Cli;
-    use controllers::Registry;
     use crate::host::{self, Credentials, Options, RunError};
     use crate::ros::RosTransport;
+    use controllers::Registry;
 
     /// A failure of the system or of the protocol.
     const FAILED: u8 = 1;

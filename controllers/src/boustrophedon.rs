@@ -201,8 +201,8 @@ impl Controller for Boustrophedon {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use agent::command::ScanRequest;
     use crate::testing::{World, flat};
+    use agent::command::ScanRequest;
     use agent::observation::Contact;
 
     const HALL: &str = "\

@@ -214,8 +214,8 @@ impl Controller for NearestFrontier {
 mod tests {
     use super::collision_recovery::HOLD_TICKS;
     use super::*;
-    use agent::command::ScanRequest;
     use crate::testing::{World, flat};
+    use agent::command::ScanRequest;
 
     const CAVE: &str = "\
         ############\n\

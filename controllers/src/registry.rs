@@ -10,8 +10,8 @@ use thiserror::Error;
 use super::settings::{Setting, SettingError};
 use super::suggestion::did_you_mean;
 use super::{Controller, REGISTRY, Registration, Successors};
-use agent::observation::RunInfo;
 use crate::stopwatch::DecisionTimes;
+use agent::observation::RunInfo;
 
 /// Controllers by name.
 #[derive(Debug, Clone, Copy, Default)]

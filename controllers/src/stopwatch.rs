@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 
-use agent::command::Command;
 use crate::{Controller, Ctx, Failure};
+use agent::command::Command;
 use agent::exploration_map::{Change, Finding};
 use agent::observation::Observation;
 

@@ -19,13 +19,13 @@ use nalgebra::{Point3, Vector3};
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx, Setup};
-pub(crate) use agent::testing::{RADIUS_M, drawn, flat, is_through_free_cells};
 use agent::bodies::{Bodies, BodyKind, BodyModel};
 use agent::command::{Command, Motion, WakeCondition};
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::navigation::NavigationTask;
 use agent::observation::{Cells, Collision, Contact, Observation, Pose, RunInfo, Surface};
 use agent::path::{BodyState, HeldVelocity};
+pub(crate) use agent::testing::{RADIUS_M, drawn, flat};
 
 /// The id of the agent.
 const AGENT: AgentId = AgentId(1);

@@ -1,7 +1,7 @@
 //! The controllers of this build: checks what a scenario asks for, and decides again for recorded
 //! commands.
 
-use agent_node::agent::{Agent, Reaction};
+use agent_node::control_loop::{Agent, Reaction};
 use agent_node::controllers::{self, Registry};
 use agent_node::wire;
 use msgs::ids::AgentId;

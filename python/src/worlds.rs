@@ -362,7 +362,7 @@ impl Environment {
 }
 
 impl Explorer {
-    /// As `agent_node::agent` does.
+    /// As `agent_node::control_loop` does.
     fn merge(&mut self, mut observation: Observation, run_info: &RunInfo) {
         self.map.note_free(&observation.seen.free);
         self.map.note_wall(&observation.seen.wall);

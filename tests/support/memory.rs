@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use agent_node::agent::{Agent, Reaction};
+use agent_node::control_loop::{Agent, Reaction};
 use agent_node::controllers::{Controller, Registry};
 use agent_node::host::Options;
 use agent_node::transport::{Inbound, ServerTransport};

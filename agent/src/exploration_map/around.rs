@@ -11,7 +11,9 @@ const LANES: u32 = 0x01_01_01;
 /// outside the map are walls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Around {
+    /// Number of walls, 0 to 27.
     pub walls: u8,
+    /// Number of free cells, 0 to 27.
     pub free: u8,
 }
 

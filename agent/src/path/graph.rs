@@ -209,11 +209,7 @@ impl<'a> Graph<'a> {
 
     /// The cells that the body at the centre of a cell does not touch, but that are beside one that
     /// it touches there, in some directions.
-    pub fn cells_beside_body(
-        &self,
-        cell: Cell,
-        directions: impl Iterator<Item = Cell> + Clone,
-    ) -> BTreeSet<Cell> {
+    pub fn cells_beside_body(&self, cell: Cell, directions: impl Iterator<Item = Cell> + Clone) -> BTreeSet<Cell> {
         let touched = &self.moves.sphere;
         let beside = touched.iter().flat_map(|&by| directions.clone().map(move |direction| by + direction));
         beside.filter(|by| touched.binary_search(by).is_err()).map(|by| cell + by).collect()

@@ -195,9 +195,9 @@ mod tests {
     use voxels::Extent;
 
     use super::*;
-    use crate::testing::is_through_free_cells;
-    use crate::testing::drawn;
     use crate::path::{Goal, Graph, Moves, Neighbours, find, straighten_from};
+    use crate::testing::drawn;
+    use crate::testing::is_through_free_cells;
 
     const BODY: BodyModel = BodyModel::SUBMARINE;
 

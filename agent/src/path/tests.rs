@@ -9,8 +9,8 @@ use voxels::{Cell, Extent};
 
 use super::sweep::{centre, clearance, touched};
 use super::*;
-use crate::testing::drawn;
 use crate::exploration_map::{CellState, ExplorationMap};
+use crate::testing::drawn;
 
 mod straight;
 

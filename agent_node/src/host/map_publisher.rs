@@ -9,8 +9,8 @@ use msgs::ids::{AgentId, Tick};
 use voxels::Extent;
 
 use super::{Host, HostedAgent, RECEIVE_TIMEOUT};
-use agent::map_markers::MapMarkers;
 use crate::transport::{Level, ServerTransport};
+use agent::map_markers::MapMarkers;
 
 /// Wall time between two markers of one map, so that subscribers can keep up.
 const MARKER_PERIOD: Duration = Duration::from_millis(10);

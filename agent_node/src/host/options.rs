@@ -7,9 +7,9 @@ use msgs::limits::PROTOCOL;
 use thiserror::Error;
 
 use super::Credentials;
-use controllers::{ControllerError, Failure, Registry};
-use controllers::stopwatch::DecisionTimes;
 use crate::control_loop::AgentError;
+use controllers::stopwatch::DecisionTimes;
+use controllers::{ControllerError, Failure, Registry};
 
 /// The options of a process.
 #[derive(Debug, Clone)]

@@ -10,8 +10,8 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 
 use super::obstacles::is_near;
-use agent::command::WakeCondition;
 use crate::Ctx;
+use agent::command::WakeCondition;
 use agent::observation::Observation;
 use msgs::event_mask::EventMask;
 

@@ -13,9 +13,9 @@ use voxels::Cell;
 
 use super::obstacles::Obstacles;
 use super::{Dsvp, Plan};
-use agent::command::{Command, WakeCondition};
 use crate::Ctx;
 use crate::auction::Auction;
+use agent::command::{Command, WakeCondition};
 use agent::observation::Observation;
 
 /// A way to coordinate, with its state in one agent.

@@ -7,9 +7,9 @@ use msgs::ids::Tick;
 use nalgebra::Point3;
 
 use super::obstacles::Obstacles;
+use crate::Ctx;
 use agent::bodies::legs_s;
 use agent::command::{Motion, WakeCondition};
-use crate::Ctx;
 use agent::observation::Observation;
 use agent::path::{BodyState, Trajectory};
 
@@ -88,9 +88,9 @@ mod tests {
     use voxels::Cell;
 
     use super::*;
-    use agent::bodies::BodyModel;
     use crate::dsvp::avoidance::obstacles_near;
     use crate::testing::World;
+    use agent::bodies::BodyModel;
     use agent::observation::Contact;
 
     const ROOM: &str = "\

@@ -15,8 +15,8 @@ use super::goal::Goal;
 use super::obstacles::Obstacles;
 use super::tree::{Tree, vector};
 use super::{Dsvp, Plan, by_distance, has_gain_left};
-use agent::abstract_graph::AbstractGraph;
 use crate::Ctx;
+use agent::abstract_graph::AbstractGraph;
 use agent::observation::Observation;
 use agent::path::Path;
 

@@ -20,18 +20,18 @@ use rays::{Pattern, RayCell, Rays};
 /// How much an unexplored cell counts, by the number of known walls beside it: surfaces are smooth,
 /// so what is beside a wall is mostly wall.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate) struct Likelihood {
+pub(crate) struct Likelihood {
     /// By the number of known walls among the six neighbours, in units of 1 / [`WHOLE`]; `None`:
     /// all cells count alike.
     by_walls: Option<[u32; 7]>,
 }
 
 /// What a cell without known walls beside it counts.
-pub(in crate) const WHOLE: u32 = 256;
+pub(crate) const WHOLE: u32 = 256;
 
 impl Likelihood {
     /// Each known wall beside a cell multiplies what it counts by `wall_adjacency_factor`.
-    pub(in crate) fn new(wall_adjacency_factor: f64) -> Self {
+    pub(crate) fn new(wall_adjacency_factor: f64) -> Self {
         let mut factor = 1.0;
         let by_walls = [0; 7].map(|_: u32| {
             let counts = (f64::from(WHOLE) * factor).round() as u32;
@@ -42,7 +42,7 @@ impl Likelihood {
     }
 
     /// What an unexplored cell counts.
-    pub(in crate) fn of(self, map: &ExplorationMap, cell: Cell) -> u32 {
+    pub(crate) fn of(self, map: &ExplorationMap, cell: Cell) -> u32 {
         let Some(by_walls) = self.by_walls else { return WHOLE };
         by_walls[cell.neighbours6().into_iter().filter(|&beside| map.state(beside) == CellState::Wall).count()]
     }
@@ -53,7 +53,7 @@ const CERTAIN_MIN: u32 = 3;
 
 /// Estimates the gain of viewpoints.
 #[derive(Debug, Clone)]
-pub(in crate) struct GainEstimator {
+pub(crate) struct GainEstimator {
     pattern: Pattern,
     /// Once the size of the map is known.
     rays: Option<Arc<Rays>>,
@@ -107,7 +107,7 @@ struct VisitedCell {
 
 impl GainEstimator {
     /// Rays in all directions, `range_cells` long.
-    pub(in crate) fn new(rays: u32, range_cells: f64, depth: u32, likelihood: Likelihood) -> Self {
+    pub(crate) fn new(rays: u32, range_cells: f64, depth: u32, likelihood: Likelihood) -> Self {
         Self { pattern: Pattern { rays, range_cells }, rays: None, depth, likelihood }
     }
 
@@ -121,7 +121,7 @@ impl GainEstimator {
     }
 
     /// The unexplored cells visible from the centre of a cell, each by its likelihood to be free.
-    pub(in crate) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
+    pub(crate) fn gain(&mut self, map: &ExplorationMap, viewpoint: Cell) -> u32 {
         let rays = self.rays(map);
         let mut gain = 0;
         SCRATCH.with_borrow_mut(|scratch| {
@@ -138,13 +138,13 @@ impl GainEstimator {
     }
 
     /// Cells on all rays of a viewpoint, at least 1.
-    pub(in crate) fn ray_cells(&mut self, map: &ExplorationMap) -> usize {
+    pub(crate) fn ray_cells(&mut self, map: &ExplorationMap) -> usize {
         self.rays(map).cells.len().max(1)
     }
 
     /// The first unexplored cell that a ray from the centre of a cell meets, in the order of the
     /// rays.
-    pub(in crate) fn first_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell) -> Option<Cell> {
+    pub(crate) fn first_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell) -> Option<Cell> {
         let rays = self.rays(map);
         let mut start = 0;
         rays.ends.iter().find_map(|&end| {

@@ -19,7 +19,7 @@ const NEAR: f64 = 6.0;
 
 /// The bodies nearby.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate) struct Obstacles {
+pub(crate) struct Obstacles {
     extent: Extent,
     near: Vec<Obstacle>,
     /// No cell outside this box is occupied, so a search that goes far looks at no obstacle there.
@@ -49,7 +49,7 @@ pub(super) fn is_near(contact: &Contact, here: &Point3<f64>, radius_m: f64, bodi
 impl Obstacles {
     /// The obstacles near a body with a radius at `here`; metres, frame `map`. `bodies` are those
     /// of the team.
-    pub(in crate) fn near(
+    pub(crate) fn near(
         contacts: &[Contact],
         here: &Point3<f64>,
         radius_m: f64,
@@ -116,7 +116,7 @@ impl Obstacles {
     }
 
     /// Whether a body at the centre of a cell would violate the clearance of an obstacle.
-    pub(in crate) fn occupy(&self, cell: Cell) -> bool {
+    pub(crate) fn occupy(&self, cell: Cell) -> bool {
         let Self { low, high, .. } = self;
         let is_in_box = (low.x..=high.x).contains(&cell.x)
             && (low.y..=high.y).contains(&cell.y)
@@ -133,7 +133,7 @@ impl Obstacles {
 
     /// Whether a body on a straight leg would violate the clearance of an obstacle. A violation at
     /// the start does not count unless the leg comes nearer still.
-    pub(in crate) fn block(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
+    pub(crate) fn block(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
         let by = to - from;
         let length_squared = by.norm_squared();
         self.near.iter().any(|obstacle| {
@@ -148,7 +148,7 @@ impl Obstacles {
     }
 
     /// Whether a body on a path of waypoints would violate the clearance of an obstacle.
-    pub(in crate) fn block_motion(&self, from: &Point3<f64>, motion: &Motion) -> bool {
+    pub(crate) fn block_motion(&self, from: &Point3<f64>, motion: &Motion) -> bool {
         let Motion::Path(waypoints) = motion else { return false };
         let starts = std::iter::once(from).chain(waypoints);
         starts.zip(waypoints).any(|(from, to)| self.block(from, to))

@@ -7,8 +7,8 @@ use super::avoidance::Waypoints;
 use super::scanning::ScanRange;
 use super::team::TeamParams;
 use super::tree::{Growth, Valuation};
-use agent::bodies::BodyModel;
 use crate::auction::AuctionParams;
+use agent::bodies::BodyModel;
 
 /// Parameters of the planner. Lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,8 +10,8 @@
 
 use voxels::Cell;
 
-use agent::command::{Command, Motion, ScanRequest};
 use crate::Ctx;
+use agent::command::{Command, Motion, ScanRequest};
 use agent::observation::Observation;
 
 /// Distances from frontiers in sight along each axis, metres.
@@ -80,8 +80,8 @@ impl Scanning {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use agent::command::WakeCondition;
     use crate::testing::World;
+    use agent::command::WakeCondition;
 
     /// A corridor that is unexplored beyond its high end.
     const CORRIDOR: &str = "\

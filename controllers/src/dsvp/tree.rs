@@ -21,30 +21,30 @@ use agent::path::direct;
 
 /// Parameters of growth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate) struct Growth {
+pub(crate) struct Growth {
     /// Half the side of the cube that contains the tree, cells.
-    pub(in crate) horizon: i32,
+    pub(crate) horizon: i32,
     /// Greatest length of an edge, cells.
-    pub(in crate) extension: f64,
+    pub(crate) extension: f64,
     /// Number of samples.
-    pub(in crate) samples: u32,
+    pub(crate) samples: u32,
     /// Share of the samples near the chosen local frontiers.
-    pub(in crate) bias: f64,
+    pub(crate) bias: f64,
     /// Greatest distance of such samples from their frontier along each axis, cells.
-    pub(in crate) jitter: i32,
+    pub(crate) jitter: i32,
     /// Radius of the body, metres.
-    pub(in crate) radius_m: f64,
+    pub(crate) radius_m: f64,
 }
 
 /// Parameters of the branch gain.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate) struct Valuation {
+pub(crate) struct Valuation {
     /// Discount per metre of path to a node.
-    pub(in crate) lambda_distance: f64,
+    pub(crate) lambda_distance: f64,
     /// Discount per metre of DTW distance between a branch and the last direction.
-    pub(in crate) lambda_direction: f64,
+    pub(crate) lambda_direction: f64,
     /// Viewpoints with a gain below this count as having none.
-    pub(in crate) gain_min: u32,
+    pub(crate) gain_min: u32,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -57,28 +57,28 @@ struct Node {
 
 /// A branch with a gain.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate) struct Branch {
+pub(crate) struct Branch {
     /// From the root to the end of the branch.
-    pub(in crate) cells: Vec<Cell>,
+    pub(crate) cells: Vec<Cell>,
     /// The gain of the end of the branch.
-    pub(in crate) gain: u32,
+    pub(crate) gain: u32,
 }
 
 /// The tree. Node 0 is its root and its own parent; every other node follows its parent.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate) struct Tree {
+pub(crate) struct Tree {
     nodes: Vec<Node>,
 }
 
 impl Tree {
     /// The tree that is only a root.
-    pub(in crate) fn new(root: Cell) -> Self {
+    pub(crate) fn new(root: Cell) -> Self {
         Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }] }
     }
 
     /// The tree re-rooted at a new cell: the component within the horizon that is connected to it,
     /// if a node within two edge lengths can be reached on a straight leg; else the root alone.
-    pub(in crate) fn rerooted_at(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
+    pub(crate) fn rerooted_at(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
         let centre = map.extent().centre(root);
         let mut near: Vec<(f64, usize)> = (0..self.nodes.len())
             .map(|node| (self.nodes[node].cell.distance(root), node))
@@ -129,7 +129,7 @@ impl Tree {
 
     /// Grows the tree by random samples, some of them near `frontiers`, with clearance to other
     /// bodies.
-    pub(in crate) fn grow(
+    pub(crate) fn grow(
         &mut self,
         map: &ExplorationMap,
         growth: &Growth,
@@ -172,7 +172,7 @@ impl Tree {
 
     /// The branch with the highest gain, if one has a gain; of equal ones the oldest.
     /// `utility_factor` multiplies the gain of a viewpoint, given its path length in metres.
-    pub(in crate) fn best(
+    pub(crate) fn best(
         &self,
         map: &ExplorationMap,
         gain_estimator: &mut GainEstimator,
@@ -231,7 +231,7 @@ impl Tree {
     }
 }
 
-pub(in crate) fn vector(by: Cell) -> Vector3<f64> {
+pub(crate) fn vector(by: Cell) -> Vector3<f64> {
     Vector3::new(f64::from(by.x), f64::from(by.y), f64::from(by.z))
 }
 

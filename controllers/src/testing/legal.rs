@@ -13,8 +13,8 @@ use proptest::prelude::*;
 use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::{AGENT, World};
-use agent::command::{Command, Motion, ScanRequest};
 use crate::{NAMES, build};
+use agent::command::{Command, Motion, ScanRequest};
 use agent::observation::{
     Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
 };

@@ -20,24 +20,24 @@
 #include <maes_msgs/msg/command.hpp>
 #include <maes_msgs/msg/join.hpp>
 #include <maes_msgs/msg/join_reply.hpp>
+#include <maes_msgs/msg/motion.hpp>
 #include <maes_msgs/msg/observation.hpp>
 #include <maes_msgs/msg/scenario.hpp>
 #include <maes_msgs/msg/signed_command.hpp>
 #include <maes_msgs/msg/signed_join.hpp>
 #include <maes_msgs/msg/signed_observation.hpp>
-#include <maes_msgs/msg/motion.hpp>
-#include <maes_msgs/msg/wake.hpp>
+#include <maes_msgs/msg/wake_condition.hpp>
 #include <rclcpp/rclcpp.hpp>
 
 using maes_msgs::msg::Command;
 using maes_msgs::msg::Join;
 using maes_msgs::msg::JoinReply;
+using maes_msgs::msg::Motion;
 using maes_msgs::msg::Observation;
 using maes_msgs::msg::Scenario;
 using maes_msgs::msg::SignedCommand;
 using maes_msgs::msg::SignedJoin;
 using maes_msgs::msg::SignedObservation;
-using maes_msgs::msg::Motion;
 using maes_msgs::msg::WakeCondition;
 
 namespace

@@ -1,6 +1,6 @@
 //! Target `agent`: any fragments of observations with any agent messages, and map sharing on.
 
-use agent_node::agent::{Agent, Reaction};
+use agent_node::control_loop::{Agent, Reaction};
 use agent_node::controllers;
 use agent_node::wire;
 use arbitrary::{Result, Unstructured};

@@ -25,7 +25,7 @@ function mapMessage(head: readonly number[], bits: string): Uint8Array {
  * part of a fourth of block 2; two cells of block 5, some of them covered.
  */
 const DOCUMENTED = Uint8Array.from(
-  readFileSync("../agent_node/src/sharing/map_message/update.hex", "utf8")
+  readFileSync("../agent/src/sharing/map_message/update.hex", "utf8")
     .trim()
     .split(" ")
     .map((byte) => parseInt(byte, 16)),

@@ -1,7 +1,7 @@
 /**
  * Decoder of map messages: what agents share of their maps.
  *
- * The format is version 4 of `agent_node/src/sharing/map_message.rs`. Of its four forms only
+ * The format is version 4 of `agent/src/sharing/map_message.rs`. Of its four forms only
  * updates have cells: the receivers, a position in the journal of the sender, then blocks of
  * 4 x 4 x 4 cells as a bit stream, least significant bit of each byte first. Cell numbers in a
  * block interleave the bits of the coordinates: x0, y0, z0, x1, y1, z1 from the lowest. A malformed

@@ -5,9 +5,9 @@ use voxels::{Cell, Extent};
 
 use super::*;
 use crate::bodies::legs_s;
-use crate::testing::is_through_free_cells;
-use crate::testing::drawn;
 use crate::path::{Goal, Graph, Moves, Neighbours, find, straighten_from};
+use crate::testing::drawn;
+use crate::testing::is_through_free_cells;
 
 const BODY: BodyModel = BodyModel::SUBMARINE;
 
