@@ -63,8 +63,8 @@ pub struct ImportSpec {
     pub file: String,
     /// The content of the file.
     pub bytes: Vec<u8>,
-    /// The contents of the files that it [names](ImportSpec::names), in this order, if they have
-    /// been read.
+    /// The contents of the files that it [names](ImportSpec::names), in this order, if they have been
+    /// read.
     pub companions: Vec<Vec<u8>>,
     /// Names and contents of the pictures of a folder; empty for a file.
     pub layers: Vec<(String, Vec<u8>)>,

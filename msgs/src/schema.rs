@@ -23,9 +23,10 @@ const PRIMITIVES: [&str; 15] = [
 /// ```
 /// use msgs::{message::Message, rosgraph_msgs::Clock, schema};
 ///
-/// let rule = "=".repeat(80); let expected = format!("builtin_interfaces/Time clock\n\n{rule}\nMSG:
-/// builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"); assert_eq!(schema::text(Clock::TYPE),
-/// expected);
+/// let rule = "=".repeat(80);
+/// let expected =
+///     format!("builtin_interfaces/Time clock\n\n{rule}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n");
+/// assert_eq!(schema::text(Clock::TYPE), expected);
 /// ```
 pub fn text(message: MessageType) -> String {
     let mut text = message.definition.to_owned();
