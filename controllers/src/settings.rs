@@ -46,6 +46,20 @@ fn known_are(key: &str, known: &[&str]) -> String {
     }
 }
 
+/// Keys as builds with protocol 6 or earlier named them, and their present names. Scenarios and
+/// recordings of before have the old ones.
+const RENAMED: [(&str, &str); 5] = [
+    ("aerial_urgency", "aerial_latency_weight"),
+    ("beside_wall", "wall_adjacency_factor"),
+    ("pace_m_s", "cruise_speed_m_s"),
+    ("trespass_m", "conflict_penalty_m"),
+    ("urgency", "latency_weight"),
+];
+
+fn present_key(key: &str) -> &str {
+    RENAMED.iter().find(|(old, _)| *old == key).map_or(key, |(_, present)| present)
+}
+
 /// Ticks that a search takes in the background: 0.5 s.
 const BACKGROUND_TICKS: u64 = 25;
 
@@ -89,7 +103,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Parses `KEY=VALUE` texts; of equal keys the last one wins.
+    /// Parses `KEY=VALUE` texts; of equal keys the last one wins. Keys of earlier builds are read.
     ///
     /// # Errors
     /// If a text has no `=`.
@@ -98,7 +112,7 @@ impl Settings {
             .iter()
             .map(|text| {
                 let assignment = text.split_once('=').ok_or_else(|| SettingError::NoAssignment { text: text.clone() });
-                assignment.map(|(key, value)| (key.trim().to_owned(), value.trim().to_owned()))
+                assignment.map(|(key, value)| (present_key(key.trim()).to_owned(), value.trim().to_owned()))
             })
             .collect::<Result<_, _>>()?;
         Ok(Self { left, taken: Vec::new() })
@@ -203,6 +217,13 @@ mod tests {
         assert_eq!(taken(&["search_time = background"]), Ok(SearchTime::Background(25)));
         let refused = taken(&["search_time=none"]).unwrap_err().to_string();
         assert_eq!(refused, "setting search_time = none: expected one of instant, budgeted, background");
+    }
+
+    #[test]
+    fn keys_of_earlier_builds_are_read() {
+        for (old, present) in RENAMED {
+            assert_eq!(parsed(&format!("{old}=2")).number(present, 1.0, 0.0, 3.0), Ok(2.0), "{old}");
+        }
     }
 
     fn parsed(text: &str) -> Settings {
