@@ -240,7 +240,7 @@ fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<
         if index > 0 {
             writeln!(out)?;
         }
-        let imported = import(file, args.import, args.cell_m)?.read()?;
+        let imported = import(file, &args.import, args.cell_m)?.read()?;
         let slice = args.slice.map(|slice| slice.draw(&imported.terrain, file)).transpose()?;
         if let Some(picture) = &args.png {
             let pixels = slices::png(&imported.terrain);
@@ -259,9 +259,10 @@ fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<
 }
 
 /// A map file to read.
-fn import(file: &Path, options: ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
-    let spec = map_file::load(file).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })?;
-    Ok(ImportSpec { options, cell_m, ..spec })
+fn import(file: &Path, options: &ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
+    let spec = map_file::load(file, options);
+    let spec = spec.map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })?;
+    Ok(ImportSpec { cell_m, ..spec })
 }
 
 fn describe(file: &Path, imported: &Imported, asked: Option<f64>, out: &mut dyn Write) -> Result<(), MapCliError> {
@@ -291,7 +292,7 @@ fn describe(file: &Path, imported: &Imported, asked: Option<f64>, out: &mut dyn 
 
 fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
     let output = Output::new(&args.output, args.encoding)?;
-    let spec = import(&args.input, args.import, args.cell_m)?;
+    let spec = import(&args.input, &args.import, args.cell_m)?;
     let mut imported = spec.read()?;
     let extent = imported.terrain.extent();
     let repairs = if args.as_is {

@@ -14,8 +14,17 @@ use super::{ImportSpec, Imported, gltf, las, m3dm, obj, octomap, pcd, plan, ply,
 /// The cell length in the bytes of a file, metres.
 pub(super) type CellLength = fn(&[u8]) -> Option<f64>;
 
-/// The files that the bytes of a file name, relative to its folder.
-pub(super) type Companions = fn(&[u8]) -> Vec<PathBuf>;
+/// The files that a file needs and that have not been looked for, relative to its folder.
+pub(super) type Companions = fn(&ImportSpec) -> Vec<PathBuf>;
+
+/// Where the files that a map file needs are looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Search {
+    /// Where their names, relative to the folder of the file, lead.
+    Anywhere,
+    /// Below the folder of the file, and models also below the folders of the option `model_path`.
+    Models,
+}
 
 /// A reader of a file format. A new format is a module with one, and its line in [`READERS`].
 #[derive(Debug)]
@@ -33,6 +42,8 @@ pub struct MapReader {
     pub(super) stored_cell_m: Option<CellLength>,
     /// The files that a file needs, relative to its folder.
     pub(super) companions: Option<Companions>,
+    /// Where these are looked for.
+    pub(super) search: Search,
 }
 
 /// All formats of single files that are read.
@@ -223,6 +234,17 @@ pub enum FormatError {
         /// The reason.
         reason: String,
     },
+    /// The space around the position given as free is narrower than the openings to close.
+    #[error(
+        "free_from = {},{},{} lies where a cube of {} cells has no room; choose another place, or a smaller gap_cells",
+        .place[0], .place[1], .place[2], .gap + 1
+    )]
+    Narrow {
+        /// In coordinates of the file, in its units.
+        place: [f64; 3],
+        /// The widest opening that is closed, cells.
+        gap: u32,
+    },
     /// The position given as free is wall or outside.
     #[error(
         "free_from = {},{},{} lies {}, expected a place in a free cell",
@@ -256,7 +278,7 @@ impl MapReader {
         options: &'static [&'static str],
         read: fn(&ImportSpec) -> Result<Imported, FormatError>,
     ) -> Self {
-        Self { name, extensions, options, read, stored_cell_m: None, companions: None }
+        Self { name, extensions, options, read, stored_cell_m: None, companions: None, search: Search::Anywhere }
     }
 
     /// The reader of a file by the extension of its name, ignoring case.

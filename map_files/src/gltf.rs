@@ -86,8 +86,8 @@ impl Buffer<'_> {
 
 /// The files that a document needs, relative to its folder, in the order of its buffers; none if
 /// one of them may not be read.
-fn companions(bytes: &[u8]) -> Vec<PathBuf> {
-    let document = pieces(bytes).ok().and_then(|(text, _)| parsed(text).ok());
+fn companions(spec: &ImportSpec) -> Vec<PathBuf> {
+    let document = pieces(&spec.bytes).ok().and_then(|(text, _)| parsed(text).ok());
     let buffers = document.iter().flat_map(|document| &document.buffers);
     let files: Option<Vec<PathBuf>> = buffers.filter_map(Buffer::file).map(below_folder).collect();
     files.unwrap_or_default()
@@ -140,7 +140,6 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         let name = shown(name.as_bytes());
         return Err(fault("extensionsRequired", format_args!("{name} is not read; save the scene without it")));
     }
-    let mut files = spec.companions.iter();
     let buffers: Vec<Cow<'_, [u8]>> = document
         .buffers
         .iter()
@@ -149,14 +148,13 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             (Some(_), _) if buffer.file().is_some() => {
                 let place = format!("buffers[{number}].uri");
                 let file = buffer.file().unwrap_or_default();
-                if below_folder(file).is_none() {
+                let Some(path) = below_folder(file) else {
                     let name = shown(file.as_bytes());
                     let reason =
                         format!("{name} is no file below the folder of the scene; put it there, or save as .glb");
                     return Err(fault(place, reason));
-                }
-                let bytes = files.next();
-                bytes.map(|bytes| Cow::Borrowed(bytes.as_slice())).ok_or_else(|| {
+                };
+                spec.companion(&path).map(Cow::Borrowed).ok_or_else(|| {
                     fault(place, "the data are in another file, which is not at hand; save the scene as .glb")
                 })
             }

@@ -33,7 +33,7 @@ use winding::Winding;
 
 /// The import options of meshes.
 pub(super) const OPTIONS: &[&str] =
-    &["fill", "inside", "up", "scale", "margin_cells", "free_from", "cells_max", "steps_max"];
+    &["fill", "inside", "up", "scale", "margin_cells", "crop", "free_from", "gap_cells", "cells_max", "steps_max"];
 
 /// Corners of a triangle.
 type Triangle = [[f64; 3]; 3];
@@ -154,7 +154,7 @@ pub(super) fn map_up(
     lattice::put_on(&mut triangles);
     let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
     units.check_span(spec, bounds)?;
-    let frame = Frame::around(units, bounds, fill == Fill::Shell)?;
+    let mut frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),
         Kind::Free => (Terrain::Wall, Terrain::Free),
@@ -220,8 +220,10 @@ pub(super) fn map_up(
     if spec.options.inside.is_none() && is_free_around(&terrain) {
         notes.push(Note::warning("inside", AROUND));
     }
+    let (mut terrain, cropped) = frame.cropped(terrain, spec)?;
+    notes.extend(cropped);
     notes.push(frame.note());
-    notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| frame.cell_of_place(place))?);
+    notes.extend(keep_from(&mut terrain, &spec.options, |place| frame.cell_of_place(place))?);
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
 }
 

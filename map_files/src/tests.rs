@@ -43,8 +43,8 @@ fn what_an_option_is_not_for_is_refused() {
     );
     assert_eq!(
         refuse("a.obj", threshold(0.5)),
-        "a.obj: threshold is not an option for .obj files, which have fill, inside, up, scale, margin_cells, free_from, cells_max, \
-         steps_max"
+        "a.obj: threshold is not an option for .obj files, which have fill, inside, up, scale, margin_cells, crop, free_from, \
+         gap_cells, cells_max, steps_max"
     );
     assert_eq!(refuse("a.pgm", threshold(1.5)), "a.pgm: threshold = 1.5, allowed is 0 to 1");
     let place = ImportOptions { free_from: Some([0.0, f64::NAN, 1.0]), ..ImportOptions::default() };

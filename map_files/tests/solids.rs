@@ -226,8 +226,8 @@ fn no_format_loses_the_length_of_a_cell() {
                 height_cells: companion.is_some().then_some(2),
                 ..ImportOptions::default()
             };
-            let companions: Vec<Vec<u8>> = companion.into_iter().collect();
-            let spec = ImportSpec { options, companions, ..ImportSpec::new(name.clone(), bytes) };
+            let spec = ImportSpec { options, ..ImportSpec::new(name.clone(), bytes) };
+            let spec = spec.with_companions(companion.into_iter().collect());
             let read = spec.read().unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(read.terrain, terrain, "{name}, cells of {cell_m} m");
             assert_eq!(read.stores_cell_m, cell_m != 1.0 || spec.stored_cell_m().is_some(), "{name}");
