@@ -9,7 +9,7 @@ use voxels::{ExtentError, M3dmError, PackedError, TextError};
 use mapgen::import_options::OptionError;
 
 use super::export::WRITERS;
-use super::{ImportSpec, Imported, gltf, las, m3dm, obj, octomap, pcd, plan, ply, stl, text, vox, xyz};
+use super::{ImportSpec, Imported, dae, e57, gltf, las, m3dm, obj, octomap, pcd, plan, ply, sdf, stl, text, vox, xyz};
 
 /// The cell length in the bytes of a file, metres.
 pub(super) type CellLength = fn(&[u8]) -> Option<f64>;
@@ -56,11 +56,14 @@ pub const READERS: &[MapReader] = &[
     obj::READER,
     stl::READER,
     gltf::READER,
+    dae::READER,
+    sdf::READER,
     vox::READER,
     plan::READER,
     plan::YAML_READER,
     xyz::READER,
     las::READER,
+    e57::READER,
 ];
 
 /// A position in a file.
@@ -85,7 +88,10 @@ impl Display for Place {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum FormatError {
     /// The extension of the file's name is missing or unknown.
-    #[error("the file's extension is {}, known are {}", if_any(.0), listed(READERS.iter().flat_map(|reader| reader.extensions).copied()))]
+    #[error(
+        "the file's extension is {}, known are {}{}",
+        if_any(.0), listed(READERS.iter().flat_map(|reader| reader.extensions).copied()), remedy(.0)
+    )]
     Extension(String),
     /// A file that another one names cannot be used.
     #[error("image {file}: {reason}")]
@@ -310,6 +316,17 @@ fn listed(extensions: impl Iterator<Item = &'static str>) -> String {
     let mut known: Vec<String> = extensions.map(|extension| format!(".{extension}")).collect();
     let last = known.pop().unwrap_or_default();
     format!("{} and {last}", known.join(", "))
+}
+
+/// What to do about a file of a kind that other programs turn into one that is read.
+fn remedy(extension: &str) -> &'static str {
+    match extension.to_ascii_lowercase().as_str() {
+        "usd" | "usda" | "usdc" | "usdz" => "; USD is not read: save the stage as .glb or .obj (Blender imports it)",
+        "fbx" | "blend" | "3ds" | "dxf" | "step" | "stp" | "ifc" | "wrl" | "x3d" => "; export it as .glb, .obj or .stl",
+        "rcp" | "rcs" | "fls" | "ptx" => "; export it as .e57 or .las",
+        "db3" | "mcap" | "bag" => "; save its map (nav2 map_saver_cli) or its cloud (.pcd) as a file",
+        _ => "",
+    }
 }
 
 fn if_any(extension: &str) -> String {

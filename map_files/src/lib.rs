@@ -6,13 +6,15 @@
 //! solid shell and connected free space. The readers are our own instead of crates because their
 //! input is untrusted: they are bounded and fuzzed, each error names the position of the fault, and
 //! memory is proportional to the size of the file. Crates decode only what is compressed, PNG and
-//! LAZ, behind checks of sizes.
+//! LAZ, behind checks of sizes, and XML, with a bound on its elements.
 //!
 //! No file is opened here: bytes are arguments and results.
 
 mod bytes;
 mod cell_length;
 mod cloud;
+mod dae;
+mod e57;
 pub mod export;
 mod formats;
 mod frame;
@@ -25,13 +27,16 @@ mod obj;
 mod octomap;
 mod pcd;
 mod picture;
+mod placing;
 mod plan;
 mod ply;
+mod sdf;
 mod stack;
 mod stl;
 mod text;
 mod vox;
 mod work;
+mod xml;
 mod xyz;
 
 use std::collections::BTreeMap;

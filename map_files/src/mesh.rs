@@ -144,7 +144,8 @@ pub(super) fn map_up(
     mesh.check_count()?;
     let (up, reason) = match spec.options.up {
         Some(up) => (up, "by the option up".to_owned()),
-        None => (up, format!("{reason}; the option up changes that")),
+        None if spec.options_of_format().contains(&"up") => (up, format!("{reason}; the option up changes that")),
+        None => (up, reason.to_owned()),
     };
     notes.push(Note::new("up", format!("{}, {reason}", if up == Up::Z { "z" } else { "y" })));
     let units = Units::new(spec)?.with_up(up);

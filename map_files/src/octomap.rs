@@ -428,7 +428,7 @@ mod tests {
     fn a_box_is_cut_out_of_a_tree() {
         let mut room = Grid::new(Extent::new([9, 8, 7], 0.25).unwrap(), Terrain::Free);
         voxels::close_shell(&mut room, 1);
-        let bytes = export::octomap(&room);
+        let bytes = export::octomap(&room, [0; 3]);
         let with = |crop| ImportSpec {
             options: ImportOptions { crop: Some(crop), ..Default::default() },
             ..ImportSpec::new("a.bt", bytes.clone())
@@ -470,7 +470,7 @@ mod tests {
     #[test]
     fn written_tree_merges_equal_cells() {
         let solid = Grid::new(Extent::new([64; 3], 0.1).unwrap(), Terrain::Wall);
-        let bytes = export::octomap(&solid);
+        let bytes = export::octomap(&solid, [0; 3]);
         assert!(bytes.ends_with(&[&b"data\n"[..], &[0, 0xc0], &[3, 0].repeat(8), &[2, 0]].concat()), "{bytes:?}");
         assert_eq!(read(&ImportSpec::new("a.bt", bytes)).unwrap().terrain, solid);
     }

@@ -10,10 +10,13 @@ use std::borrow::Cow;
 
 use super::bytes::{Bytes, float, number, shown, three, words};
 use super::cloud::{self, Cloud, Sensors};
-use super::{FormatError, ImportSpec, Imported, MapReader, Note};
+use super::{FormatError, ImportSpec, Imported, MapReader, Note, cell_length};
 
 /// A point cloud of the Point Cloud Library.
-pub(super) const READER: MapReader = MapReader::new("point cloud of PCL", &["pcd"], cloud::OPTIONS, read);
+pub(super) const READER: MapReader = MapReader {
+    stored_cell_m: Some(cell_length::in_comment),
+    ..MapReader::new("point cloud of PCL", &["pcd"], cloud::OPTIONS, read)
+};
 
 /// Largest size of a point, bytes.
 const STRIDE_MAX: usize = 1 << 16;

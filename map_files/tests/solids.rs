@@ -217,6 +217,10 @@ fn no_format_loses_the_length_of_a_cell() {
         voxels::close_shell(&mut terrain, 1);
         let written = WRITERS.iter().map(|writer| (writer.extension, writer.write(&terrain)));
         for (extension, written) in written.chain([("m3dm", Ok(voxels::packed::write(&terrain)))]) {
+            // A cloud of the surface is not the whole map.
+            if extension == "pcd" {
+                continue;
+            }
             let name = format!("a.{extension}");
             let plan = floor_plan(&terrain, "a.pgm", [-3.7, 1.0 / 3.0, 0.5]);
             let (bytes, companion) = written.map_or((plan.yaml, Some(plan.image)), |bytes| (bytes, None));

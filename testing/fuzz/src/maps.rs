@@ -20,7 +20,7 @@ pub(crate) fn packed(bytes: &[u8]) {
 /// An OctoMap tree: writing and reading it gives the same map.
 pub(crate) fn octomap(bytes: &[u8]) {
     if let Some(terrain) = read("fuzz.bt", bytes, ImportOptions::default()) {
-        let again = export::octomap(&terrain);
+        let again = export::octomap(&terrain, [0; 3]);
         assert_eq!(read("fuzz.bt", &again, ImportOptions::default()), Some(terrain));
     }
     read("fuzz.bt", bytes, ImportOptions { unknown: Some(Kind::Free), ..ImportOptions::default() });
