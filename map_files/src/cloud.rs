@@ -12,6 +12,8 @@ mod sight;
 mod strays;
 mod trajectory;
 
+use std::cmp::Ordering;
+
 use nalgebra::Point3;
 use voxels::{Extent, Terrain};
 
@@ -71,11 +73,17 @@ pub(super) enum Sensors {
     One([f64; 3]),
     /// Each from a position of its own; one that is not finite is unknown.
     Each(Vec<[f64; 3]>),
-    /// Each from one of these positions.
+    /// Each from one of these positions, which [`Self::any_of`] has put in order.
     AnyOf(Vec<[f64; 3]>),
 }
 
 impl Sensors {
+    /// Each from one of these positions.
+    fn any_of(mut places: Vec<[f64; 3]>) -> Self {
+        places.sort_by(in_order);
+        Self::AnyOf(places)
+    }
+
     /// The sensors of the options, if they name some.
     ///
     /// # Errors
@@ -88,7 +96,7 @@ impl Sensors {
             notes.push(note);
             return Ok(Some(sensors));
         }
-        Ok(options.sensor.map(Self::One).or_else(|| options.stations.clone().map(Self::AnyOf)))
+        Ok(options.sensor.map(Self::One).or_else(|| options.stations.clone().map(Self::any_of)))
     }
 
     /// From where a point was seen, if that is known without looking at others.
@@ -107,8 +115,14 @@ impl Sensors {
 
     /// Whether a point lies where its sensor is.
     fn is_at(&self, number: usize, point: [f64; 3]) -> bool {
-        self.of(number) == Some(point) || self.places().contains(&point)
+        self.of(number) == Some(point) || self.places().binary_search_by(|place| in_order(place, &point)).is_ok()
     }
+}
+
+/// An order of positions.
+fn in_order(one: &[f64; 3], other: &[f64; 3]) -> Ordering {
+    let by_axis = one.iter().zip(other).map(|(one, other)| one.total_cmp(other));
+    by_axis.fold(Ordering::Equal, Ordering::then)
 }
 
 /// A map of a cloud.

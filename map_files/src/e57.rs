@@ -135,7 +135,7 @@ mod tests {
 
     /// A room of 6 x 4 x 3 m of points every half metre, seen by two scanners, one of which is
     /// turned; each has points that are marked as invalid. Written by pye57 0.4.19.
-    const ROOM: &[u8] = include_bytes!("../tests/fixtures/room.e57");
+    const ROOM: &[u8] = include_bytes!("../tests/files/room.e57");
 
     fn with(options: crate::ImportOptions) -> Imported {
         let spec = ImportSpec { options, cell_m: Some(0.5), ..ImportSpec::new("room.e57", ROOM.to_vec()) };

@@ -102,7 +102,7 @@ fn real_files() -> Vec<Named> {
         }
     }
     for (target, extension) in
-        [("pcd", "pcd"), ("ply", "ply"), ("vox", "vox"), ("pgm", "pgm"), ("las", "las"), ("ot", "ot")]
+        [("pcd", "pcd"), ("ply", "ply"), ("vox", "vox"), ("pgm", "pgm"), ("las", "las"), ("ot", "ot"), ("sdf", "sdf")]
     {
         for (_, bytes) in read(&root.join("../testing/fuzz/corpus").join(target)) {
             files.push((format!("corpus.{extension}"), bytes, None));

@@ -121,3 +121,51 @@ fn load_folder(folder: &Path) -> io::Result<ImportSpec> {
     }
     Ok(ImportSpec::stack(folder.display().to_string(), layers))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    const INCLUDE: &str =
+        "<sdf version=\"1.6\"><world name=\"w\"><include><uri>model://tile</uri></include></world></sdf>";
+    const TILE: &str = "<sdf version=\"1.6\"><model name=\"tile\"><link name=\"l\"><visual name=\"v\"><geometry><box>\
+                        <size>4 4 4</size></box></geometry></visual></link></model></sdf>";
+
+    #[test]
+    fn models_are_found_below_their_folders_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for name in ["worlds", "models/tile", "elsewhere"] {
+            fs::create_dir_all(path(name)).unwrap();
+        }
+        fs::write(path("worlds/a.world"), INCLUDE).unwrap();
+        fs::write(path("models/tile/model.sdf"), TILE).unwrap();
+        let read = |model_path: Option<&str>| {
+            let model_path = model_path.map(|name| vec![path(name)]);
+            let options = ImportOptions { margin_cells: Some(1), model_path, ..ImportOptions::default() };
+            load(&path("worlds/a.world"), &options).unwrap().read()
+        };
+        assert!(read(None).unwrap_err().to_string().contains("map.import.model_path (--model-path)"));
+        assert!(read(Some("elsewhere")).is_err());
+        assert_eq!(read(Some("models")).unwrap().terrain.extent().size(), [8, 8, 8]);
+        // A link out of the folder is not followed.
+        std::os::unix::fs::symlink(path("models/tile"), path("elsewhere/tile")).unwrap();
+        assert!(read(Some("elsewhere")).is_err());
+        fs::create_dir(path("worlds/tile")).unwrap();
+        fs::copy(path("models/tile/model.sdf"), path("worlds/tile/model.sdf")).unwrap();
+        assert_eq!(read(None).unwrap().terrain.extent().size(), [8, 8, 8]);
+        assert!(is_self_contained(&path("worlds/a.world")));
+    }
+
+    #[test]
+    fn a_trajectory_that_is_missing_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.xyz");
+        fs::write(&file, "0 0 0\n5 5 5\n").unwrap();
+        let options = ImportOptions { trajectory: Some(folder.path().join("poses.txt")), ..ImportOptions::default() };
+        let error = load(&file, &options).unwrap_err().to_string();
+        assert!(error.contains("it names") && error.contains("poses.txt"), "{error}");
+    }
+}

@@ -76,7 +76,7 @@ impl Trajectory {
     pub(super) fn sensors(&self, times_s: &[f64]) -> (Sensors, Note) {
         let count = self.places.len();
         let (first, last) = (self.places[0].0, self.places[count - 1].0);
-        let anywhere = || Sensors::AnyOf(self.places.iter().map(|&(_, place)| place).collect());
+        let anywhere = || Sensors::any_of(self.places.iter().map(|&(_, place)| place).collect());
         if times_s.is_empty() {
             let text =
                 format!("{count} positions; the points have no times, so each counts as seen from the nearest one");

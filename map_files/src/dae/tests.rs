@@ -139,3 +139,16 @@ fn errors_name_the_line() {
     let circle = scene("<node id=\"a\"><instance_node url=\"#a\"/><instance_node url=\"#a\"/></node>");
     assert!(refuse(&document("", &polylist(), &circle)).contains("or nodes deeper than 256"));
 }
+
+/// A room of 12 x 9 x 6 m with a wall, a pillar and a beam in it, of nine boxes, which has z upwards;
+/// written by assimp 5.2.5 and by trimesh 5.2.0 with pycollada 0.9.3.
+#[test]
+fn rooms_of_real_writers_stand_upright() {
+    for bytes in
+        [&include_bytes!("../../tests/files/room_assimp.dae")[..], include_bytes!("../../tests/files/room_trimesh.dae")]
+    {
+        let imported = ImportSpec::new("room.dae", bytes.to_vec()).read().unwrap();
+        assert_eq!(imported.terrain.extent().size(), [16, 13, 10]);
+        assert_eq!(free_cells(&imported.terrain), 608);
+    }
+}

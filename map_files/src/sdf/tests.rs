@@ -186,3 +186,37 @@ fn what_is_not_read_is_named() {
     let refused = of(both, &[("m.sdf", both)]).read().unwrap_err().to_string();
     assert!(refused.contains("within each other") || refused.contains("include each other"), "{refused}");
 }
+
+/// The collisions of poses.world as libsdformat 12.3 places them: positions, and turns as
+/// roll, pitch and yaw.
+const RESOLVED: [[f64; 6]; 8] = [
+    [6.181179, -0.013999, 1.410623, 0.096914, 0.169574, 0.817822],
+    [5.803113, 1.038115, 1.421617, 0.183104, 0.067686, 1.515796],
+    [6.185009, 1.350143, 3.370153, 0.183104, 0.067686, 1.515796],
+    [6.7414, 1.519323, 6.313248, 0.194902, -0.008449, 1.908753],
+    [7.035095, 0.453303, 5.299669, 0.142736, 0.133435, 1.119132],
+    [11.143078, 0.355979, 0.0, 0.0, 0.0, 2.07],
+    [1.0, 2.0, 3.0, 0.0, 0.0, 1.570796],
+    [5.312553, 1.07129, 1.51245, 0.183104, 0.067686, 1.515796],
+];
+
+#[test]
+fn poses_are_those_of_sdformat() {
+    let tile = "<?xml version=\"1.0\"?><sdf version=\"1.7\"><model name=\"tile\"><pose>9 9 9 0 0 0</pose><link name=\"base\"><pose>0.5 0 0 0 0 0.2</pose><collision name=\"c\"><geometry><box><size>2 2 1</size></box></geometry></collision></link></model></sdf>";
+    let files = [("model:/tile/model.sdf", tile)];
+    let spec = of(include_str!("../../tests/files/poses.world"), &files);
+    let files = Files::new(&spec);
+    let world = Reader::new(&files).root(&spec.bytes, Path::new("")).unwrap();
+    let mut places = Vec::new();
+    let found = world.place(&mut |_, place| {
+        places.push(*place);
+        Ok(())
+    });
+    found.unwrap();
+    assert_eq!(places.len(), RESOLVED.len());
+    for (place, [x, y, z, roll, pitch, yaw]) in places.into_iter().zip(RESOLVED) {
+        let turn = super::super::placing::turn_rpy([roll, pitch, yaw]);
+        let expected = nalgebra::Isometry3::from_parts(nalgebra::Translation3::new(x, y, z), turn).to_homogeneous();
+        assert!((place - expected).abs().max() < 3e-6, "{place} for {expected}");
+    }
+}

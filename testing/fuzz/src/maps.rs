@@ -79,6 +79,27 @@ pub(crate) fn yaml(bytes: &[u8]) {
     read_spec(ImportSpec::new("fuzz.yaml", yaml.to_vec()).with_companions(image.into_iter().collect()));
 }
 
+/// A scene of COLLADA.
+pub(crate) fn collada(bytes: &[u8]) {
+    mesh("fuzz.dae", bytes);
+}
+
+/// A world of Gazebo, all of whose files are the world itself.
+pub(crate) fn world(bytes: &[u8]) {
+    let mut spec = ImportSpec::new("fuzz.sdf", bytes.to_vec());
+    // Each of them may name others.
+    for _ in 0..4 {
+        let contents = vec![bytes.to_vec(); spec.missing().len()];
+        spec = spec.with_companions(contents);
+    }
+    read_spec(spec);
+}
+
+/// Scans of a survey.
+pub(crate) fn survey(bytes: &[u8]) {
+    read("fuzz.e57", bytes, ImportOptions::default());
+}
+
 /// A mesh, filled as a solid and as a shell.
 fn mesh(file: &str, bytes: &[u8]) {
     for fill in [Fill::Solid, Fill::Shell] {
