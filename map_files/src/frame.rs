@@ -265,9 +265,7 @@ impl Frame {
                 *slot = here;
             }
         }
-        for axis in 0..3 {
-            self.low[axis] += f64::from(low[axis] - 1);
-        }
+        self.low = [0, 1, 2].map(|axis| self.low[axis] + f64::from(low[axis] - 1));
         self.extent = extent;
         let text =
             format!("{} of {} cells kept, which lie inside the box", part.as_slice().len(), terrain.as_slice().len());

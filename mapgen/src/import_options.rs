@@ -259,7 +259,7 @@ impl ImportOptions {
         let places = [self.sensor.is_some(), self.stations.is_some(), self.trajectory.is_some()];
         let is_one = places.into_iter().filter(|&is_given| is_given).count() <= 1;
         let names = ["sensor", "stations", "trajectory"].into_iter().zip(places);
-        let last = names.filter_map(|(name, is_given)| is_given.then_some(name)).last().unwrap_or("sensor");
+        let last = names.filter_map(|(name, is_given)| is_given.then_some(name)).next_back().unwrap_or("sensor");
         require(last, Some("given".to_owned()), is_one, "one of sensor, stations and trajectory")?;
         let paths = self.model_path.as_ref().map(Vec::len);
         let are_few = paths.is_some_and(|paths| paths <= MODEL_PATHS_MOST);

@@ -51,6 +51,9 @@ pub(super) struct Shape {
     pub(super) geometry: Geometry,
 }
 
+/// What is done with a shape and the matrix that places it.
+pub(super) type Visit<'a> = dyn FnMut(&Shape, &Matrix4<f64>) -> Result<(), FormatError> + 'a;
+
 fn name_of(element: Node<'_, '_>) -> String {
     element.attribute("name").unwrap_or_default().to_owned()
 }
@@ -135,19 +138,12 @@ impl Model {
     }
 
     /// Visits all shapes of a world, or of a model with its pose, with the matrices that place them.
-    pub(super) fn place(
-        &self,
-        visit: &mut dyn FnMut(&Shape, &Matrix4<f64>) -> Result<(), FormatError>,
-    ) -> Result<(), FormatError> {
+    pub(super) fn place(&self, visit: &mut Visit<'_>) -> Result<(), FormatError> {
         let pose = self.pose.given.unwrap_or_else(Isometry3::identity);
         self.place_at(&(pose * self.of_placement_frame(0)?.inverse()), visit)
     }
 
-    fn place_at(
-        &self,
-        here: &Isometry3<f64>,
-        visit: &mut dyn FnMut(&Shape, &Matrix4<f64>) -> Result<(), FormatError>,
-    ) -> Result<(), FormatError> {
+    fn place_at(&self, here: &Isometry3<f64>, visit: &mut Visit<'_>) -> Result<(), FormatError> {
         for link in &self.links {
             let of_link = self.pose_of(&link.pose, None, 0)?;
             for shape in &link.shapes {
