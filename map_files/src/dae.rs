@@ -1,13 +1,13 @@
 //! Meshes of COLLADA 1.4 and 1.5 (`.dae`): the geometries that the nodes of its scene place.
 //!
 //! Triangles, polygons without holes, strips and fans are read, the transforms of nodes, nodes in
-//! other nodes, and skins as they stand before any motion. Lengths are in metres by `unit`. The axis
-//! `up_axis` counts, save in files of writers that name one whatever their coordinates
+//! other nodes, and skins as they stand before any motion. Lengths are in metres by `unit`. The
+//! axis `up_axis` counts, save in files of writers that name one whatever their coordinates
 //! ([`AS_GIVEN`]).
 //!
-//! Looked at: the crate dae-parser (0.11) reads whole documents and refuses one for any element that
-//! it does not know, and knows no bounds; roxmltree (0.21), a parser of XML without entities of its
-//! own, with a bound on nodes, is what this reader is built on. Gazebo's own reader is
+//! Looked at: the crate dae-parser (0.11) reads whole documents and refuses one for any element
+//! that it does not know, and knows no bounds; roxmltree (0.21), a parser of XML without entities
+//! of its own, with a bound on nodes, is what this reader is built on. Gazebo's own reader is
 //! `ColladaLoader` of gz-common.
 
 mod scene;

@@ -97,8 +97,8 @@ pub fn octomap_corner(terrain: &Grid<Terrain>, place: [f64; 3], yaw_rad: f64) ->
     Some([along(0)?, along(1)?, along(2)?])
 }
 
-/// A binary tree of OctoMap with all cells of the map, whose lowest corner lies there, in cells from
-/// the origin; see [`octomap_corner`].
+/// A binary tree of OctoMap with all cells of the map, whose lowest corner lies there, in cells
+/// from the origin; see [`octomap_corner`].
 #[must_use]
 pub fn octomap(terrain: &Grid<Terrain>, corner: [i32; 3]) -> Vec<u8> {
     let mut tree = Tree { terrain, nodes: Vec::new(), count: 1 };

@@ -4,7 +4,8 @@
 //! bytes may claim billions of points, or layers of gigabytes. So points and steps are bounded, the
 //! description of a point must be that of its format, and a chunk with layers goes to the decoder
 //! only after the sizes of its layers have been compared with the bytes that there are; of these
-//! layers it gets those of coordinates, classes, flags and times. The table of the chunks is neither needed nor read.
+//! layers it gets those of coordinates, classes, flags and times. The table of the chunks is
+//! neither needed nor read.
 //!
 //! Not read: points in chunks of varying size before point format 6, which would need that table.
 

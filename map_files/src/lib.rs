@@ -69,8 +69,8 @@ pub struct ImportSpec {
     pub file: String,
     /// The content of the file.
     pub bytes: Vec<u8>,
-    /// The files that it [needs](ImportSpec::missing), by these names; `None` for those that were not
-    /// found.
+    /// The files that it [needs](ImportSpec::missing), by these names; `None` for those that were
+    /// not found.
     pub companions: BTreeMap<PathBuf, Option<Companion>>,
     /// The content of the file of the option `trajectory`, if it has been read.
     pub trajectory: Option<Vec<u8>>,
@@ -186,9 +186,9 @@ impl ImportSpec {
         Self { cells_max: self.cells_max.max(cells), ..self }
     }
 
-    /// The names of files that this one needs and that have not been looked for, as the picture of a
-    /// `map.yaml`, the data of a `.gltf` or the models of a world; none if it needs no more, or is
-    /// faulty, which reading it reports. What is found may name others.
+    /// The names of files that this one needs and that have not been looked for, as the picture of
+    /// a `map.yaml`, the data of a `.gltf` or the models of a world; none if it needs no more, or
+    /// is faulty, which reading it reports. What is found may name others.
     #[must_use]
     pub fn missing(&self) -> Vec<PathBuf> {
         let companions = self.format().ok().and_then(|format| format.companions);

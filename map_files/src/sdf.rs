@@ -3,14 +3,14 @@
 //!
 //! A link is its collision shapes, or its visual ones if it has none. Shapes are primitives, and
 //! meshes of COLLADA, OBJ, STL and glTF, which are looked for below the folder of the file and the
-//! folders of `model_path`, and nowhere else; the shell loads them ([`super::ImportSpec::missing`]).
-//! z points upwards.
+//! folders of `model_path`, and nowhere else; the shell loads them
+//! ([`super::ImportSpec::missing`]). z points upwards.
 //!
 //! Looked at: the crate sdformat (0.1, of Open-RMF) derives structs of the schema, reads no poses
 //! relative to frames and has not been kept since; so roxmltree parses the XML, and the semantics
-//! of poses (`relative_to`, `attached_to`, `placement_frame`, SDF 1.4 to 1.12) are here ([`poses`]).
-//! Not read: height maps, road and actors, which are named or counted, and joints, whose positions
-//! are those of the file.
+//! of poses (`relative_to`, `attached_to`, `placement_frame`, SDF 1.4 to 1.12) are here
+//! ([`poses`]). Not read: height maps, road and actors, which are named or counted, and joints,
+//! whose positions are those of the file.
 
 mod geometry;
 mod poses;

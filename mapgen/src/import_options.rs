@@ -98,7 +98,8 @@ pub struct ImportOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stations: Option<Vec<[f64; 3]>>,
     /// Point clouds: file with the positions of the sensor over time, in the format of TUM; of each
-    /// point that at its time if the cloud has times, else the nearest one in sight [default: none].
+    /// point that at its time if the cloud has times, else the nearest one in sight [default:
+    /// none].
     #[cfg_attr(feature = "clap", arg(long, value_name = "FILE"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trajectory: Option<PathBuf>,
@@ -107,8 +108,8 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_min_points: Option<u32>,
-    /// Point clouds: the points of groups of at most so many cells are dropped; the cells of a group
-    /// touch each other, if only at a corner [default: 0].
+    /// Point clouds: the points of groups of at most so many cells are dropped; the cells of a
+    /// group touch each other, if only at a corner [default: 0].
     #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outliers: Option<u32>,

@@ -52,8 +52,8 @@ impl<'a> Output<'a> {
         Ok(Self { file, writer, encoding })
     }
 
-    /// Writes the map, whose lowest corner has this place (metres) and turn (radians) in the file that
-    /// it comes from; returns what to say about the file.
+    /// Writes the map, whose lowest corner has this place (metres) and turn (radians) in the file
+    /// that it comes from; returns what to say about the file.
     pub(super) fn write(
         &self,
         terrain: &Grid<Terrain>,

@@ -140,8 +140,8 @@ fn errors_name_the_line() {
     assert!(refuse(&document("", &polylist(), &circle)).contains("or nodes deeper than 256"));
 }
 
-/// A room of 12 x 9 x 6 m with a wall, a pillar and a beam in it, of nine boxes, which has z upwards;
-/// written by assimp 5.2.5 and by trimesh 5.2.0 with pycollada 0.9.3.
+/// A room of 12 x 9 x 6 m with a wall, a pillar and a beam in it, of nine boxes, which has z
+/// upwards; written by assimp 5.2.5 and by trimesh 5.2.0 with pycollada 0.9.3.
 #[test]
 fn rooms_of_real_writers_stand_upright() {
     for bytes in

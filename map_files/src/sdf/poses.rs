@@ -137,7 +137,8 @@ impl Model {
         self.models.iter().for_each(|model| model.each_shape(visit));
     }
 
-    /// Visits all shapes of a world, or of a model with its pose, with the matrices that place them.
+    /// Visits all shapes of a world, or of a model with its pose, with the matrices that place
+    /// them.
     pub(super) fn place(&self, visit: &mut Visit<'_>) -> Result<(), FormatError> {
         let pose = self.pose.given.unwrap_or_else(Isometry3::identity);
         self.place_at(&(pose * self.of_placement_frame(0)?.inverse()), visit)

@@ -71,8 +71,8 @@ fn on_circle(segment: usize) -> [f64; 2] {
     [cosine, sine]
 }
 
-/// A ground plan between two heights; triangles of one that goes round clockwise face inwards, which
-/// the import of meshes mends.
+/// A ground plan between two heights; triangles of one that goes round clockwise face inwards,
+/// which the import of meshes mends.
 fn prism(corners: &[[f64; 2]], low: f64, high: f64) -> Mesh {
     let count = corners.len() as u32;
     let mut mesh = Mesh::default();
