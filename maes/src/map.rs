@@ -79,7 +79,7 @@ pub(crate) struct GenerateArgs {
     pub(crate) set: Vec<(String, toml::Value)>,
     #[command(flatten)]
     pub(crate) encoding: Encoding,
-    /// The file to write: .m3dm, .txt, .bt, .obj, .stl or .yaml.
+    /// The file to write: .m3dm, .txt, .bt, .obj, .stl, .glb, .pcd or .yaml.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }
@@ -127,7 +127,7 @@ pub(crate) struct ConvertArgs {
     /// The map to read, of any known format.
     #[arg(value_name = "IN")]
     pub(crate) input: PathBuf,
-    /// The file to write: .m3dm, .txt, .bt, .obj, .stl or .yaml.
+    /// The file to write: .m3dm, .txt, .bt, .obj, .stl, .glb, .pcd or .yaml.
     #[arg(value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
@@ -207,7 +207,7 @@ fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError>
         None => getrandom::u32().map_err(MapCliError::Seed)?.into(),
     };
     let map = mapgen::generate(&spec, extent, seed)?;
-    let notes = output.write(&map.terrain, [0.0; 3])?;
+    let notes = output.write(&map.terrain, [0.0; 3], 0.0)?;
 
     let mut report = Report::new(out);
     report.line("file", args.output.display())?;
@@ -240,7 +240,7 @@ fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<
         if index > 0 {
             writeln!(out)?;
         }
-        let imported = import(file, args.import, args.cell_m)?.read()?;
+        let imported = import(file, &args.import, args.cell_m)?.read()?;
         let slice = args.slice.map(|slice| slice.draw(&imported.terrain, file)).transpose()?;
         if let Some(picture) = &args.png {
             let pixels = slices::png(&imported.terrain);
@@ -259,9 +259,10 @@ fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<
 }
 
 /// A map file to read.
-fn import(file: &Path, options: ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
-    let spec = map_file::load(file).map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })?;
-    Ok(ImportSpec { options, cell_m, ..spec })
+fn import(file: &Path, options: &ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
+    let spec = map_file::load(file, options);
+    let spec = spec.map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })?;
+    Ok(ImportSpec { cell_m, ..spec })
 }
 
 fn describe(file: &Path, imported: &Imported, asked: Option<f64>, out: &mut dyn Write) -> Result<(), MapCliError> {
@@ -291,7 +292,7 @@ fn describe(file: &Path, imported: &Imported, asked: Option<f64>, out: &mut dyn 
 
 fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
     let output = Output::new(&args.output, args.encoding)?;
-    let spec = import(&args.input, args.import, args.cell_m)?;
+    let spec = import(&args.input, &args.import, args.cell_m)?;
     let mut imported = spec.read()?;
     let extent = imported.terrain.extent();
     let repairs = if args.as_is {
@@ -302,8 +303,7 @@ fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
         imported.terrain = map.terrain;
         Some(map.report)
     };
-    let origin = imported.origin_m.map_or([0.0; 3], |[x, y, _]| [x, y, imported.yaw_rad]);
-    let notes = output.write(&imported.terrain, origin)?;
+    let notes = output.write(&imported.terrain, imported.origin_m.unwrap_or_default(), imported.yaw_rad)?;
 
     let mut report = Report::new(out);
     report.line("file", args.output.display())?;

@@ -13,12 +13,17 @@ pub(super) struct Bytes<'a> {
     bytes: &'a [u8],
     at: usize,
     line: usize,
+    /// What ends a line.
+    end: u8,
 }
 
 impl<'a> Bytes<'a> {
     /// A reader at the first byte.
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0, line: 0 }
+        let first = bytes.iter().position(|byte| matches!(byte, b'\r' | b'\n')).unwrap_or(0);
+        // Old programs end lines with a carriage return alone.
+        let is_alone = matches!(bytes.get(first..first + 2), Some([b'\r', next]) if !matches!(next, b'\r' | b'\n'));
+        Self { bytes, at: 0, line: 0, end: if is_alone { b'\r' } else { b'\n' } }
     }
 
     /// The position of the next byte.
@@ -64,7 +69,7 @@ impl<'a> Bytes<'a> {
         if rest.is_empty() {
             return None;
         }
-        let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+        let length = rest.iter().position(|&byte| byte == self.end).unwrap_or(rest.len());
         self.at += (length + 1).min(rest.len());
         self.line += 1;
         Some((self.line, rest[..length].trim_ascii_end()))
@@ -162,6 +167,19 @@ pub(super) fn shown(piece: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_end_as_the_first_one_does() {
+        let lines = |text: &'static str| {
+            let mut bytes = Bytes::new(text.as_bytes());
+            std::iter::from_fn(|| bytes.line()).map(|(_, line)| str::from_utf8(line).unwrap()).collect::<Vec<_>>()
+        };
+        for text in ["a\nb\n\nc", "a\r\nb\r\n\r\nc\r\n", "a\rb\r\rc\r"] {
+            assert_eq!(lines(text), ["a", "b", "", "c"], "{text:?}");
+        }
+        assert_eq!(lines("a\r\r\nb"), ["a", "b"]);
+        assert_eq!(lines("a\r"), ["a"]);
+    }
 
     #[test]
     fn numbers_are_read_in_all_spellings() {

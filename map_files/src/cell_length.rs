@@ -1,9 +1,9 @@
 //! The length of a cell in formats that have no field for it: `cell_m = 0.5` in the first lines of
 //! a file, in a comment where the format has comments.
 //!
-//! A text map has it as its first line, an OBJ file in a comment among its first bytes, a binary
-//! STL file in its title. For a mesh it is a default: points and triangles can be divided into
-//! cells of any length.
+//! A text map has it as its first line, an OBJ or PCD file in a comment among its first bytes, a
+//! binary STL file in its title. For a mesh or a cloud it is a default: points and triangles can be
+//! divided into cells of any length.
 
 use std::borrow::Cow;
 

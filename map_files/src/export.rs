@@ -24,9 +24,11 @@ pub struct MapWriter {
 pub const WRITERS: &[MapWriter] = &[
     MapWriter { extension: "m3dm", write: m3dm_file },
     MapWriter { extension: "txt", write: text_file },
-    MapWriter { extension: "bt", write: |terrain| Ok(octomap(terrain)) },
+    MapWriter { extension: "bt", write: |terrain| Ok(octomap(terrain, [0; 3])) },
     MapWriter { extension: "obj", write: |terrain| Ok(obj(terrain)) },
     MapWriter { extension: "stl", write: |terrain| Ok(stl(terrain)) },
+    MapWriter { extension: "glb", write: |terrain| Ok(glb(terrain)) },
+    MapWriter { extension: "pcd", write: |terrain| Ok(pcd(terrain)) },
     MapWriter { extension: "yaml", write: |_| Err(FormatError::TwoFiles) },
 ];
 
@@ -66,6 +68,9 @@ fn text_file(terrain: &Grid<Terrain>) -> Result<Vec<u8>, FormatError> {
     Ok(text.into_bytes())
 }
 
+/// Distance from a whole number of cells within which a place lies between cells.
+const BETWEEN_CELLS: f64 = 1e-6;
+
 /// Levels of a tree below its root.
 const DEPTH: u32 = 16;
 
@@ -76,12 +81,30 @@ const PLAN_OCCUPIED: u8 = 0;
 /// Lengths in the header of a binary STL file.
 const STL_TITLE: usize = 80;
 
-/// A binary tree of OctoMap with all cells of the map; its origin is the lowest corner of the map.
+/// Where the lowest corner of a map with this place, metres, and turn, radians, lies in a tree of
+/// OctoMap, in cells; `None` if that is not between cells of the tree, or beyond it.
 #[must_use]
-pub fn octomap(terrain: &Grid<Terrain>) -> Vec<u8> {
+pub fn octomap_corner(terrain: &Grid<Terrain>, place: [f64; 3], yaw_rad: f64) -> Option<[i32; 3]> {
+    let extent = terrain.extent();
+    let half = f64::from(1u32 << (DEPTH - 1));
+    let along = |axis: usize| {
+        let cells = place[axis] / extent.cell_m();
+        let whole = libm::round(cells);
+        let is_between = (cells - whole).abs() <= BETWEEN_CELLS;
+        let is_inside = whole >= -half && whole + f64::from(extent.size()[axis]) <= half;
+        (is_between && is_inside && yaw_rad == 0.0).then_some(whole as i32)
+    };
+    Some([along(0)?, along(1)?, along(2)?])
+}
+
+/// A binary tree of OctoMap with all cells of the map, whose lowest corner lies there, in cells
+/// from the origin; see [`octomap_corner`].
+#[must_use]
+pub fn octomap(terrain: &Grid<Terrain>, corner: [i32; 3]) -> Vec<u8> {
     let mut tree = Tree { terrain, nodes: Vec::new(), count: 1 };
     let middle = -(1 << (DEPTH - 1));
-    let root = tree.add(Cell::new(middle, middle, middle), 1 << DEPTH);
+    let [x, y, z] = corner.map(|along| middle - along);
+    let root = tree.add(Cell::new(x, y, z), 1 << DEPTH);
     debug_assert!(root == Child::Inner, "a map is a small part of a tree");
     let header = format!(
         "# Octomap OcTree binary file\nid OcTree\nsize {}\nres {}\ndata\n",
@@ -217,6 +240,80 @@ pub fn stl(terrain: &Grid<Terrain>) -> Vec<u8> {
         bytes.extend([0; 2]);
     }
     bytes
+}
+
+/// The same as a scene of glTF in one piece, in metres; y is upwards, as glTF has it.
+#[must_use]
+pub fn glb(terrain: &Grid<Terrain>) -> Vec<u8> {
+    let cell_m = terrain.extent().cell_m();
+    let mut numbers = std::collections::BTreeMap::new();
+    let (mut places, mut corners): (Vec<[f32; 3]>, Vec<u32>) = (Vec::new(), Vec::new());
+    for corner in triangles(terrain).into_iter().flat_map(|triangle| triangle.corners) {
+        let next = numbers.len() as u32;
+        let number = *numbers.entry(corner).or_insert_with(|| {
+            let [x, y, z] = corner.map(|along| (f64::from(along) / 2.0 * cell_m) as f32);
+            // Of -0 some readers make another vertex than of 0.
+            places.push([x, z, 0.0 - y]);
+            next
+        });
+        corners.push(number);
+    }
+    let along = |axis: usize| places.iter().map(move |place| place[axis]);
+    let low = [0, 1, 2].map(|axis| along(axis).fold(f32::INFINITY, f32::min));
+    let high = [0, 1, 2].map(|axis| along(axis).fold(f32::NEG_INFINITY, f32::max));
+    let (vertices, length) = (12 * places.len(), 12 * places.len() + 4 * corners.len());
+    let mut document = serde_json::json!({
+        "asset": { "version": "2.0", "generator": "maes", "extras": { "cell_m": cell_m } },
+        "scene": 0,
+        "scenes": [{ "nodes": [] }],
+    });
+    // A map without free cells has no surface, and glTF no empty buffers.
+    if !places.is_empty() {
+        document["scenes"] = serde_json::json!([{ "nodes": [0] }]);
+        document["nodes"] = serde_json::json!([{ "name": "surface", "mesh": 0 }]);
+        document["meshes"] = serde_json::json!([{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }]);
+        document["buffers"] = serde_json::json!([{ "byteLength": length }]);
+        document["bufferViews"] = serde_json::json!([
+            { "buffer": 0, "byteLength": vertices, "target": 34962 },
+            { "buffer": 0, "byteOffset": vertices, "byteLength": length - vertices, "target": 34963 },
+        ]);
+        document["accessors"] = serde_json::json!([
+            { "bufferView": 0, "componentType": 5126, "count": places.len(), "type": "VEC3", "min": low, "max": high },
+            { "bufferView": 1, "componentType": 5125, "count": corners.len(), "type": "SCALAR" },
+        ]);
+    }
+    let mut text = document.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let places = places.into_iter().flatten().flat_map(f32::to_le_bytes);
+    let binary: Vec<u8> = places.chain(corners.into_iter().flat_map(u32::to_le_bytes)).collect();
+    let chunk = |kind: &[u8; 4], content: &[u8]| [&(content.len() as u32).to_le_bytes(), &kind[..], content].concat();
+    let mut chunks = chunk(b"JSON", &text);
+    if !binary.is_empty() {
+        chunks.extend(chunk(b"BIN\0", &binary));
+    }
+    [&b"glTF"[..], &2u32.to_le_bytes(), &(12 + chunks.len() as u32).to_le_bytes(), &chunks].concat()
+}
+
+/// The walls that touch free cells, if only at a corner, as a point cloud: the centre of each cell,
+/// in metres.
+#[must_use]
+pub fn pcd(terrain: &Grid<Terrain>) -> Vec<u8> {
+    let extent = terrain.extent();
+    let cell_m = extent.cell_m();
+    let around = || (0..27).map(|number| Cell::new(number % 3 - 1, number / 3 % 3 - 1, number / 9 - 1));
+    let is_free = |cell: Cell| terrain.get(cell) == Some(&Terrain::Free);
+    let walls = terrain.iter().filter(|&(_, &here)| here == Terrain::Wall).map(|(cell, _)| cell);
+    let surface = walls.filter(|&cell| around().any(|step| is_free(cell + step)));
+    let places: Vec<u8> = surface
+        .flat_map(|cell| [cell.x, cell.y, cell.z])
+        .flat_map(|along| (((f64::from(along) + 0.5) * cell_m) as f32).to_le_bytes())
+        .collect();
+    let count = places.len() / 12;
+    let header = format!(
+        "# .PCD v0.7 - the surface of walls, z up, cell_m = {cell_m:?}\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\n\
+         COUNT 1 1 1\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n"
+    );
+    [header.into_bytes(), places].concat()
 }
 
 #[cfg(test)]

@@ -9,13 +9,22 @@ use voxels::{ExtentError, M3dmError, PackedError, TextError};
 use mapgen::import_options::OptionError;
 
 use super::export::WRITERS;
-use super::{ImportSpec, Imported, gltf, las, m3dm, obj, octomap, pcd, plan, ply, stl, text, vox, xyz};
+use super::{ImportSpec, Imported, dae, e57, gltf, las, m3dm, obj, octomap, pcd, plan, ply, sdf, stl, text, vox, xyz};
 
 /// The cell length in the bytes of a file, metres.
 pub(super) type CellLength = fn(&[u8]) -> Option<f64>;
 
-/// The files that the bytes of a file name, relative to its folder.
-pub(super) type Companions = fn(&[u8]) -> Vec<PathBuf>;
+/// The files that a file needs and that have not been looked for, relative to its folder.
+pub(super) type Companions = fn(&ImportSpec) -> Vec<PathBuf>;
+
+/// Where the files that a map file needs are looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Search {
+    /// Where their names, relative to the folder of the file, lead.
+    Anywhere,
+    /// Below the folder of the file, and models also below the folders of the option `model_path`.
+    Models,
+}
 
 /// A reader of a file format. A new format is a module with one, and its line in [`READERS`].
 #[derive(Debug)]
@@ -33,6 +42,8 @@ pub struct MapReader {
     pub(super) stored_cell_m: Option<CellLength>,
     /// The files that a file needs, relative to its folder.
     pub(super) companions: Option<Companions>,
+    /// Where these are looked for.
+    pub(super) search: Search,
 }
 
 /// All formats of single files that are read.
@@ -45,11 +56,14 @@ pub const READERS: &[MapReader] = &[
     obj::READER,
     stl::READER,
     gltf::READER,
+    dae::READER,
+    sdf::READER,
     vox::READER,
     plan::READER,
     plan::YAML_READER,
     xyz::READER,
     las::READER,
+    e57::READER,
 ];
 
 /// A position in a file.
@@ -74,7 +88,10 @@ impl Display for Place {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum FormatError {
     /// The extension of the file's name is missing or unknown.
-    #[error("the file's extension is {}, known are {}", if_any(.0), listed(READERS.iter().flat_map(|reader| reader.extensions).copied()))]
+    #[error(
+        "the file's extension is {}, known are {}{}",
+        if_any(.0), listed(READERS.iter().flat_map(|reader| reader.extensions).copied()), remedy(.0)
+    )]
     Extension(String),
     /// A file that another one names cannot be used.
     #[error("image {file}: {reason}")]
@@ -223,6 +240,17 @@ pub enum FormatError {
         /// The reason.
         reason: String,
     },
+    /// The space around the position given as free is narrower than the openings to close.
+    #[error(
+        "free_from = {},{},{} lies where a cube of {} cells has no room; choose another place, or a smaller gap_cells",
+        .place[0], .place[1], .place[2], .gap + 1
+    )]
+    Narrow {
+        /// In coordinates of the file, in its units.
+        place: [f64; 3],
+        /// The widest opening that is closed, cells.
+        gap: u32,
+    },
     /// The position given as free is wall or outside.
     #[error(
         "free_from = {},{},{} lies {}, expected a place in a free cell",
@@ -256,7 +284,7 @@ impl MapReader {
         options: &'static [&'static str],
         read: fn(&ImportSpec) -> Result<Imported, FormatError>,
     ) -> Self {
-        Self { name, extensions, options, read, stored_cell_m: None, companions: None }
+        Self { name, extensions, options, read, stored_cell_m: None, companions: None, search: Search::Anywhere }
     }
 
     /// The reader of a file by the extension of its name, ignoring case.
@@ -288,6 +316,17 @@ fn listed(extensions: impl Iterator<Item = &'static str>) -> String {
     let mut known: Vec<String> = extensions.map(|extension| format!(".{extension}")).collect();
     let last = known.pop().unwrap_or_default();
     format!("{} and {last}", known.join(", "))
+}
+
+/// What to do about a file of a kind that other programs turn into one that is read.
+fn remedy(extension: &str) -> &'static str {
+    match extension.to_ascii_lowercase().as_str() {
+        "usd" | "usda" | "usdc" | "usdz" => "; USD is not read: save the stage as .glb or .obj (Blender imports it)",
+        "fbx" | "blend" | "3ds" | "dxf" | "step" | "stp" | "ifc" | "wrl" | "x3d" => "; export it as .glb, .obj or .stl",
+        "rcp" | "rcs" | "fls" | "ptx" => "; export it as .e57 or .las",
+        "db3" | "mcap" | "bag" => "; save its map (nav2 map_saver_cli) or its cloud (.pcd) as a file",
+        _ => "",
+    }
 }
 
 fn if_any(extension: &str) -> String {

@@ -66,6 +66,12 @@ impl Units {
 }
 
 impl Units {
+    /// The box of the option `crop`, in lengths of cells.
+    pub(super) fn crop(&self, spec: &ImportSpec) -> Option<Bounds> {
+        let [x, y, z, to_x, to_y, to_z] = spec.options.crop?.map(|along| along / self.cell_m);
+        Some(Bounds { low: [x, y, z], high: [to_x, to_y, to_z] })
+    }
+
     /// What makes a map of bounds that are too long for one.
     fn advice(&self, bounds: Bounds) -> String {
         let longest = (0..3).map(|axis| bounds.high[axis] - bounds.low[axis]).fold(0.0, f64::max);
@@ -156,6 +162,29 @@ impl Bounds {
 }
 
 impl Bounds {
+    /// Whether a position lies between them; the upper ones do not belong to it.
+    pub(super) fn holds(&self, place: [f64; 3]) -> bool {
+        (0..3).all(|axis| self.low[axis] <= place[axis] && place[axis] < self.high[axis])
+    }
+
+    /// The part of them in a box, at whose upper end no cell begins.
+    pub(super) fn within(self, other: Self) -> Self {
+        let [low, high] = [0, 1].map(|end| {
+            [0, 1, 2].map(|axis| {
+                let at = if end == 0 { self.low[axis] } else { self.high[axis] };
+                at.clamp(other.low[axis], other.high[axis].next_down().max(other.low[axis]))
+            })
+        });
+        Self { low, high }
+    }
+
+    /// The cells that hold a part of them: the first ones, and those after the last.
+    pub(super) fn cells(&self) -> [[i32; 3]; 2] {
+        // The casts saturate beyond any map.
+        let first = self.low.map(|along| libm::floor(along + WHOLE) as i32);
+        [first, self.high.map(|along| libm::ceil(along - WHOLE) as i32)]
+    }
+
     /// Whether one side is longer than so many cells.
     fn spans_more_than(self, cells: f64) -> bool {
         (0..3).any(|axis| self.high[axis] - self.low[axis] > cells)
@@ -200,6 +229,47 @@ impl Frame {
     /// If there is no memory for them, or they are more than allowed.
     pub(super) fn grid(&self, fill: Terrain, spec: &ImportSpec) -> Result<Grid<Terrain>, FormatError> {
         new_grid(self.extent, fill, spec)
+    }
+
+    /// The part of a map in the box of the option `crop`, with a layer of wall around it; moves the
+    /// frame with it.
+    ///
+    /// # Errors
+    /// If nothing of the map lies in the box.
+    pub(super) fn cropped(
+        &mut self,
+        terrain: Grid<Terrain>,
+        spec: &ImportSpec,
+    ) -> Result<(Grid<Terrain>, Option<Note>), FormatError> {
+        let Some(crop) = self.units.crop(spec) else { return Ok((terrain, None)) };
+        let [first, end] = crop.cells();
+        let (mut low, mut size) = ([0; 3], [0; 3]);
+        for axis in 0..3 {
+            let begin = self.low[axis] as i32;
+            let cells = self.extent.size()[axis] as i32;
+            low[axis] = first[axis].saturating_sub(begin).clamp(0, cells);
+            let last = end[axis].saturating_sub(begin).clamp(0, cells);
+            if last <= low[axis] {
+                return Err(FormatError::Nothing("cell inside the box of crop"));
+            }
+            size[axis] = (last - low[axis]) as u32 + 2;
+        }
+        let extent = Extent::new(size, self.units.cell_m).map_err(FormatError::Extent)?;
+        let mut part = new_grid(extent, Terrain::Wall, spec)?;
+        let outermost = size.map(|cells| cells as i32 - 1);
+        for (cell, slot) in extent.cells().zip(part.as_mut_slice()) {
+            let at = [cell.x, cell.y, cell.z];
+            let is_inner = (0..3).all(|axis| (1..outermost[axis]).contains(&at[axis]));
+            let [x, y, z] = [0, 1, 2].map(|axis| at[axis] + low[axis] - 1);
+            if is_inner && let Some(&here) = terrain.get(Cell::new(x, y, z)) {
+                *slot = here;
+            }
+        }
+        self.low = [0, 1, 2].map(|axis| self.low[axis] + f64::from(low[axis] - 1));
+        self.extent = extent;
+        let text =
+            format!("{} of {} cells kept, which lie inside the box", part.as_slice().len(), terrain.as_slice().len());
+        Ok((part, Some(Note::new("crop", text))))
     }
 
     /// A position in lengths of cells, relative to the corner of the map.

@@ -15,6 +15,7 @@ use std::borrow::Cow;
 use std::path::{Component, PathBuf};
 
 use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
+use voxels::Extent;
 
 use super::bytes::{Bytes, shown};
 use super::mesh::{self, Mesh};
@@ -26,6 +27,7 @@ use meshopt::Mode;
 /// A scene of meshes, as text or binary.
 pub(super) const READER: MapReader = MapReader {
     companions: Some(companions),
+    stored_cell_m: Some(stored_cell_m),
     ..MapReader::new("scene of glTF", &["gltf", "glb"], mesh::OPTIONS, read)
 };
 
@@ -86,8 +88,8 @@ impl Buffer<'_> {
 
 /// The files that a document needs, relative to its folder, in the order of its buffers; none if
 /// one of them may not be read.
-fn companions(bytes: &[u8]) -> Vec<PathBuf> {
-    let document = pieces(bytes).ok().and_then(|(text, _)| parsed(text).ok());
+fn companions(spec: &ImportSpec) -> Vec<PathBuf> {
+    let document = pieces(&spec.bytes).ok().and_then(|(text, _)| parsed(text).ok());
     let buffers = document.iter().flat_map(|document| &document.buffers);
     let files: Option<Vec<PathBuf>> = buffers.filter_map(Buffer::file).map(below_folder).collect();
     files.unwrap_or_default()
@@ -109,6 +111,13 @@ fn below_folder(uri: &str) -> Option<PathBuf> {
     let path = PathBuf::from(String::from_utf8(bytes).ok()?);
     let is_below = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     (is_below && !uri.contains("://") && path.file_name().is_some()).then_some(path)
+}
+
+/// The length of a cell in a file that was written here, metres: a default, as of all meshes.
+fn stored_cell_m(bytes: &[u8]) -> Option<f64> {
+    let (text, _) = pieces(bytes).ok()?;
+    let length_m = parsed(text).ok()?.asset.extras.cell_m?;
+    Extent::new([1; 3], length_m).is_ok().then_some(length_m)
 }
 
 /// The document of a file.
@@ -133,6 +142,18 @@ fn fault(place: impl std::fmt::Display, reason: impl std::fmt::Display) -> Forma
 /// # Errors
 /// If the file is malformed or has what is not read, or its meshes do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let (mesh, (up, reason), notes) = parse(spec)?;
+    mesh::map_up(spec, &mesh, (up, &reason), notes)
+}
+
+/// The mesh of a file, the axis upwards with a reason, and notes.
+type Parsed = (Mesh, (Up, String), Vec<Note>);
+
+/// The mesh of a file.
+///
+/// # Errors
+/// If the file is malformed or has what is not read.
+pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
     let (text, binary) = pieces(&spec.bytes)?;
     let document = parsed(text)?;
     let is_known = |name: &str| KNOWN.contains(&name) || OF_LOOKS.iter().any(|beginning| name.starts_with(beginning));
@@ -140,7 +161,6 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         let name = shown(name.as_bytes());
         return Err(fault("extensionsRequired", format_args!("{name} is not read; save the scene without it")));
     }
-    let mut files = spec.companions.iter();
     let buffers: Vec<Cow<'_, [u8]>> = document
         .buffers
         .iter()
@@ -149,14 +169,13 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             (Some(_), _) if buffer.file().is_some() => {
                 let place = format!("buffers[{number}].uri");
                 let file = buffer.file().unwrap_or_default();
-                if below_folder(file).is_none() {
+                let Some(path) = below_folder(file) else {
                     let name = shown(file.as_bytes());
                     let reason =
                         format!("{name} is no file below the folder of the scene; put it there, or save as .glb");
                     return Err(fault(place, reason));
-                }
-                let bytes = files.next();
-                bytes.map(|bytes| Cow::Borrowed(bytes.as_slice())).ok_or_else(|| {
+                };
+                spec.companion(&path).map(Cow::Borrowed).ok_or_else(|| {
                     fault(place, "the data are in another file, which is not at hand; save the scene as .glb")
                 })
             }
@@ -201,10 +220,11 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         open.extend(node.children.iter().rev().map(|&child| (child, here, depth + 1)));
     }
     let notes = vec![Note::new("scene", format!("{placed} mesh(es) put into it, which come out as their union"))];
-    match AS_GIVEN.into_iter().find(|&writer| document.asset.generator.contains(writer)) {
-        Some(writer) => mesh::map_up(spec, &mesh, (Up::Z, &format!("as {writer} writes it")), notes),
-        None => mesh::map_up(spec, &mesh, (Up::Y, "as glTF has it"), notes),
-    }
+    let up = match AS_GIVEN.into_iter().find(|&writer| document.asset.generator.contains(writer)) {
+        Some(writer) => (Up::Z, format!("as {writer} writes it")),
+        None => (Up::Y, "as glTF has it".to_owned()),
+    };
+    Ok((mesh, up, notes))
 }
 
 /// The document, and the binary data of a file in one piece.

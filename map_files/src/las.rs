@@ -1,15 +1,49 @@
 //! Point clouds of the ASPRS: LAS 1.0 to 1.4, all formats of points, and the same compressed (LAZ).
 //!
-//! Of a point, its coordinates are used.
+//! Of a point, its coordinates, class, flags and time are used. Points that are flagged as withheld
+//! are deleted ones, which stay in the file; so they are dropped unless an option says otherwise.
 
 use super::bytes::Bytes;
-use super::cloud::{self, Sensors};
+use super::cloud::{self, Cloud};
 use super::laz::Compressed;
+use super::options::PointFlag;
 use super::work::Work;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// Points of a laser scanner, plain or compressed.
-pub(super) const READER: MapReader = MapReader::new("points of a laser scanner", &["las", "laz"], cloud::OPTIONS, read);
+pub(super) const READER: MapReader = MapReader::new(
+    "points of a laser scanner",
+    &["las", "laz"],
+    &[
+        "up",
+        "scale",
+        "margin_cells",
+        "crop",
+        "free_from",
+        "gap_cells",
+        "sensor",
+        "stations",
+        "trajectory",
+        "voxel_min_points",
+        "outliers",
+        "classes",
+        "drop_flags",
+        "unknown",
+        "cells_max",
+        "steps_max",
+    ],
+    read,
+);
+
+/// Classes of low and high noise.
+const NOISE: [u8; 2] = [7, 18];
+
+/// The class that stood for the flag of overlaps before point format 6.
+const OVERLAP: u8 = 12;
+
+/// The first point format with a byte for the class, and the last one of LAS 1.4.
+const LONG_FORMAT: u8 = 6;
+const FORMAT_MAX: u8 = 10;
 
 /// Offsets in the header.
 const VERSION_MINOR: usize = 25;
@@ -62,23 +96,135 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         })
     };
     let mut work = Work::new(spec);
-    let (points, packing) = if bytes[POINT_FORMAT] & COMPRESSED == 0 {
+    let mut chosen = Chosen::new(spec, format);
+    let packing = if bytes[POINT_FORMAT] & COMPRESSED == 0 {
         let data = bytes.get(start..).unwrap_or_default();
         if count > (data.len() / length) as u64 {
             let reason =
                 format!("the file ends here, {count} points of {length} bytes from byte {start} on do not fit in");
             return Err(FormatError::byte(bytes.len(), reason));
         }
-        (data.chunks_exact(length).take(count as usize).map(point).collect(), "")
+        data.chunks_exact(length).take(count as usize).for_each(|record| chosen.add(record, point(record)));
+        ""
     } else {
         let (header, records) = (usize::from(u16_at(HEADER_LENGTH)), u32_at(RECORDS));
-        let mut points: Vec<[f64; 3]> = Vec::new();
         let compressed = Compressed { bytes, header, records, start, length, count };
-        compressed.points(&mut work, |record| points.push(point(record)))?;
-        (points, ", compressed")
+        compressed.points(&mut work, |record| chosen.add(record, point(record)))?;
+        ", compressed"
     };
     let note = Note::new("las", format!("point format {format}, {count} points{packing}"));
-    cloud::map_with(spec, &points, &Sensors::None, vec![note], work)
+    let notes = std::iter::once(note).chain(chosen.notes()).collect();
+    if chosen.points.is_empty() && count > 0 {
+        return Err(FormatError::Nothing("point of these classes and flags (classes, drop_flags)"));
+    }
+    cloud::map_with(spec, Cloud { points: chosen.points, times_s: chosen.times_s, notes, ..Cloud::default() }, work)
+}
+
+/// The class, the flags and the time of a point.
+struct Attributes {
+    class: u8,
+    /// Bits: synthetic, key point, withheld, overlap.
+    flags: u8,
+    time_s: Option<f64>,
+}
+
+impl Attributes {
+    /// Those of a record; nothing of a format that is not known.
+    fn of(record: &[u8], format: u8) -> Self {
+        let byte = |at: usize| record.get(at).copied().unwrap_or(0);
+        let time_at = |at: usize| {
+            let bytes = record.get(at..at + 8)?;
+            Some(f64::from_le_bytes(bytes.try_into().ok()?))
+        };
+        match format {
+            0..LONG_FORMAT => {
+                let class = byte(15) & 0x1f;
+                let flags = byte(15) >> 5 | if class == OVERLAP { 8 } else { 0 };
+                Self { class, flags, time_s: if matches!(format, 0 | 2) { None } else { time_at(20) } }
+            }
+            LONG_FORMAT..=FORMAT_MAX => Self { class: byte(16), flags: byte(15) & 0xf, time_s: time_at(22) },
+            _ => Self { class: 0, flags: 0, time_s: None },
+        }
+    }
+}
+
+/// The points that the options choose.
+struct Chosen {
+    points: Vec<[f64; 3]>,
+    times_s: Vec<f64>,
+    format: u8,
+    has_times: bool,
+    /// `None`: all.
+    classes: Option<Vec<u8>>,
+    /// Bits of the flags of points to drop.
+    unwanted: u8,
+    dropped: [u64; FLAGS.len()],
+    of_other_classes: u64,
+    noise: u64,
+}
+
+/// The flags of a point, in the order of their bits.
+const FLAGS: [(PointFlag, &str); 4] = [
+    (PointFlag::Synthetic, "synthetic"),
+    (PointFlag::KeyPoint, "key points"),
+    (PointFlag::Withheld, "withheld"),
+    (PointFlag::Overlap, "overlap"),
+];
+
+impl Chosen {
+    fn new(spec: &ImportSpec, format: u8) -> Self {
+        let options = &spec.options;
+        let flags = options.drop_flags.as_deref().unwrap_or(&[PointFlag::Withheld]);
+        let unwanted = (0..FLAGS.len()).filter(|&bit| flags.contains(&FLAGS[bit].0)).map(|bit| 1 << bit).sum();
+        Self {
+            points: Vec::new(),
+            times_s: Vec::new(),
+            format,
+            has_times: options.trajectory.is_some(),
+            classes: options.classes.clone(),
+            unwanted,
+            dropped: [0; FLAGS.len()],
+            of_other_classes: 0,
+            noise: 0,
+        }
+    }
+
+    /// Adds a point, or counts why it is dropped.
+    fn add(&mut self, record: &[u8], point: [f64; 3]) {
+        let Attributes { class, flags, time_s } = Attributes::of(record, self.format);
+        if flags & self.unwanted != 0 {
+            self.dropped[(flags & self.unwanted).trailing_zeros() as usize] += 1;
+        } else if self.classes.as_ref().is_some_and(|classes| !classes.contains(&class)) {
+            self.of_other_classes += 1;
+        } else {
+            self.noise += u64::from(NOISE.contains(&class));
+            self.points.push(point);
+            self.times_s.extend(time_s.filter(|_| self.has_times));
+        }
+    }
+
+    fn notes(&self) -> Vec<Note> {
+        let mut notes: Vec<Note> = FLAGS
+            .iter()
+            .zip(self.dropped)
+            .filter(|&(_, count)| count > 0)
+            .map(|((_, name), count)| {
+                Note::new("flags", format!("{count} points dropped that are flagged as {name} (drop_flags)"))
+            })
+            .collect();
+        if let Some(classes) = &self.classes {
+            let text = format!("{classes:?}; {} points of other classes dropped", self.of_other_classes);
+            notes.push(Note::new("classes", text));
+        } else if self.noise > 0 {
+            let text = format!(
+                "{} points are of the classes 7 and 18, which stand for noise; map.import.classes (--classes) names those to \
+                 keep",
+                self.noise
+            );
+            notes.push(Note::warning("noise", text));
+        }
+        notes
+    }
 }
 
 #[cfg(test)]
@@ -109,6 +255,56 @@ mod tests {
         assert_eq!(imported.terrain.extent().size(), [5, 4, 3]);
         assert_eq!(imported.origin_m, Some([999.0; 3]));
         assert_eq!(mapgen::free_cells(&imported.terrain), 3 * 2 - 2);
+    }
+
+    /// A file of point format 0 or 6 whose points have these classes and flags.
+    fn file_with(format: u8, attributes: &[(u8, u8)]) -> Vec<u8> {
+        let length = if format == 0 { 20 } else { 30 };
+        let mut bytes = file(&[]);
+        bytes[POINT_FORMAT] = format;
+        bytes[POINT_LENGTH] = length;
+        bytes[POINTS..][..4].copy_from_slice(&(attributes.len() as u32).to_le_bytes());
+        for (number, &(class, flags)) in attributes.iter().enumerate() {
+            let mut record = vec![0; usize::from(length)];
+            record[..4].copy_from_slice(&(number as u32 * 4).to_le_bytes());
+            if format == 0 {
+                record[15] = class | flags << 5;
+            } else {
+                (record[15], record[16]) = (flags, class);
+            }
+            bytes.extend(record);
+        }
+        bytes
+    }
+
+    #[test]
+    fn classes_and_flags_choose_points() {
+        const SYNTHETIC: u8 = 1;
+        const WITHHELD: u8 = 4;
+        for format in [0, 6] {
+            let points = [(2, 0), (6, 0), (2, WITHHELD), (7, 0), (2, SYNTHETIC), (2, WITHHELD | SYNTHETIC)];
+            let with = |classes: Option<&[u8]>, drop_flags: Option<&[PointFlag]>| {
+                let (classes, drop_flags) = (classes.map(<[u8]>::to_vec), drop_flags.map(<[PointFlag]>::to_vec));
+                let options = crate::ImportOptions { classes, drop_flags, ..Default::default() };
+                read(&ImportSpec { options, ..ImportSpec::new("a.las", file_with(format, &points)) })
+            };
+            let of = |classes, flags| {
+                let imported = with(classes, flags).unwrap();
+                let used = imported.notes.iter().find(|note| note.name == "points").unwrap().text.clone();
+                (used.split(' ').next().unwrap().parse::<u32>().unwrap(), imported.notes)
+            };
+            let (used, notes) = of(None, None);
+            assert_eq!(used, 4, "{format}");
+            assert_eq!(notes[1].text, "2 points dropped that are flagged as withheld (drop_flags)");
+            assert!(notes[2].is_warning && notes[2].text.starts_with("1 points are of the classes 7 and 18"));
+            assert_eq!(of(None, Some(&[PointFlag::None])).0, 6);
+            assert_eq!(of(None, Some(&[PointFlag::Synthetic])).0, 4);
+            assert_eq!(of(None, Some(&[PointFlag::Synthetic, PointFlag::Withheld])).0, 3);
+            let (used, notes) = of(Some(&[2, 6]), None);
+            assert_eq!((used, notes.iter().any(|note| note.is_warning)), (3, false));
+            assert!(notes.iter().any(|note| note.text == "[2, 6]; 1 points of other classes dropped"), "{notes:?}");
+            assert!(with(Some(&[9]), None).unwrap_err().to_string().contains("(classes, drop_flags)"));
+        }
     }
 
     #[test]

@@ -4,7 +4,8 @@
 //! bytes may claim billions of points, or layers of gigabytes. So points and steps are bounded, the
 //! description of a point must be that of its format, and a chunk with layers goes to the decoder
 //! only after the sizes of its layers have been compared with the bytes that there are; of these
-//! layers it gets those of the coordinates. The table of the chunks is neither needed nor read.
+//! layers it gets those of coordinates, classes, flags and times. The table of the chunks is
+//! neither needed nor read.
 //!
 //! Not read: points in chunks of varying size before point format 6, which would need that table.
 
@@ -42,12 +43,13 @@ const POINT_WISE: u16 = 1;
 /// Place of the table of chunks, before the first chunk.
 const TABLE_PLACE: usize = 8;
 
-/// Layers of the part of a point that has the coordinates, of which the first two hold them.
+/// Layers of the part of a point that has the coordinates: of these, of classes, flags, and five
+/// that are not needed, before the times.
 const LAYERS: usize = 9;
+const WANTED_LAYERS: usize = 4;
 
-/// The bytes of that part, and those of the coordinates at its beginning.
+/// The bytes of that part.
 const LAYERED_POINT: usize = 30;
-const COORDINATES: usize = 12;
 
 /// Compressed points of a file.
 pub(super) struct Compressed<'a> {
@@ -75,7 +77,7 @@ struct Description {
 }
 
 impl Compressed<'_> {
-    /// Calls `found` with the coordinates of each point: three little-endian numbers of four bytes.
+    /// Calls `found` with each point, of a layered one with its first part.
     ///
     /// # Errors
     /// If the file is malformed, or has more points than its length or its steps allow.
@@ -205,7 +207,7 @@ fn sequential(
     for _ in 0..most {
         work.spend(STEPS).map_err(ChunkError::Work)?;
         decoder.decompress_next(&mut point)?;
-        found(&point[..COORDINATES]);
+        found(&point);
     }
     drop(decoder);
     Ok((most, chunk.len() - rest.len()))
@@ -235,20 +237,23 @@ fn layered(
     let sizes = (0..layers).map(|layer| u32_at(sizes_at + 4 * layer)).collect::<Result<Vec<u32>, _>>()?;
     let layers_at = sizes_at + 4 * layers;
     let end = sizes.iter().try_fold(layers_at, |end, &size| end.checked_add(size as usize)).ok_or_else(ends)?;
-    let of_coordinates = sizes[0] as usize + sizes[1] as usize;
+    let bytes_of = |layers: &[u32]| layers.iter().map(|&size| size as usize).sum::<usize>();
+    let (first, last) = (bytes_of(&sizes[..WANTED_LAYERS]), bytes_of(&sizes[..LAYERS - 1]));
     let data = chunk.get(layers_at..end).ok_or_else(ends)?;
     // A chunk of the first item alone, whose other layers are empty: nothing of them changes.
     let mut part = chunk[..LAYERED_POINT].to_vec();
-    part.extend_from_slice(&chunk[length..sizes_at + 8]);
-    part.resize(part.len() + 4 * (LAYERS - 2), 0);
-    part.extend_from_slice(&data[..of_coordinates]);
+    part.extend_from_slice(&chunk[length..sizes_at + 4 * WANTED_LAYERS]);
+    part.resize(part.len() + 4 * (LAYERS - 1 - WANTED_LAYERS), 0);
+    part.extend_from_slice(&sizes[LAYERS - 1].to_le_bytes());
+    part.extend_from_slice(&data[..first]);
+    part.extend_from_slice(&data[last..last + sizes[LAYERS - 1] as usize]);
     let mut decoder = LayeredPointRecordDecompressor::new(Cursor::new(part));
     decoder.set_fields_from(&items[..1].to_vec())?;
     let mut point = [0; LAYERED_POINT];
     for _ in 0..points {
         work.spend(STEPS).map_err(ChunkError::Work)?;
         decoder.decompress_next(&mut point)?;
-        found(&point[..COORDINATES]);
+        found(&point);
     }
     Ok((points, end))
 }

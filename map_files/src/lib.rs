@@ -6,13 +6,15 @@
 //! solid shell and connected free space. The readers are our own instead of crates because their
 //! input is untrusted: they are bounded and fuzzed, each error names the position of the fault, and
 //! memory is proportional to the size of the file. Crates decode only what is compressed, PNG and
-//! LAZ, behind checks of sizes.
+//! LAZ, behind checks of sizes, and XML, with a bound on its elements.
 //!
 //! No file is opened here: bytes are arguments and results.
 
 mod bytes;
 mod cell_length;
 mod cloud;
+mod dae;
+mod e57;
 pub mod export;
 mod formats;
 mod frame;
@@ -25,15 +27,19 @@ mod obj;
 mod octomap;
 mod pcd;
 mod picture;
+mod placing;
 mod plan;
 mod ply;
+mod sdf;
 mod stack;
 mod stl;
 mod text;
 mod vox;
 mod work;
+mod xml;
 mod xyz;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -43,7 +49,7 @@ use mapgen::check_memory;
 use mapgen::import_options::{self as options, ImportOptions};
 
 pub use export::{MapWriter, WRITERS};
-pub use formats::{FormatError, MapReader, Place, READERS};
+pub use formats::{FormatError, MapReader, Place, READERS, Search};
 
 /// Largest number of cells of a map from a file, whatever its length, unless an option says
 /// otherwise: a gibibyte where a reader takes 8 bytes for each cell.
@@ -63,9 +69,11 @@ pub struct ImportSpec {
     pub file: String,
     /// The content of the file.
     pub bytes: Vec<u8>,
-    /// The contents of the files that it [names](ImportSpec::names), in this order, if they have been
-    /// read.
-    pub companions: Vec<Vec<u8>>,
+    /// The files that it [needs](ImportSpec::missing), by these names; `None` for those that were
+    /// not found.
+    pub companions: BTreeMap<PathBuf, Option<Companion>>,
+    /// The content of the file of the option `trajectory`, if it has been read.
+    pub trajectory: Option<Vec<u8>>,
     /// Names and contents of the pictures of a folder; empty for a file.
     pub layers: Vec<(String, Vec<u8>)>,
     /// The import options.
@@ -75,6 +83,15 @@ pub struct ImportSpec {
     pub cell_m: Option<f64>,
     /// Largest number of cells allowed, unless the options say otherwise.
     pub cells_max: usize,
+}
+
+/// A file that a map file needs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Companion {
+    /// Where it was found.
+    pub path: PathBuf,
+    /// Its content.
+    pub bytes: Vec<u8>,
 }
 
 /// The content of a map file, unrepaired.
@@ -129,11 +146,12 @@ impl ImportSpec {
     #[must_use]
     pub fn new(file: impl Into<String>, bytes: Vec<u8>) -> Self {
         let cells_max = cells_max(bytes.len());
-        let (companions, layers) = (Vec::new(), Vec::new());
+        let (companions, layers) = (BTreeMap::new(), Vec::new());
         Self {
             file: file.into(),
             bytes,
             companions,
+            trajectory: None,
             layers,
             options: ImportOptions::default(),
             cell_m: None,
@@ -168,20 +186,45 @@ impl ImportSpec {
         Self { cells_max: self.cells_max.max(cells), ..self }
     }
 
-    /// The files that this one needs, as the picture of a `map.yaml` or the data of a `.gltf`,
-    /// relative to its folder; none if it needs none, or is faulty, which reading it reports. Only
-    /// a `map.yaml` may name files that are not below its folder.
+    /// The names of files that this one needs and that have not been looked for, as the picture of
+    /// a `map.yaml`, the data of a `.gltf` or the models of a world; none if it needs no more, or
+    /// is faulty, which reading it reports. What is found may name others.
     #[must_use]
-    pub fn names(&self) -> Vec<PathBuf> {
+    pub fn missing(&self) -> Vec<PathBuf> {
         let companions = self.format().ok().and_then(|format| format.companions);
-        companions.map_or_else(Vec::new, |companions| companions(&self.bytes))
+        let mut names = companions.map_or_else(Vec::new, |companions| companions(self));
+        names.retain(|name| !self.companions.contains_key(name));
+        names
     }
 
-    /// The same map with the contents of the files that it names.
+    /// How the files of this format are looked for.
     #[must_use]
-    pub fn with_companions(self, companions: Vec<Vec<u8>>) -> Self {
-        let bytes = self.bytes.len() + companions.iter().map(Vec::len).sum::<usize>();
-        Self { cells_max: self.cells_max.max(cells_max(bytes)), companions, ..self }
+    pub fn search(&self) -> Search {
+        self.format().map_or(Search::Anywhere, |reader| reader.search)
+    }
+
+    /// The same map with a file that it needs, or the knowledge that there is none.
+    #[must_use]
+    pub fn with_companion(mut self, name: PathBuf, file: Option<Companion>) -> Self {
+        self.companions.insert(name, file);
+        let contents = self.companions.values().flatten().map(|file| file.bytes.len());
+        let bytes = self.bytes.len() + contents.sum::<usize>();
+        Self { cells_max: self.cells_max.max(cells_max(bytes)), ..self }
+    }
+
+    /// The same map with the contents of the files that it [needs](Self::missing), in this order.
+    #[must_use]
+    pub fn with_companions(self, contents: Vec<Vec<u8>>) -> Self {
+        let found = self.missing().into_iter().zip(contents);
+        found.fold(self, |spec, (name, bytes)| {
+            let path = name.clone();
+            spec.with_companion(name, Some(Companion { path, bytes }))
+        })
+    }
+
+    /// The content of a file that this one needs, if it was found.
+    fn companion(&self, name: &Path) -> Option<&[u8]> {
+        self.companions.get(name)?.as_ref().map(|file| file.bytes.as_slice())
     }
 
     /// Reads the terrain, unrepaired.

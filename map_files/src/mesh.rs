@@ -33,7 +33,7 @@ use winding::Winding;
 
 /// The import options of meshes.
 pub(super) const OPTIONS: &[&str] =
-    &["fill", "inside", "up", "scale", "margin_cells", "free_from", "cells_max", "steps_max"];
+    &["fill", "inside", "up", "scale", "margin_cells", "crop", "free_from", "gap_cells", "cells_max", "steps_max"];
 
 /// Corners of a triangle.
 type Triangle = [[f64; 3]; 3];
@@ -144,7 +144,8 @@ pub(super) fn map_up(
     mesh.check_count()?;
     let (up, reason) = match spec.options.up {
         Some(up) => (up, "by the option up".to_owned()),
-        None => (up, format!("{reason}; the option up changes that")),
+        None if spec.options_of_format().contains(&"up") => (up, format!("{reason}; the option up changes that")),
+        None => (up, reason.to_owned()),
     };
     notes.push(Note::new("up", format!("{}, {reason}", if up == Up::Z { "z" } else { "y" })));
     let units = Units::new(spec)?.with_up(up);
@@ -154,7 +155,7 @@ pub(super) fn map_up(
     lattice::put_on(&mut triangles);
     let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
     units.check_span(spec, bounds)?;
-    let frame = Frame::around(units, bounds, fill == Fill::Shell)?;
+    let mut frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),
         Kind::Free => (Terrain::Wall, Terrain::Free),
@@ -220,8 +221,10 @@ pub(super) fn map_up(
     if spec.options.inside.is_none() && is_free_around(&terrain) {
         notes.push(Note::warning("inside", AROUND));
     }
+    let (mut terrain, cropped) = frame.cropped(terrain, spec)?;
+    notes.extend(cropped);
     notes.push(frame.note());
-    notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| frame.cell_of_place(place))?);
+    notes.extend(keep_from(&mut terrain, &spec.options, |place| frame.cell_of_place(place))?);
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
 }
 

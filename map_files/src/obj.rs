@@ -19,9 +19,30 @@ pub(super) const READER: MapReader = MapReader {
 /// # Errors
 /// If the file is malformed, or its mesh does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
+    let Parsed { mesh, notes } = parse(&spec.bytes)?;
+    if let Some(up) = up_by_comment(&spec.bytes) {
+        return mesh::map_up(spec, &mesh, (up, "as a comment of the file says"), notes);
+    }
+    match writer_of_y(&spec.bytes) {
+        Some(writer) => mesh::map_up(spec, &mesh, (Up::Y, &format!("as {writer} writes it by default")), notes),
+        None => mesh::map(spec, &mesh, notes),
+    }
+}
+
+/// The mesh of a file, as its coordinates are.
+pub(super) struct Parsed {
+    pub(super) mesh: Mesh,
+    notes: Vec<Note>,
+}
+
+/// The mesh of a file.
+///
+/// # Errors
+/// If the file is malformed.
+pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
     let mut mesh = Mesh::default();
     let mut groups = 0u64;
-    let mut text = Bytes::new(&spec.bytes);
+    let mut text = Bytes::new(bytes);
     let mut skipped = 0u64;
     while let Some((line, content)) = whole_line(&mut text) {
         let mut words = words(&content);
@@ -44,13 +65,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     }
     let note = (groups > 0).then(|| Note::new("groups", format!("{groups}, which come out as their union")));
     let notes = note.into_iter().chain(mesh::note_of_skipped(skipped)).collect();
-    if let Some(up) = up_by_comment(&spec.bytes) {
-        return mesh::map_up(spec, &mesh, (up, "as a comment of the file says"), notes);
-    }
-    match writer_of_y(&spec.bytes) {
-        Some(writer) => mesh::map_up(spec, &mesh, (Up::Y, &format!("as {writer} writes it by default")), notes),
-        None => mesh::map(spec, &mesh, notes),
-    }
+    Ok(Parsed { mesh, notes })
 }
 
 /// The axis upwards that the comments at the beginning of a file name: `z up` or `up: y`, in any

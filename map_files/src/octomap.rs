@@ -20,13 +20,19 @@ use voxels::{Cell, Extent, ExtentError, Terrain};
 
 use super::bytes::{Bytes, number, shown, words};
 use super::cloud::keep_from;
+use super::frame::Bounds;
 use super::options::Kind;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrounded};
 
 /// A tree of OctoMap, binary or full.
 pub(super) const READER: MapReader = MapReader {
     stored_cell_m: Some(|bytes| resolution_m(bytes).ok()),
-    ..MapReader::new("tree of OctoMap", &["bt", "ot"], &["unknown", "free_from", "cells_max"], read)
+    ..MapReader::new(
+        "tree of OctoMap",
+        &["bt", "ot"],
+        &["unknown", "crop", "free_from", "gap_cells", "cells_max"],
+        read,
+    )
 };
 
 /// Levels of the tree below its root.
@@ -61,16 +67,20 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         return Err(FormatError::NoMultiple { stored: header.resolution_m, asked: cell_m });
     }
     let times = times as i32;
+    let crop = crop(spec, cell_m);
     let mut bounds: Option<[[i32; 3]; 2]> = None;
     let left = walk(kind, tree, start, |_, corner, edge| {
-        let [low, high] = coarse(corner, edge, times);
+        let Some([low, high]) = crop(coarse(corner, edge, times)) else { return };
         let [lowest, highest] = bounds.unwrap_or([low, high]);
         bounds = Some([
             [0, 1, 2].map(|axis| lowest[axis].min(low[axis])),
             [0, 1, 2].map(|axis| highest[axis].max(high[axis])),
         ]);
     })?;
-    let [low, high] = bounds.ok_or(FormatError::Nothing("cell that is free or occupied"))?;
+    let lacks = "cell that is free or occupied";
+    let lacks =
+        if spec.options.crop.is_some() { "cell inside the box of crop that is free or occupied" } else { lacks };
+    let [low, high] = bounds.ok_or(FormatError::Nothing(lacks))?;
     let size = [0, 1, 2].map(|axis| (high[axis] - low[axis]) as u32);
     let extent = Extent::new(size, cell_m).map_err(|reason| match reason {
         reason @ ExtentError::Size { .. } => {
@@ -90,8 +100,12 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             if leaf != pass {
                 return;
             }
-            known[usize::from(leaf == Leaf::Occupied)] += u64::from(edge).pow(3);
-            let [first, end] = coarse(corner, edge, times);
+            let Some([first, end]) = crop(coarse(corner, edge, times)) else { return };
+            known[usize::from(leaf == Leaf::Occupied)] += if times == 1 {
+                (0..3).map(|axis| (end[axis] - first[axis]) as u64).product()
+            } else {
+                u64::from(edge).pow(3)
+            };
             let [first, end] = [first, end].map(|place| [0, 1, 2].map(|axis| place[axis] - low[axis]));
             let here = if leaf == Leaf::Free { Terrain::Free } else { Terrain::Wall };
             for (z, y) in (first[2]..end[2]).flat_map(|z| (first[1]..end[1]).map(move |y| (z, y))) {
@@ -102,6 +116,14 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     }
 
     let [free, occupied] = known;
+    let of_tree = extent.volume() as u64 * (times as u64).pow(3);
+    if free == 0 && occupied < of_tree && spec.options.unknown.is_none() {
+        let reason = format!(
+            "it has {occupied} occupied cells and no free one; map.import.unknown = \"free\" (--unknown free) takes all \
+             others for free"
+        );
+        return Err(FormatError::Entry { place: "the tree".to_owned(), reason });
+    }
     let becomes = if unknown == Terrain::Wall { "wall" } else { "free" };
     let text = if times == 1 {
         let rest = extent.volume() as u64 - free - occupied;
@@ -122,11 +144,26 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let begin = low.map(|along| f64::from(along) - layers);
     let [x, y, z] = begin.map(|along| along * cell_m);
     notes.push(Note::new("origin", format!("the map begins at ({x}, {y}, {z}) m of the file")));
-    notes.extend(keep_from(&mut terrain, spec.options.free_from, |place| {
+    notes.extend(keep_from(&mut terrain, &spec.options, |place| {
         let [x, y, z] = [0, 1, 2].map(|axis| libm::floor(place[axis] / cell_m - begin[axis]) as i32);
         Cell::new(x, y, z)
     })?);
     Ok(Imported { terrain, notes, stores_cell_m: true, origin_m: Some([x, y, z]), yaw_rad: 0.0 })
+}
+
+/// The part of a box of cells, the first ones and those after the last, in the box of the option
+/// `crop`; `None` if there is none.
+fn crop(spec: &ImportSpec, cell_m: f64) -> impl Fn([[i32; 3]; 2]) -> Option<[[i32; 3]; 2]> {
+    let crop = spec.options.crop.map(|corners| {
+        let [x, y, z, to_x, to_y, to_z] = corners.map(|along| along / cell_m);
+        Bounds { low: [x, y, z], high: [to_x, to_y, to_z] }.cells()
+    });
+    move |[low, high]| {
+        let [first, end] = crop.unwrap_or([low, high]);
+        let low = [0, 1, 2].map(|axis| low[axis].max(first[axis]));
+        let high = [0, 1, 2].map(|axis| high[axis].min(end[axis]));
+        (0..3).all(|axis| low[axis] < high[axis]).then_some([low, high])
+    }
 }
 
 /// The cells, of `times` cells of the tree along each edge, in which a leaf lies: the first ones
@@ -376,6 +413,34 @@ mod tests {
     }
 
     #[test]
+    fn a_tree_of_occupied_cells_alone_asks_what_others_are() {
+        let spec = lowest(0b10 | 0b10 << 12);
+        let refused = read(&spec).unwrap_err().to_string();
+        assert!(
+            refused.contains("it has 2 occupied cells and no free one; map.import.unknown = \"free\""),
+            "{refused}"
+        );
+        let free = ImportSpec { options: ImportOptions { unknown: Some(Kind::Free), ..Default::default() }, ..spec };
+        assert_eq!(free_cells(&read(&free).unwrap().terrain), 2);
+    }
+
+    #[test]
+    fn a_box_is_cut_out_of_a_tree() {
+        let mut room = Grid::new(Extent::new([9, 8, 7], 0.25).unwrap(), Terrain::Free);
+        voxels::close_shell(&mut room, 1);
+        let bytes = export::octomap(&room, [0; 3]);
+        let with = |crop| ImportSpec {
+            options: ImportOptions { crop: Some(crop), ..Default::default() },
+            ..ImportSpec::new("a.bt", bytes.clone())
+        };
+        let Imported { terrain, origin_m, .. } = read(&with([0.5, 0.3, -9.0, 1.25, 1.0, 9.0])).unwrap();
+        assert_eq!(free_cells(&terrain), 3 * 3 * 5);
+        assert_eq!((terrain.extent().size(), origin_m), ([5, 5, 9], Some([0.25, 0.0, -0.25])));
+        let refused = read(&with([9.0, 0.0, 0.0, 10.0, 1.0, 1.0])).unwrap_err().to_string();
+        assert_eq!(refused, "the file has no cell inside the box of crop that is free or occupied");
+    }
+
+    #[test]
     fn full_trees_have_odds() {
         let node = |log_odds: f32, children: u8, extra: &[u8]| [&log_odds.to_le_bytes(), extra, &[children]].concat();
         let tree = |extra: &[u8]| {
@@ -405,7 +470,7 @@ mod tests {
     #[test]
     fn written_tree_merges_equal_cells() {
         let solid = Grid::new(Extent::new([64; 3], 0.1).unwrap(), Terrain::Wall);
-        let bytes = export::octomap(&solid);
+        let bytes = export::octomap(&solid, [0; 3]);
         assert!(bytes.ends_with(&[&b"data\n"[..], &[0, 0xc0], &[3, 0].repeat(8), &[2, 0]].concat()), "{bytes:?}");
         assert_eq!(read(&ImportSpec::new("a.bt", bytes)).unwrap().terrain, solid);
     }

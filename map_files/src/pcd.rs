@@ -9,11 +9,14 @@
 use std::borrow::Cow;
 
 use super::bytes::{Bytes, float, number, shown, three, words};
-use super::cloud::{self, Sensors};
-use super::{FormatError, ImportSpec, Imported, MapReader, Note};
+use super::cloud::{self, Cloud, Sensors};
+use super::{FormatError, ImportSpec, Imported, MapReader, Note, cell_length};
 
 /// A point cloud of the Point Cloud Library.
-pub(super) const READER: MapReader = MapReader::new("point cloud of PCL", &["pcd"], cloud::OPTIONS, read);
+pub(super) const READER: MapReader = MapReader {
+    stored_cell_m: Some(cell_length::in_comment),
+    ..MapReader::new("point cloud of PCL", &["pcd"], cloud::OPTIONS, read)
+};
 
 /// Largest size of a point, bytes.
 const STRIDE_MAX: usize = 1 << 16;
@@ -24,6 +27,9 @@ const LZF_GROWTH: usize = 264;
 /// Fields of a point, and of where it was seen from.
 const AXES: [&str; 3] = ["x", "y", "z"];
 const SEEN_FROM: [&str; 3] = ["vp_x", "vp_y", "vp_z"];
+
+/// Names of the field with the time of a point.
+const TIMES: [&str; 5] = ["timestamp", "time", "t", "gps_time", "GpsTime"];
 
 /// Type of a field.
 #[derive(Clone, Copy)]
@@ -75,7 +81,12 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let header = header(&mut bytes)?;
     let mut wanted: Vec<Coordinate> = header.coordinates(1, AXES)?.into();
     let seen_from = header.coordinates(1, SEEN_FROM).ok();
+    let has_sensors = seen_from.is_some();
     wanted.extend(seen_from.into_iter().flatten());
+    let time = TIMES.iter().find_map(|name| header.coordinate(1, name).ok());
+    let time = time.filter(|_| spec.options.trajectory.is_some());
+    let has_times = time.is_some();
+    wanted.extend(time);
     let read = match header.data {
         Data::Ascii => ascii(&mut bytes, &header, &wanted)?,
         Data::Binary => binary(&mut bytes, &header, &wanted)?,
@@ -85,14 +96,20 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let points: Vec<[f64; 3]> = read.chunks_exact(wanted.len()).map(three).collect();
     let left = bytes.rest().len();
     let notes = (left > 0).then(|| Note::new("ignored", format!("{left} bytes after the last point")));
-    let sensors = if wanted.len() > 3 {
+    let times_s = if has_times {
+        let unit = header.unit_of_time(&wanted);
+        read.chunks_exact(wanted.len()).map(|values| values[wanted.len() - 1] * unit).collect()
+    } else {
+        Vec::new()
+    };
+    let sensors = if has_sensors {
         Sensors::Each(read.chunks_exact(wanted.len()).map(|values| three(&values[3..])).collect())
     } else if header.viewpoint == [0.0; 3] {
         Sensors::None
     } else {
         Sensors::One(header.viewpoint)
     };
-    cloud::map(spec, &points, &sensors, notes.into_iter().collect())
+    cloud::map(spec, Cloud { points, sensors, times_s, notes: notes.into_iter().collect() })
 }
 
 fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
@@ -189,23 +206,29 @@ impl Header {
 
     /// The positions of three fields.
     fn coordinates(&self, line: usize, names: [&str; 3]) -> Result<[Coordinate; 3], FormatError> {
-        let find = |name: &str| {
-            let field = self.fields.iter().position(|field| field.name == name.as_bytes());
-            let missing = || FormatError::line(line, format!("there is no field '{name}' in FIELDS"));
-            let field = field.ok_or_else(missing)?;
-            let before = &self.fields[..field];
-            let values = before.iter().map(|field| field.count).sum();
-            let bytes = before.iter().map(|field| field.size * field.count).sum();
-            let Field { size, number, .. } = self.fields[field];
-            if matches!(number, Number::Float) && size < 4 {
-                return Err(FormatError::line(
-                    line,
-                    format!("field {field} is a TYPE F of SIZE {size}, expected 4 or 8"),
-                ));
-            }
-            Ok(Coordinate { field, values, bytes })
-        };
-        Ok([find(names[0])?, find(names[1])?, find(names[2])?])
+        let [x, y, z] = names.map(|name| self.coordinate(line, name));
+        Ok([x?, y?, z?])
+    }
+
+    /// The position of a field.
+    fn coordinate(&self, line: usize, name: &str) -> Result<Coordinate, FormatError> {
+        let field = self.fields.iter().position(|field| field.name == name.as_bytes());
+        let missing = || FormatError::line(line, format!("there is no field '{name}' in FIELDS"));
+        let field = field.ok_or_else(missing)?;
+        let before = &self.fields[..field];
+        let values = before.iter().map(|field| field.count).sum();
+        let bytes = before.iter().map(|field| field.size * field.count).sum();
+        let Field { size, number, .. } = self.fields[field];
+        if matches!(number, Number::Float) && size < 4 {
+            return Err(FormatError::line(line, format!("field {field} is a TYPE F of SIZE {size}, expected 4 or 8")));
+        }
+        Ok(Coordinate { field, values, bytes })
+    }
+
+    /// Seconds of a unit of the last of these fields: drivers write nanoseconds as integers.
+    fn unit_of_time(&self, wanted: &[Coordinate]) -> f64 {
+        let field = wanted.last().map(|last| &self.fields[last.field]);
+        if field.is_some_and(|field| !matches!(field.number, Number::Float)) { 1e-9 } else { 1.0 }
     }
 }
 

@@ -24,7 +24,7 @@ pub(super) const READER: MapReader = MapReader::new(
 /// A map of ROS 2's map server, with its picture in another file.
 pub(super) const YAML_READER: MapReader = MapReader {
     stored_cell_m: Some(resolution_m),
-    companions: Some(|bytes| image(bytes).into_iter().collect()),
+    companions: Some(|spec| image(&spec.bytes).into_iter().collect()),
     ..MapReader::new("map of the map server", &["yaml", "yml"], &["unknown", "height_cells", "cells_max"], read_yaml)
 };
 
@@ -142,9 +142,8 @@ pub(super) fn resolution_m(bytes: &[u8]) -> Option<f64> {
 /// If one of the files is malformed, or too large for a map.
 pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let keys = keys(&spec.bytes)?;
-    let picture = spec.companions.first().ok_or_else(|| FormatError::Companion {
-        file: shown(keys.image.as_bytes()),
-        reason: "it is not at hand".to_owned(),
+    let picture = image(&spec.bytes).ok().and_then(|name| spec.companion(&name)).ok_or_else(|| {
+        FormatError::Companion { file: shown(keys.image.as_bytes()), reason: "it is not at hand".to_owned() }
     })?;
     let cell_m = spec.cell_m.unwrap_or(keys.resolution_m);
     let times = libm::round(cell_m / keys.resolution_m);

@@ -11,7 +11,7 @@
 use voxels::Extent;
 
 use super::bytes::{Bytes, float, number, shown, words};
-use super::cloud::{self, Sensors};
+use super::cloud::{self, Cloud, Sensors};
 use super::mesh::{self, Mesh};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
@@ -21,7 +21,24 @@ pub(super) const READER: MapReader = MapReader {
     ..MapReader::new(
         "polygon file",
         &["ply"],
-        &["fill", "inside", "up", "scale", "margin_cells", "free_from", "sensor", "unknown", "cells_max", "steps_max"],
+        &[
+            "fill",
+            "inside",
+            "up",
+            "scale",
+            "margin_cells",
+            "crop",
+            "free_from",
+            "gap_cells",
+            "sensor",
+            "stations",
+            "trajectory",
+            "voxel_min_points",
+            "outliers",
+            "unknown",
+            "cells_max",
+            "steps_max",
+        ],
         read,
     )
 };
@@ -29,6 +46,13 @@ pub(super) const READER: MapReader = MapReader {
 /// Part of a voxel by which its centre is moved upwards, so that all voxels of a grid fall into
 /// cells of their own whose boundaries are exactly where the centres are.
 const NUDGE: f64 = 1e-6;
+
+/// Import options for clouds alone, and for meshes alone.
+const OF_POINTS: [&str; 6] = ["sensor", "stations", "trajectory", "voxel_min_points", "outliers", "unknown"];
+const OF_FACES: [&str; 2] = ["fill", "inside"];
+
+/// Names of the property with the time of a point, seconds.
+const TIMES: [&str; 4] = ["timestamp", "time", "gps_time", "scalar_GpsTime"];
 
 /// Largest number of bytes, or words, of an element.
 const ELEMENT_MAX: usize = 1 << 20;
@@ -81,7 +105,11 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let list_of = |number: usize| faces.iter().find(|&&(faces, _)| faces == number).map(|&(_, list)| list);
     let coordinates = positions(&elements[vertices], ["x", "y", "z"], at)?;
     let seen_from = positions(&elements[vertices], ["vp_x", "vp_y", "vp_z"], at).ok();
-    let mut from = Vec::new();
+    let time = elements[vertices].properties.iter().position(|property| {
+        property.length.is_none() && TIMES.iter().any(|name| property.name.eq_ignore_ascii_case(name.as_bytes()))
+    });
+    let time = time.filter(|_| spec.options.trajectory.is_some());
+    let (mut from, mut times_s) = (Vec::new(), Vec::new());
     if faces.iter().any(|&(faces, _)| faces < vertices) {
         return Err(FormatError::byte(at, "the element face comes before the element vertex"));
     }
@@ -106,6 +134,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             if number == vertices {
                 mesh.vertices.push(coordinates.map(|property| values[property]));
                 from.extend(seen_from.map(|seen_from| seen_from.map(|property| values[property])));
+                times_s.extend(time.map(|property| values[property]));
             } else if camera == Some(number) {
                 seen_by_camera = seen_by_camera.or(camera_at.map(|camera| camera.map(|property| values[property])));
             } else if list.is_some() && element.name == b"tristrips" {
@@ -137,14 +166,14 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         Note::new("ignored", text)
     });
     let mut notes: Vec<Note> = notes.chain(mesh::note_of_skipped(skipped)).collect();
-    let given = |names: [&str; 2]| spec.options.given().find(|name| names.contains(name));
+    let given = |names: &[&str]| spec.options.given().find(|name| names.contains(name));
     if !faces.is_empty() {
-        if let Some(name) = given(["sensor", "unknown"]) {
+        if let Some(name) = given(&OF_POINTS) {
             return Err(FormatError::HasFaces { name });
         }
         return mesh::map(spec, &mesh, notes);
     }
-    if let Some(name) = given(["fill", "inside"]) {
+    if let Some(name) = given(&OF_FACES) {
         return Err(FormatError::NoFaces { name });
     }
     if let Some(VoxelGrid { origin, size }) = grid {
@@ -163,7 +192,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         Some(camera) if camera != [0.0; 3] => Sensors::One(camera),
         _ => Sensors::None,
     };
-    cloud::map(spec, &mesh.vertices, &sensors, notes)
+    cloud::map(spec, Cloud { points: mesh.vertices, sensors, times_s, notes })
 }
 
 /// What Open3D writes before the indices of voxels.

@@ -22,7 +22,15 @@ const TRIANGLE: usize = 50;
 /// # Errors
 /// If the file is malformed, or its mesh does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
-    let bytes = spec.bytes.as_slice();
+    let (mesh, notes) = parse(&spec.bytes)?;
+    mesh::map(spec, &mesh, notes)
+}
+
+/// The mesh of a file, with notes.
+///
+/// # Errors
+/// If the file is malformed.
+pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, Vec<Note>), FormatError> {
     let text = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes).trim_ascii_start();
     let begins_as_text = text.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let is_text = begins_as_text && !bytes[..bytes.len().min(HEADER)].contains(&0);
@@ -43,7 +51,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         }
         None => return Err(FormatError::byte(bytes.len(), "the file ends within its header of 84 bytes")),
     };
-    mesh::map(spec, &mesh, notes)
+    Ok((mesh, notes))
 }
 
 /// The length that a binary file with this header has.

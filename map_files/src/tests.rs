@@ -22,8 +22,8 @@ const BEGINNINGS: [(&str, &[u8]); 12] = [
 fn an_import_that_does_not_fit_names_the_file() {
     let import = |file: &str, text: &str| ImportSpec::new(file, text.as_bytes().to_vec());
     let message = |spec: ImportSpec| spec.read().unwrap_err().to_string();
-    let known = "known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, .gltf, .glb, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, \
-                 .xyzrgb, .xyzn, .asc, .pts, .csv, .las and .laz";
+    let known = "known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, .gltf, .glb, .dae, .sdf, .world, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, \
+                 .xyzrgb, .xyzn, .asc, .pts, .csv, .las, .laz and .e57";
     assert_eq!(message(import("a.tga", "")), format!("a.tga: the file's extension is \"tga\", {known}"));
     assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
     assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));
@@ -43,8 +43,8 @@ fn what_an_option_is_not_for_is_refused() {
     );
     assert_eq!(
         refuse("a.obj", threshold(0.5)),
-        "a.obj: threshold is not an option for .obj files, which have fill, inside, up, scale, margin_cells, free_from, cells_max, \
-         steps_max"
+        "a.obj: threshold is not an option for .obj files, which have fill, inside, up, scale, margin_cells, crop, free_from, \
+         gap_cells, cells_max, steps_max"
     );
     assert_eq!(refuse("a.pgm", threshold(1.5)), "a.pgm: threshold = 1.5, allowed is 0 to 1");
     let place = ImportOptions { free_from: Some([0.0, f64::NAN, 1.0]), ..ImportOptions::default() };

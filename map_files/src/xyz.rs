@@ -7,7 +7,7 @@
 //! if the line has three words or more between spaces or semicolons.
 
 use super::bytes::{Bytes, decimal_comma, parse_float, shown};
-use super::cloud::{self, Sensors};
+use super::cloud::{self, Cloud};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// Points as text.
@@ -71,7 +71,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     if with_commas > 0 {
         notes.push(Note::new("commas", format!("{with_commas} points with commas for decimal points")));
     }
-    cloud::map(spec, &points, &Sensors::None, notes)
+    cloud::map(spec, Cloud { points, notes, ..Cloud::default() })
 }
 
 /// The words of a line between spaces and `separators`.

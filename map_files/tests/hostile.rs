@@ -12,6 +12,7 @@ use std::cell::Cell;
 use std::path::Path;
 
 use map_files::{ImportError, ImportSpec, MapReader, WRITERS, export::floor_plan};
+use mapgen::import_options::PointFlag;
 use mapgen::{Fill, ImportOptions};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -101,7 +102,7 @@ fn real_files() -> Vec<Named> {
         }
     }
     for (target, extension) in
-        [("pcd", "pcd"), ("ply", "ply"), ("vox", "vox"), ("pgm", "pgm"), ("las", "las"), ("ot", "ot")]
+        [("pcd", "pcd"), ("ply", "ply"), ("vox", "vox"), ("pgm", "pgm"), ("las", "las"), ("ot", "ot"), ("sdf", "sdf")]
     {
         for (_, bytes) in read(&root.join("../testing/fuzz/corpus").join(target)) {
             files.push((format!("corpus.{extension}"), bytes, None));
@@ -138,7 +139,7 @@ fn read((name, bytes, companion): Named, options: ImportOptions) -> Option<Strin
     assert_within_bounds(
         name.clone(),
         length,
-        ImportSpec { options, companions: companion.into_iter().collect(), ..ImportSpec::new(name, bytes) },
+        ImportSpec { options, ..ImportSpec::new(name, bytes) }.with_companions(companion.into_iter().collect()),
     )
 }
 
@@ -266,12 +267,23 @@ fn compressed_files() -> Vec<Named> {
 #[test]
 fn compressed_points_of_all_formats_are_one_map() {
     let line = |point: [i32; 3]| point.map(|along| (f64::from(along) / 4.0).to_string()).join(" ") + "\n";
-    let text: String = sheet().into_iter().map(line).collect();
-    let points = ImportSpec::new("sheet.xyz", text.into_bytes()).read().unwrap();
-    for (name, bytes, _) in compressed_files() {
-        let imported = ImportSpec::new(name.clone(), bytes).read().unwrap_or_else(|error| panic!("{error}"));
-        assert!(imported.terrain == points.terrain, "{name}");
+    let points_of = |is_kept: &dyn Fn(usize) -> bool| {
+        let kept = sheet().into_iter().enumerate().filter(|&(number, _)| is_kept(number));
+        let text: String = kept.map(|(_, point)| line(point)).collect();
+        ImportSpec::new("sheet.xyz", text.into_bytes()).read().unwrap().terrain
+    };
+    for (format, (name, bytes, _)) in compressed_files().into_iter().enumerate() {
+        let read = |drop_flags| {
+            let options = ImportOptions { drop_flags, ..ImportOptions::default() };
+            let spec = ImportSpec { options, ..ImportSpec::new(name.clone(), bytes.clone()) };
+            spec.read().unwrap_or_else(|error| panic!("{error}"))
+        };
+        let imported = read(Some(vec![PointFlag::None]));
+        assert!(imported.terrain == points_of(&|_| true), "{name}");
         assert!(imported.notes[0].text.ends_with("180 points, compressed"), "{:?}", imported.notes[0]);
+        // All bytes of a point but its coordinates are its number.
+        let withheld = if format < 6 { 0x80 } else { 4 };
+        assert!(read(None).terrain == points_of(&|number| number & withheld == 0), "{name}");
     }
 }
 

@@ -217,6 +217,10 @@ fn no_format_loses_the_length_of_a_cell() {
         voxels::close_shell(&mut terrain, 1);
         let written = WRITERS.iter().map(|writer| (writer.extension, writer.write(&terrain)));
         for (extension, written) in written.chain([("m3dm", Ok(voxels::packed::write(&terrain)))]) {
+            // A cloud of the surface is not the whole map.
+            if extension == "pcd" {
+                continue;
+            }
             let name = format!("a.{extension}");
             let plan = floor_plan(&terrain, "a.pgm", [-3.7, 1.0 / 3.0, 0.5]);
             let (bytes, companion) = written.map_or((plan.yaml, Some(plan.image)), |bytes| (bytes, None));
@@ -226,8 +230,8 @@ fn no_format_loses_the_length_of_a_cell() {
                 height_cells: companion.is_some().then_some(2),
                 ..ImportOptions::default()
             };
-            let companions: Vec<Vec<u8>> = companion.into_iter().collect();
-            let spec = ImportSpec { options, companions, ..ImportSpec::new(name.clone(), bytes) };
+            let spec = ImportSpec { options, ..ImportSpec::new(name.clone(), bytes) };
+            let spec = spec.with_companions(companion.into_iter().collect());
             let read = spec.read().unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(read.terrain, terrain, "{name}, cells of {cell_m} m");
             assert_eq!(read.stores_cell_m, cell_m != 1.0 || spec.stored_cell_m().is_some(), "{name}");

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use map_files::{ImportSpec, MapWriter};
+use mapgen::ImportOptions;
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
@@ -26,7 +27,8 @@ impl PyMap {
     fn load(py: Python<'_>, file: PathBuf, cell_m: Option<f64>, as_is: bool) -> PyResult<Self> {
         py.detach(|| {
             let name = file.display().to_string();
-            let spec = map_file::load(&file).map_err(|error| PyOSError::new_err(format!("{name}: {error}")))?;
+            let spec = map_file::load(&file, &ImportOptions::default())
+                .map_err(|error| PyOSError::new_err(format!("{name}: {error}")))?;
             let terrain = ImportSpec { cell_m, ..spec }.read().map_err(bad_input)?.terrain;
             let terrain = if as_is { terrain } else { mapgen::repair(&name, terrain, 0).map_err(bad_input)?.terrain };
             Ok(Self { terrain })

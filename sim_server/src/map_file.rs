@@ -1,38 +1,86 @@
 //! Map files with the files that they name, and folders of pictures, read as any file of a user.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
-use map_files::ImportSpec;
+use map_files::{Companion, ImportSpec, Search};
+use mapgen::ImportOptions;
 
 use crate::input_file::{self, MAP_BYTES_MAX};
 
 /// Most pictures of a folder, one for each layer of the highest map.
 const LAYERS_MAX: usize = 1024;
 
-/// A map file, and the files that it names, as the picture of a `map.yaml`; of a folder, its PNG
-/// files. Of files that come from others, see [`is_self_contained`].
+/// Most files that a map file may need, those of its models included.
+const COMPANIONS_MAX: usize = 4096;
+
+/// How the name of a file of a model begins.
+const MODEL: &str = "model:";
+
+/// A map file that is read with these options, and the files that it and they name, as the picture
+/// of a `map.yaml`; of a folder, its PNG files. Of files that come from others, see
+/// [`is_self_contained`].
 ///
 /// # Errors
 /// See [`input_file::read`]; of a second file, the error names it. If a folder has no picture, too
-/// many of them, or more bytes than a map may have.
-pub fn load(file: &Path) -> io::Result<ImportSpec> {
+/// many of them, or more bytes than a map may have; if a file needs too many others.
+pub fn load(file: &Path, options: &ImportOptions) -> io::Result<ImportSpec> {
     if file.is_dir() {
-        return load_folder(file);
+        return Ok(ImportSpec { options: options.clone(), ..load_folder(file)? });
     }
     let spec = ImportSpec::new(file.display().to_string(), input_file::read(file, MAP_BYTES_MAX)?);
+    let mut spec = ImportSpec { options: options.clone(), ..spec };
+    let named = |file: &Path, error: io::Error| {
+        io::Error::new(error.kind(), format!("it names {:?}: {error}", file.display().to_string()))
+    };
+    if let Some(trajectory) = &options.trajectory {
+        let bytes = input_file::read(trajectory, MAP_BYTES_MAX).map_err(|error| named(trajectory, error))?;
+        spec.trajectory = Some(bytes);
+    }
     let folder = file.parent().unwrap_or(Path::new(""));
     let mut left = MAP_BYTES_MAX.saturating_sub(spec.bytes.len() as u64);
-    let mut companions = Vec::new();
-    for named in spec.names() {
-        let other = folder.join(named);
-        let bytes = input_file::read(&other, left).map_err(|error| {
-            io::Error::new(error.kind(), format!("it names {:?}: {error}", other.display().to_string()))
-        })?;
-        left -= bytes.len() as u64;
-        companions.push(bytes);
+    loop {
+        let missing = spec.missing();
+        if missing.is_empty() {
+            return Ok(spec);
+        }
+        if spec.companions.len() + missing.len() > COMPANIONS_MAX {
+            let reason = format!("it needs more than {COMPANIONS_MAX} other files");
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
+        }
+        for name in missing {
+            let path = match spec.search() {
+                Search::Anywhere => Some(folder.join(&name)),
+                Search::Models => find(&name, folder, options.model_path.as_deref().unwrap_or_default()),
+            };
+            let companion = match path {
+                None => None,
+                Some(path) => {
+                    let bytes = input_file::read(&path, left).map_err(|error| named(&path, error))?;
+                    left -= bytes.len() as u64;
+                    Some(Companion { path, bytes })
+                }
+            };
+            spec = spec.with_companion(name, companion);
+        }
     }
-    Ok(spec.with_companions(companions))
+}
+
+/// The file with a name, below the folder of the map or, for `model://NAME/...`, below one of the
+/// folders of models; links are followed, and must not lead out of it.
+fn find(name: &Path, folder: &Path, model_paths: &[PathBuf]) -> Option<PathBuf> {
+    let of_model = name.strip_prefix(MODEL).ok();
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let roots = model_paths.iter().map(PathBuf::as_path).filter(|_| of_model.is_some()).chain([folder]);
+    let name = of_model.unwrap_or(name);
+    if !name.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+        return None;
+    }
+    roots.into_iter().find_map(|root| {
+        let path = root.join(name);
+        let (real, real_root) = (path.canonicalize().ok()?, root.canonicalize().ok()?);
+        (real.starts_with(real_root) && real.is_file()).then_some(path)
+    })
 }
 
 /// Whether all files that a map file names lie below its folder, links followed. Whoever writes a
@@ -41,8 +89,10 @@ pub fn load(file: &Path) -> io::Result<ImportSpec> {
 pub fn is_self_contained(file: &Path) -> bool {
     let (Some(folder), Ok(bytes)) = (file.parent(), input_file::read(file, MAP_BYTES_MAX)) else { return false };
     let Ok(folder) = folder.canonicalize() else { return false };
-    let names = ImportSpec::new(file.display().to_string(), bytes).names();
-    names.iter().all(|name| folder.join(name).canonicalize().is_ok_and(|named| named.starts_with(&folder)))
+    let spec = ImportSpec::new(file.display().to_string(), bytes);
+    // Models are only found below the folder.
+    let is_below = |name: &PathBuf| folder.join(name).canonicalize().is_ok_and(|named| named.starts_with(&folder));
+    spec.search() == Search::Models || spec.missing().iter().all(is_below)
 }
 
 fn load_folder(folder: &Path) -> io::Result<ImportSpec> {
@@ -70,4 +120,52 @@ fn load_folder(folder: &Path) -> io::Result<ImportSpec> {
         layers.push((name.to_string_lossy().into_owned(), bytes));
     }
     Ok(ImportSpec::stack(folder.display().to_string(), layers))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    const INCLUDE: &str =
+        "<sdf version=\"1.6\"><world name=\"w\"><include><uri>model://tile</uri></include></world></sdf>";
+    const TILE: &str = "<sdf version=\"1.6\"><model name=\"tile\"><link name=\"l\"><visual name=\"v\"><geometry><box>\
+                        <size>4 4 4</size></box></geometry></visual></link></model></sdf>";
+
+    #[test]
+    fn models_are_found_below_their_folders_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for name in ["worlds", "models/tile", "elsewhere"] {
+            fs::create_dir_all(path(name)).unwrap();
+        }
+        fs::write(path("worlds/a.world"), INCLUDE).unwrap();
+        fs::write(path("models/tile/model.sdf"), TILE).unwrap();
+        let read = |model_path: Option<&str>| {
+            let model_path = model_path.map(|name| vec![path(name)]);
+            let options = ImportOptions { margin_cells: Some(1), model_path, ..ImportOptions::default() };
+            load(&path("worlds/a.world"), &options).unwrap().read()
+        };
+        assert!(read(None).unwrap_err().to_string().contains("map.import.model_path (--model-path)"));
+        assert!(read(Some("elsewhere")).is_err());
+        assert_eq!(read(Some("models")).unwrap().terrain.extent().size(), [8, 8, 8]);
+        // A link out of the folder is not followed.
+        std::os::unix::fs::symlink(path("models/tile"), path("elsewhere/tile")).unwrap();
+        assert!(read(Some("elsewhere")).is_err());
+        fs::create_dir(path("worlds/tile")).unwrap();
+        fs::copy(path("models/tile/model.sdf"), path("worlds/tile/model.sdf")).unwrap();
+        assert_eq!(read(None).unwrap().terrain.extent().size(), [8, 8, 8]);
+        assert!(is_self_contained(&path("worlds/a.world")));
+    }
+
+    #[test]
+    fn a_trajectory_that_is_missing_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.xyz");
+        fs::write(&file, "0 0 0\n5 5 5\n").unwrap();
+        let options = ImportOptions { trajectory: Some(folder.path().join("poses.txt")), ..ImportOptions::default() };
+        let error = load(&file, &options).unwrap_err().to_string();
+        assert!(error.contains("it names") && error.contains("poses.txt"), "{error}");
+    }
 }

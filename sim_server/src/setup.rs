@@ -175,7 +175,7 @@ pub fn load_recorded(
     let recorded = Scenario::parse(recording.file(), &text, &[])?;
     if is_same_map_elsewhere(recording, &recorded, &scenario)? {
         // The recording keeps the name that it has.
-        (scenario.map.file, scenario.map.import) = (recorded.map.file, recorded.map.import);
+        (scenario.map.file, scenario.map.import) = (recorded.map.file.clone(), recorded.map.import.clone());
     }
     let identity = scenario.identity();
     if identity != *text {
@@ -188,7 +188,7 @@ pub fn load_recorded(
 
 /// Whether a scenario names the map of a recording by another file, or reads it with other options.
 fn is_same_map_elsewhere(recording: &Recording, recorded: &Scenario, scenario: &Scenario) -> Result<bool, SetupError> {
-    let source = |scenario: &Scenario| (scenario.map.file.clone(), scenario.map.import);
+    let source = |scenario: &Scenario| (scenario.map.file.clone(), scenario.map.import.clone());
     let are_files = [recorded, scenario].iter().all(|scenario| scenario.map.kind == MapKind::File);
     if !are_files || source(recorded) == source(scenario) {
         return Ok(false);
@@ -370,8 +370,9 @@ pub fn generate_map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     let Some(spec) = generator(scenario) else {
         let file = section.path().expect("a checked scenario has a file for a map from a file");
         let name = file.display().to_string();
-        let import = map_file::load(&file).map_err(|source| SetupError::Read { file: name, source })?;
-        return imported(ImportSpec { options: section.import, ..import }, scenario);
+        let options = section.import.clone().from_folder(&section.folder);
+        let import = map_file::load(&file, &options).map_err(|source| SetupError::Read { file: name, source })?;
+        return imported(import, scenario);
     };
     let size = section.size.expect("a checked scenario has a size for a generated map").cells();
     let extent = Extent::new(size, section.cell_m.unwrap_or(1.0))?;

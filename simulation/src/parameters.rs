@@ -151,7 +151,10 @@ mod tests {
                       [communication]\nloss = 0.1\nbytes_per_s = 1e5\nqueue_bytes = 200000\nmodel = \"attenuated\"\n\
                       attenuation = { wall_exponent = 5.0 }\nrelays = { per_agent = 3 }";
         let import = "fill = \"shell\", inside = \"free\", unknown = \"free\", up = \"y\", scale = 0.001, margin_cells = 2, \
-                      free_from = [1.0, 2.0, 3.0], height_cells = 3, threshold = 0.5, sensor = [1.0, 2.0, 3.0], cells_max = 1000, steps_max = 1000";
+                      free_from = [1.0, 2.0, 3.0], height_cells = 3, threshold = 0.5, sensor = [1.0, 2.0, 3.0], cells_max = 1000, steps_max = 1000, \
+                      crop = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0], gap_cells = 2, voxel_min_points = 2, outliers = 3, \
+                      classes = [2], drop_flags = [\"none\"], model_path = [\"models\"]";
+        let places = ["stations = [[1.0, 2.0, 3.0]]", "trajectory = \"poses.txt\""];
         [
             (
                 "{ kind = \"noise\", size = [30, 20, 10], seed = 3 }".to_owned(),
@@ -166,6 +169,14 @@ mod tests {
                 "{ kind = \"box\", low = [1.0, 1.0, 1.0], high = [9.0, 9.0, 9.0] }",
             ),
             ("{ kind = \"mine\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),
+            (
+                format!("{{ kind = \"file\", file = \"a.pcd\", import = {{ {} }} }}", places[0]),
+                "{ kind = \"scattered\" }",
+            ),
+            (
+                format!("{{ kind = \"file\", file = \"a.pcd\", import = {{ {} }} }}", places[1]),
+                "{ kind = \"scattered\" }",
+            ),
         ]
         .map(|(map, spawn)| scenario(&format!("map = {map}\nspawn = {spawn}\n{common}")))
         .into()

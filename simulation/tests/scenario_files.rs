@@ -121,6 +121,9 @@ fn type_and_unit(key: &Key) -> String {
         Kind::Path => "path".to_owned(),
         Kind::Ids => "list of ids".to_owned(),
         Kind::Position(unit) => of("[x, y, z]", unit),
+        Kind::Positions(unit) => of("list of [x, y, z]", unit),
+        Kind::Corners(unit) => of("[x, y, z, x, y, z]", unit),
+        Kind::Bytes => "list of integers".to_owned(),
         Kind::Poses => "list of poses, m and rad".to_owned(),
         Kind::Size => "integer or [x, y, z], cells".to_owned(),
         Kind::Settings | Kind::Keys => "table".to_owned(),
@@ -184,6 +187,8 @@ fn schema_of(table: &Table) -> Value {
 }
 
 fn schema_of_key(key: &Key) -> Value {
+    let numbers =
+        |count: u32| json!({ "type": "array", "items": { "type": "number" }, "minItems": count, "maxItems": count });
     let mut schema = match key.kind {
         Kind::Boolean => json!({ "type": "boolean" }),
         Kind::Integer(_) => bounded("integer", key),
@@ -195,7 +200,10 @@ fn schema_of_key(key: &Key) -> Value {
         Kind::Name | Kind::Path => json!({ "type": "string" }),
         Kind::Texts => json!({ "type": "array", "items": { "type": "string" } }),
         Kind::Ids => json!({ "type": "array", "items": { "type": "integer", "minimum": 0 } }),
-        Kind::Position(_) => json!({ "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3 }),
+        Kind::Position(_) => numbers(3),
+        Kind::Positions(_) => json!({ "type": "array", "items": numbers(3) }),
+        Kind::Corners(_) => numbers(6),
+        Kind::Bytes => json!({ "type": "array", "items": { "type": "integer", "minimum": 0, "maximum": 255 } }),
         Kind::Poses => {
             let pose = json!({ "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 4 });
             json!({ "type": "array", "items": pose })

@@ -40,7 +40,7 @@ fn main() {
     seed("m3dm", "small", &[0b0000_0100, 0b0000_0100, 0b0001_1010, 0b0010_1010]);
     seed("m3dm", "text", b"#..\n.#.\n\n..#\n###\n");
     seed("packed", "cave", &packed::write(world.terrain()));
-    seed("bt", "cave", &export::octomap(world.terrain()));
+    seed("bt", "cave", &export::octomap(world.terrain(), [0; 3]));
     seed("obj", "cave", &export::obj(world.terrain()));
     seed("stl", "cave", &export::stl(world.terrain()));
     for (target, name, bytes) in small_maps() {

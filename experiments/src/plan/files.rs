@@ -85,12 +85,12 @@ impl Files {
         let mut files = RunFiles::default();
         if let (MapKind::File, Some(map)) = (scenario.map.kind, &scenario.map.file) {
             let how = format!("{:?} {:?}", scenario.map.import, scenario.map.cell_m);
-            let content = self.content("map.file", map, how, |file| read_map(file, scenario))?;
+            let folder = self.folder.clone();
+            let content = self.content("map.file", map, how, |file| read_map(file, &folder, scenario))?;
             files.hashes.push(content.hash);
             files.map_cells = Some(content.cells);
             for named in content.companions {
-                let path = map.parent().unwrap_or(Path::new("")).join(named);
-                let companion = self.content("map.file", &path, String::new(), read_any)?;
+                let companion = self.content("map.file", &named, String::new(), read_any)?;
                 if !content.is_map {
                     files.hashes.push(companion.hash);
                 }
@@ -208,13 +208,18 @@ fn is_same_content(one: &Path, other: &Path) -> io::Result<bool> {
     Ok(fs::metadata(one)?.len() == fs::metadata(other)?.len() && read_any(one)?.hash == read_any(other)?.hash)
 }
 
-fn read_map(file: &Path, scenario: &Scenario) -> io::Result<Content> {
+/// A map of a plan in this folder; the files that it needs start from the folder, too.
+fn read_map(file: &Path, folder: &Path, scenario: &Scenario) -> io::Result<Content> {
     if file.is_dir() {
         let reason = "a folder of pictures; a plan needs one file (maes map convert)";
         return Err(io::Error::new(ErrorKind::InvalidInput, reason));
     }
-    let import = ImportSpec { options: scenario.map.import, ..map_file::load(file)? };
-    let (of_bytes, companions) = (blake3::hash(&import.bytes), import.names());
+    let options = scenario.map.import.clone().from_folder(folder);
+    let import = map_file::load(file, &options)?;
+    let of_bytes = blake3::hash(&import.bytes);
+    let found = import.companions.values().flatten().map(|companion| companion.path.clone());
+    let from_folder = |path: PathBuf| path.strip_prefix(folder).map(Path::to_path_buf).unwrap_or(path);
+    let companions = found.chain(options.trajectory).map(from_folder).collect();
     let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
     let imported = import.read().ok().map(|map| map.terrain);
     let cells = imported.as_ref().map_or(1, |terrain| terrain.extent().volume() as u64);

@@ -31,7 +31,7 @@ const SEED: u64 = 1;
 
 /// Describes a map for bodies of one radius.
 pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
-    let spec = import(&args.file, args.import, args.cell_m)?;
+    let spec = import(&args.file, &args.import, args.cell_m)?;
     let imported = spec.read()?;
     let extent = imported.terrain.extent();
     let radius_cells = args.radius_m / extent.cell_m();

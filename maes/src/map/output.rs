@@ -8,7 +8,7 @@ use clap::Args;
 use voxels::{Grid, Terrain, m3dm, packed};
 
 use map_files::MapWriter;
-use map_files::export::floor_plan;
+use map_files::export::{floor_plan, octomap, octomap_corner};
 
 use super::MapCliError;
 
@@ -52,17 +52,18 @@ impl<'a> Output<'a> {
         Ok(Self { file, writer, encoding })
     }
 
-    /// Writes the map, whose lowest corner has this place and turn in the file that it comes from;
-    /// returns what to say about the file.
+    /// Writes the map, whose lowest corner has this place (metres) and turn (radians) in the file
+    /// that it comes from; returns what to say about the file.
     pub(super) fn write(
         &self,
         terrain: &Grid<Terrain>,
-        origin: [f64; 3],
+        place: [f64; 3],
+        yaw_rad: f64,
     ) -> Result<Vec<(&'static str, String)>, MapCliError> {
         let in_output = |reason| MapCliError::Format { file: self.file.to_path_buf(), reason };
         let cell_m = terrain.extent().cell_m();
         if self.writer.extension == "yaml" {
-            let [x, y, yaw] = self.encoding.origin.unwrap_or(origin);
+            let [x, y, yaw] = self.encoding.origin.unwrap_or([place[0], place[1], yaw_rad]);
             let image = self.file.with_extension("pgm");
             let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let plan = floor_plan(terrain, &name, [x, y, yaw]);
@@ -71,6 +72,13 @@ impl<'a> Output<'a> {
             let layer =
                 format!("layer z = {} in {name}, with its origin at ({x}, {y}) m, turned by {yaw} rad", plan.layer);
             return Ok(vec![("image", layer)]);
+        }
+        if self.writer.extension == "bt" {
+            let corner = octomap_corner(terrain, place, yaw_rad);
+            write_file(self.file, &octomap(terrain, corner.unwrap_or_default()))?;
+            let [x, y, z] = corner.map_or([0.0; 3], |corner| corner.map(|along| f64::from(along) * cell_m));
+            let why = if corner.is_some() { "" } else { ", as it was not between cells of the tree there" };
+            return Ok(vec![("corner", format!("the lowest one of the map is at ({x}, {y}, {z}) m of the file{why}"))]);
         }
         if self.encoding.plain {
             let bytes = m3dm::write(terrain).map_err(|error| in_output(error.into()))?;

@@ -378,3 +378,29 @@ fn a_folder_of_pictures_is_a_map() {
     let refused = scratch.map("info @scan").unwrap_err();
     assert_eq!(refused, "scan: \"cover.png\": expected the number of a layer in its name");
 }
+
+#[test]
+fn check_says_that_a_cave_is_solid_and_a_sensor_wrong() {
+    let scratch = Scratch::new();
+    let corner = |at: i32| format!("v {} {} {}\n", (at & 1) * 9, (at >> 1 & 1) * 8, (at >> 2) * 7);
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    let cave: String = (0..8).map(corner).collect();
+    scratch.write("cave.obj", format!("{cave}{faces}"));
+    let advice = "(--inside free) makes a cave of it";
+    let report = scratch.map("check @cave.obj --cell-m 1 --inside free").unwrap();
+    assert!(!report.contains(advice), "{report}");
+    let report = scratch.map("check @cave.obj --cell-m 1 --margin-cells 2").unwrap();
+    assert!(report.lines().any(|line| line.starts_with("advice") && line.contains(advice)), "{report}");
+    let walls: String = (0..9)
+        .flat_map(|x| (0..9).flat_map(move |y| (0..9).map(move |z| [x, y, z])))
+        .filter(|place| place.iter().any(|along| along % 8 == 0))
+        .map(|[x, y, z]| format!("{x} {y} {z}\n"))
+        .collect();
+    scratch.write("room.xyz", walls);
+    let through = "% of the rays pass through cells with points";
+    let inside = scratch.map("check @room.xyz --cell-m 1 --sensor 4,4,4").unwrap();
+    assert!(!inside.contains(through), "{inside}");
+    let outside = scratch.map("check @room.xyz --cell-m 1 --sensor -9,4,4").unwrap();
+    assert!(outside.lines().any(|line| line.starts_with("advice") && line.contains(through)), "{outside}");
+    assert!(!outside.contains("the map is sound"), "{outside}");
+}

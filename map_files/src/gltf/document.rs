@@ -2,12 +2,26 @@
 
 use std::borrow::Cow;
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Asset {
     pub(super) generator: String,
+    #[serde(deserialize_with = "extras")]
+    pub(super) extras: Extras,
+}
+
+/// What this project adds to an asset.
+#[derive(Default)]
+pub(super) struct Extras {
+    pub(super) cell_m: Option<f64>,
+}
+
+/// Those of other programs may be anything.
+fn extras<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Extras, D::Error> {
+    let value = serde_json::Value::deserialize(deserializer)?;
+    Ok(Extras { cell_m: value.get("cell_m").and_then(serde_json::Value::as_f64) })
 }
 
 #[derive(Deserialize)]

@@ -112,7 +112,7 @@ fn data_beside_the_document_are_read() {
     let names = |uri: &str| {
         let text = format!(r#"{{"buffers":[{{"byteLength":36,"uri":"{uri}"}}]}}"#);
         let spec = ImportSpec::new("a.gltf", text.clone().into_bytes());
-        (spec.names(), refuse(text.as_bytes()))
+        (spec.missing(), refuse(text.as_bytes()))
     };
     assert_eq!(names("a%20b.bin").0, [PathBuf::from("a b.bin")]);
     assert_eq!(names("./sub/a.bin").0, [PathBuf::from("./sub/a.bin")]);

@@ -243,3 +243,21 @@ proptest! {
         prop_assert_eq!(terrain.get(Cell::new(1, 1, 1)), Some(&Terrain::Wall));
     }
 }
+
+#[test]
+fn a_box_is_cut_out_of_a_mesh() {
+    let read = |crop| {
+        let text = "v 0 0 0\nv 9 0 0\nv 9 8 0\nv 0 8 0\nv 0 0 7\nv 9 0 7\nv 9 8 7\nv 0 8 7\nf 1 4 3 2\nf 5 6 7 8\n\
+                    f 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+        let options = ImportOptions { inside: Some(Kind::Free), crop, ..ImportOptions::default() };
+        ImportSpec { options, ..ImportSpec::new("a.obj", text.into()) }.read()
+    };
+    let part = read(Some([-5.0, 2.0, 1.0, 4.0, 6.5, 99.0])).unwrap();
+    assert_eq!(part.terrain.extent().size(), [7, 7, 9]);
+    assert_eq!(mapgen::free_cells(&part.terrain), 4 * 5 * 6);
+    assert_eq!(part.origin_m, Some([-2.0, 1.0, 0.0]));
+    let refused = read(Some([20.0, 0.0, 0.0, 30.0, 9.0, 9.0])).unwrap_err().to_string();
+    assert!(refused.ends_with("the file has no cell inside the box of crop"), "{refused}");
+    let refused = read(Some([1.0, 0.0, 0.0, 0.0, 9.0, 9.0])).unwrap_err().to_string();
+    assert!(refused.contains("crop = 1,0,0,0,9,9, allowed is six finite numbers"), "{refused}");
+}

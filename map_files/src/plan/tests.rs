@@ -42,7 +42,7 @@ fn errors_name_the_byte() {
 }
 
 fn yaml(text: &str, image: &[u8]) -> ImportSpec {
-    ImportSpec { companions: vec![image.to_vec()], ..ImportSpec::new("map.yaml", text.into()) }
+    ImportSpec::new("map.yaml", text.into()).with_companions(vec![image.to_vec()])
 }
 
 const KEYS: &str = "image: map.pgm # beside it\nresolution: 0.05\norigin: [-10.5, 3, 0.0]\nnegate: 0\n\
@@ -53,7 +53,8 @@ fn a_map_of_the_map_server_is_read_with_its_metres_and_origin() {
     // Black, unknown, white; and a border of black.
     let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
     let spec = yaml(KEYS, image);
-    assert_eq!(spec.names(), [PathBuf::from("map.pgm")]);
+    assert_eq!(ImportSpec::new("map.yaml", KEYS.into()).missing(), [PathBuf::from("map.pgm")]);
+    assert_eq!(spec.missing(), Vec::<PathBuf>::new());
     assert_eq!(spec.stored_cell_m(), Some(0.05));
     let imported = spec.read().unwrap();
     assert_eq!((imported.terrain.extent().size(), imported.terrain.extent().cell_m()), ([5, 3, 52], 0.05));

@@ -46,6 +46,12 @@ pub enum RequestError {
     /// The scenario names a map file that it may not have.
     #[error("{NAME}: map.file = {0:?}: no map file of this name in the folder of maps (sim_server run --map-dir)")]
     Map(String),
+    /// The scenario names other files for its map.
+    #[error(
+        "{NAME}: map.import: a requested run reads no trajectory and no model_path; leave the keys out, or start it by \
+         maes run"
+    )]
+    Import,
     /// The scenario names a program.
     #[error("{NAME}: agents.command: a requested run starts no program; leave the key out, or start it by maes run")]
     Command,
@@ -113,6 +119,9 @@ impl RequestedRuns {
         }
         resolved.extend_from_slice(overrides);
         let scenario = setup::parse(NAME, text, &resolved)?;
+        if scenario.map.import.has_paths() {
+            return Err(RequestError::Import);
+        }
         if !scenario.agents.command.is_empty() {
             return Err(RequestError::Command);
         }
@@ -197,6 +206,10 @@ mod tests {
         let mut runs = RequestedRuns::new(folders.clone());
         let scenario = runs.resolve(&of_file("cave.txt"), false, &[]).unwrap().scenario;
         assert_eq!(scenario.map.file, Some(path("maps/cave.txt").canonicalize().unwrap()));
+        for option in ["trajectory = \"/etc/passwd\"", "model_path = [\"/\"]"] {
+            let text = format!("{}[map.import]\n{option}\n", of_file("cave.txt"));
+            assert!(matches!(runs.resolve(&text, false, &[]).unwrap_err(), RequestError::Import), "{option}");
+        }
         let mut reasons = Vec::new();
         for wrong in ["../secret.txt", "link.txt", "none.txt", "/etc/passwd", "/none/at/all", ".", "../maps"] {
             let refused = runs.resolve(&of_file(wrong), false, &[]).unwrap_err().to_string();

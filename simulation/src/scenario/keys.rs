@@ -80,6 +80,12 @@ pub enum Kind {
     Ids,
     /// `[x, y, z]`.
     Position(&'static str),
+    /// A list of `[x, y, z]`.
+    Positions(&'static str),
+    /// `[x, y, z, x, y, z]`, the lowest corner of a box and its highest one.
+    Corners(&'static str),
+    /// A list of numbers from 0 to 255.
+    Bytes,
     /// A list of `[x, y, z]` and `[x, y, z, yaw]`, metres and radians.
     Poses,
     /// Cells along each axis: an integer, or `[x, y, z]`.
@@ -291,6 +297,9 @@ impl Key {
             Kind::Path => "expected the path of a file in quotes".to_owned(),
             Kind::Ids => "expected a list of ids of agents such as [0, 2]".to_owned(),
             Kind::Position(unit) => format!("expected [x, y, z]{}", of_unit(unit)),
+            Kind::Positions(unit) => format!("expected a list of [x, y, z]{}", of_unit(unit)),
+            Kind::Corners(unit) => format!("expected [x, y, z, x, y, z]{}", of_unit(unit)),
+            Kind::Bytes => "expected a list of numbers from 0 to 255 such as [2, 6]".to_owned(),
             Kind::Poses => "expected a list of [x, y, z] or [x, y, z, yaw] (m and rad)".to_owned(),
             Kind::Size => "expected a number of cells from 1 to 1024, or three such as [100, 80, 30]".to_owned(),
             Kind::Settings => "expected a table of settings such as { search_time = \"budgeted\" }".to_owned(),

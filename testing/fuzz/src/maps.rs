@@ -20,7 +20,7 @@ pub(crate) fn packed(bytes: &[u8]) {
 /// An OctoMap tree: writing and reading it gives the same map.
 pub(crate) fn octomap(bytes: &[u8]) {
     if let Some(terrain) = read("fuzz.bt", bytes, ImportOptions::default()) {
-        let again = export::octomap(&terrain);
+        let again = export::octomap(&terrain, [0; 3]);
         assert_eq!(read("fuzz.bt", &again, ImportOptions::default()), Some(terrain));
     }
     read("fuzz.bt", bytes, ImportOptions { unknown: Some(Kind::Free), ..ImportOptions::default() });
@@ -77,6 +77,27 @@ pub(crate) fn yaml(bytes: &[u8]) {
     let mut parts = bytes.splitn(2, |&byte| byte == 0);
     let (yaml, image) = (parts.next().unwrap_or_default(), parts.next().map(<[u8]>::to_vec));
     read_spec(ImportSpec::new("fuzz.yaml", yaml.to_vec()).with_companions(image.into_iter().collect()));
+}
+
+/// A scene of COLLADA.
+pub(crate) fn collada(bytes: &[u8]) {
+    mesh("fuzz.dae", bytes);
+}
+
+/// A world of Gazebo, all of whose files are the world itself.
+pub(crate) fn world(bytes: &[u8]) {
+    let mut spec = ImportSpec::new("fuzz.sdf", bytes.to_vec());
+    // Each of them may name others.
+    for _ in 0..4 {
+        let contents = vec![bytes.to_vec(); spec.missing().len()];
+        spec = spec.with_companions(contents);
+    }
+    read_spec(spec);
+}
+
+/// Scans of a survey.
+pub(crate) fn survey(bytes: &[u8]) {
+    read("fuzz.e57", bytes, ImportOptions::default());
 }
 
 /// A mesh, filled as a solid and as a shell.

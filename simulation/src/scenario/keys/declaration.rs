@@ -12,8 +12,8 @@ use crate::scenario::AGENTS_MAX;
 
 use super::DefaultValue::{Is, Required, Unset};
 use super::Kind::{
-    Boolean, Ids, Integer, Keys, Name, Number, NumberOrMax, Path, Poses, Position, Seed, Settings, Size, Texts, Word,
-    Words,
+    Boolean, Bytes, Corners, Ids, Integer, Keys, Name, Number, NumberOrMax, Path, Poses, Position, Positions, Seed,
+    Settings, Size, Texts, Word, Words,
 };
 use super::{POSITIVE, Range, Table, above, at_least, between, key};
 
@@ -75,12 +75,39 @@ pub const TABLES: [Table; 22] = [
             "meshes and point clouds: length of a unit of the file", "ours").limits("a finite number above 0"),
         key("margin_cells", Integer("cells"), Unset("0"), between(0.0, 500.0),
             "meshes and point clouds: layers of free cells around the content of the file", "ours"),
+        key("crop", Corners("m"), Unset("all of the file"), NONE,
+            "meshes, point clouds and OctoMap: what lies outside this box is left out; its lowest and its highest corner, \
+             in the coordinates in which the report gives the origin of the map", "ours")
+            .limits("six finite numbers, each of the last three above that of the first three"),
         key("free_from", Position("units of the file"), Unset("all free cells stay"), NONE,
             "meshes, point clouds and OctoMap: only cells connected with this position of the file stay free", "ours")
             .limits("three finite numbers"),
+        key("gap_cells", Integer("cells"), Unset("0"), between(0.0, 100.0),
+            "openings of at most so many cells are closed, so that the space around free_from ends at them", "ours")
+            .limits("0 to 100; only with `free_from`"),
         key("sensor", Position("units of the file"), Unset("that of the file, if it has one"), NONE,
             "point clouds: position of the sensor; cells between it and the points are free, all others unknown", "ours")
             .limits("three finite numbers"),
+        key("stations", Positions("units of the file"), Unset("none"), NONE,
+            "point clouds: positions of the sensor; each point counts as seen from the nearest one in sight", "ours")
+            .limits("1 to 10000 positions; not with `sensor`"),
+        key("trajectory", Path, Unset("none"), NONE,
+            "point clouds: a file with the positions of the sensor over time (timestamp tx ty tz qx qy qz qw); of each point \
+             that at its time if the cloud has times, else the nearest one in sight", "ours")
+            .limits("at most 1 GiB; not with `sensor` or `stations`"),
+        key("voxel_min_points", Integer(""), Unset("1"), between(1.0, 1_000_000.0),
+            "point clouds: cells with fewer points count as empty, and these points as absent", "ours"),
+        key("outliers", Integer("cells"), Unset("0"), between(0.0, 1_000_000.0),
+            "point clouds: the points of groups of at most so many cells, which touch at least at a corner, are dropped",
+            "ours"),
+        key("classes", Bytes, Unset("all"), NONE,
+            "LAS: only points of these classes are used", "ours"),
+        key("drop_flags", Words(&["withheld", "synthetic", "key_point", "overlap", "none"]),
+            Unset("`[\"withheld\"]`"), NONE,
+            "LAS: points with one of these flags are dropped", "ours"),
+        key("model_path", Texts, Unset("none"), NONE,
+            "SDF: folders in which model://NAME is looked for, beside that of the file", "ours")
+            .limits("up to 16 folders"),
         key("height_cells", Integer("cells"), Unset("5"), between(1.0, 1022.0),
             "floor plans: free cells from floor to ceiling; of a map.yaml as many as come nearest to 2.5 m", "ours"),
         key("threshold", Number(""), Unset("0.9"), between(0.0, 1.0),

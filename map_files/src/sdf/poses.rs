@@ -1,0 +1,228 @@
+//! Models and the frames in which their parts are placed.
+//!
+//! A pose is given in the frame that `relative_to` names, or else in the frame of what it is part
+//! of; the pose of an included model may be that of one of its frames (`placement_frame`). Names of
+//! frames in models within models are joined by `::`.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Matrix4, Quaternion, Translation3, UnitQuaternion};
+use roxmltree::Node;
+
+use super::super::placing::turn_rpy;
+use super::super::{FormatError, xml};
+use super::fault;
+use super::geometry::Geometry;
+
+/// Most frames of which each is given in the next one.
+const CHAIN_MAX: usize = 64;
+
+/// A pose as it is given.
+#[derive(Clone, Default)]
+struct Pose {
+    given: Option<Isometry3<f64>>,
+    /// The frame in which it is given; `None`: that of what it is part of.
+    relative_to: Option<String>,
+}
+
+/// A model, or a world.
+#[derive(Clone, Default)]
+pub(super) struct Model {
+    name: String,
+    pose: Pose,
+    placement_frame: Option<String>,
+    frames: Vec<(String, Pose)>,
+    pub(super) links: Vec<Link>,
+    pub(super) models: Vec<Model>,
+}
+
+/// A link of a model.
+#[derive(Clone)]
+pub(super) struct Link {
+    name: String,
+    pose: Pose,
+    shapes: Vec<Shape>,
+}
+
+/// A shape of a link.
+#[derive(Clone)]
+pub(super) struct Shape {
+    pose: Pose,
+    pub(super) geometry: Geometry,
+}
+
+/// What is done with a shape and the matrix that places it.
+pub(super) type Visit<'a> = dyn FnMut(&Shape, &Matrix4<f64>) -> Result<(), FormatError> + 'a;
+
+fn name_of(element: Node<'_, '_>) -> String {
+    element.attribute("name").unwrap_or_default().to_owned()
+}
+
+impl Pose {
+    /// The pose of an element.
+    fn of(element: Node<'_, '_>) -> Result<Self, FormatError> {
+        let Some(pose) = xml::child(element, "pose") else { return Ok(Self::default()) };
+        let numbers = xml::numbers::<f64>(pose, 16)?;
+        let is_finite = numbers.iter().all(|number| number.is_finite());
+        let place = |numbers: &[f64]| Translation3::new(numbers[0], numbers[1], numbers[2]);
+        let given = match (numbers.len(), pose.attribute("rotation_format")) {
+            (0, _) => Isometry3::identity(),
+            (6, None | Some("euler_rpy")) if is_finite => {
+                let is_degrees = pose.attribute("degrees").is_some_and(|value| matches!(value.trim(), "true" | "1"));
+                let angle = |number: f64| if is_degrees { number.to_radians() } else { number };
+                let turn = turn_rpy([numbers[3], numbers[4], numbers[5]].map(angle));
+                Isometry3::from_parts(place(&numbers), turn)
+            }
+            (7, Some("quat_xyzw")) if is_finite => {
+                let turn = Quaternion::new(numbers[6], numbers[3], numbers[4], numbers[5]);
+                Isometry3::from_parts(place(&numbers), UnitQuaternion::from_quaternion(turn))
+            }
+            _ => return Err(xml::fault(pose, "expected x y z roll pitch yaw, or x y z qx qy qz qw of quat_xyzw")),
+        };
+        // Until version 1.6, the attribute was `frame`.
+        let frame = pose.attribute("relative_to").or(pose.attribute("frame")).filter(|frame| !frame.is_empty());
+        Ok(Self { given: Some(given), relative_to: frame.map(str::to_owned) })
+    }
+
+    /// The same pose, given in another frame unless it names one.
+    fn or_relative_to(self, frame: Option<&str>) -> Self {
+        Self { relative_to: self.relative_to.or(frame.filter(|frame| !frame.is_empty()).map(str::to_owned)), ..self }
+    }
+}
+
+impl Model {
+    /// A model without its links and the models in it.
+    pub(super) fn of(element: Node<'_, '_>) -> Result<Self, FormatError> {
+        let mut frames = Vec::new();
+        for frame in xml::children(element, "frame") {
+            frames.push((name_of(frame), Pose::of(frame)?.or_relative_to(frame.attribute("attached_to"))));
+        }
+        for joint in xml::children(element, "joint") {
+            let child = xml::child(joint, "child").and_then(|child| child.text()).map(str::trim);
+            frames.push((name_of(joint), Pose::of(joint)?.or_relative_to(child)));
+        }
+        Ok(Self {
+            name: name_of(element),
+            pose: Pose::of(element)?,
+            placement_frame: element.attribute("placement_frame").map(str::to_owned),
+            frames,
+            ..Self::default()
+        })
+    }
+
+    /// Overrides what an include overrides.
+    pub(super) fn include(&mut self, element: Node<'_, '_>) -> Result<(), FormatError> {
+        let text = |name| xml::child(element, name).and_then(|child| child.text()).map(|text| text.trim().to_owned());
+        if let Some(name) = text("name") {
+            self.name = name;
+        }
+        let pose = Pose::of(element)?;
+        if pose.given.is_some() {
+            self.pose = pose;
+        }
+        if let Some(frame) = text("placement_frame").filter(|frame| !frame.is_empty()) {
+            self.placement_frame = Some(frame);
+        }
+        Ok(())
+    }
+
+    /// The number of models, with those in it.
+    pub(super) fn count(&self) -> usize {
+        1 + self.models.iter().map(Self::count).sum::<usize>()
+    }
+
+    /// Visits all shapes.
+    pub(super) fn each_shape(&self, visit: &mut dyn FnMut(&Shape)) {
+        self.links.iter().flat_map(|link| &link.shapes).for_each(&mut *visit);
+        self.models.iter().for_each(|model| model.each_shape(visit));
+    }
+
+    /// Visits all shapes of a world, or of a model with its pose, with the matrices that place
+    /// them.
+    pub(super) fn place(&self, visit: &mut Visit<'_>) -> Result<(), FormatError> {
+        let pose = self.pose.given.unwrap_or_else(Isometry3::identity);
+        self.place_at(&(pose * self.of_placement_frame(0)?.inverse()), visit)
+    }
+
+    fn place_at(&self, here: &Isometry3<f64>, visit: &mut Visit<'_>) -> Result<(), FormatError> {
+        for link in &self.links {
+            let of_link = self.pose_of(&link.pose, None, 0)?;
+            for shape in &link.shapes {
+                let place = here * self.pose_of(&shape.pose, Some(&of_link), 0)?;
+                visit(shape, &place.to_homogeneous())?;
+            }
+        }
+        self.models.iter().try_for_each(|model| model.place_at(&(here * self.of_model(model, 0)?), visit))
+    }
+
+    /// The frame of a model in this one.
+    fn of_model(&self, model: &Self, depth: usize) -> Result<Isometry3<f64>, FormatError> {
+        Ok(self.pose_of(&model.pose, None, depth)? * model.of_placement_frame(depth)?.inverse())
+    }
+
+    fn of_placement_frame(&self, depth: usize) -> Result<Isometry3<f64>, FormatError> {
+        self.placement_frame.as_ref().map_or(Ok(Isometry3::identity()), |frame| self.of_frame(frame, depth))
+    }
+
+    /// A pose in the frame of this model, given in the frame that it names, or in `parent`.
+    fn pose_of(
+        &self,
+        pose: &Pose,
+        parent: Option<&Isometry3<f64>>,
+        depth: usize,
+    ) -> Result<Isometry3<f64>, FormatError> {
+        let base = match (&pose.relative_to, parent) {
+            (Some(frame), _) => self.of_frame(frame, depth)?,
+            (None, Some(parent)) => *parent,
+            (None, None) => Isometry3::identity(),
+        };
+        Ok(base * pose.given.unwrap_or_else(Isometry3::identity))
+    }
+
+    /// The frame with this name in the frame of this model.
+    fn of_frame(&self, name: &str, depth: usize) -> Result<Isometry3<f64>, FormatError> {
+        if depth > CHAIN_MAX {
+            return Err(fault(format_args!("frame {name:?}"), "frames are given relative to each other in a circle"));
+        }
+        let depth = depth + 1;
+        if matches!(name, "__model__" | "world") {
+            return Ok(Isometry3::identity());
+        }
+        if let Some((_, pose)) = self.frames.iter().find(|(known, _)| known == name) {
+            return self.pose_of(pose, None, depth);
+        }
+        if let Some(link) = self.links.iter().find(|link| link.name == name) {
+            return self.pose_of(&link.pose, None, depth);
+        }
+        let (first, rest) = name.split_once("::").map_or((name, None), |(first, rest)| (first, Some(rest)));
+        let Some(model) = self.models.iter().find(|model| model.name == first) else {
+            let place = format!("model {:?}", self.name);
+            return Err(fault(place, format_args!("there is no frame {name:?} that a pose is relative to")));
+        };
+        let of_model = self.of_model(model, depth)?;
+        Ok(of_model * rest.map_or(Ok(Isometry3::identity()), |rest| model.of_frame(rest, depth))?)
+    }
+}
+
+impl Link {
+    /// A link with its shapes, whose files start from `folder`.
+    pub(super) fn of(element: Node<'_, '_>, folder: &Path) -> Result<Self, FormatError> {
+        let shapes = |name| {
+            let shapes = xml::children(element, name).map(|shape| Shape::of(shape, folder));
+            shapes.filter_map(Result::transpose).collect::<Result<Vec<Shape>, FormatError>>()
+        };
+        let mut of_link = shapes("collision")?;
+        if of_link.is_empty() {
+            of_link = shapes("visual")?;
+        }
+        Ok(Self { name: name_of(element), pose: Pose::of(element)?, shapes: of_link })
+    }
+}
+
+impl Shape {
+    fn of(element: Node<'_, '_>, folder: &Path) -> Result<Option<Self>, FormatError> {
+        let geometry = xml::child(element, "geometry").map(|geometry| Geometry::of(geometry, folder)).transpose()?;
+        let pose = Pose::of(element)?;
+        Ok(geometry.flatten().map(|geometry| Self { pose, geometry }))
+    }
+}

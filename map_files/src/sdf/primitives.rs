@@ -1,0 +1,124 @@
+//! Primitives of SDF as closed meshes, whose triangles face outwards.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Matrix4, Unit, UnitQuaternion, Vector3};
+
+use super::super::frame::Bounds;
+use super::super::mesh::Mesh;
+use super::geometry::Geometry;
+
+/// Segments of a circle: they cut off less than 0.03 % of the radius.
+const SEGMENTS: usize = 128;
+
+/// The mesh of a shape that needs no file and has an end.
+pub(super) fn mesh(shape: &Geometry) -> Mesh {
+    match shape {
+        Geometry::Box(size) => {
+            let [x, y, _] = size.map(|along| along / 2.0);
+            prism(&[[-x, -y], [x, -y], [x, y], [-x, y]], -size[2] / 2.0, size[2] / 2.0)
+        }
+        Geometry::Cylinder { radius, length } => {
+            let corners: Vec<[f64; 2]> =
+                (0..SEGMENTS).map(|segment| on_circle(segment).map(|at| at * radius)).collect();
+            prism(&corners, -length / 2.0, length / 2.0)
+        }
+        Geometry::Cone { radius, length } => turned(&[(*radius, -length / 2.0)], -length / 2.0, length / 2.0),
+        Geometry::Ellipsoid(radii) => {
+            let mut ball = turned(&arcs(1.0, 0.0), -1.0, 1.0);
+            for place in &mut ball.vertices {
+                *place = [0, 1, 2].map(|axis| place[axis] * radii[axis]);
+            }
+            ball
+        }
+        Geometry::Capsule { radius, length } => {
+            turned(&arcs(*radius, length / 2.0), -length / 2.0 - radius, length / 2.0 + radius)
+        }
+        Geometry::Polyline { corners, height } => prism(corners, 0.0, *height),
+        Geometry::Plane { .. } | Geometry::Mesh { .. } => Mesh::default(),
+    }
+}
+
+/// A plane as a slab of the thickness of a cell below it, and its place. A level one reaches as far
+/// as the bounds of all other shapes, in whatever size it is given; others have their size. `None`
+/// if nothing else is there.
+pub(super) fn slab(
+    normal: [f64; 3],
+    size: [f64; 2],
+    place: &Matrix4<f64>,
+    bounds: Option<Bounds>,
+    cell_m: f64,
+) -> Option<(Mesh, Matrix4<f64>)> {
+    let Bounds { low, high } = bounds?;
+    let up = Vector3::z_axis();
+    let normal = Unit::try_new(Vector3::from(normal), 0.0)?;
+    let in_world = place.transform_vector(&normal);
+    if in_world.z > 1.0 - 1e-9 {
+        let level = place[(2, 3)];
+        let corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
+        return Some((prism(&corners, level - cell_m, level), Matrix4::identity()));
+    }
+    let turn = UnitQuaternion::rotation_between_axis(&up, &normal);
+    let turn = turn.unwrap_or_else(|| super::super::placing::turn([1.0, 0.0, 0.0], PI));
+    let [x, y] = size.map(|along| along / 2.0);
+    let flat = prism(&[[-x, -y], [x, -y], [x, y], [-x, y]], -cell_m, 0.0);
+    Some((flat, place * turn.to_homogeneous()))
+}
+
+/// A point of the unit circle.
+fn on_circle(segment: usize) -> [f64; 2] {
+    let (sine, cosine) = libm::sincos(TAU * segment as f64 / SEGMENTS as f64);
+    [cosine, sine]
+}
+
+/// A ground plan between two heights; triangles of one that goes round clockwise face inwards,
+/// which the import of meshes mends.
+fn prism(corners: &[[f64; 2]], low: f64, high: f64) -> Mesh {
+    let count = corners.len() as u32;
+    let mut mesh = Mesh::default();
+    mesh.vertices.extend([low, high].into_iter().flat_map(|z| corners.iter().map(move |&[x, y]| [x, y, z])));
+    mesh.add_polygon(&(0..count).rev().collect::<Vec<u32>>());
+    mesh.add_polygon(&(count..2 * count).collect::<Vec<u32>>());
+    for at in 0..count {
+        let next = (at + 1) % count;
+        mesh.add_polygon(&[at, next, next + count, at + count]);
+    }
+    mesh
+}
+
+/// Rings of a ball of a radius that is cut in half, the halves so far from the origin.
+fn arcs(radius: f64, apart: f64) -> Vec<(f64, f64)> {
+    let quarter = SEGMENTS / 4;
+    let ring = |step: usize| {
+        let (sine, cosine) = libm::sincos(PI * step as f64 / (2 * quarter) as f64);
+        (radius * sine, -radius * cosine)
+    };
+    let lower = (1..=quarter).map(|step| (ring(step).0, ring(step).1.min(0.0) - apart));
+    let upper = (0..quarter).rev().filter(|&step| step > 0).map(|step| (ring(step).0, -ring(step).1 + apart));
+    let middle = (apart > 0.0).then_some((radius, apart));
+    lower.chain(middle).chain(upper).collect()
+}
+
+/// A body around z: rings of radii and heights from below, between two tips.
+fn turned(rings: &[(f64, f64)], low: f64, high: f64) -> Mesh {
+    let count = SEGMENTS as u32;
+    let mut mesh = Mesh::default();
+    for &(radius, z) in rings {
+        mesh.vertices.extend((0..SEGMENTS).map(|segment| {
+            let [x, y] = on_circle(segment);
+            [radius * x, radius * y, z]
+        }));
+    }
+    let bottom = mesh.vertices.len() as u32;
+    mesh.vertices.extend([[0.0, 0.0, low], [0.0, 0.0, high]]);
+    let last = bottom - count;
+    for at in 0..count {
+        let next = (at + 1) % count;
+        mesh.triangles.push([bottom, next, at]);
+        for ring in (0..last).step_by(SEGMENTS) {
+            mesh.add_polygon(&[ring + at, ring + next, ring + next + count, ring + at + count]);
+        }
+        mesh.triangles.push([bottom + 1, last + at, last + next]);
+    }
+    mesh
+}

@@ -1,0 +1,222 @@
+//! Worlds of SDF: shapes, poses, included models and meshes.
+
+use super::*;
+use crate::{Companion, ImportOptions};
+use mapgen::free_cells;
+use voxels::Terrain;
+
+fn of(text: &str, files: &[(&str, &str)]) -> ImportSpec {
+    let mut spec = ImportSpec::new("a.world", text.as_bytes().to_vec());
+    for _ in 0..9 {
+        for name in spec.missing() {
+            let found = files.iter().find(|(file, _)| Path::new(file) == name);
+            let companion = found.map(|(_, bytes)| Companion { path: name.clone(), bytes: bytes.as_bytes().to_vec() });
+            spec = spec.with_companion(name, companion);
+        }
+    }
+    assert_eq!(spec.missing(), Vec::<PathBuf>::new());
+    spec
+}
+
+fn world(body: &str) -> String {
+    format!("<?xml version=\"1.0\"?>\n<sdf version=\"1.7\"><world name=\"w\">{body}</world></sdf>")
+}
+
+fn model(name: &str, pose: &str, shape: &str) -> String {
+    format!(
+        "<model name=\"{name}\"><pose>{pose}</pose><link name=\"l\"><collision name=\"c\"><geometry>{shape}</geometry>\
+         </collision></link></model>"
+    )
+}
+
+const BOX: &str = "<box><size>4 2 2</size></box>";
+
+/// Size, walls and lowest corner of a world.
+fn read_world(body: &str) -> ([u32; 3], u64, [f64; 3]) {
+    let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+    let spec = ImportSpec { options, ..of(&world(body), &[]) };
+    let imported = spec.read().unwrap_or_else(|error| panic!("{error}"));
+    measured(&imported)
+}
+
+fn measured(imported: &Imported) -> ([u32; 3], u64, [f64; 3]) {
+    let extent = imported.terrain.extent();
+    let inner = extent.size().map(|cells| u64::from(cells) - 2).iter().product::<u64>();
+    (extent.size(), inner - free_cells(&imported.terrain), imported.origin_m.unwrap())
+}
+
+#[test]
+fn boxes_are_placed_by_their_poses() {
+    assert_eq!(read_world(&model("a", "2 1 1 0 0 0", BOX)), ([8, 6, 6], 16, [-2.0; 3]));
+    // A quarter turn about z.
+    assert_eq!(read_world(&model("a", "1 2 1 0 0 1.5707963267948966", BOX)), ([6, 8, 6], 16, [-2.0; 3]));
+    let degrees = model("a", "", BOX).replace("<pose>", "<pose degrees=\"true\">1 1 2 0 90 0");
+    assert_eq!(read_world(&degrees), ([6, 6, 8], 16, [-2.0; 3]));
+    let quaternion = model("a", "", BOX)
+        .replace("<pose>", "<pose rotation_format=\"quat_xyzw\">1 2 1 0 0 0.7071067811865476 0.7071067811865476");
+    assert_eq!(read_world(&quaternion), ([6, 8, 6], 16, [-2.0; 3]));
+    let two = model("a", "2 1 1 0 0 0", BOX) + &model("b", "2 1 6 0 0 0", BOX);
+    assert_eq!(read_world(&two), ([8, 6, 11], 32, [-2.0; 3]));
+}
+
+#[test]
+fn poses_are_relative_to_frames() {
+    let at = |pose: &str, frames: &str| {
+        let body = format!("{frames}{}", model("a", "", BOX).replace("<pose>", pose));
+        read_world(&body)
+    };
+    let whole = ([8, 6, 6], 16, [-2.0; 3]);
+    let frame = "<frame name=\"f\"><pose>2 0 0 0 0 0</pose></frame>";
+    assert_eq!(at("<pose relative_to=\"f\">0 1 1 0 0 0", frame), whole);
+    let chain = format!("{frame}<frame name=\"g\" attached_to=\"f\"><pose>0 1 0 0 0 0</pose></frame>");
+    assert_eq!(at("<pose relative_to=\"g\">0 0 1 0 0 0", &chain), whole);
+    let other = model("b", "2 1 1 0 0 0", "<empty/>");
+    assert_eq!(at("<pose relative_to=\"b\">0 0 0 0 0 0", &other), whole);
+    assert_eq!(at("<pose relative_to=\"b::l\">0 0 0 0 0 0", &other), whole);
+    let nested = format!(
+        "<model name=\"out\"><pose>2 0 0 0 0 0</pose><link name=\"base\"><pose>0 1 0 0 0 0</pose></link>{}</model>",
+        model("in", "", BOX).replace("<pose>", "<pose relative_to=\"base\">0 0 1 0 0 0")
+    );
+    assert_eq!(read_world(&nested), whole);
+    // The pose is that of the link, whose own pose is taken back.
+    let placed = format!(
+        "<model name=\"a\" placement_frame=\"l\"><pose>2 1 1 0 0 0</pose><link name=\"l\"><pose>7 7 7 0 0 0</pose>\
+         <visual name=\"v\"><geometry>{BOX}</geometry></visual></link></model>"
+    );
+    assert_eq!(read_world(&placed), whole);
+    let refuse = |body: &str| of(&world(body), &[]).read().unwrap_err().to_string();
+    let circle =
+        "<frame name=\"f\"><pose relative_to=\"g\"/></frame><frame name=\"g\"><pose relative_to=\"f\"/></frame>";
+    let error = refuse(&format!("{circle}{}", model("a", "", BOX).replace("<pose>", "<pose relative_to=\"f\">")));
+    assert!(error.contains("frames are given relative to each other in a circle"), "{error}");
+    let error = refuse(&model("a", "", BOX).replace("<pose>", "<pose relative_to=\"none\">"));
+    assert!(error.contains("there is no frame \"none\""), "{error}");
+}
+
+#[test]
+fn primitives_have_their_volumes() {
+    use std::f64::consts::PI;
+    for (shape, volume) in [
+        ("<sphere><radius>8</radius></sphere>", 4.0 / 3.0 * PI * 512.0),
+        ("<ellipsoid><radii>8 6 4</radii></ellipsoid>", 4.0 / 3.0 * PI * 192.0),
+        ("<cylinder><radius>6</radius><length>10</length></cylinder>", PI * 360.0),
+        ("<cone><radius>8</radius><length>12</length></cone>", PI * 256.0),
+        ("<capsule><radius>5</radius><length>8</length></capsule>", PI * (4.0 / 3.0 * 125.0 + 200.0)),
+        (
+            "<polyline><point>0 0</point><point>9 0</point><point>9 4</point><point>4 4</point><point>4 9</point><point>0 9</point><height>5</height></polyline>",
+            280.0,
+        ),
+    ] {
+        let (_, walls, _) = read_world(&model("a", "0 0 0 0 0 0", shape));
+        assert!((walls as f64 - volume).abs() < 0.04 * volume, "{shape}: {walls} for {volume}");
+    }
+    // The ground is as wide as what stands on it, and a cell thick.
+    let ground = model("g", "0 0 0 0 0 0", "<plane><normal>0 0 1</normal><size>100 100</size></plane>");
+    let on_ground = model("a", "2 1 1 0 0 0", BOX) + &model("b", "8 5 1 0 0 0", BOX);
+    assert_eq!(read_world(&(on_ground + &ground)), ([14, 10, 7], 32 + 60, [-2.0, -2.0, -3.0]));
+}
+
+#[test]
+fn models_are_included_with_their_meshes() {
+    let config = "<model><sdf version=\"1.4\">old.sdf</sdf><sdf version=\"1.10\">model.sdf</sdf></model>";
+    let tile = "<sdf version=\"1.6\"><model name=\"tile\"><pose>9 9 9 0 0 0</pose><link name=\"l\"><collision name=\"c\">\
+                <pose>2 1 1 0 0 0</pose><geometry><mesh><uri>meshes/box.obj</uri><scale>2 1 1</scale></mesh></geometry></collision>\
+                <visual name=\"v\"><geometry><mesh><uri>model://tile/meshes/none.dae</uri></mesh></geometry></visual></link>\
+                </model></sdf>";
+    let corners: String =
+        (0..8).map(|at| format!("v {} {} {}\n", (at & 1) * 2 - 1, (at >> 1 & 1) * 2 - 1, (at >> 2) * 2 - 1)).collect();
+    let cube = corners + "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    let files = [
+        ("model:/tile/model.config", config),
+        ("model:/tile/model.sdf", tile),
+        ("model:/tile/meshes/box.obj", cube.as_str()),
+        ("local/model.sdf", &tile.replace("model://tile", "local")),
+        ("local/meshes/box.obj", cube.as_str()),
+    ];
+    let include = |uri: &str, rest: &str| world(&format!("<include><uri>{uri}</uri>{rest}</include>"));
+    let read = |text: &str| {
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        ImportSpec { options, ..of(text, &files) }.read().map(|imported| measured(&imported))
+    };
+    assert_eq!(read(&include("model://tile", "<pose>0 0 0 0 0 0</pose>")).unwrap(), ([8, 6, 6], 16, [-2.0; 3]));
+    assert_eq!(read(&include("model://tile/", "")).unwrap(), ([8, 6, 6], 16, [7.0; 3]), "the pose of the model");
+    assert_eq!(read(&include("local", "")).unwrap(), ([8, 6, 6], 16, [7.0; 3]));
+    assert_eq!(read(&include("local/model.sdf", "")).unwrap(), ([8, 6, 6], 16, [7.0; 3]));
+    let hundred: String = (0..100)
+        .map(|at| {
+            format!("<include><uri>model://tile</uri><name>t{at}</name><pose>{} 0 0 0 0 0</pose></include>", 4 * at)
+        })
+        .collect();
+    assert_eq!(read(&world(&hundred)).unwrap(), ([404, 6, 6], 1600, [-2.0; 3]));
+    let frames = "<include><uri>model://tile</uri><name>t</name><pose>0 0 0 0 0 0</pose></include>".to_owned()
+        + &model("b", "", BOX).replace("<pose>", "<pose relative_to=\"t\">2 1 1 0 0 0");
+    assert_eq!(read(&world(&frames)).unwrap(), ([8, 6, 6], 16, [-2.0; 3]));
+    for (uri, said) in [
+        (
+            "model://none",
+            "is not found below the folder of the world; name the folder in which its model lies by map.import.model_path",
+        ),
+        ("https://fuel.gazebosim.org/1.0/a/models/b", "download the model (gz fuel download -u URI)"),
+        ("../other", "is not found below the folder"),
+        ("model://../../etc", "is not found below the folder"),
+        ("file:///etc/passwd", "is not found below the folder"),
+        ("", "is missing"),
+    ] {
+        let refused = read(&include(uri, "")).unwrap_err().to_string();
+        assert!(refused.contains(said), "{uri}: {refused}");
+    }
+}
+
+#[test]
+fn what_is_not_read_is_named() {
+    let refuse = |shape: &str| of(&world(&model("a", "0 0 0 0 0 0", shape)), &[]).read().unwrap_err().to_string();
+    assert!(
+        refuse("<heightmap><uri>a.png</uri></heightmap>")
+            .contains("line 2: <heightmap>: height maps are not read; export")
+    );
+    assert!(refuse("<mesh><uri>a.dae</uri></mesh>").starts_with("a.world: a.dae: is not found below the folder"));
+    assert!(refuse("<mesh><uri>a.dae</uri><submesh><name>b</name></submesh></mesh>").contains("submesh is not read"));
+    assert!(refuse("<image/>").contains("geometries of kind image are not read"));
+    assert!(refuse("<box><size>0 1 1</size></box>").contains("size is not above 0"));
+    let text = world(&format!("<actor name=\"a\"/>{}", model("a", "0 0 0 0 0 0", BOX)));
+    let imported = of(&text, &[]).read().unwrap();
+    assert!(imported.notes.iter().any(|note| note.text == "1 actors, which are not read"));
+    assert!(imported.terrain.as_slice().contains(&Terrain::Wall));
+    let both = "<sdf version=\"1.6\"><model name=\"m\"><include><uri>m.sdf</uri></include></model></sdf>";
+    let refused = of(both, &[("m.sdf", both)]).read().unwrap_err().to_string();
+    assert!(refused.contains("within each other") || refused.contains("include each other"), "{refused}");
+}
+
+/// The collisions of poses.world as libsdformat 12.3 places them: positions, and turns as
+/// roll, pitch and yaw.
+const RESOLVED: [[f64; 6]; 8] = [
+    [6.181179, -0.013999, 1.410623, 0.096914, 0.169574, 0.817822],
+    [5.803113, 1.038115, 1.421617, 0.183104, 0.067686, 1.515796],
+    [6.185009, 1.350143, 3.370153, 0.183104, 0.067686, 1.515796],
+    [6.7414, 1.519323, 6.313248, 0.194902, -0.008449, 1.908753],
+    [7.035095, 0.453303, 5.299669, 0.142736, 0.133435, 1.119132],
+    [11.143078, 0.355979, 0.0, 0.0, 0.0, 2.07],
+    [1.0, 2.0, 3.0, 0.0, 0.0, std::f64::consts::FRAC_PI_2],
+    [5.312553, 1.07129, 1.51245, 0.183104, 0.067686, 1.515796],
+];
+
+#[test]
+fn poses_are_those_of_sdformat() {
+    let tile = "<?xml version=\"1.0\"?><sdf version=\"1.7\"><model name=\"tile\"><pose>9 9 9 0 0 0</pose><link name=\"base\"><pose>0.5 0 0 0 0 0.2</pose><collision name=\"c\"><geometry><box><size>2 2 1</size></box></geometry></collision></link></model></sdf>";
+    let files = [("model:/tile/model.sdf", tile)];
+    let spec = of(include_str!("../../tests/files/poses.world"), &files);
+    let files = Files::new(&spec);
+    let world = Reader::new(&files).root(&spec.bytes, Path::new("")).unwrap();
+    let mut places = Vec::new();
+    let found = world.place(&mut |_, place| {
+        places.push(*place);
+        Ok(())
+    });
+    found.unwrap();
+    assert_eq!(places.len(), RESOLVED.len());
+    for (place, [x, y, z, roll, pitch, yaw]) in places.into_iter().zip(RESOLVED) {
+        let turn = super::super::placing::turn_rpy([roll, pitch, yaw]);
+        let expected = nalgebra::Isometry3::from_parts(nalgebra::Translation3::new(x, y, z), turn).to_homogeneous();
+        assert!((place - expected).abs().max() < 3e-6, "{place} for {expected}");
+    }
+}
