@@ -18,7 +18,7 @@ mod server;
 pub type Target = fn(&[u8]);
 
 /// All targets by name, which is also the name of the folder of their corpus.
-pub const TARGETS: [(&str, Target); 19] = [
+pub const TARGETS: [(&str, Target); 22] = [
     ("m3dm", files::map),
     ("packed", maps::packed),
     ("bt", maps::octomap),
