@@ -39,7 +39,7 @@ pub(super) const OPTIONS: &[&str] =
 type Triangle = [[f64; 3]; 3];
 
 /// Largest number of triangles of a mesh; each takes about 200 bytes while it is read.
-const TRIANGLES_MAX: usize = 1 << 22;
+pub(super) const TRIANGLES_MAX: usize = 1 << 22;
 
 /// Most openings that a report names.
 const OPENINGS_SHOWN: usize = 3;

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix4, Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::FormatError;
-use super::mesh::Mesh;
+use super::mesh::{Mesh, TRIANGLES_MAX};
 
 /// The turn about an axis by an angle in radians; none about an axis without length.
 pub(super) fn turn(axis: [f64; 3], radians: f64) -> UnitQuaternion<f64> {
@@ -24,6 +24,10 @@ impl Mesh {
     /// # Errors
     /// If there are too many triangles.
     pub(super) fn add_placed(&mut self, other: &Self, place: &Matrix4<f64>) -> Result<(), FormatError> {
+        // Without triangles, vertices count.
+        if self.vertices.len() + other.vertices.len() > 3 * TRIANGLES_MAX {
+            return Err(FormatError::TooManyTriangles { triangles_max: TRIANGLES_MAX });
+        }
         let first = self.vertices.len() as u32;
         self.vertices.extend(other.vertices.iter().map(|&[x, y, z]| {
             let placed = place * nalgebra::Vector4::new(x, y, z, 1.0);

@@ -45,8 +45,8 @@ pub(super) const READER: MapReader = MapReader {
 /// Most models within models and files included by files.
 const DEPTH_MAX: usize = 32;
 
-/// Most models of a world.
-const MODELS_MAX: usize = 1 << 16;
+/// Most models of a world, with the shapes of their links.
+const PARTS_MAX: usize = 1 << 17;
 
 /// What to do about a file that is not found.
 const ELSEWHERE: &str = "is not found below the folder of the world; name the folder in which its model lies by \
@@ -91,7 +91,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         "world",
         format!(
             "{} model(s), {shapes} shapes of their links, {} of them planes, {} file(s) of meshes",
-            reader.models,
+            world.models_in(),
             planes.len(),
             meshes.len()
         ),
@@ -168,7 +168,8 @@ fn fault(place: impl std::fmt::Display, reason: impl std::fmt::Display) -> Forma
 /// Reads documents into models.
 struct Reader<'a> {
     files: &'a Files<'a>,
-    models: usize,
+    /// Models and shapes so far.
+    parts: usize,
     depth: usize,
     /// Files that are read, so that a tile that a world includes a hundred times is read once.
     known: BTreeMap<PathBuf, Model>,
@@ -177,7 +178,7 @@ struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     fn new(files: &'a Files<'a>) -> Self {
-        Self { files, models: 0, depth: 0, known: BTreeMap::new(), skipped: BTreeMap::new() }
+        Self { files, parts: 0, depth: 0, known: BTreeMap::new(), skipped: BTreeMap::new() }
     }
 
     /// The world or model of a file whose relative names start from `folder`.
@@ -196,10 +197,8 @@ impl<'a> Reader<'a> {
 
     /// A model, or the world as one.
     fn model(&mut self, element: Node<'_, '_>, folder: &Path) -> Result<Model, FormatError> {
-        self.models += usize::from(element.tag_name().name() == "model");
-        if self.models > MODELS_MAX || self.depth > DEPTH_MAX {
-            let reason = format!("a world has at most {MODELS_MAX} models, {DEPTH_MAX} within each other");
-            return Err(xml::fault(element, reason));
+        if self.depth > DEPTH_MAX {
+            return Err(xml::fault(element, format_args!("models lie at most {DEPTH_MAX} within each other")));
         }
         self.depth += 1;
         let mut model = Model::of(element)?;
@@ -218,7 +217,17 @@ impl<'a> Reader<'a> {
             }
         }
         self.depth -= 1;
+        self.add(element, model.own_parts())?;
         Ok(model)
+    }
+
+    /// Counts parts, of which a few bytes may include many.
+    fn add(&mut self, element: Node<'_, '_>, parts: usize) -> Result<(), FormatError> {
+        self.parts += parts;
+        if self.parts > PARTS_MAX {
+            return Err(xml::fault(element, format_args!("a world has at most {PARTS_MAX} models and shapes")));
+        }
+        Ok(())
     }
 
     /// What an element includes; `None` if its file has not been loaded yet.
@@ -237,9 +246,9 @@ impl<'a> Reader<'a> {
                 None => place.join("model.sdf"),
             }
         };
-        let mut model = if let Some(known) = self.known.get(&file) {
-            self.models += known.count();
-            known.clone()
+        let mut model = if let Some(known) = self.known.get(&file).map(|known| known.parts()) {
+            self.add(element, known)?;
+            self.known[&file].clone()
         } else {
             let Some(bytes) = self.files.get(&file) else {
                 let is_looked_for = self.files.spec.companions.contains_key(&file);

@@ -126,9 +126,19 @@ impl Model {
         Ok(())
     }
 
-    /// The number of models, with those in it.
-    pub(super) fn count(&self) -> usize {
-        1 + self.models.iter().map(Self::count).sum::<usize>()
+    /// The number of models in it.
+    pub(super) fn models_in(&self) -> usize {
+        self.models.iter().map(|model| 1 + model.models_in()).sum()
+    }
+
+    /// Itself and the shapes of its own links.
+    pub(super) fn own_parts(&self) -> usize {
+        1 + self.links.iter().map(|link| 1 + link.shapes.len()).sum::<usize>()
+    }
+
+    /// The same with all models in it.
+    pub(super) fn parts(&self) -> usize {
+        self.own_parts() + self.models.iter().map(Self::parts).sum::<usize>()
     }
 
     /// Visits all shapes.

@@ -8,8 +8,8 @@ use super::super::frame::Bounds;
 use super::super::mesh::Mesh;
 use super::geometry::Geometry;
 
-/// Segments of a circle: they cut off less than 0.03 % of the radius.
-const SEGMENTS: usize = 128;
+/// Segments of a circle: they cut off less than 0.13 % of the radius.
+const SEGMENTS: usize = 64;
 
 /// The mesh of a shape that needs no file and has an end.
 pub(super) fn mesh(shape: &Geometry) -> Mesh {

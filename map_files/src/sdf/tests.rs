@@ -182,6 +182,20 @@ fn what_is_not_read_is_named() {
     let imported = of(&text, &[]).read().unwrap();
     assert!(imported.notes.iter().any(|note| note.text == "1 actors, which are not read"));
     assert!(imported.terrain.as_slice().contains(&Terrain::Wall));
+    // Each file includes the next one sixteen times: a few bytes for sixteen million models.
+    let file = |number: usize| {
+        let include = format!("<include><uri>f{}.sdf</uri></include>", number + 1);
+        let body = if number < 6 { include.repeat(16) } else { String::new() };
+        (format!("f{number}.sdf"), format!("<sdf version=\"1.6\"><model name=\"m\">{body}</model></sdf>"))
+    };
+    let chain: Vec<(String, String)> = (0..=6).map(file).collect();
+    let mut spec = ImportSpec::new("a.world", world("<include><uri>f0.sdf</uri></include>").into_bytes());
+    while let Some(name) = spec.missing().pop() {
+        let bytes = chain.iter().find(|(file, _)| Path::new(file) == name).unwrap().1.clone().into_bytes();
+        spec = spec.with_companion(name.clone(), Some(Companion { path: name, bytes }));
+    }
+    let refused = spec.read().unwrap_err().to_string();
+    assert!(refused.contains("a world has at most 131072 models and shapes"), "{refused}");
     let both = "<sdf version=\"1.6\"><model name=\"m\"><include><uri>m.sdf</uri></include></model></sdf>";
     let refused = of(both, &[("m.sdf", both)]).read().unwrap_err().to_string();
     assert!(refused.contains("within each other") || refused.contains("include each other"), "{refused}");
