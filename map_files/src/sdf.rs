@@ -124,7 +124,7 @@ impl<'a> Files<'a> {
         Self { spec, missing: RefCell::new(Vec::new()) }
     }
 
-    /// The content of a file; if nobody has looked for it, it is missing.
+    /// The content of a file; one that has not been looked for becomes missing.
     fn get(&self, name: &Path) -> Option<&'a [u8]> {
         if !self.spec.companions.contains_key(name) && !self.missing.borrow().iter().any(|missing| missing == name) {
             self.missing.borrow_mut().push(name.to_path_buf());
