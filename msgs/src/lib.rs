@@ -27,6 +27,7 @@ pub mod body_model;
 pub mod kinematics;
 pub mod scan_request;
 pub mod stage;
+pub mod type_hash;
 pub mod wake_condition;
 
 pub mod builtin_interfaces;
