@@ -25,7 +25,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profi
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import String
-from tf2_msgs.msg import TFMessage
+from tf2_msgs.action import LookupTransform  # noqa: F401: tf2_ros imports it, and the next two
+from tf2_msgs.msg import TF2Error, TFMessage  # noqa: F401
+from tf2_msgs.srv import FrameGraph  # noqa: F401
 from visualization_msgs.msg import Marker
 
 RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
