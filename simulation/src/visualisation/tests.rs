@@ -296,7 +296,9 @@ impl Listener {
                 }
                 return;
             }
-            VisualisationMessage::Points(cloud) => (cloud.header.frame_id.clone(), stamp_ns(&cloud.header)),
+            VisualisationMessage::Points(cloud) if cloud.header.frame_id != "map" => {
+                (cloud.header.frame_id.clone(), stamp_ns(&cloud.header))
+            }
             VisualisationMessage::Odometry(odometry) => (odometry.child_frame_id.clone(), stamp_ns(&odometry.header)),
             VisualisationMessage::Path(path) => ("agent_0/base_link".to_owned(), stamp_ns(&path.header)),
             _ => return,

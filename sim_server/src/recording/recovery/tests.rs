@@ -70,7 +70,7 @@ fn cut_files_are_finished() {
             assert_eq!(listed(&output), all[..count], "{name}, {length} bytes");
             let summary = mcap::Summary::read(&output).unwrap().unwrap();
             assert_eq!(summary.stats.unwrap().message_count, recovered.messages);
-            assert_eq!(summary.chunk_indexes.is_empty(), count == 0);
+            assert!(count == 0 || !summary.chunk_indexes.is_empty());
             assert_eq!(recovered.attachments, [SCENARIO_ATTACHMENT, "notes of a tool.txt"]);
             let recording = Recording::open(&files.output).unwrap();
             assert_eq!(recording.scenario().as_bytes(), SCENARIO);
