@@ -180,7 +180,7 @@ impl VisualisationScheduler {
             && self.live_transforms.insert(world, agent, world.tick());
         let pose = world.body(agent).pose();
         is_due.then(|| {
-            let transforms = vec![crate::wire::transform(agent, world.tick(), &pose)];
+            let transforms = vec![crate::wire::transform(agent, world.tick(), pose)];
             VisualisationMessage::Transforms(TFMessage { transforms })
         })
     }
@@ -309,7 +309,7 @@ impl PublishState {
                     push(
                         messages,
                         topic,
-                        [VisualisationMessage::Path(poses::path(world.tick(), &world.body(agent).pose(), &waypoints))],
+                        [VisualisationMessage::Path(poses::path(world.tick(), world.body(agent).pose(), &waypoints))],
                     );
                     self.paths.insert(agent, waypoints);
                 }

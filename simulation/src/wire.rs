@@ -388,7 +388,7 @@ pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
     let transforms = world
         .agents()
         .filter(|&agent| world.presence(agent).is_in_world())
-        .map(|agent| transform(agent, world.tick(), &world.body(agent).pose()))
+        .map(|agent| transform(agent, world.tick(), world.body(agent).pose()))
         .collect();
     msgs::tf2_msgs::TFMessage { transforms }
 }
