@@ -330,7 +330,7 @@ fn files_that_are_not_recordings() {
 /// The messages of a recording up to its end or its damage, or the refusal.
 fn messages(bytes: Vec<u8>) -> Result<Vec<Message>, String> {
     let recording = recording::Recording::from_bytes("r.mcap".to_owned(), bytes).map_err(|error| error.to_string())?;
-    let _text = info::text(&info::of(&recording));
+    let _text = info::text(&info::of(&recording).into());
     Ok(recording.messages().collect())
 }
 

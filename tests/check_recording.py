@@ -96,6 +96,7 @@ def check_formats(recording):
         expected = TYPES.get(channel.topic) or TYPES[re.fullmatch(r"/agent_\d+/(\w+)", channel.topic)[1]]
         check(schema == expected, f"{channel.topic} is {expected}, not {schema}")
         check("reliability: 1" in channel.metadata["offered_qos_profiles"], f"{channel.topic} says its QoS")
+        check(re.fullmatch("RIHS01_[0-9a-f]{64}", channel.metadata["topic_type_hash"]), f"{channel.topic} says its type hash")
     for index in recording.summary.chunk_indexes:
         check(index.compression == "zstd", "chunks are compressed")
 

@@ -77,6 +77,61 @@ fn live_stream_equals_the_recording() {
     msgs::cdr::decode::<TFMessage>(&client.messages["/tf"][0]).expect("transforms are as over ROS");
 }
 
+/// The stamp of a message whose first field is a header, or a sequence of what begins with one, ns.
+fn stamp_ns(topic: &str, message: &[u8]) -> u64 {
+    let at = if topic == "/tf" { 8 } else { 4 };
+    let number = |at: usize| u32::from_le_bytes(message[at..at + 4].try_into().expect("four bytes"));
+    u64::from(number(at)) * 1_000_000_000 + u64::from(number(at + 4))
+}
+
+#[test]
+fn log_times_are_stamps_for_clients_of_both_subprotocols() {
+    const STAMPED: [&str; 7] =
+        ["/tf", "/agent_0/odom", "/agent_1/odom", "/agent_0/points", "/agent_0/path", "/sim/contacts", "/agent_0/map"];
+    let site = Site::new();
+    let (run, address) = begun(&site, &["--rtf", "20"]);
+    let mut clients = ["foxglove.websocket.v1", "foxglove.sdk.v1"].map(|name| Client::connect_as(name, &address));
+    for client in &mut clients {
+        for topic in STAMPED.into_iter().chain(["/clock", "/rosout", "/sim/result"]) {
+            client.subscribe(topic);
+        }
+    }
+    assert_eq!(set_state(&mut clients[0], SimulationState::PLAYING), 1);
+    for mut client in clients {
+        client.read_until(|client| client.messages.contains_key("/sim/result"));
+        for topic in STAMPED {
+            let times = &client.log_times[topic];
+            let stamps: Vec<u64> = client.messages[topic].iter().map(|message| stamp_ns(topic, message)).collect();
+            assert_eq!(*times, stamps, "{topic}");
+        }
+        // The transform of each scan comes before it.
+        let stamps: Vec<u64> = client.messages["/tf"].iter().map(|message| stamp_ns("/tf", message)).collect();
+        for scan in &client.messages["/agent_0/points"] {
+            assert!(stamps.contains(&stamp_ns("", scan)), "no transform of {}", stamp_ns("", scan));
+        }
+        for (clock, time) in client.messages["/clock"].iter().zip(&client.log_times["/clock"]) {
+            assert_eq!(stamp_ns("", clock), *time);
+        }
+        assert!(client.messages["/clock"].len() > 10 && !client.messages["/rosout"].is_empty());
+    }
+    run.ended().with_code(0);
+}
+
+#[test]
+fn other_subprotocols_are_refused_with_a_reason() {
+    let site = Site::new();
+    let (mut run, address) = begun(&site, &[]);
+    let path = address.split_once('/').map_or("/".to_owned(), |(_, path)| format!("/{path}"));
+    let lines = "Upgrade: websocket\r\nSec-WebSocket-Protocol: rosbridge, foxglove.sdk.v2\r\n";
+    let answer = get(&address, &path, lines);
+    assert!(answer.starts_with("HTTP/1.1 400 "), "{answer}");
+    let reason =
+        "expected one of the subprotocols foxglove.sdk.v1, foxglove.websocket.v1, offered: rosbridge, foxglove.sdk.v2";
+    assert!(answer.ends_with(reason), "{answer}");
+    signal(run.process().pid(), "INT");
+    run.ended().with_code(130);
+}
+
 #[test]
 fn foxglove_clients_control_the_run() {
     let site = Site::new();

@@ -82,6 +82,23 @@ fn replay_publishes_every_message_and_latches() {
 }
 
 #[test]
+fn replay_at_full_speed_loses_no_tail() {
+    let site = Site::new();
+    let recording = record(&site, "run.mcap", "\"odom\", \"path\", \"map\", \"unexplored\", \"info\"");
+    let bytes: usize = recording.messages.iter().map(|message| message.data.len()).sum();
+    assert!(bytes > 5_000_000, "{bytes} bytes are sent in no time");
+    let expected = site.file("expected.txt", lines(recording.messages.iter()));
+    for rate in ["max", "50"] {
+        let mut listener = begin(&site, &["tail", text(&expected)]);
+        listener.prints("ready");
+        let ended = replay(&site, &["--rate", rate, "--exclude", "/tf_static"]).ended().with_code(0);
+        assert!(!ended.stderr.contains("warning"), "{ended}");
+        listener.prints(&format!("received {}", recording.messages.len()));
+        listener.ended().with_code(0);
+    }
+}
+
+#[test]
 fn replay_is_paused_and_stepped_by_services() {
     let site = Site::new();
     record(&site, "run.mcap", "");

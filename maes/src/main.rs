@@ -42,7 +42,7 @@ use map::{MapCliError, MapCommand};
 use movie::MovieArgs;
 use oracle::OracleArgs;
 use plans::{BatchArgs, MergeArgs, ReportArgs};
-use recordings::{DiffArgs, InfoArgs, SnapshotArgs, VerifyArgs};
+use recordings::{DiffArgs, InfoArgs, RecoverArgs, SnapshotArgs, VerifyArgs};
 #[cfg(feature = "ros")]
 use replay::ReplayArgs;
 use run::RunArgs;
@@ -83,6 +83,8 @@ enum Command {
     Replay(ReplayArgs),
     /// Check a recording: execute its run again, and compare everything that comes of it
     Verify(VerifyArgs),
+    /// Finish a cut recording, so that every reader of MCAP opens it
+    Recover(RecoverArgs),
     /// Show the first message in which two recordings differ
     Diff(DiffArgs),
     /// Describe a recording: scenario, messages by topic, result, counters, digest
@@ -136,6 +138,7 @@ fn main() -> ExitCode {
         #[cfg(feature = "ros")]
         Command::Replay(args) => replay::replay(&args),
         Command::Verify(args) => recordings::verify(&args),
+        Command::Recover(args) => recordings::recover(&args),
         Command::Diff(args) => recordings::diff(&args),
         Command::Info(args) => recordings::info(&args),
         Command::Snapshot(args) => recordings::snapshot(&args),

@@ -1,4 +1,4 @@
-//! Commands about recordings: `info`, `verify`, `diff`, `snapshot`.
+//! Commands about recordings: `info`, `verify`, `recover`, `diff`, `snapshot`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -9,6 +9,7 @@ use msgs::ids::Tick;
 use msgs::printable;
 use sim_server::foxglove::capture::{self, CaptureArgs, CaptureError, CaptureTime};
 use sim_server::recording::Recording;
+use sim_server::recording::recovery::{self, RecoverError};
 use sim_server::{bag, exit, info, verify};
 
 use crate::controllers::BuiltInControllers;
@@ -39,6 +40,16 @@ pub(crate) struct VerifyArgs {
     /// Accept a recording that is cut off or has no end: what it holds must verify, and have a tick
     #[arg(long)]
     up_to_cut: bool,
+}
+
+/// Arguments of `recover`.
+#[derive(Debug, Args)]
+pub(crate) struct RecoverArgs {
+    /// The cut recording, or any other MCAP file (.mcap)
+    file: PathBuf,
+    /// The finished recording, a new file (.mcap)
+    #[arg(short, long = "output", value_name = "MCAP")]
+    output: PathBuf,
 }
 
 /// Arguments of `diff`.
@@ -79,7 +90,7 @@ pub(crate) fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
         let name = args.file.file_name().unwrap_or_default().to_string_lossy();
         print(&bag::metadata(&Recording::open(&args.file)?, &name));
     } else {
-        print(&info::text(&info::read(&args.file)?));
+        print(&info::text(&info::overview(&args.file)?));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -125,6 +136,21 @@ pub(crate) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     match verified.lack(args.up_to_cut) {
         Some(lack) => failed(&format!("{}: {lack}", recording.file()), ExitCode::from(exit::DIFFERENT)),
         None => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// Finishes a cut recording.
+pub(crate) fn recover(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
+    match recovery::recover(&args.file, &args.output) {
+        Ok(recovered) => {
+            print(&printable::text(&recovery::text(&recovered)));
+            Ok(ExitCode::SUCCESS)
+        }
+        Err(error @ RecoverError::Write { .. }) => {
+            say(&printable::line(&format!("error: {error}")));
+            Ok(ExitCode::from(exit::FAILED))
+        }
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -56,7 +56,7 @@ fn rate(text: &str) -> Result<Rtf, String> {
 /// Plays a recording over ROS 2.
 pub(crate) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
-    let recording = Recording::open(&args.file)?;
+    let recording = Recording::open_messages(&args.file)?;
     let options = PlaybackOptions {
         only: args.topics.clone(),
         exclude: args.exclude.clone(),

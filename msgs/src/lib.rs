@@ -29,6 +29,7 @@ pub mod kinematics;
 pub mod message_type;
 pub mod scan_request;
 pub mod stage;
+pub mod type_hash;
 pub mod wake_condition;
 
 pub mod builtin_interfaces;

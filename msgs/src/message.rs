@@ -61,11 +61,11 @@ messages! {
         AgentMessage Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar Motion Observation Progress
         Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
     }
-    "standard/nav_msgs/": nav_msgs { Odometry Path }
+    "standard/nav_msgs/": nav_msgs { MapMetaData OccupancyGrid Odometry Path }
     "standard/rcl_interfaces/": rcl_interfaces { Log }
     "standard/rosgraph_msgs/": rosgraph_msgs { Clock }
     "standard/sensor_msgs/": sensor_msgs { CompressedImage PointCloud2 PointField }
-    "standard/std_msgs/": std_msgs { ColorRGBA Header }
+    "standard/std_msgs/": std_msgs { ColorRGBA Header String }
     "standard/tf2_msgs/": tf2_msgs { TFMessage }
     "standard/visualization_msgs/": visualization_msgs { Marker MarkerArray MeshFile UVCoordinate }
 }

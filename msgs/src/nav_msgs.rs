@@ -1,8 +1,9 @@
-//! The package `nav_msgs`: where a body is, and where it is going.
+//! The package `nav_msgs`: where a body is, where it is going, and maps of the plane.
 
 use serde::{Deserialize, Serialize};
 
-use crate::geometry_msgs::{PoseStamped, PoseWithCovariance, TwistWithCovariance};
+use crate::builtin_interfaces::Time;
+use crate::geometry_msgs::{Pose, PoseStamped, PoseWithCovariance, TwistWithCovariance};
 use crate::std_msgs::Header;
 
 /// Where a body is and how it moves.
@@ -25,4 +26,39 @@ pub struct Path {
     pub header: Header,
     /// Its points, in order.
     pub poses: Vec<PoseStamped>,
+}
+
+/// The size and the place of a map of the plane.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapMetaData {
+    /// Sim time of the map.
+    pub map_load_time: Time,
+    /// Length of a place, m.
+    pub resolution: f32,
+    /// Places along x.
+    pub width: u32,
+    /// Places along y.
+    pub height: u32,
+    /// The lower corner of the first place, in the frame of the map.
+    pub origin: Pose,
+}
+
+/// A map of the plane.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OccupancyGrid {
+    /// Sim time, and the frame of the map.
+    pub header: Header,
+    /// Size and place.
+    pub info: MapMetaData,
+    /// Row by row from the lowest y on: 0 free, 100 occupied, -1 unknown.
+    pub data: Vec<i8>,
+}
+
+impl OccupancyGrid {
+    /// A place that is free.
+    pub const FREE: i8 = 0;
+    /// A place that is occupied.
+    pub const OCCUPIED: i8 = 100;
+    /// A place of which nothing is known.
+    pub const UNKNOWN: i8 = -1;
 }

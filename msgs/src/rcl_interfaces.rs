@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::builtin_interfaces::Time;
+use crate::printable;
 
 /// Something that a node says to people.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,6 +35,14 @@ impl Log {
     pub const ERROR: u8 = 40;
     /// `level`: the node ends of it.
     pub const FATAL: u8 = 50;
+
+    /// A line of the node of this name, said at this wall time.
+    #[must_use]
+    pub fn of_node(name: &str, level: Level, text: &str, stamp: Time) -> Self {
+        // Tools print it on terminals.
+        let (name, msg) = (name.to_owned(), printable::text(text).into_owned());
+        Self { stamp, level: level as u8, name, msg, ..Self::default() }
+    }
 }
 
 /// Severity of a log line: the levels of [`Log`] that are used here.

@@ -1,4 +1,4 @@
-//! The package `std_msgs`: the header that stamped messages begin with, and colours.
+//! The package `std_msgs`: the header that stamped messages begin with, colours, and texts.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,14 @@ pub struct Header {
     /// Sim time.
     pub stamp: Time,
     /// Name of the frame that coordinates are given in.
-    pub frame_id: String,
+    pub frame_id: std::string::String,
+}
+
+/// A text.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct String {
+    /// The text.
+    pub data: std::string::String,
 }
 
 /// A colour; each part from 0 to 1.

@@ -16,11 +16,12 @@ use crate::maes_msgs::{
     SignedObservation,
 };
 use crate::message::{Message, MessageType};
-use crate::nav_msgs::{Odometry, Path};
+use crate::nav_msgs::{OccupancyGrid, Odometry, Path};
 use crate::parameters::ParameterEvent;
 use crate::rcl_interfaces::Log;
 use crate::rosgraph_msgs::Clock;
 use crate::sensor_msgs::PointCloud2;
+use crate::std_msgs;
 use crate::tf2_msgs::TFMessage;
 use crate::visualization_msgs::Marker;
 
@@ -45,8 +46,8 @@ const VIEW_DEPTH: u32 = 10;
 const SENSOR_DEPTH: u32 = 5;
 
 /// Samples kept of the transforms that do not change: one holds those of [`TRANSFORMS_MAX`] frames,
-/// so these are of as many agents as there may be.
-const TF_STATIC_DEPTH: u32 = 4;
+/// and each of at most 1000 agents has two.
+const TF_STATIC_DEPTH: u32 = 5;
 
 /// Most transforms in one message, so that it fits into a sample.
 pub const TRANSFORMS_MAX: usize = 400;
@@ -213,7 +214,8 @@ pub fn tf() -> Topic {
     Topic::new::<TFMessage>("/tf", Qos::reliable(TF_DEPTH))
 }
 
-/// The transforms that do not change: where the LiDAR of each agent is on its body.
+/// The transforms that do not change: where the LiDAR of each agent is on its body, and the frame
+/// that its odometry starts from.
 pub fn tf_static() -> Topic {
     Topic::new::<TFMessage>("/tf_static", Qos::latched(TF_STATIC_DEPTH))
 }
@@ -256,6 +258,26 @@ pub fn contacts() -> Topic {
 /// How the run and each agent are doing, in words.
 pub fn info() -> Topic {
     Topic::new::<DiagnosticArray>("/sim/info", Qos::reliable(VIEW_DEPTH))
+}
+
+/// The same as [`info`], where tools for diagnostics look for it.
+pub fn diagnostics() -> Topic {
+    Topic::new::<DiagnosticArray>("/diagnostics", Qos::reliable(VIEW_DEPTH))
+}
+
+/// The bodies with their sensors, as URDF.
+pub fn robot_description() -> Topic {
+    Topic::new::<std_msgs::String>("/robot_description", Qos::latched(1))
+}
+
+/// The map projected to the plane.
+pub fn occupancy() -> Topic {
+    Topic::new::<OccupancyGrid>("/map", Qos::latched(1))
+}
+
+/// The centres of the visible walls of the map.
+pub fn map_points() -> Topic {
+    Topic::new::<PointCloud2>("/sim/map_points", Qos::latched(1))
 }
 
 /// What nodes say to people.
@@ -328,7 +350,7 @@ pub fn split(name: &str) -> Option<(AgentId, &str)> {
     Some((AgentId(agent.parse().ok()?), rest))
 }
 
-fn of_simulation() -> [Topic; 14] {
+fn of_simulation() -> [Topic; 18] {
     [
         clock(),
         scenario(),
@@ -343,6 +365,10 @@ fn of_simulation() -> [Topic; 14] {
         unexplored(),
         contacts(),
         info(),
+        diagnostics(),
+        robot_description(),
+        occupancy(),
+        map_points(),
         rosout(),
     ]
 }
@@ -371,7 +397,7 @@ mod tests {
         let count = names.len();
         names.sort();
         names.dedup();
-        assert_eq!((names.len(), count), (14 + 96, 14 + 96));
+        assert_eq!((names.len(), count), (18 + 96, 18 + 96));
     }
 
     #[test]

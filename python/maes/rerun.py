@@ -110,13 +110,16 @@ def _points(points: Iterable[dict[str, float]]) -> list[tuple[float, float, floa
 def _poses(recording: Recording) -> dict[int, _Poses]:
     """Times, positions and quaternions of each agent that was in the world."""
     rows: dict[int, list[list[float]]] = {}
-    for time_s, message in recording.messages("/tf"):
+    for _, message in recording.messages("/tf"):
         for stamped in message["transforms"]:
+            stamp = stamped["header"]["stamp"]
+            time_s = stamp["sec"] + stamp["nanosec"] * 1e-9
             agent = int(stamped["child_frame_id"].removeprefix("agent_").partition("/")[0])
             parts = stamped["transform"]["translation"], stamped["transform"]["rotation"]
             numbers = [part[axis] for part, axes in zip(parts, ("xyz", "xyzw")) for axis in axes]
             rows.setdefault(agent, []).append([time_s, *numbers])
-    arrays = {agent: np.array(of_agent) for agent, of_agent in sorted(rows.items())}
+    # The transform of a scan comes after those of later ticks.
+    arrays = {agent: np.array(sorted(of_agent)) for agent, of_agent in sorted(rows.items())}
     return {agent: (of[:, 0], of[:, 1:4], of[:, 4:]) for agent, of in arrays.items()}
 
 

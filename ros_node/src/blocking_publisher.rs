@@ -4,15 +4,17 @@
 //! Invariants: at most [`WINDOW`] samples of a topic are in flight; no call blocks longer than
 //! [`BLOCKING`], and the caller can do other work in between; a reader that acknowledges nothing
 //! for [`READER_TIMEOUT`] delays its own topic by that much per [`WINDOW`] samples, and no other
-//! topic. Best-effort readers are not waited for.
+//! topic; a reader that acknowledges something in that time loses nothing, whatever others do.
+//! Best-effort readers are not waited for.
 //!
 //! Over Zenoh the connection to each process has a window instead, and a call waits for room in it
 //! until Zenoh closes the connection to a process that takes nothing.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use ros2_client::{CreateError, WriteError};
-use rustdds::{QosPolicies, QosPolicyBuilder, policy};
+use rustdds::{GUID, QosPolicies, QosPolicyBuilder, policy};
 
 use super::dds::{self, endpoint_error, qos_profile};
 use super::network::Network;
@@ -29,8 +31,9 @@ const WINDOW: i32 = 1024;
 /// Maximum wall time that one call waits for room in the window.
 const BLOCKING: rustdds::Duration = rustdds::Duration::from_millis(20);
 
-/// Wall time with a full window after which the unresponsive readers are abandoned.
-const READER_TIMEOUT: Duration = Duration::from_millis(500);
+/// Wall time without an acknowledgement after which a reader is abandoned: several times what a
+/// large sample takes on a busy machine.
+const READER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Wall time for readers to match a new publisher.
 const MATCHING_TIME: Duration = Duration::from_millis(100);
@@ -62,7 +65,8 @@ enum Writer {
 struct DdsWriter {
     publisher: ros2_client::Publisher<Encoded>,
     topic: rustdds::Topic,
-    full_since: Option<Instant>,
+    /// Of the readers since the window is full.
+    progress: Option<ReaderProgress<GUID>>,
     /// Set after a replacement, until its readers have had time to match it.
     matched_at: Option<Instant>,
 }
@@ -109,6 +113,97 @@ impl BlockingPublisher {
             PublishOutcome::Sent
         })
     }
+
+    /// Begins to wait until the readers have acknowledged what was published. Publish nothing until
+    /// the wait is over.
+    pub fn acknowledgements(&self) -> Acknowledgements {
+        let progress = match &self.writer {
+            Writer::Dds(writer) => Some((writer.publisher.guid(), ReaderProgress::new(now()))),
+            #[cfg(feature = "zenoh")]
+            Writer::Zenoh(_) => None,
+        };
+        Acknowledgements { progress }
+    }
+}
+
+/// A wait for the acknowledgements of the readers of a topic.
+pub struct Acknowledgements {
+    /// `None`: there is nothing to wait for.
+    progress: Option<(GUID, ReaderProgress<GUID>)>,
+}
+
+impl Acknowledgements {
+    /// Whether some reader still has to acknowledge something, and has acknowledged something in
+    /// the last [`READER_TIMEOUT`].
+    pub fn are_awaited(&mut self) -> bool {
+        let Some((writer, progress)) = &mut self.progress else { return false };
+        progress.update(unacknowledged(*writer), now());
+        progress.is_awaited(now())
+    }
+
+    /// The number of readers that have not acknowledged everything.
+    #[must_use]
+    pub fn missing_readers(&self) -> usize {
+        self.progress.as_ref().map_or(0, |(_, progress)| progress.behind().count())
+    }
+}
+
+/// The number of samples that each reliable reader of a writer has not acknowledged. The published
+/// DDS library does not say; then there are none.
+fn unacknowledged(writer: GUID) -> BTreeMap<GUID, u64> {
+    /// What the published library has: a glob import shadows it.
+    #[allow(dead_code, reason = "the copy with the fixes has the function")]
+    fn unacknowledged(_: GUID) -> BTreeMap<GUID, u64> {
+        BTreeMap::new()
+    }
+    {
+        #[allow(
+            unused_imports,
+            clippy::wildcard_imports,
+            reason = "only the copy with the fixes has the function"
+        )]
+        use rustdds::*;
+        unacknowledged(writer)
+    }
+}
+
+/// What the readers of a topic have acknowledged since a moment after which nothing is published.
+struct ReaderProgress<R> {
+    begun: Instant,
+    /// Samples that a reader lacks, and when it lacked more.
+    readers: BTreeMap<R, (u64, Instant)>,
+}
+
+impl<R: Ord> ReaderProgress<R> {
+    fn new(begun: Instant) -> Self {
+        Self { begun, readers: BTreeMap::new() }
+    }
+
+    /// Takes note of what each reader lacks now.
+    fn update(&mut self, missing: BTreeMap<R, u64>, now: Instant) {
+        let mut before = std::mem::take(&mut self.readers);
+        self.readers = missing
+            .into_iter()
+            .map(|(reader, missing)| {
+                let since = match before.remove(&reader) {
+                    Some((lacked, since)) if missing >= lacked => since,
+                    Some(_) => now,
+                    None => self.begun,
+                };
+                (reader, (missing, since))
+            })
+            .collect();
+    }
+
+    /// The readers that lack something, with the time of their last acknowledgement.
+    fn behind(&self) -> impl Iterator<Item = Instant> {
+        self.readers.values().filter(|(missing, _)| *missing > 0).map(|&(_, since)| since)
+    }
+
+    /// Whether a reader that lacks something has acknowledged something of late.
+    fn is_awaited(&self, now: Instant) -> bool {
+        self.behind().any(|since| now.duration_since(since) < READER_TIMEOUT)
+    }
 }
 
 impl DdsWriter {
@@ -128,7 +223,7 @@ impl DdsWriter {
             )
             .map_err(|source| failed(CreateError::from(source)))?;
         let publisher = node.create_publisher(&dds_topic, None).map_err(failed)?;
-        Ok(DdsWriter { publisher, topic: dds_topic, full_since: None, matched_at: None })
+        Ok(DdsWriter { publisher, topic: dds_topic, progress: None, matched_at: None })
     }
 
     fn publish(&mut self, node: &mut ros2_client::Node, message: &Encoded) -> Result<PublishOutcome, String> {
@@ -137,10 +232,12 @@ impl DdsWriter {
         }
         self.matched_at = None;
         match self.publisher.publish(message.clone()) {
-            Ok(()) => self.full_since = None,
+            Ok(()) => self.progress = None,
             Err(WriteError::WouldBlock { .. }) => {
-                let since = *self.full_since.get_or_insert_with(now);
-                return if since.elapsed() < READER_TIMEOUT { Ok(PublishOutcome::Retry) } else { self.renew(node) };
+                let progress = self.progress.get_or_insert_with(|| ReaderProgress::new(now()));
+                progress.update(unacknowledged(self.publisher.guid()), now());
+                let is_new = progress.begun.elapsed() < READER_TIMEOUT;
+                return if is_new || progress.is_awaited(now()) { Ok(PublishOutcome::Retry) } else { self.renew(node) };
             }
             Err(other) => return Err(other.to_string()),
         }
@@ -149,7 +246,7 @@ impl DdsWriter {
 
     /// Replaces the publisher, which abandons readers that acknowledge nothing.
     fn renew(&mut self, node: &mut ros2_client::Node) -> Result<PublishOutcome, String> {
-        self.full_since = None;
+        self.progress = None;
         self.matched_at = Some(now() + MATCHING_TIME);
         self.publisher = node.create_publisher(&self.topic, None).map_err(|error| error.to_string())?;
         Ok(PublishOutcome::Renewed)
@@ -160,6 +257,25 @@ impl DdsWriter {
 mod tests {
     use super::*;
     use msgs::topics;
+
+    #[test]
+    fn readers_are_awaited_as_long_as_they_acknowledge() {
+        let begun = now();
+        let at = |seconds: f64| begun + Duration::from_secs_f64(seconds);
+        let mut progress = ReaderProgress::new(begun);
+        let missing = |slow, dead| BTreeMap::from([("slow", slow), ("dead", dead)]);
+        progress.update(missing(3, 1), at(0.1));
+        assert!(progress.is_awaited(at(1.9)) && !progress.is_awaited(at(2.0)));
+        progress.update(missing(2, 1), at(1.9));
+        progress.update(missing(2, 1), at(3.8));
+        assert!(progress.is_awaited(at(3.8)), "one of them");
+        progress.update(missing(1, 1), at(3.8));
+        progress.update(missing(0, 1), at(5.7));
+        assert!(!progress.is_awaited(at(5.7)), "the other one is given up");
+        assert_eq!(progress.behind().count(), 1);
+        progress.update(BTreeMap::from([("slow", 0)]), at(5.8));
+        assert_eq!(progress.behind().count(), 0, "a reader that has gone lacks nothing");
+    }
 
     #[test]
     fn policies_add_a_window_to_the_topic() {

@@ -63,12 +63,22 @@ impl<T> Default for Inbox<T> {
     }
 }
 
+/// A subscription in an inbox.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SubscriptionId(usize);
+
 impl<T> Inbox<T> {
-    pub(super) fn add(&mut self, take: Take<T>) {
+    pub(super) fn add(&mut self, take: Take<T>) -> SubscriptionId {
         let number = self.subscriptions.len();
         let waker = Waker::from(Arc::new(SubscriptionWaker { subscription: number, ready: Arc::clone(&self.ready) }));
         self.subscriptions.push(Subscription { waker, take });
         self.ready.push(number);
+        SubscriptionId(number)
+    }
+
+    /// Ends a subscription, so that its publishers need not publish for it any more.
+    pub fn unsubscribe(&mut self, SubscriptionId(number): SubscriptionId) {
+        self.subscriptions[number].take = Box::new(|_| Poll::Pending);
     }
 
     /// Adds sockets to what is waited for, which yield `convert(sample)`.

@@ -40,9 +40,9 @@ use ros2_client::{CreateError, NodeCreateError};
 use thiserror::Error;
 
 pub use action::{Goal, StepsEvent};
-pub use blocking_publisher::{BlockingPublisher, PublishOutcome};
+pub use blocking_publisher::{Acknowledgements, BlockingPublisher, PublishOutcome};
 pub use dds::has_fixes as has_dds_fixes;
-pub use inbox::{Inbox, Sample, own_source};
+pub use inbox::{Inbox, Sample, SubscriptionId, own_source};
 pub use network::{Context, EndpointFactory, Node, Publisher, join, node};
 pub use parameters::SharedParameters;
 pub use subscription_tracker::SubscriptionTracker;

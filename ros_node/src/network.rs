@@ -10,7 +10,7 @@ use msgs::topics::Topic;
 use rustdds::{DomainParticipant, StatusEvented};
 use serde::Serialize;
 
-use super::inbox::{self, Decoded, Inbox, Sample};
+use super::inbox::{self, Decoded, Inbox, Sample, SubscriptionId};
 use super::ros_env::{DiscoveryRange, Middleware, RosEnv};
 #[cfg(feature = "zenoh")]
 use super::zenoh;
@@ -194,23 +194,22 @@ impl EndpointFactory {
         topic: &Topic,
         inbox: &mut Inbox<T>,
         convert: impl Fn(Sample<M>) -> T + 'static,
-    ) -> Result<(), RosError> {
-        match &self.context.network {
+    ) -> Result<SubscriptionId, RosError> {
+        Ok(match &self.context.network {
             Network::Dds(_) => {
                 self.pause();
                 let node = node.dds();
                 let dds_topic = dds::dds_topic(node, topic)?;
                 let subscription: ros2_client::Subscription<Decoded<M>> =
                     node.create_subscription(&dds_topic, None).map_err(|source| dds::endpoint_error(topic, source))?;
-                inbox.add(Box::new(move |context| inbox::take(&subscription, context).map(&convert)));
+                inbox.add(Box::new(move |context| inbox::take(&subscription, context).map(&convert)))
             }
             #[cfg(feature = "zenoh")]
             Network::Zenoh(_) => {
                 let subscription = node.zenoh().subscription(topic)?;
-                inbox.add(Box::new(move |context| subscription.take(context).map(&convert)));
+                inbox.add(Box::new(move |context| subscription.take(context).map(&convert)))
             }
-        }
-        Ok(())
+        })
     }
 
     #[expect(clippy::disallowed_methods, reason = "no event marks that an endpoint was announced")]

@@ -5,7 +5,6 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::{EndpointFactory, Node, Publisher, RosError};
 use msgs::builtin_interfaces::Time;
-use msgs::printable;
 use msgs::rcl_interfaces::{Level, Log};
 use msgs::topics;
 
@@ -23,10 +22,7 @@ impl Rosout {
 
     /// Publishes a log message of the node of this name. `node` is the one that has the publisher.
     pub fn log(&mut self, node: &mut Node, name: &str, level: Level, text: &str) {
-        // Tools print it on terminals.
-        let (name, msg) = (name.to_owned(), printable::text(text).into_owned());
-        let log = Log { stamp: wall_time(), level: level as u8, name, msg, ..Log::default() };
-        self.0.publish(node, &log);
+        self.0.publish(node, &Log::of_node(name, level, text, wall_time()));
     }
 }
 

@@ -7,7 +7,10 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
-use simulation::scenario::{MapKind, Override, keys};
+use simulation::scenario::{MapKind, Override, RecordedView, keys};
+
+/// The word of `--record-topics` for all topics that can be recorded.
+const ALL_TOPICS: &str = "all";
 
 /// World server of a deterministic simulator of multi-robot exploration.
 #[derive(Debug, Parser)]
@@ -145,10 +148,10 @@ pub struct KeyArgs {
     pub seed: Option<u64>,
     #[arg(long, value_name = "SECONDS", help = meaning("duration_s"))]
     pub duration: Option<f64>,
-    #[arg(long, value_name = "FILE.mcap", help = meaning("execution.record"))]
+    #[arg(long, value_name = "FILE.mcap|DIR/", help = meaning("execution.record"))]
     pub record: Option<String>,
     /// views.record: visualisation topics that the recording holds as well, for example
-    /// map,odom,points
+    /// map,odom,points, or all
     #[arg(long, value_name = "WORD,...", value_delimiter = ',')]
     pub record_topics: Vec<String>,
     #[arg(long, value_name = "X|max", value_parser = rtf, help = meaning("execution.rtf"))]
@@ -210,7 +213,11 @@ impl KeyArgs {
         set("--seed", "seed", seed);
         set("--duration", "duration_s", self.duration.map(Into::into));
         set("--record", "execution.record", self.record.clone().map(Into::into));
-        let topics = (!self.record_topics.is_empty()).then(|| self.record_topics.clone().into());
+        let topics = match self.record_topics.as_slice() {
+            [] => None,
+            [all] if all == ALL_TOPICS => Some(RecordedView::WORDS.to_vec().into()),
+            some => Some(some.to_vec().into()),
+        };
         set("--record-topics", "views.record", topics);
         set("--rtf", "execution.rtf", self.rtf.clone());
         set("--threads", "execution.threads", self.threads.map(Into::into));
@@ -357,6 +364,22 @@ mod tests {
             let (flag, value) = typed.split_once(' ').unwrap();
             let flags = Flags::try_parse_from(["maes", flag, value]).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(flags.keys.overrides().last().unwrap().origin, typed);
+        }
+    }
+
+    #[test]
+    fn all_topics_are_recorded_with_one_word() {
+        use clap::Parser;
+        #[derive(Parser)]
+        struct Flags {
+            #[command(flatten)]
+            keys: KeyArgs,
+        }
+        let flags = Flags::try_parse_from(["maes", "--record-topics", "all"]).unwrap_or_else(|error| panic!("{error}"));
+        let value = flags.keys.overrides().last().and_then(|last| last.value.clone()).unwrap();
+        assert_eq!(value.as_array().map(Vec::len), Some(RecordedView::WORDS.len()));
+        for word in RecordedView::WORDS {
+            serde_json::from_value::<RecordedView>((*word).into()).unwrap();
         }
     }
 

@@ -1,8 +1,8 @@
 //! Comparison of two runs: tick by tick and message by message, up to the first difference.
 //!
 //! **What is ignored.** Visualisation messages (`[views]` of a scenario selects which are recorded)
-//! depend on observers, and the refusal counters of a result on foreign traffic; neither belongs to
-//! the run. Everything else is compared bitwise.
+//! depend on observers, and so do the transforms that precede them; the refusal counters of a result
+//! depend on foreign traffic; none of them belongs to the run. Everything else is compared bitwise.
 //!
 //! **Order.** Tools that rewrite recordings keep the order of times, and of the messages of a
 //! topic, but not always that of topics within a tick. Neither does it belong to the run.
@@ -27,6 +27,7 @@ use crate::difference::{self, Field};
 use crate::recording::{End, Message, Messages, Recording};
 use crate::session::Checker;
 use simulation::digest::Digest;
+use simulation::scenario::RecordingSection;
 
 /// Prefix of the refusal counters.
 const REFUSED: &str = "refused_";
@@ -100,6 +101,8 @@ pub struct Comparison<'a> {
     refusals: Option<Field>,
     is_closed: bool,
     ignores_stages: bool,
+    /// Ticks between two messages of the run on `/tf`; 0: it has none.
+    poses_period_ticks: u64,
 }
 
 impl<'a> Comparison<'a> {
@@ -117,6 +120,7 @@ impl<'a> Comparison<'a> {
             refusals: None,
             is_closed: false,
             ignores_stages: false,
+            poses_period_ticks: poses_period_ticks(&recording.scenario()),
         }
     }
 
@@ -171,7 +175,12 @@ impl<'a> Comparison<'a> {
     fn next(&mut self, wanted: Option<MessagePosition<'_>>) -> Option<Message> {
         if self.of_tick.is_empty() {
             self.of_tick.extend(self.ahead.take());
-            while let Some(message) = self.before.find(|message| is_of_run(&message.channel.topic)) {
+            let period = self.poses_period_ticks;
+            let is_of_run = |message: &Message| {
+                MessageKind::of(&message.channel.topic)
+                    .is_some_and(|kind| kind.is_of_run(message.tick(), &message.data, period))
+            };
+            while let Some(message) = self.before.find(is_of_run) {
                 if self.of_tick.front().is_some_and(|first| first.tick() != message.tick()) {
                     self.ahead = Some(message);
                     break;
@@ -192,7 +201,7 @@ impl<'a> Comparison<'a> {
 impl Checker for Comparison<'_> {
     fn take(&mut self, topic: &str, tick: Tick, cdr: &[u8]) {
         let Some(kind) = MessageKind::of(topic) else { return };
-        if self.is_done() {
+        if self.is_done() || !kind.is_of_run(tick, cdr, self.poses_period_ticks) {
             return;
         }
         let now = MessagePosition { tick, topic };
@@ -273,6 +282,15 @@ fn message_difference(
     Difference::new(at, Field { name: WHOLE_MESSAGE.to_owned(), before: text(before), now: text(now) })
 }
 
+/// Ticks between two messages of a run on `/tf`, by its scenario.
+fn poses_period_ticks(scenario: &str) -> u64 {
+    let default = RecordingSection::default().poses_period_ticks.into();
+    let Ok(table) = scenario.parse::<toml::Table>() else { return default };
+    let section = table.get("recording").and_then(toml::Value::as_table);
+    let period = section.and_then(|section| section.get("poses_period_ticks")).and_then(toml::Value::as_integer);
+    period.and_then(|period| u64::try_from(period).ok()).unwrap_or(default)
+}
+
 /// Whether the messages of a topic belong to the run.
 #[must_use]
 pub fn is_of_run(topic: &str) -> bool {
@@ -313,6 +331,20 @@ impl MessageKind {
             (topics::result(), Self::Result),
         ];
         of_run.into_iter().find_map(|(known, kind)| (known.name == topic).then_some(kind))
+    }
+
+    /// Whether a message of the kind belongs to the run, whose recording has all poses every
+    /// `poses_period_ticks`: other transforms, and those of scans, which have an earlier stamp, are
+    /// there for visualisation messages.
+    fn is_of_run(self, tick: Tick, cdr: &[u8], poses_period_ticks: u64) -> bool {
+        if self != Self::Transforms {
+            return true;
+        }
+        if poses_period_ticks == 0 || !tick.0.is_multiple_of(poses_period_ticks) {
+            return false;
+        }
+        let Ok(TFMessage { transforms }) = cdr::decode(cdr) else { return true };
+        transforms.first().is_none_or(|first| first.header.stamp == tick.into())
     }
 
     /// The first field that differs.

@@ -24,10 +24,11 @@ use std::path::{Path, PathBuf};
 use mcap::records::MessageHeader;
 use mcap::{Attachment, Compression, McapResult, WriteOptions, Writer};
 use msgs::ids::Tick;
-use msgs::schema;
 use msgs::topics::Topic;
+use msgs::{schema, type_hash};
 use thiserror::Error;
 
+use crate::bag::{self, BagTopic};
 use destination::Destination;
 pub use queue::{RecorderQueue, RunRecorder};
 use sink::Sink;
@@ -38,6 +39,13 @@ const CHUNK_TICKS: u64 = 500;
 
 /// Bytes after which a chunk ends early, so that readers need little memory.
 const CHUNK_BYTES_MAX: usize = 1 << 20;
+
+/// The program that a recording names; its version follows.
+pub(crate) const LIBRARY: &str = "maes sim_server";
+
+/// Keys of the metadata of channels, as rosbag2 writes them.
+pub(crate) const QOS_KEY: &str = "offered_qos_profiles";
+pub(crate) const TYPE_HASH_KEY: &str = "topic_type_hash";
 
 /// Provisional saves for each sync to the disk. The session saves twice a second, so that a power
 /// failure costs about ten seconds.
@@ -80,6 +88,10 @@ pub struct Recorder {
     sink: Sink,
     writer: Writer<Sink>,
     channels: Vec<Topic>,
+    /// Number of messages, by channel.
+    messages: Vec<u64>,
+    /// The ticks of the first and the latest message.
+    ticks: Option<(Tick, Tick)>,
     channel_of_topic: BTreeMap<String, usize>,
     /// Channels that the writer knows: later ones are added with the open chunk.
     channels_known: usize,
@@ -136,6 +148,8 @@ impl Recorder {
             sink,
             writer,
             channels: Vec::new(),
+            messages: Vec::new(),
+            ticks: None,
             channel_of_topic: BTreeMap::new(),
             channels_known: 0,
             open: OpenChunk::default(),
@@ -180,11 +194,15 @@ impl Recorder {
             None => {
                 let channel = self.channels.len();
                 self.channels.push(topic.clone());
+                self.messages.push(0);
                 self.channel_of_topic.insert(topic.name.clone(), channel);
                 channel
             }
         };
         self.open.push(channel, tick, cdr);
+        self.messages[channel] += 1;
+        let first = self.ticks.map_or(tick, |(first, _)| first);
+        self.ticks = Some((first, tick));
         Ok(())
     }
 
@@ -214,7 +232,29 @@ impl Recorder {
         let finished = self.writer.finish();
         finished.map_err(|source| self.mcap_error(source))?;
         self.sync()?;
-        self.publish()
+        self.publish()?;
+        let Some(destination) = &self.destination else { return Ok(()) };
+        let written = destination.write_metadata(|name| self.metadata(name));
+        written.map_err(|source| self.file_error(source))
+    }
+
+    /// The metadata of a rosbag2 bag with this recording under `file_name`.
+    fn metadata(&self, file_name: &str) -> String {
+        let mut topics: Vec<BagTopic> = self
+            .channels
+            .iter()
+            .zip(&self.messages)
+            .map(|(topic, &messages)| BagTopic {
+                name: topic.name.clone(),
+                type_name: topic.message.to_string(),
+                offered_qos: topic.qos.offered_qos_profiles(),
+                type_hash: type_hash::of(topic.message),
+                messages,
+            })
+            .collect();
+        topics.sort_by(|one, other| one.name.cmp(&other.name));
+        let (first, last) = self.ticks.unwrap_or_default();
+        bag::text(&topics, first.time_ns()..=last.time_ns(), file_name)
     }
 
     fn end_chunk(&mut self) -> Result<(), RecordError> {
@@ -326,7 +366,7 @@ fn open_writer<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
 
 /// Writer options of recordings and live streams.
 pub(crate) fn options() -> WriteOptions {
-    WriteOptions::new().profile("ros2").library(concat!("maes sim_server ", env!("CARGO_PKG_VERSION")))
+    WriteOptions::new().profile("ros2").library(format!("{LIBRARY} {}", env!("CARGO_PKG_VERSION")))
 }
 
 /// Attaches documents to a new file.
@@ -352,7 +392,10 @@ fn channel_id(number: usize) -> u16 {
 pub(crate) fn add_channel<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
     let definition = schema::text(topic.message);
     let schema = writer.add_schema(&topic.message.to_string(), "ros2msg", definition.as_bytes())?;
-    let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), topic.qos.offered_qos_profiles())]);
+    let metadata = BTreeMap::from([
+        (QOS_KEY.to_owned(), topic.qos.offered_qos_profiles()),
+        (TYPE_HASH_KEY.to_owned(), type_hash::of(topic.message)),
+    ]);
     writer.add_channel(schema, &topic.name, "cdr", &metadata)
 }
 

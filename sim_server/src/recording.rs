@@ -13,8 +13,11 @@
 //! which have no stage, come in the present form. [`Follower`] reads a recording while it is
 //! written.
 
+mod channels;
 mod follower;
+pub mod index;
 mod records;
+pub mod recovery;
 mod source;
 
 use std::borrow::Cow;
@@ -27,13 +30,12 @@ use crc32fast::Hasher;
 use mcap::records::{Record, op};
 use msgs::cdr::{self, CdrError};
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::Command;
-use msgs::message::Message as _;
 use msgs::topics;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use crate::input_file;
+use channels::KnownChannels;
 pub use follower::Follower;
 use records::{ChunkRecords, Flaw, Frame, Frames};
 use source::{Source, WINDOW_BYTES};
@@ -50,6 +52,10 @@ pub const TEXT_MAP_ATTACHMENT: &str = "map.txt";
 /// The attachments that a run writes; those of other programs are skipped.
 const DOCUMENTS: [&str; 3] = [SCENARIO_ATTACHMENT, MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT];
 
+/// Messages of a file without attachments that are inspected for what has written it. Every tick
+/// has some of the run, and topics of tools come between them.
+const MESSAGES_INSPECTED_MAX: usize = 10_000;
+
 /// Bytes that are read at once where most records are skipped.
 const SKIPPING_BYTES: usize = 1 << 12;
 
@@ -63,11 +69,15 @@ pub enum RecordingError {
     #[error("{file}: no MCAP recording: {reason}")]
     NoMcap { file: String, reason: String },
     /// The file is another MCAP file.
-    #[error(
-        "{file}: not a recording of this simulator: it has no attachment {SCENARIO_ATTACHMENT}; \
-         tools that rewrite recordings must keep attachments"
-    )]
+    #[error("{file}: not a recording of this simulator: it has neither its attachments nor messages of maes_msgs")]
     OtherRecording { file: String },
+    /// The file has messages of a run, but not what the run was made of.
+    #[error(
+        "{file}: its attachments {SCENARIO_ATTACHMENT} and {MAP_ATTACHMENT} are missing: another program has written \
+         this recording again without them; take the file that `maes run` has written; \
+         `maes replay` plays the topics of this one, and `maes info` lists them"
+    )]
+    NoAttachments { file: String },
     /// The file holds several recordings.
     #[error(
         "{file}: two attachments {name} that differ: expected the recording of one run; merged ones cannot be read"
@@ -91,8 +101,10 @@ pub struct Channel {
     pub type_name: String,
     /// Offered QoS profiles, as rosbag2 writes them.
     pub offered_qos: String,
+    /// Hash of the type (REP-2016); empty in recordings of earlier builds.
+    pub type_hash: String,
     /// Whether its messages are commands of an earlier build, which end before the stage: they are
-    /// returned with the stage [`Command::SAME`].
+    /// returned with the stage [`SAME`](msgs::maes_msgs::Command::SAME).
     pub lacks_stage: bool,
 }
 
@@ -162,8 +174,16 @@ impl Recording {
     /// Opens a file, of any length.
     ///
     /// # Errors
-    /// If it cannot be read or is no recording of this simulator.
+    /// If it cannot be read, is no recording of this simulator, or has lost its attachments.
     pub fn open(file: &Path) -> Result<Self, RecordingError> {
+        Self::open_messages(file)?.with_attachments()
+    }
+
+    /// Opens a file for its messages alone: it may have lost its attachments.
+    ///
+    /// # Errors
+    /// If it cannot be read or is no recording of this simulator.
+    pub fn open_messages(file: &Path) -> Result<Self, RecordingError> {
         let name = file.display().to_string();
         let source = input_file::open(file).and_then(|file| Source::of_file(Arc::new(file)));
         let source = source.map_err(|source| RecordingError::Read { file: name.clone(), source })?;
@@ -175,16 +195,22 @@ impl Recording {
     /// # Errors
     /// If they are no recording of this simulator.
     pub fn from_bytes(file: String, bytes: Vec<u8>) -> Result<Self, RecordingError> {
-        Self::of_source(file, Source::of_bytes(bytes))
+        Self::of_source(file, Source::of_bytes(bytes))?.with_attachments()
+    }
+
+    fn with_attachments(self) -> Result<Self, RecordingError> {
+        if self.attachments.contains_key(SCENARIO_ATTACHMENT) {
+            return Ok(self);
+        }
+        Err(RecordingError::NoAttachments { file: self.file })
     }
 
     fn of_source(file: String, mut source: Source) -> Result<Self, RecordingError> {
-        let no_mcap = |reason: &str| RecordingError::NoMcap { file: file.clone(), reason: reason.to_owned() };
         let mut magic = [0; mcap::MAGIC.len()];
         let read = source.read_at(0, &mut magic);
         let read = read.map_err(|source| RecordingError::Read { file: file.clone(), source })?;
         if magic[..read] != *mcap::MAGIC {
-            return Err(no_mcap("it does not begin as MCAP does"));
+            return Err(no_mcap(&file, "it does not begin as MCAP does"));
         }
         let mut attachments: BTreeMap<String, Vec<u8>> = BTreeMap::new();
         let mut last_chunk = None;
@@ -219,9 +245,9 @@ impl Recording {
                 }
             }
         }
-        if !attachments.contains_key(SCENARIO_ATTACHMENT) {
+        if !attachments.contains_key(SCENARIO_ATTACHMENT) && !has_messages_of_a_run(&source) {
             return Err(match flaw {
-                Some(flaw) => no_mcap(&End::of(flaw, source.length()).to_string()),
+                Some(flaw) => no_mcap(&file, &End::of(flaw, source.length()).to_string()),
                 None => RecordingError::OtherRecording { file },
             });
         }
@@ -237,10 +263,10 @@ impl Recording {
         &self.file
     }
 
-    /// The scenario as TOML.
+    /// The scenario as TOML; empty if the attachment is missing.
     #[must_use]
     pub fn scenario(&self) -> Cow<'_, str> {
-        String::from_utf8_lossy(&self.attachments[SCENARIO_ATTACHMENT])
+        self.attachment(SCENARIO_ATTACHMENT).map_or(Cow::Borrowed(""), String::from_utf8_lossy)
     }
 
     /// Whether two files are equal, byte for byte.
@@ -268,6 +294,17 @@ impl Recording {
     }
 }
 
+fn no_mcap(file: &str, reason: &str) -> RecordingError {
+    RecordingError::NoMcap { file: file.to_owned(), reason: reason.to_owned() }
+}
+
+/// Whether some message is of a type of this project, so that the file is of a run, whatever a
+/// program has made of it since.
+fn has_messages_of_a_run(source: &Source) -> bool {
+    let is_of_a_run = |message: &Message| message.channel.type_name.starts_with("maes_msgs/");
+    Messages::new(source).take(MESSAGES_INSPECTED_MAX).any(|message| is_of_a_run(&message))
+}
+
 impl End {
     fn of(flaw: Flaw, length: u64) -> Self {
         match flaw {
@@ -289,62 +326,6 @@ pub struct Messages<'a> {
     /// Of the bytes so far; `None` if reading did not begin with the file.
     hasher: Option<Hasher>,
     end: Option<End>,
-}
-
-/// What the messages of a file refer to, by id.
-#[derive(Debug, Clone, Default)]
-struct KnownChannels {
-    schemas: BTreeMap<u16, KnownSchema>,
-    channels: BTreeMap<u16, Arc<Channel>>,
-}
-
-impl KnownChannels {
-    /// Reads a record, and returns the message if it is one.
-    fn read(&mut self, kind: u8, content: &[u8]) -> Result<Option<Message>, String> {
-        match mcap::parse_record(kind, content).map_err(|error| error.to_string())? {
-            Record::Schema { header, data } => {
-                self.schemas.insert(header.id, KnownSchema::new(header.name, &data));
-            }
-            Record::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
-                let KnownSchema { name: type_name, lacks_stage } = schema;
-                let offered_qos = channel.metadata.get("offered_qos_profiles").cloned().unwrap_or_default();
-                let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos, lacks_stage });
-                self.channels.insert(channel.id, known);
-            }
-            Record::Message { header, data } => {
-                let channel = self.channels.get(&header.channel_id).cloned();
-                let channel =
-                    channel.ok_or_else(|| format!("a message of channel {}, which is unknown", header.channel_id))?;
-                let mut data = data.into_owned();
-                if channel.lacks_stage {
-                    data.extend([Command::SAME; Command::UNDIGESTED_BYTES]);
-                }
-                return Ok(Some(Message { channel, time_ns: header.log_time, data }));
-            }
-            _ => {}
-        }
-        Ok(None)
-    }
-}
-
-/// A type of messages.
-#[derive(Debug, Clone, Default)]
-struct KnownSchema {
-    name: String,
-    lacks_stage: bool,
-}
-
-impl KnownSchema {
-    fn new(name: String, definition: &[u8]) -> Self {
-        let has_stage = || {
-            // The definitions of the types that it contains follow behind a rule.
-            let mut own = definition.split(|&byte| byte == b'\n').take_while(|line| !line.starts_with(b"==="));
-            own.any(|line| line.starts_with(b"uint8 stage"))
-        };
-        let lacks_stage = name == Command::TYPE.to_string() && !has_stage();
-        Self { name, lacks_stage }
-    }
 }
 
 impl<'a> Messages<'a> {

@@ -8,6 +8,7 @@
 
 mod join;
 mod links;
+mod relayed_beliefs;
 mod services;
 mod teleoperation;
 mod visualisation;
@@ -15,7 +16,7 @@ mod visualisation;
 pub mod replay;
 
 use std::cell::Cell;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -27,6 +28,7 @@ use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::signing::NONE;
 use msgs::topics;
+use msgs::visualization_msgs::Marker;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{Connected, Context, Inbox, Node, Publisher, RosError, Sample, linger, own_source};
@@ -41,6 +43,7 @@ use simulation::visualisation::{Subscribers, VisualisationMessage, Visualisation
 
 use join::JoinOfAnyVersion;
 use links::Links;
+use relayed_beliefs::RelayedBeliefs;
 use services::{ServiceEvent, Services};
 use teleoperation::TeleoperatedAgents;
 use visualisation::VisualisationPublishers;
@@ -95,6 +98,7 @@ pub struct RosTransport {
     clock: Publisher<Clock>,
     progress: Publisher<Progress>,
     visualisation: VisualisationPublishers,
+    beliefs: RelayedBeliefs,
     rosout: Rosout,
     node: Node,
     context: Context,
@@ -166,6 +170,7 @@ impl RosTransport {
             clock,
             progress,
             visualisation,
+            beliefs: RelayedBeliefs::new(endpoints),
             rosout,
             node,
             context,
@@ -272,6 +277,18 @@ impl ObserverOutput for RosTransport {
 
     fn log(&mut self, level: Level, text: &str) {
         self.rosout.log(&mut self.node, NODE, level, text);
+    }
+
+    fn relays_beliefs(&self) -> bool {
+        true
+    }
+
+    fn relay_beliefs(&mut self, agents: &BTreeSet<AgentId>) {
+        self.beliefs.select(agents, &mut self.node, &mut self.inbox);
+    }
+
+    fn relayed_belief(&mut self) -> Option<(AgentId, Marker)> {
+        self.beliefs.next()
     }
 }
 

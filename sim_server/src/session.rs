@@ -226,9 +226,11 @@ impl<'c> Session<'c, '_> {
             return Ok(reason);
         }
         loop {
+            // Before anything with the stamp of this tick is published, which may be while the pace is
+            // held.
+            self.transport.clock(self.engine.tick());
             self.hold_pace()?;
             self.end_phase(Phase::Pace);
-            self.transport.clock(self.engine.tick());
             self.record_state()?;
             self.end_phase(Phase::State);
             self.control.report_steps();
@@ -335,7 +337,7 @@ impl<'c> Session<'c, '_> {
         let mut requests = Vec::with_capacity(due.len());
         for (agent, since) in due {
             if is_live && self.teleoperated.contains(&agent) {
-                observers::send_sensors(self.engine.world(), agent, self.transport);
+                self.observers.send_sensors(self.engine.world(), agent, self.transport);
             }
             let request = self.engine.request(agent, since, Fragment::RUNNING);
             if recorded.is_none() {

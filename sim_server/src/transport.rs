@@ -10,6 +10,7 @@
 //! a message may get lost, be repeated or overtake another one, and the session resends what stays
 //! unanswered; messages arrive unchanged.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
@@ -18,6 +19,7 @@ use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservat
 use msgs::nav_msgs::Odometry;
 pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
+use msgs::visualization_msgs::Marker;
 pub use simulation::lockstep::{Inbound, Incoming};
 use simulation::scenario::Rtf;
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
@@ -81,6 +83,16 @@ pub trait ObserverOutput {
     fn real_time_factor(&mut self, _rtf: Rtf) {}
     /// Publishes a line of the log.
     fn log(&mut self, _level: Level, _text: &str) {}
+    /// Whether the belief maps that agents publish can be relayed.
+    fn relays_beliefs(&self) -> bool {
+        false
+    }
+    /// Relays the belief maps of these agents from now on, and of no others.
+    fn relay_beliefs(&mut self, _agents: &BTreeSet<AgentId>) {}
+    /// The next relayed message of an agent.
+    fn relayed_belief(&mut self) -> Option<(AgentId, Marker)> {
+        None
+    }
 }
 
 /// Input of control requests; a transport without them leaves the defaults.

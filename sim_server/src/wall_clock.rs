@@ -2,7 +2,9 @@
 //!
 //! Timeouts, pacing, flushing and reports depend on wall time; no result of a run does.
 
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use msgs::builtin_interfaces::Time;
 
 /// The present wall time, monotonic.
 #[expect(
@@ -12,6 +14,14 @@ use std::time::{Duration, Instant};
 #[must_use]
 pub fn now() -> Instant {
     Instant::now()
+}
+
+/// The system time, which ROS nodes stamp log messages with.
+#[expect(clippy::disallowed_methods, reason = "no result depends on the stamp of a log message")]
+#[must_use]
+pub fn system_time() -> Time {
+    let passed = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Time { sec: i32::try_from(passed.as_secs()).unwrap_or(i32::MAX), nanosec: passed.subsec_nanos() }
 }
 
 /// A duration in nanoseconds, `u64::MAX` where it would be longer (584 years).

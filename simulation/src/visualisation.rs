@@ -7,29 +7,30 @@
 //! without subscribers are not computed, and a new subscriber gets everything from the start.
 //!
 //! Invariants: the world does not change; no message is larger than
-//! [`msgs::limits::VIEW_BYTES_MAX`]; every stamp is sim time. Frames: `map` is the world,
-//! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` coincides with the body. There is no
-//! frame `odom`, because poses are known.
+//! [`msgs::limits::VIEW_BYTES_MAX`]; every stamp is sim time; a message with a stamp comes after the
+//! transforms of that stamp, to whoever receives both. Frames: `map` is the world,
+//! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` coincides with the body, and
+//! `agent_<id>/odom` with `map`, because poses are known.
 //!
 //! Subscribers and wall time are arguments: there is no transport and no clock here.
 
 mod cells;
 mod cloud;
+mod description;
+mod message;
+mod plane;
 mod poses;
+mod sent_transforms;
 mod status;
+mod topic;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use msgs::diagnostic_msgs::DiagnosticArray;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs;
-use msgs::nav_msgs::{Odometry, Path};
-use msgs::sensor_msgs::PointCloud2;
+use msgs::rosgraph_msgs::Clock;
 use msgs::tf2_msgs::TFMessage;
-use msgs::topics::{self, Topic};
 use msgs::visualization_msgs::Marker;
 use nalgebra::Point3;
-use serde::{Serialize, Serializer};
 use voxels::{Grid, Terrain};
 
 use crate::scenario::{RecordedView, ViewsSection};
@@ -37,117 +38,14 @@ use crate::world::World;
 
 use cells::{Unexplored, walls};
 pub use cloud::points;
-pub use poses::odometry;
+pub use message::VisualisationMessage;
+pub use poses::{measured_odometry, odometry};
+use sent_transforms::SentTransforms;
 pub use status::{LiveStatus, RunStatus};
+pub use topic::VisualisationTopic;
 
 /// Wall time between two chunks of a topic, ns, so that a subscriber can take each before the next.
 const CHUNK_PERIOD_NS: u64 = 10_000_000;
-
-/// A visualisation topic.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum VisualisationTopic {
-    /// The poses of all bodies.
-    Transforms,
-    /// The static frames.
-    StaticTransforms,
-    /// Pose and velocity of an agent.
-    Odometry(AgentId),
-    /// The last scan of an agent, as a point cloud.
-    Points(AgentId),
-    /// The remaining waypoints of an agent.
-    Path(AgentId),
-    /// The visible walls of the map.
-    Map,
-    /// The free cells that no agent has seen.
-    Unexplored,
-    /// The contacts between agents and relays.
-    Contacts,
-    /// The status of the run and of each agent, as diagnostics.
-    Info,
-    /// The digest of the run so far.
-    Digest,
-    /// The result of the run.
-    Result,
-}
-
-impl VisualisationTopic {
-    /// All topics of a run with this many agents.
-    pub fn all(agents: u32) -> impl Iterator<Item = Self> {
-        let of_run = [
-            Self::Transforms,
-            Self::StaticTransforms,
-            Self::Map,
-            Self::Unexplored,
-            Self::Contacts,
-            Self::Info,
-            Self::Digest,
-            Self::Result,
-        ];
-        let of_agent = |agent| [Self::Odometry(agent), Self::Points(agent), Self::Path(agent)];
-        of_run.into_iter().chain((0..agents).map(AgentId).flat_map(of_agent))
-    }
-
-    /// Whether it is published in chunks.
-    fn is_chunked(self) -> bool {
-        matches!(self, Self::Map | Self::Unexplored)
-    }
-
-    /// Its name, type and QoS.
-    #[must_use]
-    pub fn topic(self) -> Topic {
-        match self {
-            Self::Transforms => topics::tf(),
-            Self::StaticTransforms => topics::tf_static(),
-            Self::Odometry(agent) => topics::odometry(agent),
-            Self::Points(agent) => topics::points(agent),
-            Self::Path(agent) => topics::path(agent),
-            Self::Map => topics::map(),
-            Self::Unexplored => topics::unexplored(),
-            Self::Contacts => topics::contacts(),
-            Self::Info => topics::info(),
-            Self::Digest => topics::digest(),
-            Self::Result => topics::result(),
-        }
-    }
-}
-
-/// A message of a visualisation topic.
-#[derive(Debug, Clone, PartialEq)]
-pub enum VisualisationMessage {
-    /// Of [`VisualisationTopic::Transforms`] and [`VisualisationTopic::StaticTransforms`].
-    Transforms(TFMessage),
-    /// Of [`VisualisationTopic::Odometry`].
-    Odometry(Box<Odometry>),
-    /// Of [`VisualisationTopic::Points`].
-    Points(PointCloud2),
-    /// Of [`VisualisationTopic::Path`].
-    Path(Path),
-    /// Of [`VisualisationTopic::Map`], [`VisualisationTopic::Unexplored`] and
-    /// [`VisualisationTopic::Contacts`].
-    Marker(Box<Marker>),
-    /// Of [`VisualisationTopic::Info`].
-    Info(DiagnosticArray),
-    /// Of [`VisualisationTopic::Digest`].
-    Digest(maes_msgs::Digest),
-    /// Of [`VisualisationTopic::Result`].
-    Result(Box<maes_msgs::Result>),
-}
-
-/// Serialises as the message that it holds.
-impl Serialize for VisualisationMessage {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Transforms(message) => message.serialize(serializer),
-            Self::Odometry(message) => message.serialize(serializer),
-            Self::Points(message) => message.serialize(serializer),
-            Self::Path(message) => message.serialize(serializer),
-            Self::Marker(message) => message.serialize(serializer),
-            Self::Info(message) => message.serialize(serializer),
-            Self::Digest(message) => message.serialize(serializer),
-            Self::Result(message) => message.serialize(serializer),
-        }
-    }
-}
 
 /// The topics with subscribers, each with the number of subscribers that have ever matched: a
 /// larger number than before means a new one.
@@ -172,20 +70,27 @@ pub struct VisualisationScheduler {
     recorded_topics: Vec<VisualisationTopic>,
     live: PublishState,
     recorded: PublishState,
+    live_transforms: SentTransforms,
+    recorded_transforms: SentTransforms,
 }
 
 impl VisualisationScheduler {
-    /// Nothing published yet of a run with this many agents.
+    /// Nothing published yet of a run with this many agents, whose recording has the poses of all
+    /// agents every `recorded_poses_period_ticks`, or not at all if that is 0.
     #[must_use]
-    pub fn new(settings: ViewsSection, agents: u32) -> Self {
+    pub fn new(settings: ViewsSection, agents: u32, recorded_poses_period_ticks: u32) -> Self {
         let asked: BTreeSet<RecordedView> = settings.record.iter().copied().collect();
-        let recorded_topics = VisualisationTopic::all(agents)
+        // The clock comes before what has its stamp.
+        let recorded_topics = std::iter::once(VisualisationTopic::Clock)
+            .chain(VisualisationTopic::all(agents))
             .filter(|topic| recorded_as(*topic).is_some_and(|name| asked.contains(&name)));
         Self {
             recorded_topics: recorded_topics.collect(),
             settings,
             live: PublishState::default(),
             recorded: PublishState::default(),
+            live_transforms: SentTransforms::new(agents, 0),
+            recorded_transforms: SentTransforms::new(agents, recorded_poses_period_ticks),
         }
     }
 
@@ -207,7 +112,7 @@ impl VisualisationScheduler {
                 while self.recorded.chunk(topic, world, &mut messages) {}
             }
         }
-        messages
+        self.recorded_transforms.precede(world, messages)
     }
 
     /// The messages to publish now; of a chunked topic at most one chunk.
@@ -234,6 +139,9 @@ impl VisualisationScheduler {
                 }
                 entry.arrivals = arrivals;
                 self.live.reset(topic);
+                if topic == VisualisationTopic::Transforms {
+                    self.live_transforms.forget();
+                }
             }
             if wall_ns >= self.live.entry(topic).next_ns
                 && self.live.is_due(topic, world, self.settings.period_ticks(topic))
@@ -246,7 +154,35 @@ impl VisualisationScheduler {
                 self.live.entry(topic).next_chunk_ns = wall_ns + CHUNK_PERIOD_NS;
             }
         }
+        if !subscribers.contains_key(&VisualisationTopic::Transforms) {
+            return messages;
+        }
+        let messages = self.live_transforms.precede(world, messages);
+        if self.live_transforms.is_complete_at(world.tick()) {
+            let entry = self.live.entry(VisualisationTopic::Transforms);
+            if entry.published != Some(world.tick()) {
+                // These poses take the turn of the next ones.
+                (entry.published, entry.next_ns) = (Some(world.tick()), wall_ns + self.settings.pause_ns());
+            }
+        }
         messages
+    }
+
+    /// The transform that precedes sensor messages of an agent with the stamp of this tick, if it was
+    /// not published yet and its topic has subscribers.
+    pub fn due_before_sensors(
+        &mut self,
+        world: &World,
+        agent: AgentId,
+        subscribers: &Subscribers,
+    ) -> Option<VisualisationMessage> {
+        let is_due = subscribers.contains_key(&VisualisationTopic::Transforms)
+            && self.live_transforms.insert(world, agent, world.tick());
+        let pose = world.body(agent).pose();
+        is_due.then(|| {
+            let transforms = vec![crate::wire::transform(agent, world.tick(), pose)];
+            VisualisationMessage::Transforms(TFMessage { transforms })
+        })
     }
 
     /// Whether a message that the session makes itself, such as the digest, may be published now.
@@ -273,6 +209,11 @@ fn recorded_as(topic: VisualisationTopic) -> Option<RecordedView> {
         VisualisationTopic::Unexplored => Some(RecordedView::Unexplored),
         VisualisationTopic::Contacts => Some(RecordedView::Contacts),
         VisualisationTopic::Info => Some(RecordedView::Info),
+        VisualisationTopic::Diagnostics => Some(RecordedView::Diagnostics),
+        VisualisationTopic::RobotDescription => Some(RecordedView::RobotDescription),
+        VisualisationTopic::Occupancy => Some(RecordedView::Occupancy),
+        VisualisationTopic::MapPoints => Some(RecordedView::MapPoints),
+        VisualisationTopic::Clock => Some(RecordedView::Clock),
         VisualisationTopic::Transforms | VisualisationTopic::Digest | VisualisationTopic::Result => None,
     }
 }
@@ -321,7 +262,7 @@ impl PublishState {
         let published = self.entry(topic).published;
         match (topic, published) {
             (VisualisationTopic::Digest | VisualisationTopic::Result, _) => false,
-            (VisualisationTopic::StaticTransforms | VisualisationTopic::Map, published) => published.is_none(),
+            (topic, published) if topic.is_static() => published.is_none(),
             (VisualisationTopic::Points(agent), published) => world.last_scan(agent).is_some_and(|(_, scan)| {
                 // A scan of this tick has not been cast yet, or not completely.
                 scan < world.tick() && published.is_none_or(|published| scan.0 >= published.0 + period_ticks)
@@ -365,7 +306,11 @@ impl PublishState {
             VisualisationTopic::Path(agent) => {
                 let waypoints = world.body(agent).waypoints();
                 if self.paths.get(&agent) != Some(&waypoints) {
-                    push(messages, topic, [VisualisationMessage::Path(poses::path(world.tick(), &waypoints))]);
+                    push(
+                        messages,
+                        topic,
+                        [VisualisationMessage::Path(poses::path(world.tick(), world.body(agent).pose(), &waypoints))],
+                    );
                     self.paths.insert(agent, waypoints);
                 }
             }
@@ -382,6 +327,25 @@ impl PublishState {
             }
             VisualisationTopic::Info => {
                 push(messages, topic, status::info(world, run_status).into_iter().map(VisualisationMessage::Info))
+            }
+            VisualisationTopic::Diagnostics => push(
+                messages,
+                topic,
+                status::diagnostics(world, run_status).into_iter().map(VisualisationMessage::Info),
+            ),
+            VisualisationTopic::RobotDescription => {
+                push(messages, topic, [VisualisationMessage::Text(description::robots(world))])
+            }
+            VisualisationTopic::Occupancy => {
+                let occupancy = plane::occupancy(world.terrain(), world.tick());
+                push(messages, topic, [VisualisationMessage::Occupancy(Box::new(occupancy))])
+            }
+            VisualisationTopic::MapPoints => {
+                let points = cloud::of_walls(world.terrain(), world.tick());
+                push(messages, topic, [VisualisationMessage::Points(points)])
+            }
+            VisualisationTopic::Clock => {
+                push(messages, topic, [VisualisationMessage::Clock(Clock { clock: world.tick().into() })])
             }
             VisualisationTopic::Digest | VisualisationTopic::Result => {}
         }

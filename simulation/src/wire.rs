@@ -389,19 +389,22 @@ pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
     let transforms = world
         .agents()
         .filter(|&agent| world.presence(agent).is_in_world())
-        .map(|agent| {
-            let pose = world.body(agent).pose();
-            geometry_msgs::TransformStamped {
-                header: header(world.tick()),
-                child_frame_id: body_frame(agent),
-                transform: geometry_msgs::Transform {
-                    translation: vector(&pose.position.coords),
-                    rotation: rotation(pose.yaw_rad),
-                },
-            }
-        })
+        .map(|agent| transform(agent, world.tick(), world.body(agent).pose()))
         .collect();
     msgs::tf2_msgs::TFMessage { transforms }
+}
+
+/// The pose of a body at a tick as a transform from `map` to `agent_<id>/base_link`.
+#[must_use]
+pub fn transform(agent: AgentId, tick: Tick, pose: &Pose) -> geometry_msgs::TransformStamped {
+    geometry_msgs::TransformStamped {
+        header: header(tick),
+        child_frame_id: body_frame(agent),
+        transform: geometry_msgs::Transform {
+            translation: vector(&pose.position.coords),
+            rotation: rotation(pose.yaw_rad),
+        },
+    }
 }
 
 /// The frame of an agent's body: x forward, y left, z up, the origin in its centre.

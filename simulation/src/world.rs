@@ -257,7 +257,14 @@ impl World {
         state.drift.measured(&state.body.pose().position, self.terrain.extent())
     }
 
-    /// Moves a body to a pose, at rest, and ends its task with [`EventMask::TASK_DONE`].
+    /// The variance of [`Self::measured_position`] along each axis, m^2: of the drift, spread evenly
+    /// within its bound, which it is in the long run.
+    #[must_use]
+    pub fn measured_variance_m2(&self) -> f64 {
+        self.lidar.noise.pose_bound_m.powi(2) / 3.0
+    }
+
+    /// Moves a body to a pose, at rest, and ends its task with [`TASK_DONE`].
     ///
     /// # Errors
     /// The obstacle, if the body does not fit there; the world is unchanged then.

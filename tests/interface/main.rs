@@ -49,11 +49,11 @@ fn cases() -> Vec<Case> {
             AgentMessage Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar Motion Observation
             Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
         }
-        nav_msgs { Odometry Path }
+        nav_msgs { MapMetaData OccupancyGrid Odometry Path }
         rcl_interfaces { Log }
         rosgraph_msgs { Clock }
         sensor_msgs { CompressedImage PointCloud2 PointField }
-        std_msgs { ColorRGBA Header }
+        std_msgs { ColorRGBA Header String }
         tf2_msgs { TFMessage }
         visualization_msgs { Marker MarkerArray MeshFile UVCoordinate }
     }

@@ -42,6 +42,8 @@ pub(crate) struct Client {
     services: BTreeMap<String, u64>,
     /// Messages by topic.
     pub(crate) messages: BTreeMap<String, Vec<Vec<u8>>>,
+    /// Their log times, ns.
+    pub(crate) log_times: BTreeMap<String, Vec<u64>>,
     topics: Vec<String>,
     assets: BTreeMap<u32, Result<Vec<u8>, String>>,
     answers: BTreeMap<u32, Result<Vec<u8>, String>>,
@@ -52,13 +54,20 @@ impl Client {
     /// Connects to `host:port/?token=TOKEN`.
     #[track_caller]
     pub(crate) fn connect(address: &str) -> Self {
-        let socket = handshake(address, &[("sec-websocket-protocol", "foxglove.sdk.v1")]);
+        Self::connect_as("foxglove.sdk.v1", address)
+    }
+
+    /// The same with a subprotocol.
+    #[track_caller]
+    pub(crate) fn connect_as(subprotocol: &str, address: &str) -> Self {
+        let socket = handshake(address, &[("sec-websocket-protocol", subprotocol)]);
         let mut client = Self {
             socket: socket.unwrap_or_else(|error| panic!("{address}: {error}")),
             said: BTreeMap::new(),
             channels: BTreeMap::new(),
             services: BTreeMap::new(),
             messages: BTreeMap::new(),
+            log_times: BTreeMap::new(),
             topics: Vec::new(),
             assets: BTreeMap::new(),
             answers: BTreeMap::new(),
@@ -224,6 +233,8 @@ impl Client {
         match bytes[0] {
             1 => {
                 let topic = self.topics[number(1) as usize].clone();
+                let time = u64::from_le_bytes(bytes[5..13].try_into().expect("eight bytes"));
+                self.log_times.entry(topic.clone()).or_default().push(time);
                 self.messages.entry(topic).or_default().push(bytes[13..].to_vec());
             }
             3 => {

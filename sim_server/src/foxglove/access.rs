@@ -29,7 +29,7 @@ const TOKEN_BYTES: usize = 24;
 const TOKEN_PARAMETER: &str = "token";
 
 /// What precedes the token in a subprotocol.
-const TOKEN_SUBPROTOCOL: &str = "maes.token.";
+pub(super) const TOKEN_SUBPROTOCOL: &str = "maes.token.";
 
 /// The secret of one start of the server.
 #[derive(Clone)]

@@ -17,7 +17,7 @@ use hyper::header::{
 };
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
-use hyper::{Method, Request, Response, StatusCode};
+use hyper::{HeaderMap, Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::{Builder, Runtime};
@@ -28,7 +28,7 @@ use tower_http::compression::Compression;
 use tower_http::services::{ServeDir, ServeFile};
 
 use super::FoxgloveServerError;
-use super::access::{Access, Admission, Refusal, subprotocols, without_token};
+use super::access::{Access, Admission, Refusal, TOKEN_SUBPROTOCOL, subprotocols, without_token};
 use super::hub::Hub;
 use super::static_files::{BESIDE, RECORDING};
 use super::timed_stream::TimedStream;
@@ -220,17 +220,17 @@ impl Gateway {
     /// Answers the handshake of a WebSocket, and serves the client.
     fn upgrade<P: Send + Sync + 'static>(&self, mut request: Request<Incoming>, permit: Arc<P>) -> Response<Body> {
         let Some(hub) = self.content.hub.clone() else { return text(StatusCode::NOT_FOUND, "there is no run here") };
-        if !subprotocols(request.headers()).any(|name| name == websocket::SUBPROTOCOL) {
-            let expected = format!("expected the subprotocol {}", websocket::SUBPROTOCOL);
-            return text(StatusCode::BAD_REQUEST, &expected);
-        }
+        let is_offered = |known: &&str| subprotocols(request.headers()).any(|offered| offered == *known);
+        let Some(subprotocol) = websocket::SUBPROTOCOLS.into_iter().find(is_offered) else {
+            return text(StatusCode::BAD_REQUEST, &other_subprotocol(request.headers()));
+        };
         let Ok(mut response) = create_response_with_body(&request, empty) else {
             return text(StatusCode::BAD_REQUEST, "expected the handshake of a WebSocket (RFC 6455)");
         };
         let Ok(client) = Arc::clone(&self.clients).try_acquire_owned() else {
             return text(StatusCode::SERVICE_UNAVAILABLE, &format!("{CLIENTS_MAX} clients are connected already"));
         };
-        response.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(websocket::SUBPROTOCOL));
+        response.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(subprotocol));
         let upgraded = hyper::upgrade::on(&mut request);
         tokio::spawn(async move {
             if let Ok(stream) = upgraded.await {
@@ -267,6 +267,13 @@ impl Gateway {
 
 fn wants_websocket(request: &Request<Incoming>) -> bool {
     request.headers().get(UPGRADE).is_some_and(|value| value.as_bytes().eq_ignore_ascii_case(b"websocket"))
+}
+
+/// Why a client is refused that offers no subprotocol of this server.
+fn other_subprotocol(headers: &HeaderMap) -> String {
+    let offered: Vec<&str> = subprotocols(headers).filter(|name| !name.starts_with(TOKEN_SUBPROTOCOL)).collect();
+    let offered = if offered.is_empty() { "none".to_owned() } else { offered.join(", ") };
+    format!("expected one of the subprotocols {}, offered: {offered}", websocket::SUBPROTOCOLS.join(", "))
 }
 
 fn is_page_itself(request: &Request<Incoming>) -> bool {

@@ -3,7 +3,7 @@
 //!
 //! Clients are served on their own threads; one lock, always held briefly, guards the state.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -74,8 +74,8 @@ struct TopicState {
     /// Subscriptions by client.
     subscribers: BTreeMap<u32, u32>,
     arrivals: u64,
-    /// The latched message with its time in ns, for late subscribers.
-    last: Option<(Vec<u8>, u64)>,
+    /// The last messages with their times in ns, for late subscribers: as many as the depth says.
+    latched: VecDeque<(Vec<u8>, u64)>,
 }
 
 /// A connected client.
@@ -161,7 +161,7 @@ impl Hub {
             state.channels_ever += 1;
             let channel = state.channels_ever;
             state.channel_of_topic.insert(topic.name.clone(), channel);
-            state.topics.insert(channel, TopicState { topic, subscribers: BTreeMap::new(), arrivals: 0, last: None });
+            state.topics.insert(channel, TopicState::new(topic));
         }
         state.revision += 1;
         let info = self.info(&state);
@@ -190,20 +190,37 @@ impl Hub {
     }
 
     /// Publishes a message to the present subscribers.
-    pub(super) fn publish(&self, topic: &str, bytes: &[u8], tick: Tick) {
+    pub(super) fn publish(&self, topic: &str, bytes: &[u8], time_ns: u64) {
         let state = self.state();
         if let Some(topic) = state.channel_of_topic.get(topic).and_then(|channel| state.topics.get(channel)) {
-            topic.publish(&state.clients, bytes, tick.time_ns());
+            topic.publish(&state.clients, bytes, time_ns);
         }
     }
 
     /// Publishes a message that late subscribers receive as well.
     pub(super) fn publish_latched(&self, topic: &str, bytes: Vec<u8>, tick: Tick) {
+        self.publish_latched_at(topic, bytes, tick.time_ns());
+    }
+
+    /// The same with a time in ns.
+    pub(super) fn publish_latched_at(&self, topic: &str, bytes: Vec<u8>, time_ns: u64) {
         let mut state = self.state();
         let State { topics, channel_of_topic, clients, .. } = &mut *state;
         if let Some(topic) = channel_of_topic.get(topic).and_then(|channel| topics.get_mut(channel)) {
-            topic.publish(clients, &bytes, tick.time_ns());
-            topic.last = Some((bytes, tick.time_ns()));
+            topic.publish(clients, &bytes, time_ns);
+            if topic.latched.len() >= topic.topic.qos.depth as usize {
+                topic.latched.pop_front();
+            }
+            topic.latched.push_back((bytes, time_ns));
+        }
+    }
+
+    /// Forgets what late subscribers of a topic would receive.
+    pub(super) fn forget_latched(&self, topic: &str) {
+        let mut state = self.state();
+        let State { topics, channel_of_topic, .. } = &mut *state;
+        if let Some(topic) = channel_of_topic.get(topic).and_then(|channel| topics.get_mut(channel)) {
+            topic.latched.clear();
         }
     }
 
@@ -356,7 +373,7 @@ impl State {
         client.subscriptions.insert(wanted.id, wanted.channel_id);
         topic.subscribers.insert(id, wanted.id);
         topic.arrivals += 1;
-        if let Some((bytes, time_ns)) = &topic.last {
+        for (bytes, time_ns) in &topic.latched {
             client.outbox.publish(&MessageData::new(wanted.id, *time_ns, bytes.as_slice()));
         }
         self.revision += 1;
@@ -379,6 +396,10 @@ impl State {
 }
 
 impl TopicState {
+    fn new(topic: Topic) -> Self {
+        Self { topic, subscribers: BTreeMap::new(), arrivals: 0, latched: VecDeque::new() }
+    }
+
     fn publish(&self, clients: &BTreeMap<u32, ClientState>, bytes: &[u8], time_ns: u64) {
         for (client, subscription) in &self.subscribers {
             if let Some(client) = clients.get(client) {

@@ -1,11 +1,16 @@
 //! A link that also serves the observers of the Foxglove server; messages pass through unchanged.
+//!
+//! Invariant: the log time of a message is its stamp, and where it has none the last clock.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
+use msgs::builtin_interfaces::Time;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
 use msgs::nav_msgs::Odometry;
+use msgs::rcl_interfaces::Log;
+use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::{cdr, topics};
 
@@ -13,11 +18,15 @@ use super::FoxgloveServer;
 use super::services;
 use crate::control::Request;
 use crate::transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
-use crate::wall_clock::now;
+use crate::wall_clock::{now, system_time};
 use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
-/// Minimum wall time between two broadcasts of the time.
+/// The node in log messages.
+const NODE: &str = "sim_server";
+
+/// Minimum wall time between two broadcasts of the time, and two messages on `/clock`: a run makes
+/// thousands of ticks in a second, which would displace everything else.
 const CLOCK_PERIOD: Duration = Duration::from_millis(33);
 
 /// A link with observers.
@@ -26,6 +35,8 @@ pub struct ObservedTransport<'v, L> {
     foxglove: &'v FoxgloveServer,
     scenario: &'v scenario::Scenario,
     view_of_topic: BTreeMap<String, VisualisationTopic>,
+    /// Agents by the topics of their belief maps, if these can be relayed.
+    belief_of_topic: BTreeMap<String, AgentId>,
     /// Subscriptions at the Foxglove server, as of `revision`.
     own: BTreeMap<VisualisationTopic, u64>,
     revision: u64,
@@ -45,6 +56,7 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
             foxglove,
             scenario,
             view_of_topic: BTreeMap::new(),
+            belief_of_topic: BTreeMap::new(),
             own: BTreeMap::new(),
             revision: 0,
             inner: Subscribers::new(),
@@ -59,8 +71,12 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
     fn open_topics(&mut self, run: u64) {
         let views = VisualisationTopic::all(self.scenario.agents.count);
         self.view_of_topic = views.into_iter().map(|view| (view.topic().name, view)).collect();
+        let relayed = if self.link.relays_beliefs() { self.scenario.agents.count } else { 0 };
+        self.belief_of_topic = (0..relayed).map(AgentId).map(|agent| (topics::belief(agent).name, agent)).collect();
         let views = self.view_of_topic.values().map(|view| view.topic());
-        let topics = views.chain([topics::scenario(), topics::progress()]);
+        let beliefs = self.belief_of_topic.values().map(|&agent| topics::belief(agent));
+        let of_session = [topics::scenario(), topics::progress(), topics::clock(), topics::rosout()];
+        let topics = views.chain(beliefs).chain(of_session);
         self.foxglove.hub.start_session(run, self.scenario, topics);
     }
 
@@ -70,16 +86,40 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
             self.time_sent = Some(now());
             self.is_time_sent = true;
             self.foxglove.hub.broadcast_time(self.tick);
+            let clock = cdr::encode(&Clock { clock: self.tick.into() });
+            self.foxglove.hub.publish(&topics::clock().name, &clock, self.tick.time_ns());
+        }
+    }
+
+    /// Passes on what agents have published of their belief maps.
+    fn relay_beliefs(&mut self) {
+        while let Some((agent, marker)) = self.link.relayed_belief() {
+            let time_ns = time_ns(&marker.header.stamp);
+            let topic = topics::belief(agent).name;
+            self.foxglove.hub.publish_latched_at(&topic, cdr::encode(&marker), time_ns);
         }
     }
 
     /// Updates the subscriptions; returns whether they may have changed.
     fn update_own(&mut self) -> bool {
         let Some(arrivals) = self.foxglove.hub.arrivals(&mut self.revision) else { return false };
+        let beliefs: BTreeSet<AgentId> =
+            arrivals.iter().filter_map(|(topic, _)| self.belief_of_topic.get(topic).copied()).collect();
+        self.link.relay_beliefs(&beliefs);
+        for (topic, agent) in &self.belief_of_topic {
+            if !beliefs.contains(agent) {
+                // The next subscriber gets it as it is then.
+                self.foxglove.hub.forget_latched(topic);
+            }
+        }
         let view = |(topic, arrivals)| Some((*self.view_of_topic.get(&topic)?, arrivals));
         self.own = arrivals.into_iter().filter_map(view).collect();
         true
     }
+}
+
+fn time_ns(stamp: &Time) -> u64 {
+    u64::try_from(stamp.sec).unwrap_or_default() * 1_000_000_000 + u64::from(stamp.nanosec)
 }
 
 /// Arrival counts that grow whenever one of the two does.
@@ -148,6 +188,7 @@ impl<L: Transport> ObserverOutput for ObservedTransport<'_, L> {
 
     fn subscribers(&mut self) -> Option<&Subscribers> {
         let is_other_here = self.update_own();
+        self.relay_beliefs();
         let there = self.link.subscribers();
         if self.own.is_empty() {
             return there;
@@ -173,7 +214,8 @@ impl<L: Transport> ObserverOutput for ObservedTransport<'_, L> {
                 self.foxglove.hub.publish_latched(&view.topic().name, cdr::encode(picture), Tick(result.tick));
             }
         } else if self.own.contains_key(&view) {
-            self.foxglove.hub.publish(&view.topic().name, &cdr::encode(picture), self.tick);
+            let time_ns = picture.stamp().map_or(self.tick.time_ns(), |stamp| time_ns(&stamp));
+            self.foxglove.hub.publish(&view.topic().name, &cdr::encode(picture), time_ns);
         }
     }
 
@@ -183,6 +225,8 @@ impl<L: Transport> ObserverOutput for ObservedTransport<'_, L> {
     }
 
     fn log(&mut self, level: Level, text: &str) {
+        let log = cdr::encode(&Log::of_node(NODE, level, text, system_time()));
+        self.foxglove.hub.publish_latched(&topics::rosout().name, log, self.tick);
         self.link.log(level, text);
     }
 }

@@ -21,8 +21,9 @@ use tokio_tungstenite::tungstenite::protocol::{Role, WebSocketConfig};
 use super::hub::Hub;
 use super::outbox::Outbox;
 
-/// The subprotocol.
-pub(super) const SUBPROTOCOL: &str = "foxglove.sdk.v1";
+/// The subprotocols, the preferred one first. All messages of this server and all requests that it
+/// serves are the same in both; the first one has others beside them.
+pub(super) const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 
 /// Maximum bytes of a message of a client; a scenario is the largest.
 const MESSAGE_BYTES_MAX: usize = 1 << 20;

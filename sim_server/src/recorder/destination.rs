@@ -5,12 +5,17 @@
 //! it has a temporary name beside the final one, and it is locked as long as its process lives, so
 //! that a later run can distinguish an abandoned file from one that is being written.
 //!
+//! A name that ends in a slash is that of a rosbag2 folder: the recording is a file in it, and its
+//! metadata another one, written when the recording is finished. The folder is new or empty, or has
+//! these two files alone.
+//!
 //! This module does not write the content.
 
 use std::fs::{self, File, Permissions, TryLockError};
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
+use crate::bag;
 use crate::input_file::described;
 use crate::os::{self, Links, is_at};
 
@@ -21,6 +26,9 @@ const ATTEMPTS_MAX: u32 = 10;
 #[derive(Debug)]
 pub(super) struct Destination {
     file: PathBuf,
+    /// Whether the file is in a rosbag2 folder of its own, and whether that was made for it.
+    is_in_bag: bool,
+    has_made_folder: bool,
     temporary: PathBuf,
     /// Permissions of the file that will be replaced.
     older: Option<Permissions>,
@@ -35,6 +43,13 @@ pub(super) struct Destination {
 /// # Errors
 /// `InvalidInput` with the reason and a remedy; or why the present file cannot be read.
 pub(super) fn check(file: &Path) -> io::Result<()> {
+    let file = match bag_folder(file) {
+        Some(folder) => {
+            check_bag_folder(folder)?;
+            &file_in_bag(folder)?
+        }
+        None => file,
+    };
     replaceable(file).map(drop)
 }
 
@@ -44,6 +59,19 @@ impl Destination {
     /// # Errors
     /// See [`check`]; also if the file cannot be created.
     pub(super) fn create(file: &Path) -> io::Result<(Self, File)> {
+        let bag = bag_folder(file);
+        let mut has_made_folder = false;
+        let file = match bag {
+            Some(folder) => {
+                check_bag_folder(folder)?;
+                if !folder.is_dir() {
+                    fs::create_dir(folder)?;
+                    has_made_folder = true;
+                }
+                &file_in_bag(folder)?
+            }
+            None => file,
+        };
         let older = replaceable(file)?;
         let refuse = || io::Error::new(ErrorKind::InvalidInput, "a recording needs a file name");
         let name = file.file_name().ok_or_else(refuse)?.to_string_lossy().into_owned();
@@ -60,7 +88,11 @@ impl Destination {
             }
             if is_at(&handle.metadata()?, &temporary) {
                 let locked = handle.try_clone()?;
-                return Ok((Self { file: file.to_owned(), temporary, older, is_published: false, locked }, handle));
+                let file = file.to_owned();
+                let is_in_bag = bag.is_some();
+                let destination =
+                    Self { file, is_in_bag, has_made_folder, temporary, older, is_published: false, locked };
+                return Ok((destination, handle));
             }
         }
         Err(io::Error::other(format!("{}: removed {ATTEMPTS_MAX} times by another process", temporary.display())))
@@ -75,11 +107,80 @@ impl Destination {
         if let Some(permissions) = replaceable(&self.file)?.or_else(|| self.older.take()) {
             self.locked.set_permissions(permissions)?;
         }
+        if self.is_in_bag {
+            remove_if_there(&self.file.with_file_name(bag::FILE_NAME))?;
+        }
         fs::rename(&self.temporary, &self.file)?;
         self.is_published = true;
         // On some systems a locked file cannot be read. Where there are no locks it has none.
         let _ = self.locked.unlock();
         os::sync_folder(folder_of(&self.file))
+    }
+
+    /// Writes the metadata of a finished recording beside it, if it is in a rosbag2 folder; `text`
+    /// makes them for its file name.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub(super) fn write_metadata(&self, text: impl FnOnce(&str) -> String) -> io::Result<()> {
+        if !self.is_in_bag {
+            return Ok(());
+        }
+        let name = self.file.file_name().unwrap_or_default().to_string_lossy();
+        let (temporary, metadata) =
+            (self.file.with_file_name(METADATA_TEMPORARY), self.file.with_file_name(bag::FILE_NAME));
+        remove_if_there(&temporary)?;
+        let mut file = os::create_new(&temporary, false)?;
+        file.write_all(format!("{}\n", text(&name)).as_bytes())?;
+        file.sync_all()?;
+        fs::rename(&temporary, &metadata)?;
+        os::sync_folder(folder_of(&self.file))
+    }
+}
+
+/// The name of the metadata while they are written.
+const METADATA_TEMPORARY: &str = ".metadata.yaml.tmp";
+
+/// The folder of a name that ends in a slash.
+fn bag_folder(file: &Path) -> Option<&Path> {
+    let ends_in_slash = file.as_os_str().as_encoded_bytes().last().is_some_and(|&byte| byte == b'/');
+    ends_in_slash.then_some(file)
+}
+
+/// The recording in a rosbag2 folder, as `ros2 bag record` names it.
+fn file_in_bag(folder: &Path) -> io::Result<PathBuf> {
+    let refuse = || io::Error::new(ErrorKind::InvalidInput, "a folder of a recording needs a name");
+    let name = folder.file_name().ok_or_else(refuse)?.to_string_lossy();
+    Ok(folder.join(format!("{name}_0.mcap")))
+}
+
+/// Whether a folder may become that of a recording.
+fn check_bag_folder(folder: &Path) -> io::Result<()> {
+    let file = file_in_bag(folder)?;
+    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    for entry in entries {
+        let found = entry?.file_name().to_string_lossy().into_owned();
+        let is_temporary = found.starts_with(&format!(".{name}.")) || found == METADATA_TEMPORARY;
+        if found != name && found != bag::FILE_NAME && !is_temporary {
+            let reason = format!(
+                "a folder with another file, {found}; nothing was written; a rosbag2 folder is made where there is \
+                 none, or an empty one, or one of a recording alone; choose another name"
+            );
+            return Err(io::Error::new(ErrorKind::InvalidInput, reason));
+        }
+    }
+    Ok(())
+}
+
+fn remove_if_there(file: &Path) -> io::Result<()> {
+    match fs::remove_file(file) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
     }
 }
 
@@ -88,6 +189,9 @@ impl Drop for Destination {
         if !self.is_published {
             // The reason for aborting is reported elsewhere.
             let _ = fs::remove_file(&self.temporary);
+            if self.has_made_folder {
+                let _ = fs::remove_dir(folder_of(&self.file));
+            }
         }
     }
 }
@@ -96,7 +200,8 @@ impl Drop for Destination {
 fn replaceable(file: &Path) -> io::Result<Option<Permissions>> {
     let refused = |what: &str| {
         let reason = format!(
-            "{what}; nothing was written; a recording replaces only a recording or an empty file; choose another name"
+            "{what}; nothing was written; a recording replaces only a recording or an empty file; choose another \
+             name, or one that ends in / for a rosbag2 folder"
         );
         io::Error::new(ErrorKind::InvalidInput, reason)
     };

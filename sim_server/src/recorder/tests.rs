@@ -52,6 +52,7 @@ fn written_messages_are_read_back() {
     assert_eq!(messages.len(), 2003);
     assert_eq!(messages[0].channel.schema.as_ref().unwrap().name, "maes_msgs/msg/Progress");
     assert!(messages[0].channel.metadata["offered_qos_profiles"].starts_with("- history: 1"));
+    assert!(messages[0].channel.metadata["topic_type_hash"].starts_with("RIHS01_"));
     assert_eq!(messages[2002].data.as_ref(), progress(1999));
 }
 
@@ -236,4 +237,27 @@ fn full_disk_leaves_whole_chunks_without_an_end() {
     }
     lengths.dedup();
     assert!(lengths.len() >= 5, "nothing, the documents, and each of the chunks: {lengths:?}");
+}
+
+#[test]
+fn metadata_of_a_folder_are_those_of_its_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("night/");
+    let mut recorder = Recorder::create(&bag, &[SCENARIO]).unwrap();
+    write(&mut recorder, 3..1500);
+    recorder.finish().unwrap();
+    let recording = crate::recording::Recording::open(&bag.join("night_0.mcap")).unwrap();
+    let written = fs::read_to_string(bag.join("metadata.yaml")).unwrap();
+    assert_eq!(written, format!("{}\n", crate::bag::metadata(&recording, "night_0.mcap")));
+    for line in [
+        "  version: 8",
+        "    nanoseconds: 29920000000",
+        "    nanoseconds_since_epoch: 60000000",
+        "  message_count: 1499",
+        "        type_description_hash: \"RIHS01_",
+        "        offered_qos_profiles: \"- history: 1\\n",
+        "    - \"night_0.mcap\"",
+    ] {
+        assert!(written.lines().any(|found| found.starts_with(line)), "{line} in\n{written}");
+    }
 }

@@ -8,25 +8,25 @@ use msgs::topics::Topic;
 use super::*;
 use crate::recorder;
 
-const SCENARIO: &[u8] = b"seed = 1\n";
+pub(super) const SCENARIO: &[u8] = b"seed = 1\n";
 
 /// How a tool writes a recording.
-struct Rewriting {
-    options: WriteOptions,
-    are_attachments_last: bool,
-    metadata_in_the_middle: bool,
+pub(super) struct Rewriting {
+    pub(super) options: WriteOptions,
+    pub(super) are_attachments_last: bool,
+    pub(super) metadata_in_the_middle: bool,
     /// Channels of its own that are added first, so that the others have other numbers.
-    other_channels: u16,
+    pub(super) other_channels: u16,
 }
 
 impl Rewriting {
-    fn with(options: WriteOptions) -> Self {
+    pub(super) fn with(options: WriteOptions) -> Self {
         Self { options, are_attachments_last: false, metadata_in_the_middle: false, other_channels: 0 }
     }
 }
 
 /// Topic, tick and bytes that do not compress away.
-fn recorded(count: u64, bytes: usize) -> Vec<(Topic, Tick, Vec<u8>)> {
+pub(super) fn recorded(count: u64, bytes: usize) -> Vec<(Topic, Tick, Vec<u8>)> {
     let message = |number: u64| {
         let mut state = number + 1;
         let data = (0..bytes).map(|_| {
@@ -44,7 +44,7 @@ fn attach(writer: &mut Writer<Cursor<Vec<u8>>>, name: &str, data: &[u8]) {
     writer.attach(&Attachment { log_time: 0, create_time: 0, name, media_type, data: data.into() }).unwrap();
 }
 
-fn rewritten(messages: &[(Topic, Tick, Vec<u8>)], rewriting: Rewriting) -> Vec<u8> {
+pub(super) fn rewritten(messages: &[(Topic, Tick, Vec<u8>)], rewriting: Rewriting) -> Vec<u8> {
     let mut writer = rewriting.options.create(Cursor::new(Vec::new())).unwrap();
     let attach_all = |writer: &mut Writer<_>| {
         attach(writer, SCENARIO_ATTACHMENT, SCENARIO);
@@ -238,4 +238,33 @@ fn every_pass_reads_the_same() {
     file.write_all(&[0xff; 200]).unwrap();
     assert_eq!(read(&recording), before);
     assert!(before.0.len() > 50 && before.1 == End::Missing, "{:?}", before.1);
+}
+
+/// A tool that drops attachments leaves the messages.
+#[test]
+fn lost_attachments_are_named() {
+    let mut writer = Writer::new(Cursor::new(Vec::new())).unwrap();
+    let [(topic, tick, data)] = &recorded(1, 30)[..] else { unreachable!("one was asked for") };
+    let mut write = |topic: &Topic| {
+        let channel_id = recorder::add_channel(&mut writer, topic).unwrap();
+        let header = MessageHeader { channel_id, sequence: 0, log_time: tick.time_ns(), publish_time: 0 };
+        writer.write_to_known_channel(&header, data).unwrap();
+    };
+    write(&topics::clock());
+    write(topic);
+    writer.finish().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dropped.mcap");
+    std::fs::write(&path, writer.into_inner().into_inner()).unwrap();
+    let refused = Recording::open(&path).unwrap_err().to_string();
+    assert!(refused.contains("dropped.mcap: its attachments scenario.toml and map.m3dm are missing"), "{refused}");
+    let recording = Recording::open_messages(&path).unwrap();
+    assert_eq!((recording.messages().count(), recording.scenario().as_ref()), (2, ""));
+
+    let mut writer = Writer::new(Cursor::new(Vec::new())).unwrap();
+    recorder::add_channel(&mut writer, &topics::clock()).unwrap();
+    writer.finish().unwrap();
+    std::fs::write(&path, writer.into_inner().into_inner()).unwrap();
+    let refused = Recording::open_messages(&path).unwrap_err().to_string();
+    assert!(refused.contains("not a recording of this simulator"), "{refused}");
 }

@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::ScheduledMessage;
 use crate::recording::{Channel, End, Message, Recording, SCENARIO_ATTACHMENT};
 use crate::setup;
-use simulation::scenario::{Scenario, ScenarioError};
+use simulation::scenario::Scenario;
 use simulation::visualisation;
 
 /// Longest sim time without a message that is played; a longer gap is skipped. A recording has a
@@ -96,7 +96,7 @@ impl PlaybackSchedule {
         if let Some(end_s) = options.end_s.filter(|end_s| !(end_s.is_finite() && *end_s > start_s)) {
             return Err(ReplayError::End { end_s, start_s });
         }
-        let scenario = Scenario::parse(SCENARIO_ATTACHMENT, &recording.scenario(), &[]);
+        let scenario = scenario_of(recording);
         let latest = scenario.as_ref().map_or(Tick(u64::MAX), Scenario::duration_ticks);
         let mut index = RecordingIndex::of(recording, latest);
         let Some(last_there) = index.last else { return Err(ReplayError::Nothing(recording.file().to_owned())) };
@@ -194,6 +194,10 @@ impl RecordingIndex {
                 continue;
             }
             index.reach(message.tick());
+            if *name == topics::clock().name {
+                // The replay has a clock of its own.
+                continue;
+            }
             let wrong = match index.topics.get(name).cloned().or_else(|| topics::named(name)) {
                 None => "not a topic of a run".to_owned(),
                 Some(topic) if !is_of_type(&topic, &message.channel) => {
@@ -233,7 +237,7 @@ impl RecordingIndex {
     fn add_static_messages(
         &mut self,
         recording: &Recording,
-        scenario: Result<Scenario, ScenarioError>,
+        scenario: anyhow::Result<Scenario>,
     ) -> Vec<(String, Encoded)> {
         let lacks = |topic: Topic| !self.topics.contains_key(&topic.name);
         if !lacks(topics::map()) && !lacks(topics::tf_static()) {
@@ -277,9 +281,16 @@ fn fits(pattern: &str, name: &str) -> bool {
     pattern.strip_suffix('*').map_or(pattern == name, |beginning| name.starts_with(beginning))
 }
 
+fn scenario_of(recording: &Recording) -> anyhow::Result<Scenario> {
+    if recording.attachment(SCENARIO_ATTACHMENT).is_none() {
+        anyhow::bail!("its attachments are missing, because another program has written it again without them");
+    }
+    Ok(Scenario::parse(SCENARIO_ATTACHMENT, &recording.scenario(), &[])?)
+}
+
 fn static_messages(
     recording: &Recording,
-    scenario: Result<Scenario, ScenarioError>,
+    scenario: anyhow::Result<Scenario>,
 ) -> anyhow::Result<visualisation::VisualisationMessages> {
     let scenario = scenario?;
     let map = setup::recorded_map(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("the recording has no map"))?;

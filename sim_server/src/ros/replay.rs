@@ -2,8 +2,8 @@
 //! publisher per topic.
 //!
 //! Invariants: messages are published as recorded, with the type and QoS they have in a run;
-//! readers are waited for, but each topic only for a bounded time (see
-//! [`ros_node::BlockingPublisher`]); a late reader of a latched topic receives every message that
+//! readers are waited for, in the middle and at the end, but each only while it acknowledges
+//! something (see [`ros_node::BlockingPublisher`]); a late reader of a latched topic receives every message that
 //! still holds. [`crate::replay`] decides when a message is due.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,7 +14,9 @@ use msgs::ids::Tick;
 use msgs::rosgraph_msgs::Clock;
 use msgs::topics;
 use ros_node::ros_env::RosEnv;
-use ros_node::{BlockingPublisher, Context, Inbox, Node, PublishOutcome, RosError, SubscriptionTracker, linger};
+use ros_node::{
+    Acknowledgements, BlockingPublisher, Context, Inbox, Node, PublishOutcome, RosError, SubscriptionTracker, linger,
+};
 
 use super::services::{ServiceEvent, Services};
 use crate::recording::Recording;
@@ -98,6 +100,9 @@ pub fn play(
     }
     player.end();
     let is_interrupted = is_stopped() || player.is_quitting();
+    if !is_interrupted {
+        node.wait_for_acknowledgements(schedule, terminal, stop);
+    }
     Ok(PlaybackSummary { messages: node.messages, sim_ticks: player.sim_ticks(), is_interrupted })
 }
 
@@ -169,6 +174,29 @@ impl ReplayNode {
         }
         self.note_new_readers(false);
         self.begun = now();
+    }
+
+    /// Waits until the readers have acknowledged everything, each as long as it acknowledges
+    /// something.
+    fn wait_for_acknowledgements(&mut self, schedule: &PlaybackSchedule, terminal: &mut Terminal, stop: &AtomicBool) {
+        let mut waits: Vec<Acknowledgements> =
+            self.topics.iter().map(|topic| topic.publisher.acknowledgements()).collect();
+        let any = |waits: &mut Vec<Acknowledgements>| {
+            // Of every topic, so that the time of each is noted.
+            waits.iter_mut().map(Acknowledgements::are_awaited).fold(false, |any, awaited| any | awaited)
+        };
+        while any(&mut waits) && !stop.load(Ordering::Relaxed) {
+            self.receive(POLL_PERIOD);
+        }
+        for (topic, wait) in schedule.topics().iter().zip(&waits) {
+            match wait.missing_readers() {
+                0 => {}
+                readers => terminal.say(&format!(
+                    "warning: {}: {readers} readers do not acknowledge the last messages any more",
+                    topic.name
+                )),
+            }
+        }
     }
 
     fn wall_ns(&self) -> u64 {
@@ -276,6 +304,8 @@ impl ReplayNode {
 
 impl Drop for ReplayNode {
     fn drop(&mut self) {
+        // Who reads with best effort acknowledges nothing, and the published DDS library does not
+        // report acknowledgements.
         linger(true);
     }
 }

@@ -8,8 +8,9 @@ use std::collections::BTreeSet;
 use msgs::diagnostic_msgs::DiagnosticArray;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Digest, Result as Outcome};
-use msgs::nav_msgs::{Odometry, Path};
+use msgs::nav_msgs::{OccupancyGrid, Odometry, Path};
 use msgs::sensor_msgs::PointCloud2;
+use msgs::std_msgs;
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
@@ -35,6 +36,8 @@ enum TopicPublisher {
     Path(Publisher<Path>),
     Marker(Publisher<Marker>),
     Info(Publisher<DiagnosticArray>),
+    Text(Publisher<std_msgs::String>),
+    Occupancy(Publisher<OccupancyGrid>),
     Digest(Publisher<Digest>),
     Result(Publisher<Outcome>),
 }
@@ -61,12 +64,20 @@ impl VisualisationPublishers {
                     TopicPublisher::Transforms(endpoints.publisher(node, &topic)?)
                 }
                 VisualisationTopic::Odometry(_) => TopicPublisher::Odometry(endpoints.publisher(node, &topic)?),
-                VisualisationTopic::Points(_) => TopicPublisher::Points(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Points(_) | VisualisationTopic::MapPoints => {
+                    TopicPublisher::Points(endpoints.publisher(node, &topic)?)
+                }
                 VisualisationTopic::Path(_) => TopicPublisher::Path(endpoints.publisher(node, &topic)?),
                 VisualisationTopic::Map | VisualisationTopic::Unexplored | VisualisationTopic::Contacts => {
                     TopicPublisher::Marker(endpoints.publisher(node, &topic)?)
                 }
-                VisualisationTopic::Info => TopicPublisher::Info(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Info | VisualisationTopic::Diagnostics => {
+                    TopicPublisher::Info(endpoints.publisher(node, &topic)?)
+                }
+                VisualisationTopic::RobotDescription => TopicPublisher::Text(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Occupancy => TopicPublisher::Occupancy(endpoints.publisher(node, &topic)?),
+                // The transport publishes it itself.
+                VisualisationTopic::Clock => continue,
                 VisualisationTopic::Digest => TopicPublisher::Digest(endpoints.publisher(node, &topic)?),
                 VisualisationTopic::Result => TopicPublisher::Result(endpoints.publisher(node, &topic)?),
             };
@@ -143,6 +154,10 @@ impl VisualisationPublishers {
                 publisher.publish(node, message)
             }
             (TopicPublisher::Info(publisher), VisualisationMessage::Info(message)) => publisher.publish(node, message),
+            (TopicPublisher::Text(publisher), VisualisationMessage::Text(message)) => publisher.publish(node, message),
+            (TopicPublisher::Occupancy(publisher), VisualisationMessage::Occupancy(message)) => {
+                publisher.publish(node, message)
+            }
             (TopicPublisher::Digest(publisher), VisualisationMessage::Digest(message)) => {
                 publisher.publish(node, message)
             }

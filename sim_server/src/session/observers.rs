@@ -15,7 +15,6 @@ use simulation::scenario::Scenario;
 use simulation::visualisation::{
     self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
 };
-use simulation::wire;
 use simulation::world::World;
 
 /// The visualisation topics of a run, and its wall clock.
@@ -30,7 +29,11 @@ pub(super) struct Observers {
 impl Observers {
     pub(super) fn new(scenario: &Scenario, now: Instant) -> Self {
         Self {
-            views: VisualisationScheduler::new(scenario.views.clone(), scenario.agents.count),
+            views: VisualisationScheduler::new(
+                scenario.views.clone(),
+                scenario.agents.count,
+                scenario.recording.poses_period_ticks,
+            ),
             started: now,
             phase_times: PhaseTimes::default(),
         }
@@ -94,15 +97,19 @@ impl Observers {
         let subscribers = transport.subscribers();
         subscribers.is_some_and(|subscribers| self.views.may_publish(view, subscribers, nanoseconds(elapsed)))
     }
-}
 
-/// Sends the odometry and the scan of this tick to an externally controlled agent.
-pub(super) fn send_sensors(world: &World, agent: AgentId, transport: &mut dyn Transport) {
-    let has_scan = world.last_scan(agent).is_some_and(|(_, tick)| tick == world.tick());
-    let points = if has_scan { visualisation::points(world, agent) } else { None };
-    let mut odometry = visualisation::odometry(world, agent);
-    odometry.pose.pose.position = wire::point(&world.measured_position(agent));
-    transport.set_sensors(agent, odometry, points);
+    /// Sends the odometry and the scan of this tick to an externally controlled agent, and before
+    /// them its transform to observers.
+    pub(super) fn send_sensors(&mut self, world: &World, agent: AgentId, transport: &mut dyn Transport) {
+        let subscribers = transport.subscribers();
+        let transform = subscribers.and_then(|subscribers| self.views.due_before_sensors(world, agent, subscribers));
+        if let Some(transform) = transform {
+            transport.publish(VisualisationTopic::Transforms, &transform);
+        }
+        let has_scan = world.last_scan(agent).is_some_and(|(_, tick)| tick == world.tick());
+        let points = if has_scan { visualisation::points(world, agent) } else { None };
+        transport.set_sensors(agent, visualisation::measured_odometry(world, agent), points);
+    }
 }
 
 fn sim_time(tick: Tick) -> Duration {

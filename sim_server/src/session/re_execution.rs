@@ -74,6 +74,7 @@ impl Session<'_, '_> {
                         return Ok(ControlFlow::Break(EndReason::Interrupted));
                     }
                     // The state of this tick is recorded already.
+                    self.transport.clock(self.engine.tick());
                     return self.advance();
                 }
                 NextTick::End(reason) => return Ok(ControlFlow::Break(reason)),

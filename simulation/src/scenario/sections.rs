@@ -320,9 +320,13 @@ impl ViewsSection {
             VisualisationTopic::Path(_) => self.path_period_ticks,
             VisualisationTopic::Unexplored => self.unexplored_period_ticks,
             VisualisationTopic::Contacts => self.contacts_period_ticks,
-            VisualisationTopic::Info => self.info_period_ticks,
+            VisualisationTopic::Info | VisualisationTopic::Diagnostics => self.info_period_ticks,
             VisualisationTopic::StaticTransforms
             | VisualisationTopic::Map
+            | VisualisationTopic::RobotDescription
+            | VisualisationTopic::Occupancy
+            | VisualisationTopic::MapPoints
+            | VisualisationTopic::Clock
             | VisualisationTopic::Digest
             | VisualisationTopic::Result => 1,
         };
@@ -356,6 +360,35 @@ pub enum RecordedView {
     Contacts,
     /// `/sim/info`.
     Info,
+    /// `/diagnostics`.
+    Diagnostics,
+    /// `/robot_description`.
+    RobotDescription,
+    /// `/map`.
+    Occupancy,
+    /// `/sim/map_points`.
+    MapPoints,
+    /// `/clock`.
+    Clock,
+}
+
+impl RecordedView {
+    /// Their names.
+    pub const WORDS: &'static [&'static str] = &[
+        "tf_static",
+        "odom",
+        "points",
+        "path",
+        "map",
+        "unexplored",
+        "contacts",
+        "info",
+        "diagnostics",
+        "robot_description",
+        "occupancy",
+        "map_points",
+        "clock",
+    ];
 }
 
 /// Real-time factor of a run.

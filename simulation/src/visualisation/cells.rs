@@ -25,11 +25,16 @@ fn cubes(extent: Extent, tick: Tick, (ns, colour): (&str, ColorRGBA), id: i32, c
     Marker::cubes(header(tick), ns, id, extent.cell_m(), colour, points)
 }
 
-/// The walls that share a face with a free cell, in chunks with marker ids from 0.
-pub(super) fn walls(terrain: &Grid<Terrain>, tick: Tick) -> Vec<Marker> {
+/// The walls that share a face with a free cell, by index.
+pub(super) fn visible_walls(terrain: &Grid<Terrain>) -> Vec<Cell> {
     let is_free = |cell| terrain.get(cell) == Some(&Terrain::Free);
     let seen = |(cell, kind): &(Cell, &Terrain)| **kind == Terrain::Wall && cell.neighbours6().into_iter().any(is_free);
-    let walls: Vec<Cell> = terrain.iter().filter(seen).map(|(cell, _)| cell).collect();
+    terrain.iter().filter(seen).map(|(cell, _)| cell).collect()
+}
+
+/// These walls in chunks with marker ids from 0.
+pub(super) fn walls(terrain: &Grid<Terrain>, tick: Tick) -> Vec<Marker> {
+    let walls = visible_walls(terrain);
     let chunks = (0..).zip(walls.chunks(CUBES_MAX));
     chunks.map(|(id, cells)| cubes(terrain.extent(), tick, ("walls", WALL_COLOUR), id, cells)).collect()
 }

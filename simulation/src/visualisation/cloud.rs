@@ -1,11 +1,13 @@
 //! Point clouds of LiDAR scans.
 
-use msgs::ids::AgentId;
+use msgs::ids::{AgentId, Tick};
 use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use msgs::sensor_msgs::{PointCloud2, PointField};
 use msgs::std_msgs::Header;
 use nalgebra::Point3;
+use voxels::{Grid, Terrain};
 
+use super::cells::visible_walls;
 use crate::wire::{body_frame, header};
 use crate::world::World;
 use crate::world::body::Pose;
@@ -25,6 +27,14 @@ pub fn points(world: &World, agent: AgentId) -> Option<PointCloud2> {
     let (pose, tick) = world.last_scan(agent)?;
     let header = Header { frame_id: body_frame(agent), ..header(tick) };
     Some(cloud(header, &pose, &world.hits_from(agent, &pose)))
+}
+
+/// The centres of the walls that share a face with a free cell, metres, in the frame `map`. More
+/// than 4957 are thinned evenly.
+pub(super) fn of_walls(terrain: &Grid<Terrain>, tick: Tick) -> PointCloud2 {
+    let extent = terrain.extent();
+    let centres: Vec<Point3<f64>> = visible_walls(terrain).into_iter().map(|cell| extent.centre(cell)).collect();
+    cloud(header(tick), &Pose { position: Point3::origin(), yaw_rad: 0.0 }, &centres)
 }
 
 fn cloud(header: Header, pose: &Pose, hits: &[Point3<f64>]) -> PointCloud2 {

@@ -1,7 +1,7 @@
 //! Transforms, odometry, paths and contacts.
 
 use msgs::geometry_msgs::{
-    Pose, PoseStamped, PoseWithCovariance, TransformStamped, Twist, TwistWithCovariance, Vector3,
+    Covariance, Pose, PoseStamped, PoseWithCovariance, TransformStamped, Twist, TwistWithCovariance, Vector3,
 };
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
@@ -14,6 +14,7 @@ use nalgebra::Point3;
 
 use crate::wire::{body_frame, header, point, rotation, vector};
 use crate::world::World;
+use crate::world::body::Pose as BodyPose;
 
 /// Bytes on the wire of a pose with a header, with padding.
 const POSE_BYTES: usize = 72;
@@ -35,28 +36,32 @@ pub(super) fn transforms(world: &World) -> impl Iterator<Item = TFMessage> + use
     in_parts(crate::wire::transforms(world).transforms)
 }
 
-/// The frame of each LiDAR: the centre of the body.
+/// The frame of each LiDAR, the centre of the body, and that of each odometry, the map.
 pub(super) fn static_transforms<A>(agents: A, tick: Tick) -> impl Iterator<Item = TFMessage> + use<A>
 where
     A: Iterator<Item = AgentId>,
 {
     let of_agent = |agent| {
-        let frame = body_frame(agent);
-        let child_frame_id = format!("agent_{agent}/lidar");
-        let header = msgs::std_msgs::Header { frame_id: frame, ..header(tick) };
-        TransformStamped { header, child_frame_id, ..TransformStamped::default() }
+        let on_body = msgs::std_msgs::Header { frame_id: body_frame(agent), ..header(tick) };
+        let frames = [(on_body, "lidar"), (header(tick), "odom")];
+        frames.map(|(header, name)| {
+            let child_frame_id = format!("agent_{agent}/{name}");
+            TransformStamped { header, child_frame_id, ..TransformStamped::default() }
+        })
     };
-    in_parts(agents.map(of_agent).collect())
+    in_parts(agents.flat_map(of_agent).collect())
 }
 
-fn in_parts(transforms: Vec<TransformStamped>) -> impl Iterator<Item = TFMessage> {
+/// Transforms in messages of bounded size.
+pub(super) fn in_parts(transforms: Vec<TransformStamped>) -> impl Iterator<Item = TFMessage> {
     let parts: Vec<TFMessage> =
         transforms.chunks(TRANSFORMS_MAX).map(|part| TFMessage { transforms: part.to_vec() }).collect();
     parts.into_iter()
 }
 
 /// The true pose of an agent at the start of this tick (metres, frame `map`), and its velocity in
-/// the last fixed update (m/s and rad/s, frame of the body). The covariances are zero.
+/// the last fixed update (m/s and rad/s, frame of the body). Both are exact, which the covariances
+/// say with [`EXACT_VARIANCE`] on their diagonals: zeros would mean that they are not known.
 #[must_use]
 pub fn odometry(world: &World, agent: AgentId) -> Odometry {
     let body = world.body(agent);
@@ -66,23 +71,60 @@ pub fn odometry(world: &World, agent: AgentId) -> Odometry {
         child_frame_id: body_frame(agent),
         pose: PoseWithCovariance {
             pose: Pose { position: point(&pose.position), orientation: rotation(pose.yaw_rad) },
-            ..PoseWithCovariance::default()
+            covariance: covariance(EXACT_VARIANCE),
         },
         twist: TwistWithCovariance {
             twist: Twist {
                 linear: vector(&body.velocity_in_body_m_s()),
                 angular: Vector3 { z: body.yaw_rate_rad_s(), ..Vector3::default() },
             },
-            ..TwistWithCovariance::default()
+            covariance: covariance(EXACT_VARIANCE),
         },
     }
 }
 
-/// A path along waypoints (metres, frame `map`).
-pub(super) fn path(tick: Tick, waypoints: &[Point3<f64>]) -> Path {
-    let pose =
-        |waypoint| PoseStamped { header: header(tick), pose: Pose { position: point(waypoint), ..Pose::default() } };
-    Path { header: header(tick), poses: waypoints.iter().take(POSES_MAX).map(pose).collect() }
+/// The same with the position that the agent measures for itself, and the variance of that.
+#[must_use]
+pub fn measured_odometry(world: &World, agent: AgentId) -> Odometry {
+    let mut odometry = odometry(world, agent);
+    odometry.pose.pose.position = point(&world.measured_position(agent));
+    odometry.pose.covariance = covariance(world.measured_variance_m2().max(EXACT_VARIANCE));
+    odometry
+}
+
+/// Variance of what is exact: of no consequence for a filter, and not singular (m^2, rad^2).
+const EXACT_VARIANCE: f64 = 1e-9;
+
+/// A covariance without correlations, row by row: this variance along x, y and z, and an exact
+/// orientation.
+fn covariance(position_variance: f64) -> Covariance {
+    let mut covariance = Covariance::default();
+    for axis in 0..6 {
+        covariance.0[axis * 7] = if axis < 3 { position_variance } else { EXACT_VARIANCE };
+    }
+    covariance
+}
+
+/// A path of a body along waypoints (metres, frame `map`). At each the heading is that of the way
+/// to the next one, at the last that of the way to it; a vertical way keeps the heading.
+pub(super) fn path(tick: Tick, from: &BodyPose, waypoints: &[Point3<f64>]) -> Path {
+    let (mut before, mut yaw_rad) = (from.position, from.yaw_rad);
+    let mut headings = Vec::with_capacity(waypoints.len() + 1);
+    for waypoint in waypoints.iter().take(POSES_MAX) {
+        let way = waypoint - before;
+        if way.xy() != nalgebra::Vector2::zeros() {
+            yaw_rad = libm::atan2(way.y, way.x);
+        }
+        headings.push(yaw_rad);
+        before = *waypoint;
+    }
+    // That of the way that begins there.
+    let headings = headings.iter().skip(1).chain(headings.last());
+    let poses = waypoints.iter().zip(headings).map(|(waypoint, yaw_rad)| PoseStamped {
+        header: header(tick),
+        pose: Pose { position: point(waypoint), orientation: rotation(*yaw_rad) },
+    });
+    Path { header: header(tick), poses: poses.collect() }
 }
 
 /// A line for each pair of agents in contact, from each agent to the relays that it reaches, and

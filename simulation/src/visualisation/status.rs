@@ -52,6 +52,16 @@ pub(super) fn info(world: &World, run_status: &RunStatus<'_>) -> Vec<DiagnosticA
     done
 }
 
+/// The same, with the names and the hardware that tools for diagnostics group by.
+pub(super) fn diagnostics(world: &World, run_status: &RunStatus<'_>) -> Vec<DiagnosticArray> {
+    let mut messages = info(world, run_status);
+    for status in messages.iter_mut().flat_map(|message| &mut message.status) {
+        status.hardware_id.clone_from(&status.name);
+        status.name = format!("maes: {}", status.name);
+    }
+    messages
+}
+
 fn of_run(world: &World, run_status: &RunStatus<'_>) -> DiagnosticStatus {
     let coverage = world.coverage();
     let mut values = vec![
@@ -117,10 +127,10 @@ fn value(key: &str, value: impl ToString) -> KeyValue {
     KeyValue { key: key.to_owned(), value: value.to_string() }
 }
 
-/// Bytes on the wire of a status, rounded up.
+/// Bytes on the wire of a status, rounded up, with the longer names of [`diagnostics`].
 fn bytes_of(status: &DiagnosticStatus) -> usize {
     let DiagnosticStatus { level: _, name, message, hardware_id, values } = status;
     let status =
         [name, message, hardware_id].into_iter().chain(values.iter().flat_map(|pair| [&pair.key, &pair.value]));
-    status.map(|text| TEXT_BYTES_BARE + text.len()).sum::<usize>() + TEXT_BYTES_BARE
+    status.map(|text| TEXT_BYTES_BARE + text.len()).sum::<usize>() + TEXT_BYTES_BARE + "maes: ".len() + name.len()
 }

@@ -6,6 +6,7 @@ use msgs::body_model::BodyModel;
 use msgs::cdr;
 use msgs::limits::VIEW_BYTES_MAX;
 use msgs::scan_request::ScanRequest;
+use msgs::topics::{self, Topic};
 use nalgebra::Vector3;
 use voxels::{Extent, Grid, Terrain};
 
@@ -54,7 +55,7 @@ fn run_status<'a>(lost: &'a BTreeSet<AgentId>, infos: &'a [String]) -> RunStatus
 }
 
 fn scheduler(record: Vec<RecordedView>) -> VisualisationScheduler {
-    VisualisationScheduler::new(ViewsSection { record, ..ViewsSection::default() }, 2)
+    VisualisationScheduler::new(ViewsSection { record, ..ViewsSection::default() }, 2, 5)
 }
 
 /// The number of messages of each topic that are published to subscribers.
@@ -269,4 +270,119 @@ fn recorded_topics_depend_on_sim_time_and_fit_into_samples() {
     assert_eq!(ticks(VisualisationTopic::Points(AgentId(1))), [1, 11, 21, 31, 41, 51]);
     assert_eq!(ticks(VisualisationTopic::Map), [0]);
     assert_eq!(ticks(VisualisationTopic::Info), [0, 50]);
+}
+
+/// What an observer knows of poses, as tf2 does, and what it looks up when a message arrives.
+#[derive(Default)]
+struct Listener {
+    /// Position by agent and stamp in ns.
+    positions: BTreeMap<(String, u64), [f64; 3]>,
+    looked_up: usize,
+}
+
+fn stamp_ns(header: &msgs::std_msgs::Header) -> u64 {
+    header.stamp.sec as u64 * 1_000_000_000 + u64::from(header.stamp.nanosec)
+}
+
+impl Listener {
+    /// `poses` are the true ones, by agent and stamp.
+    fn take(&mut self, message: &VisualisationMessage, poses: &BTreeMap<(String, u64), [f64; 3]>) {
+        let looked_up = match message {
+            VisualisationMessage::Transforms(TFMessage { transforms }) => {
+                for transform in transforms {
+                    let at = transform.transform.translation;
+                    let key = (transform.child_frame_id.clone(), stamp_ns(&transform.header));
+                    assert_eq!(self.positions.insert(key.clone(), [at.x, at.y, at.z]), None, "{key:?} comes twice");
+                }
+                return;
+            }
+            VisualisationMessage::Points(cloud) if cloud.header.frame_id != "map" => {
+                (cloud.header.frame_id.clone(), stamp_ns(&cloud.header))
+            }
+            VisualisationMessage::Odometry(odometry) => (odometry.child_frame_id.clone(), stamp_ns(&odometry.header)),
+            VisualisationMessage::Path(path) => ("agent_0/base_link".to_owned(), stamp_ns(&path.header)),
+            _ => return,
+        };
+        assert_eq!(self.positions.get(&looked_up), Some(&poses[&looked_up]), "{looked_up:?}");
+        self.looked_up += 1;
+    }
+}
+
+/// Executes ticks of two moving agents, and passes the world at the start of each to `publish`.
+fn with_moving_agents(mut publish: impl FnMut(&mut World, &BTreeMap<(String, u64), [f64; 3]>)) {
+    let mut world = world();
+    let mut poses = BTreeMap::new();
+    let motion = |x| Motion::Velocity {
+        linear_in_body_m_s: Vector3::new(x, 0.0, 0.0),
+        yaw_rate_rad_s: 0.25,
+        path: vec![Point3::new(2.0, 1.5, 1.5 + x)],
+    };
+    for tick in 0..400 {
+        for agent in world.agents() {
+            let at = world.body(agent).pose().position;
+            poses.insert((crate::wire::body_frame(agent), world.tick().time_ns()), [at.x, at.y, at.z]);
+        }
+        publish(&mut world, &poses);
+        step(&mut world, [(0, motion(0.1 + f64::from(tick % 3) * 0.01)), (1, motion(-0.1))]);
+    }
+}
+
+#[test]
+fn transforms_of_a_stamp_precede_what_has_it_at_every_speed() {
+    let subscribers: Subscribers = VisualisationTopic::all(2).map(|topic| (topic, 1)).collect();
+    for rtf in [1, 7, 20, 100] {
+        let mut scheduler = scheduler(Vec::new());
+        let (mut listener, mut ticks) = (Listener::default(), 0);
+        with_moving_agents(|world, poses| {
+            ticks += 1;
+            let now = PublishTime { wall_ns: ticks * 20_000_000 / rtf, is_paused: false };
+            let (lost, infos) = (BTreeSet::new(), vec![String::new(); 2]);
+            for (_, message) in scheduler.due_live(world, &run_status(&lost, &infos), &subscribers, now) {
+                listener.take(&message, poses);
+            }
+        });
+        let wall_s = 8.0 / rtf as f64;
+        assert!(listener.looked_up as f64 > 30.0 * wall_s, "{} messages at {rtf} x", listener.looked_up);
+    }
+}
+
+#[test]
+fn externally_controlled_agents_have_their_transform_before_their_sensors() {
+    let mut scheduler = scheduler(Vec::new());
+    let subscribers = Subscribers::from([(VisualisationTopic::Transforms, 1)]);
+    let (lost, infos) = (BTreeSet::new(), vec![String::new(); 2]);
+    let mut sent = BTreeSet::new();
+    with_moving_agents(|world, _| {
+        let now = PublishTime { wall_ns: world.tick().time_ns() / 50, is_paused: false };
+        let messages = scheduler.due_live(world, &run_status(&lost, &infos), &subscribers, now);
+        let transform = scheduler.due_before_sensors(world, AgentId(1), &subscribers);
+        for message in messages.into_iter().map(|(_, message)| message).chain(transform) {
+            let VisualisationMessage::Transforms(TFMessage { transforms }) = message else { unreachable!("of /tf") };
+            let of_agent = transforms.iter().filter(|transform| transform.child_frame_id == "agent_1/base_link");
+            of_agent.for_each(|transform| assert!(sent.insert(stamp_ns(&transform.header)), "twice"));
+        }
+        assert!(sent.contains(&world.tick().time_ns()));
+    });
+    let unsubscribed = scheduler.due_before_sensors(&world(), AgentId(1), &Subscribers::new());
+    assert_eq!(unsubscribed, None, "without subscribers nothing is made");
+}
+
+#[test]
+fn recorded_transforms_of_a_stamp_precede_what_has_it() {
+    use RecordedView::{Odom, Path, Points};
+    for period in [0, 5, 10, 7] {
+        let settings = ViewsSection { record: vec![Odom, Points, Path], ..ViewsSection::default() };
+        let mut scheduler = VisualisationScheduler::new(settings, 2, period);
+        let mut listener = Listener::default();
+        let (lost, infos) = (BTreeSet::new(), vec![String::new(); 2]);
+        with_moving_agents(|world, poses| {
+            if period > 0 && world.tick().0.is_multiple_of(period.into()) {
+                listener.take(&VisualisationMessage::Transforms(crate::wire::transforms(world)), poses);
+            }
+            for (_, message) in scheduler.due_for_recording(world, &run_status(&lost, &infos)) {
+                listener.take(&message, poses);
+            }
+        });
+        assert!(listener.looked_up > 2 * 80, "{} messages", listener.looked_up);
+    }
 }

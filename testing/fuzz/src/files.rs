@@ -91,7 +91,7 @@ pub(crate) fn recording(bytes: &[u8]) {
     let info = info::of(&recording);
     assert_eq!(info.messages.values().map(|traffic| traffic.count).sum::<u64>(), read);
     assert_eq!(info.damage.is_some(), matches!(end, End::CutOff { .. } | End::Damage { .. }));
-    let text = info::text(&info);
+    let text = info::text(&info.into());
     assert!(text.lines().last().is_some_and(|last| last.starts_with("digest: ")), "{text}");
 }
 

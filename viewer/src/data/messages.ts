@@ -230,16 +230,16 @@ export function controllerOfJoin(bytes: Uint8Array): string {
 }
 
 /** The poses of agents in a message on `/tf`. */
-export function poses(bytes: Uint8Array): Pose[] {
+export function poses(bytes: Uint8Array, tick: number): Pose[] {
   const reader = new CdrReader(bytes);
   const found: Pose[] = [];
   for (let frames = reader.count(64); frames > 0; frames--) {
-    header(reader);
+    const stampTick = Math.round(header(reader) / TICK_S);
     const agent = agentOfFrame(reader.bytes());
     const position = vector(reader);
     const [x, y, z, w] = [reader.f64(), reader.f64(), reader.f64(), reader.f64()];
     const yawRad = Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
-    if (agent >= 0) {
+    if (agent >= 0 && stampTick === tick) {
       found.push({ agent, position, yawRad });
     }
   }

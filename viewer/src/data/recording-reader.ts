@@ -297,7 +297,7 @@ export class RecordingReader {
         builder.command(agent, messages.command(bytes));
         break;
       case "tf":
-        builder.poses(tick, messages.poses(bytes));
+        builder.poses(tick, messages.poses(bytes, tick));
         break;
       case "progress":
         builder.progress(messages.progress(bytes));

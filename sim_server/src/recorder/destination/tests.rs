@@ -120,3 +120,29 @@ fn files_of_killed_processes_are_removed() {
     drop(Destination::create(&file).unwrap());
     assert!(!locked.exists());
 }
+
+#[test]
+fn name_with_a_slash_is_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("bag/");
+    check(&bag).unwrap();
+    let (destination, _) = Destination::create(&bag).unwrap();
+    drop(destination);
+    assert!(!bag.exists(), "an aborted recording leaves no folder");
+    let (mut destination, mut handle) = Destination::create(&bag).unwrap();
+    handle.write_all(RECORDING).unwrap();
+    destination.publish().unwrap();
+    destination.write_metadata(|name| format!("of {name}")).unwrap();
+    assert_eq!(fs::read(bag.join("bag_0.mcap")).unwrap(), RECORDING);
+    assert_eq!(fs::read_to_string(bag.join("metadata.yaml")).unwrap(), "of bag_0.mcap\n");
+    drop(destination);
+
+    // A later run replaces both, the metadata at the end.
+    let (mut destination, mut handle) = Destination::create(&bag).unwrap();
+    handle.write_all(RECORDING).unwrap();
+    destination.publish().unwrap();
+    assert!(!bag.join("metadata.yaml").exists(), "those of the former recording");
+    drop(destination);
+    fs::write(bag.join("thesis.tex"), "...").unwrap();
+    assert!(refusal(&bag).starts_with("a folder with another file, thesis.tex; nothing was written; "));
+}

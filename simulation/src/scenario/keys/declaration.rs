@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
 
-use crate::scenario::AGENTS_MAX;
+use crate::scenario::{AGENTS_MAX, RecordedView};
 
 use super::DefaultValue::{Is, Required, Unset};
 use super::Kind::{
@@ -403,7 +403,7 @@ pub const TABLES: [Table; 22] = [
             "ticks between two messages on /sim/contacts", ""),
         key("info_period_ticks", Integer("ticks"), Is("50"), PERIOD,
             "ticks between two messages on /sim/info", ""),
-        key("record", Words(&["tf_static", "odom", "points", "path", "map", "unexplored", "contacts", "info"]),
+        key("record", Words(RecordedView::WORDS),
             Is("[]"), NONE, "visualisation topics that the recording holds as well", ""),
     ]),
     Table::new("execution", &[
@@ -424,6 +424,7 @@ pub const TABLES: [Table; 22] = [
             "wall time to wait for all agents at the start", ""),
         key("decision_timeout_s", Number("s"), Is("10.0"), POSITIVE,
             "wall time to wait for a reply; for the first one join_timeout_s, if that is longer", ""),
-        key("record", Path, Unset("none"), NONE, "file of the recording", ""),
+        key("record", Path, Unset("none"), NONE,
+            "file of the recording; a name that ends in / is a rosbag2 folder with metadata.yaml", ""),
     ]),
 ];

@@ -1,0 +1,51 @@
+//! The bodies with their sensors as URDF, so that tools draw them where `/tf` places them.
+
+use std::fmt::Write;
+
+use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
+use msgs::std_msgs;
+
+use crate::wire::body_frame;
+use crate::world::World;
+
+/// One robot of all agents: the link `map`, and on it for each agent a sphere `agent_<id>/base_link`
+/// with a LiDAR `agent_<id>/lidar` in its centre. Agents that do not fit into a sample are left out.
+pub(super) fn robots(world: &World) -> std_msgs::String {
+    const END: &str = "</robot>\n";
+    let mut data = "<?xml version=\"1.0\"?>\n<robot name=\"maes\">\n  <link name=\"map\"/>\n".to_owned();
+    for agent in world.agents() {
+        let radius_m = world.body(agent).model().radius_m;
+        let one = robot(&body_frame(agent), &format!("agent_{agent}/lidar"), radius_m);
+        if data.len() + one.len() + END.len() + MESSAGE_BYTES_BARE > VIEW_BYTES_MAX {
+            break;
+        }
+        data += &one;
+    }
+    data += END;
+    std_msgs::String { data }
+}
+
+fn robot(body: &str, lidar: &str, radius_m: f64) -> String {
+    let mut text = String::new();
+    let sphere = format!("<geometry><sphere radius=\"{radius_m}\"/></geometry>");
+    let written = (|| {
+        writeln!(text, "  <link name=\"{body}\">")?;
+        writeln!(
+            text,
+            "    <visual>{sphere}<material name=\"body\"><color rgba=\"0.2 0.5 0.9 1\"/></material></visual>"
+        )?;
+        writeln!(text, "    <collision>{sphere}</collision>\n  </link>")?;
+        writeln!(text, "  <link name=\"{lidar}\">\n    <visual><origin xyz=\"0 0 {radius_m}\"/><geometry>")?;
+        let (radius, length) = (radius_m / 3.0, radius_m / 4.0);
+        writeln!(text, "      <cylinder radius=\"{radius}\" length=\"{length}\"/></geometry></visual>\n  </link>")?;
+        for (kind, parent, child) in [("floating", "map", body), ("fixed", body, lidar)] {
+            writeln!(
+                text,
+                "  <joint name=\"{child}_joint\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/></joint>"
+            )?;
+        }
+        std::fmt::Result::Ok(())
+    })();
+    written.expect("a text can be written to");
+    text
+}

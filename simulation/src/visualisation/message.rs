@@ -1,0 +1,82 @@
+//! The messages of visualisation topics.
+
+use msgs::builtin_interfaces::Time;
+use msgs::diagnostic_msgs::DiagnosticArray;
+use msgs::maes_msgs;
+use msgs::nav_msgs::{OccupancyGrid, Odometry, Path};
+use msgs::rosgraph_msgs::Clock;
+use msgs::sensor_msgs::PointCloud2;
+use msgs::std_msgs;
+use msgs::tf2_msgs::TFMessage;
+use msgs::visualization_msgs::Marker;
+use serde::{Serialize, Serializer};
+
+#[cfg(doc)]
+use super::VisualisationTopic;
+
+/// A message of a visualisation topic.
+#[derive(Debug, Clone, PartialEq)]
+pub enum VisualisationMessage {
+    /// Of [`VisualisationTopic::Transforms`] and [`VisualisationTopic::StaticTransforms`].
+    Transforms(TFMessage),
+    /// Of [`VisualisationTopic::Odometry`].
+    Odometry(Box<Odometry>),
+    /// Of [`VisualisationTopic::Points`] and [`VisualisationTopic::MapPoints`].
+    Points(PointCloud2),
+    /// Of [`VisualisationTopic::Path`].
+    Path(Path),
+    /// Of [`VisualisationTopic::Map`], [`VisualisationTopic::Unexplored`] and
+    /// [`VisualisationTopic::Contacts`].
+    Marker(Box<Marker>),
+    /// Of [`VisualisationTopic::Info`] and [`VisualisationTopic::Diagnostics`].
+    Info(DiagnosticArray),
+    /// Of [`VisualisationTopic::RobotDescription`].
+    Text(std_msgs::String),
+    /// Of [`VisualisationTopic::Occupancy`].
+    Occupancy(Box<OccupancyGrid>),
+    /// Of [`VisualisationTopic::Clock`].
+    Clock(Clock),
+    /// Of [`VisualisationTopic::Digest`].
+    Digest(maes_msgs::Digest),
+    /// Of [`VisualisationTopic::Result`].
+    Result(Box<maes_msgs::Result>),
+}
+
+impl VisualisationMessage {
+    /// Its stamp, if it has one; of transforms, that of the first.
+    #[must_use]
+    pub fn stamp(&self) -> Option<Time> {
+        let header = match self {
+            Self::Transforms(message) => &message.transforms.first()?.header,
+            Self::Odometry(message) => &message.header,
+            Self::Points(message) => &message.header,
+            Self::Path(message) => &message.header,
+            Self::Marker(message) => &message.header,
+            Self::Info(message) => &message.header,
+            Self::Occupancy(message) => &message.header,
+            Self::Digest(message) => &message.header,
+            Self::Clock(message) => return Some(message.clock),
+            Self::Text(_) | Self::Result(_) => return None,
+        };
+        Some(header.stamp)
+    }
+}
+
+/// Serialises as the message that it holds.
+impl Serialize for VisualisationMessage {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Transforms(message) => message.serialize(serializer),
+            Self::Odometry(message) => message.serialize(serializer),
+            Self::Points(message) => message.serialize(serializer),
+            Self::Path(message) => message.serialize(serializer),
+            Self::Marker(message) => message.serialize(serializer),
+            Self::Info(message) => message.serialize(serializer),
+            Self::Text(message) => message.serialize(serializer),
+            Self::Occupancy(message) => message.serialize(serializer),
+            Self::Clock(message) => message.serialize(serializer),
+            Self::Digest(message) => message.serialize(serializer),
+            Self::Result(message) => message.serialize(serializer),
+        }
+    }
+}

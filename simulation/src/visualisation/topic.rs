@@ -1,0 +1,116 @@
+//! The visualisation topics of a run.
+
+use msgs::ids::AgentId;
+use msgs::topics::{self, Topic};
+
+/// A visualisation topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum VisualisationTopic {
+    /// The poses of all bodies.
+    Transforms,
+    /// The static frames.
+    StaticTransforms,
+    /// Pose and velocity of an agent.
+    Odometry(AgentId),
+    /// The last scan of an agent, as a point cloud.
+    Points(AgentId),
+    /// The remaining waypoints of an agent.
+    Path(AgentId),
+    /// The visible walls of the map.
+    Map,
+    /// The free cells that no agent has seen.
+    Unexplored,
+    /// The contacts between agents and relays.
+    Contacts,
+    /// The status of the run and of each agent, as diagnostics.
+    Info,
+    /// The same where tools for diagnostics look for it.
+    Diagnostics,
+    /// The bodies with their sensors, as URDF.
+    RobotDescription,
+    /// The map projected to the plane.
+    Occupancy,
+    /// The centres of the visible walls of the map.
+    MapPoints,
+    /// The clock, as it is recorded; live, the session publishes it.
+    Clock,
+    /// The digest of the run so far.
+    Digest,
+    /// The result of the run.
+    Result,
+}
+
+impl VisualisationTopic {
+    /// All topics of a run with this many agents that are published live.
+    pub fn all(agents: u32) -> impl Iterator<Item = Self> {
+        let of_run = [
+            Self::Transforms,
+            Self::StaticTransforms,
+            Self::Map,
+            Self::Unexplored,
+            Self::Contacts,
+            Self::Info,
+            Self::Diagnostics,
+            Self::RobotDescription,
+            Self::Occupancy,
+            Self::MapPoints,
+            Self::Digest,
+            Self::Result,
+        ];
+        let of_agent = |agent| [Self::Odometry(agent), Self::Points(agent), Self::Path(agent)];
+        of_run.into_iter().chain((0..agents).map(AgentId).flat_map(of_agent))
+    }
+
+    /// Whether its messages have the stamp of their tick, and poses are looked up for it. Points have
+    /// that of their scan.
+    pub(super) fn needs_present_transforms(self) -> bool {
+        match self {
+            Self::Odometry(_) | Self::Path(_) | Self::Unexplored | Self::Contacts | Self::Info | Self::Diagnostics => {
+                true
+            }
+            Self::Transforms
+            | Self::StaticTransforms
+            | Self::Points(_)
+            | Self::Map
+            | Self::RobotDescription
+            | Self::Occupancy
+            | Self::MapPoints
+            | Self::Clock
+            | Self::Digest
+            | Self::Result => false,
+        }
+    }
+
+    /// Whether it is published once, because it does not change.
+    pub(super) fn is_static(self) -> bool {
+        matches!(self, Self::StaticTransforms | Self::Map | Self::RobotDescription | Self::Occupancy | Self::MapPoints)
+    }
+
+    /// Whether it is published in chunks.
+    pub(super) fn is_chunked(self) -> bool {
+        matches!(self, Self::Map | Self::Unexplored)
+    }
+
+    /// Its name, type and QoS.
+    #[must_use]
+    pub fn topic(self) -> Topic {
+        match self {
+            Self::Transforms => topics::tf(),
+            Self::StaticTransforms => topics::tf_static(),
+            Self::Odometry(agent) => topics::odometry(agent),
+            Self::Points(agent) => topics::points(agent),
+            Self::Path(agent) => topics::path(agent),
+            Self::Map => topics::map(),
+            Self::Unexplored => topics::unexplored(),
+            Self::Contacts => topics::contacts(),
+            Self::Info => topics::info(),
+            Self::Diagnostics => topics::diagnostics(),
+            Self::RobotDescription => topics::robot_description(),
+            Self::Occupancy => topics::occupancy(),
+            Self::MapPoints => topics::map_points(),
+            Self::Clock => topics::clock(),
+            Self::Digest => topics::digest(),
+            Self::Result => topics::result(),
+        }
+    }
+}
