@@ -264,7 +264,7 @@ impl World {
         self.lidar.noise.pose_bound_m.powi(2) / 3.0
     }
 
-    /// Moves a body to a pose, at rest, and ends its task with [`TASK_DONE`].
+    /// Moves a body to a pose, at rest, and ends its task with [`EventMask::TASK_DONE`].
     ///
     /// # Errors
     /// The obstacle, if the body does not fit there; the world is unchanged then.
