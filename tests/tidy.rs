@@ -61,7 +61,7 @@ const USES: [(&str, &[&str]); 16] = [
             "voxels",
         ],
     ),
-    ("report", &["agent_node", "experiments", "statistics"]),
+    ("report", &["agent_node", "experiments", "msgs", "statistics"]),
     (
         "testing/fault_injection",
         &["agent_node", "in_memory", "msgs", "ros_node", "sim_server", "simulation", "supervisor", "voxels"],
@@ -81,6 +81,7 @@ const USES: [(&str, &[&str]); 16] = [
             "sim_server",
             "simulation",
             "supervisor",
+            "system",
             "voxels",
         ],
     ),
