@@ -70,7 +70,8 @@ pub struct ReportSummary {
     pub lacking: usize,
     /// What a reader has to know about the evidence, one sentence each.
     pub warnings: Vec<String>,
-    /// The verdicts, each with its panel, and below it in a line of its own what the second test says.
+    /// The verdicts, each with its panel, and below it in a line of its own what the second test
+    /// says.
     pub verdicts: Vec<String>,
 }
 

@@ -1,8 +1,8 @@
 //! The measures by which variants are compared, and their values.
 //!
-//! All times are in ticks, so that equal times are ties: on the grid of ticks differences of seconds
-//! differ by rounding. All are restricted to one horizon, the shortest duration of the runs that are
-//! compared.
+//! All times are in ticks, so that equal times are ties: on the grid of ticks differences of
+//! seconds differ by rounding. All are restricted to one horizon, the shortest duration of the runs
+//! that are compared.
 //!
 //! The area under the explored share is compared as what is above it: the duration times the share
 //! that is not yet explored is the mean time until a free cell is seen, restricted to the duration.
@@ -127,7 +127,8 @@ pub(super) fn restricted(runs: &[&RunRecord], milestone: Milestone, horizon_s: f
     runs.iter().map(time).collect()
 }
 
-/// The area under the explored share up to a horizon, over the horizon; 0 for a run that has failed.
+/// The area under the explored share up to a horizon, over the horizon; 0 for a run that has
+/// failed.
 fn area(run: &RunRecord, horizon_s: f64) -> f64 {
     if ticks(run.row.duration_s) == ticks(horizon_s) {
         return run.row.area_under_explored;

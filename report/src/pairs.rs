@@ -2,8 +2,8 @@
 //!
 //! Effect, interval and p-value of a comparison are of one quantity: the ratio, or the difference,
 //! of the means of the pairs. The comparisons under one condition are a family: their p-values are
-//! adjusted together (Holm). Conditions are separate questions; an adjustment over all of them would
-//! need far more maps.
+//! adjusted together (Holm). Conditions are separate questions; an adjustment over all of them
+//! would need far more maps.
 
 use super::estimates::{Estimate, LEVEL, SEED};
 use super::evidence::PAIRS_MIN;
@@ -53,8 +53,8 @@ pub(super) struct Comparison {
     /// Whether so many pairs can give an adjusted p-value below [`ALPHA`], whatever the outcome.
     pub(super) can_be_shown: bool,
     /// Effect that so many pairs show with a probability of [`POWER`] in the hardest step of Holm's
-    /// correction, as in verdicts: of a ratio as a share of the mean of the worse variant. `None` if
-    /// they show none, however large.
+    /// correction, as in verdicts: of a ratio as a share of the mean of the worse variant. `None`
+    /// if they show none, however large.
     pub(super) detectable: Option<f64>,
 }
 

@@ -295,8 +295,8 @@ fn character_width(character: char) -> f64 {
     }
 }
 
-/// Escapes text for an XML element or a quoted attribute, and control characters, of which XML allows
-/// few, and those that change the order of others.
+/// Escapes text for an XML element or a quoted attribute, and control characters, of which XML
+/// allows few, and those that change the order of others.
 pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in printable::text(text).chars() {

@@ -247,9 +247,9 @@ impl Gain {
             }
             Compared::Unseen => {
                 let horizon = ticks(comparison.horizon_s);
-                let area = |unseen: f64| figure(100.0 * (1.0 - unseen / horizon));
+                let area = |unseen: f64| 100.0 * (1.0 - unseen / horizon);
                 format!(
-                    "ahead of {second} in the area under the explored share ({} against {} %): a cell is seen {size} \
+                    "ahead of {second} in the area under the explored share ({:.1} against {:.1} %): a cell is seen {size} \
                      sooner on average{interval}{}",
                     area(less),
                     area(more),
@@ -257,7 +257,7 @@ impl Gain {
                 )
             }
             Compared::Explored => {
-                format!("{size} more than {second}{interval} ({} against {} %)", figure(more), figure(less))
+                format!("{size} more than {second}{interval} ({more:.1} against {less:.1} %)")
             }
             Compared::Distance => format!("{size} less than {second}{interval}"),
         }

@@ -178,7 +178,7 @@ fn page_is_well_formed_and_self_contained() {
         "rbw: 5 agents, 50\u{b3} cells",
         "Comparison of dsvp, lvd and rbw",
         "Runs of 2026-11-20 to 2026-11-21",
-        "dsvp was ahead of lvd in the area under the explored share (70 against 40 %): a cell is seen 50 % sooner on \
+        "dsvp was ahead of lvd in the area under the explored share (70.0 against 40.0 %): a cell is seen 50 % sooner on \
          average",
         "n = 3 maps: too few for a test, which needs 7.",
         "reaches 99 % first or alone in 2 of 3 pairs, lvd in 0; too few for a test",

@@ -110,7 +110,8 @@ pub fn exchange_test(
     };
     let interval = estimate.and_then(|estimate| {
         let interval = interval(a, b, effect, level, seed)?;
-        // The p-value may be exact where the ends are drawn: it decides on which side of none they are.
+        // The p-value may be exact where the ends are drawn: it decides on which side of none they
+        // are.
         let none = effect.of_none();
         let Interval { mut low, mut high } = interval;
         let is_outside = p_value <= 1.0 - level;

@@ -18,8 +18,8 @@ const EXACT_PAIRS_MAX: usize = 10;
 const STEPS: usize = 40;
 
 /// The difference of means that so many pairs, if they scatter like these differences, show with a
-/// probability of `power` in a permutation test at the level `needed`, which is 5 % over the
-/// number of comparisons if these are corrected. `None` if so many pairs show no difference, however
+/// probability of `power` in a permutation test at the level `needed`, which is 5 % over the number
+/// of comparisons if these are corrected. `None` if so many pairs show no difference, however
 /// large.
 ///
 /// It is found by simulation: experiments are drawn from the differences without their mean, each
@@ -27,8 +27,8 @@ const STEPS: usize = 40;
 /// Silverman and Young, 1987), and the shift is the one with which `power` of the experiments have
 /// a p-value below `needed`.
 ///
-/// # Errors
-/// If there are fewer than two differences, one is not finite, or a probability is not between 0 and 1.
+/// # Errors If there are fewer than two differences, one is not finite, or a probability is not
+/// between 0 and 1.
 pub fn detectable_difference(
     differences: &[f64],
     pairs: usize,

@@ -347,7 +347,8 @@ fn ratio(a: &[f64], b: &[f64]) -> Exchange {
 
 #[test]
 fn exchanges_by_hand() {
-    // Of the eight orders of three pairs the sums are 6, 4, 2, 0 and their opposites: two are as far.
+    // Of the eight orders of three pairs the sums are 6, 4, 2, 0 and their opposites: two are as
+    // far.
     let three = difference(&[1.0, 2.0, 3.0], &[0.0; 3]);
     assert_eq!((three.effect, three.p_value, three.least_p_value, three.interval), (Some(2.0), 0.25, 0.25, None));
     // Six in one direction: 2 / 64. The second lowest of the lower effects in a part and the rest:

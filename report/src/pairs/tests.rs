@@ -279,7 +279,8 @@ fn detectable_difference_is_in_per_cent_of_the_worse_variant() {
 
 #[test]
 fn measure_is_chosen_before_the_data() {
-    // One run of many reaches 99 %: verdicts stay about the area, and about a time if a plan says so.
+    // One run of many reaches 99 %: verdicts stay about the area, and about a time if a plan says
+    // so.
     let times = |first| (0..8).map(|block| (block == 0).then_some(first)).collect::<Vec<_>>();
     let runs = study(&[("a", times(30.0)), ("b", times(31.0))], own_map);
     let said = |plan: Option<&str>| {
@@ -315,7 +316,8 @@ fn effect_and_p_value_never_point_to_different_sides() {
 
 #[test]
 fn variants_with_other_durations_are_compared_to_the_shorter_one() {
-    // The one that may run for 120 s reaches 99 % at 80 s on all maps, the other one not within 60 s.
+    // The one that may run for 120 s reaches 99 % at 80 s on all maps, the other one not within 60
+    // s.
     let mut study = study(&[("long", vec![Some(80.0); 8]), ("short", vec![None; 8])], own_map);
     for run in study.runs.iter_mut().filter(|run| run.row.controller == "long") {
         (run.row.duration_s, run.row.area_under_explored) = (120.0, 0.825);

@@ -47,13 +47,13 @@ fn effect_comes_before_chance() {
     );
     assert_eq!(
         said(comparison(0.6, (0.5, 0.8), 30, Some(0.003)), Compared::Unseen),
-        "dsvp is ahead of rbw in the area under the explored share (70 against 50 %): a cell is seen 40 % sooner on \
+        "dsvp is ahead of rbw in the area under the explored share (70.0 against 50.0 %): a cell is seen 40 % sooner on \
          average [20, 50] (1.67 times as fast), n = 30 maps; p = 0.003."
     );
     let points = Comparison { mean_a: 97.0, mean_b: 93.8, ..comparison(3.2, (1.0, 5.12), 30, Some(0.003)) };
     assert_eq!(
         said(points, Compared::Explored),
-        "dsvp explores 3.2 points more than rbw [1.0, 5.1] (97 against 94 %), n = 30 maps; p = 0.003."
+        "dsvp explores 3.2 points more than rbw [1.0, 5.1] (97.0 against 93.8 %), n = 30 maps; p = 0.003."
     );
     assert_eq!(
         said(comparison(1.25, (1.0, 1.6), 30, Some(0.01)), Compared::Distance),

@@ -147,8 +147,8 @@ impl RequestedRuns {
     }
 }
 
-/// Refuses a generated map whose run would take more memory than [`MEMORY_MAX_BYTES`], before any of
-/// it is made: the request has no more than a few numbers.
+/// Refuses a generated map whose run would take more memory than [`MEMORY_MAX_BYTES`], before any
+/// of it is made: the request has no more than a few numbers.
 fn check_memory(scenario: &Scenario) -> Result<(), RequestError> {
     let Some(size) = scenario.map.size else { return Ok(()) };
     let cells: u64 = size.cells().into_iter().map(u64::from).product();
