@@ -356,6 +356,32 @@ fn flooding_without_reply_times_out() {
     }
 }
 
+#[test]
+fn agent_with_illegal_replies_is_lost_for_that_reason() {
+    let mut play = Play::of_two(DURATION_S);
+    play.scenario.execution.decision_timeout_s = 2.0;
+    play.scenario.execution.join_timeout_s = 2.0;
+    let played = play.with(move |mut end, ids, is_over| {
+        if ids[0] == AgentId(0) {
+            agent_node::host::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
+            return;
+        }
+        let Some(ToAgents::Scenario(Scenario { run, .. })) = end.receive(HANG) else {
+            panic!("the scenario comes first")
+        };
+        end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+        let motion = Motion { kind: Motion::MOVE, distance_m: f64::NAN, ..Motion::default() };
+        let reply = Command { tick: 0, run, agent: 1, motion, ..Command::default() };
+        while !is_over.load(Ordering::Relaxed) {
+            end.send_command(&reply);
+            end.receive(Duration::from_millis(1));
+        }
+    });
+    let error = played.outcome.expect_err("agent 1 never replies");
+    let text = error.to_string();
+    assert!(text.contains("from: 1; the answer of agent 1 was refused: ") && text.contains("NaN"), "{text}");
+}
+
 /// Raw bytes, whatever the type of the topic.
 #[derive(Debug)]
 struct Noise(Vec<u8>);

@@ -65,7 +65,7 @@ const USES: [(&str, &[&str]); 18] = [
             "voxels",
         ],
     ),
-    ("report", &["agent_node", "experiments", "statistics"]),
+    ("report", &["agent_node", "experiments", "msgs", "statistics"]),
     (
         "testing/fault_injection",
         &["agent_node", "in_memory", "msgs", "ros_node", "sim_server", "simulation", "supervisor", "voxels"],
@@ -85,6 +85,7 @@ const USES: [(&str, &[&str]); 18] = [
             "sim_server",
             "simulation",
             "supervisor",
+            "system",
             "voxels",
         ],
     ),

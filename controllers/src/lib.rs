@@ -44,6 +44,7 @@ use agent::observation::{Observation, RunInfo};
 pub use ctx::Ctx;
 pub use registry::{ControllerError, Registry, RegistryError};
 use settings::{Setting, SettingError, Settings};
+pub use suggestion::did_you_mean;
 
 /// An algorithm that controls one agent. How to write one: docs/controllers.md.
 ///

@@ -2,7 +2,8 @@
 
 /// Appended to an error about an unknown name: `; did you mean ...?`, or nothing if no known name
 /// is near.
-pub(super) fn did_you_mean<K: AsRef<str>>(unknown: &str, known: &[K]) -> String {
+#[must_use]
+pub fn did_you_mean<K: AsRef<str>>(unknown: &str, known: &[K]) -> String {
     let distance = |name: &&str| strsim::osa_distance(unknown, name);
     let nearest = known.iter().map(AsRef::as_ref).min_by_key(distance);
     match nearest.filter(|name| distance(name) <= (unknown.len() / 3).max(1)) {

@@ -220,6 +220,7 @@ pub fn execute_selected(
     }
     check(plan, &options.transport)?;
     let store = Store::create(&folder)?;
+    let _lock = store.lock(options.part != Part::WHOLE)?;
     let done = store.done()?;
     prune(plan, &store, &done, options.prune)?;
     store.save_plan(plan)?;

@@ -9,6 +9,7 @@
 //! Invariant: the scenarios of a [`Plan`] are valid and its controllers known; only map generation
 //! can still fail. This module runs nothing.
 
+mod comparison;
 mod dimensions;
 mod files;
 mod maps;
@@ -28,6 +29,7 @@ use files::{Files, RunFiles, Unreadable};
 use maps::MapFile;
 use read::Fork;
 
+pub use comparison::{ALPHA, CONTROLLER, Measure, compared_by_default, value};
 pub use files::Inputs;
 pub use read::SEEDS_EXPECTED;
 
@@ -129,6 +131,8 @@ pub struct Plan {
     pub inputs: Inputs,
     /// The keys whose values are compared: axes, or [`VARIANT`]. Empty if the plan does not say.
     pub compare: Vec<String>,
+    /// What verdicts are about.
+    pub primary: Measure,
     /// In the order of the file.
     pub variants: Vec<Variant>,
     /// In the order of the file.
@@ -238,11 +242,11 @@ impl Plan {
                 runs.extend(of_block);
             }
         }
-        let read::Draft { text, compare, variants, axes, seeds, oracle, folder: copies, .. } = draft;
+        let read::Draft { text, compare, primary, variants, axes, seeds, oracle, folder: copies, .. } = draft;
         let is_copy = copies.is_some();
         let inputs = files.into_inputs(copies);
         let text = if is_copy { text } else { inputs.line() + &text };
-        Ok(Self { text, inputs, compare, variants, axes, seeds, oracle, runs })
+        Ok(Self { text, inputs, compare, primary, variants, axes, seeds, oracle, runs })
     }
 }
 

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use msgs::ids::Tick;
 use serde::{Deserialize, Serialize};
 use simulation::end_reason::EndReason;
 
@@ -204,6 +205,13 @@ pub struct RunRow {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub oracle: Option<OracleRow>,
     pub wall: WallRow,
+}
+
+/// A time of a row as the tick that it stands for: seconds have rounding errors, by which equal
+/// times differ once they are subtracted or read again.
+#[must_use]
+pub fn ticks(time_s: f64) -> f64 {
+    (time_s * 1e9 / Tick::TICK_NS as f64).round()
 }
 
 impl RunRow {

@@ -5,6 +5,7 @@
 //! share a folder. The files of the runs are the whole state; tables can be regenerated from them.
 
 use std::collections::BTreeSet;
+use std::fs::{File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +28,14 @@ pub enum StoreError {
     Record { file: String, source: serde_json::Error },
     #[error("{file}: {reason}")]
     Table { file: String, reason: String },
+    #[error("{folder}: no folder of a plan; expected one that `maes batch PLAN --out DIR` has made")]
+    NoPlan { folder: String },
+    #[error("{folder}: another `maes batch` is at work there; wait for its end, or choose another folder (--out)")]
+    Busy { folder: String },
 }
+
+/// File name of the lock of an execution.
+const LOCK: &str = ".lock";
 
 /// Subfolder of the runs that have failed.
 const FAILURES: &str = "failures";
@@ -55,8 +63,27 @@ impl Store {
     /// If it does not exist, or is not the folder of a plan.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let runs = folder.join("runs");
-        std::fs::read_dir(&runs).map_err(file_error(&runs))?;
-        Ok(Self { folder: folder.to_owned() })
+        match std::fs::read_dir(&runs) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                Err(StoreError::NoPlan { folder: name(folder) })
+            }
+            read => read.map(|_| Self { folder: folder.to_owned() }).map_err(file_error(&runs)),
+        }
+    }
+
+    /// Keeps other executions out of the folder for as long as the result lives: parts of a plan
+    /// share it with each other, and nothing else does. On a file system without locks it keeps out
+    /// nobody.
+    ///
+    /// # Errors
+    /// If another execution has it, or the file of the lock cannot be made.
+    pub fn lock(&self, is_part: bool) -> Result<File, StoreError> {
+        let path = self.folder.join(LOCK);
+        let file = File::options().create(true).append(true).open(&path).map_err(file_error(&path))?;
+        match if is_part { file.try_lock_shared() } else { file.try_lock() } {
+            Err(TryLockError::WouldBlock) => Err(StoreError::Busy { folder: name(&self.folder) }),
+            Err(TryLockError::Error(_)) | Ok(()) => Ok(file),
+        }
     }
 
     #[must_use]

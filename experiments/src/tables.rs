@@ -4,9 +4,11 @@
 //! `axis.<key>`, the bytes of a kind of agent message are `message_bytes_kind_<kind>`. Lengths in
 //! metres, times in seconds.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use msgs::printable;
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
 use parquet::column::writer::ColumnWriter;
 use parquet::data_type::ByteArray;
@@ -47,9 +49,10 @@ impl Values {
         }
     }
 
+    /// A cell of CSV.
     fn field(&self, row: usize) -> String {
         match self {
-            Self::Text(values) => values[row].clone(),
+            Self::Text(values) => values[row].as_deref().map(|text| csv_text(text).into_owned()),
             Self::Whole(values) => values[row].map(|value| value.to_string()),
             Self::Number(values) => values[row].map(|value| value.to_string()),
         }
@@ -223,6 +226,15 @@ pub fn csv(table: &Table) -> Result<Vec<u8>, String> {
         writer.write_record(fields).map_err(|error| error.to_string())?;
     }
     writer.into_inner().map_err(|error| error.to_string())
+}
+
+/// A text of others as a cell of CSV: control characters are escaped, and what a spreadsheet would
+/// take for a formula begins with an apostrophe.
+#[must_use]
+pub fn csv_text(text: &str) -> Cow<'_, str> {
+    let line = printable::line(text);
+    let is_formula = line.starts_with(['=', '+', '-', '@']) && line.parse::<f64>().is_err();
+    if is_formula { Cow::Owned(format!("'{line}")) } else { line }
 }
 
 /// Encodes a table as a Parquet file.

@@ -47,7 +47,7 @@ use recordings::{DiffArgs, InfoArgs, RecoverArgs, SnapshotArgs, VerifyArgs};
 use replay::ReplayArgs;
 use run::RunArgs;
 use scenario::ScenarioArgs;
-use sim_server::exit;
+use sim_server::{exit, os};
 #[cfg(feature = "ros")]
 use supervisor::SupervisorError;
 #[cfg(feature = "ros")]
@@ -119,6 +119,8 @@ fn main() -> ExitCode {
         return code;
     }
     allocator::keep_large_blocks_in_pages();
+    // Without it a full file ends the process as it always has.
+    drop(os::report_full_files());
     let parsed = Cli::command().try_get_matches().and_then(|matches| {
         let cli = Cli::from_arg_matches(&matches)?;
         Ok((cli, matches))
@@ -149,7 +151,10 @@ fn main() -> ExitCode {
         #[cfg(feature = "ros")]
         Command::Faults(args) => faults::faults(&args),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "maes", &mut std::io::stdout());
+            // A reader that has enough, such as `head`, ends no writing to memory.
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "maes", &mut script);
+            output::print_bytes(&script);
             Ok(ExitCode::SUCCESS)
         }
         Command::ManPages { folder } => {
@@ -159,10 +164,17 @@ fn main() -> ExitCode {
             written.with_context(|| folder.display().to_string()).map(|()| ExitCode::SUCCESS)
         }
     };
-    done.unwrap_or_else(|error| {
-        output::say(&msgs::printable::line(&format!("error: {}", exit::described(&error))));
+    let code = done.unwrap_or_else(|error| {
+        output::say(&output::without_numbers(&msgs::printable::line(&format!("error: {}", exit::described(&error)))));
         exit_code(&error)
-    })
+    });
+    match output::failure() {
+        Some(failure) if code == ExitCode::SUCCESS => {
+            output::say(&output::without_numbers(&format!("error: {failure}")));
+            ExitCode::from(exit::FAILED)
+        }
+        _ => code,
+    }
 }
 
 /// Runs one of the programs that this one is as well, if its name comes first.

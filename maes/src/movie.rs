@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use sim_server::cli::time_s;
 use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
 use sim_server::recording::Recording;
 
@@ -18,13 +19,13 @@ pub(crate) struct MovieArgs {
     #[arg(long, value_name = "FILE", value_parser = movie)]
     out: PathBuf,
     /// Sim time of the first picture [default: that of the recording]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "TIME", value_parser = time_s)]
     from: Option<f64>,
     /// Sim time of the last picture [default: that of the recording]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "TIME", value_parser = time_s)]
     to: Option<f64>,
     /// How long the movie lasts
-    #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
+    #[arg(long, value_name = "TIME", value_parser = time_s, default_value_t = 30.0)]
     seconds: f64,
     /// Pictures per second
     #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..=120))]

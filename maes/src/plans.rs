@@ -9,6 +9,7 @@ use std::sync::atomic::Ordering;
 use std::thread;
 
 use agent_node::controllers::Registry;
+use anyhow::anyhow;
 use clap::{Args, ValueEnum};
 use experiments::benchmark::BenchmarkError;
 use experiments::cluster::{self, EmitError, Job, Scheduler};
@@ -20,7 +21,7 @@ use experiments::merge;
 use experiments::plan::{BUILD, Plan};
 use experiments::store::{Store, StoreError};
 use report::{Heading, ReportError, ReportSummary};
-use sim_server::exit;
+use sim_server::{exit, setup};
 
 use crate::output::{print, say};
 use crate::progress::ProgressDisplay;
@@ -225,10 +226,11 @@ fn part(text: &str) -> Result<Part, String> {
 
 /// Whether an error is a failure of the system, and not bad input.
 pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
-    matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(_)))
+    let is_failed = |error: &StoreError| !matches!(error, StoreError::Busy { .. } | StoreError::NoPlan { .. });
+    matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(error)) if is_failed(error))
         || matches!(error.downcast_ref::<BenchmarkError>(), Some(BenchmarkError::Store(_)))
         || matches!(error.downcast_ref::<EmitError>(), Some(EmitError::Store(_)))
-        || error.downcast_ref::<StoreError>().is_some()
+        || error.downcast_ref::<StoreError>().is_some_and(is_failed)
         || matches!(error.downcast_ref::<ReportError>(), Some(ReportError::Png { .. } | ReportError::Write { .. }))
 }
 
@@ -237,7 +239,13 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
     if args.launcher.is_some() {
         say("note: `--launcher` has no effect any more: `maes` starts the processes itself");
     }
-    let plan = Plan::load(&args.plan)?;
+    let plan = Plan::load(&args.plan).map_err(|error| match is_scenario(&args.plan) {
+        true => anyhow!("{0}: a scenario of one run; expected a plan of many: maes run {0}", args.plan.display()),
+        false => error.into(),
+    })?;
+    if let Some(note) = plan.too_few_blocks() {
+        say(&format!("note: {note}"));
+    }
     let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let (transport, jobs) = match args.transport {
         TransportName::Memory => (Transport::Memory, cores),
@@ -278,6 +286,11 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
         Summary { failed: 1.., .. } => ExitCode::from(exit::FAILED),
         _ => ExitCode::SUCCESS,
     })
+}
+
+/// Whether a file is a legal scenario.
+fn is_scenario(file: &Path) -> bool {
+    setup::load(file, &[]).is_ok()
 }
 
 /// Executes something that a first Ctrl-C ends after the runs under way, and a second one at once.

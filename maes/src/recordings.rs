@@ -7,6 +7,7 @@ use clap::Args;
 use experiments::diff;
 use msgs::ids::Tick;
 use msgs::printable;
+use sim_server::cli::time_s;
 use sim_server::foxglove::capture::{self, CaptureArgs, CaptureError, CaptureTime};
 use sim_server::recording::Recording;
 use sim_server::recording::recovery::{self, RecoverError};
@@ -67,7 +68,7 @@ pub(crate) struct SnapshotArgs {
     #[command(flatten)]
     subject: CaptureArgs,
     /// Sim time of the moment
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "TIME", value_parser = time_s)]
     at: f64,
     /// The picture (.png)
     #[arg(long, value_name = "PNG", value_parser = png)]

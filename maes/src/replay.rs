@@ -7,6 +7,7 @@ use clap::Args;
 use msgs::ids::Tick;
 use msgs::printable;
 use ros_node::ros_env::RosEnv;
+use sim_server::cli::time_s;
 use sim_server::recording::Recording;
 use sim_server::replay::{PlaybackOptions, PlaybackSchedule, PlaybackTiming};
 use sim_server::terminal::Terminal;
@@ -26,10 +27,10 @@ pub(crate) struct ReplayArgs {
     #[arg(long, value_name = "X|max", value_parser = rate, default_value = "1")]
     rate: Rtf,
     /// Sim time at which playback begins
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "TIME", value_parser = time_s, default_value_t = 0.0, allow_negative_numbers = true)]
     start: f64,
     /// Sim time at which playback ends, if not at the end of the recording
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    #[arg(long, value_name = "TIME", value_parser = time_s, allow_negative_numbers = true)]
     end: Option<f64>,
     /// Begin again at the end
     #[arg(long = "loop")]

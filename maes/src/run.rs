@@ -8,22 +8,28 @@ use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fmt;
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, ValueEnum};
+use mapgen::MapError;
 use sim_server::cli::{ForkArgs, KeyArgs, assignment, trace_file};
 use sim_server::foxglove::PageOrigin;
+use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use sim_server::recording::Recording;
-use sim_server::setup;
+use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Override, Scenario};
 
 use crate::controllers;
+use crate::output::say;
 
 /// The scenario of a run that names none.
 const DEFAULT_SCENARIO: &str = include_str!("../../launch_scripts/scenarios/default.toml");
+
+/// Most agents of a team that no note warns of: a hundred run faster than real time.
+const LARGE_TEAM: u32 = 200;
 
 /// What it is called in errors.
 const DEFAULT_NAME: &str = "the default scenario";
@@ -194,15 +200,59 @@ impl RunArgs {
         overrides
     }
 
-    fn scenario(&self) -> Result<Scenario, setup::SetupError> {
+    fn scenario(&self) -> anyhow::Result<Scenario> {
         let overrides = self.overrides();
         if let Some((file, at)) = self.fork.point() {
-            return setup::fork(&Recording::open(file)?, at, &overrides);
+            return Ok(setup::fork(&Recording::open(file)?, at, &overrides)?);
         }
-        match self.resume.as_ref().or(self.scenario.as_ref()) {
-            Some(file) => setup::load(file, &overrides),
-            None => setup::parse(DEFAULT_NAME, DEFAULT_SCENARIO, &overrides),
+        let scenario = match self.resume.as_ref().or(self.scenario.as_ref()) {
+            Some(file) => setup::load(file, &overrides).map_err(|error| match is_plan(file) {
+                true => {
+                    anyhow!("{0}: a plan of many runs; expected a scenario: maes batch {0} --out DIR", file.display())
+                }
+                false => error.into(),
+            })?,
+            None => setup::parse(DEFAULT_NAME, DEFAULT_SCENARIO, &overrides)?,
+        };
+        // A resumed run has the map of its recording.
+        if self.resume.is_none() {
+            self.check_map(&scenario, &overrides)?;
         }
+        Ok(scenario)
+    }
+
+    /// Refuses a map that a flag has made impossible, and names the flag.
+    fn check_map(&self, scenario: &Scenario, overrides: &[Override]) -> anyhow::Result<()> {
+        let Err(error) = setup::check_map(scenario) else { return Ok(()) };
+        let is_of_map = |change: &&Override| change.key == "map" || change.key.starts_with("map.");
+        match overrides.iter().rfind(is_of_map) {
+            // The name of the file is in both.
+            Some(change) if change.key == "map.file" => {
+                bail!("{error}; expected spheres, noise, building, mine, or a map file: {}", change.origin)
+            }
+            Some(change) => {
+                let remedy = match &error {
+                    SetupError::Map { table, source: MapError::OutOfRange { key, .. } } => {
+                        format!("; choose a larger map, or a value that fits: --set {table}.{key}=VALUE")
+                    }
+                    _ => String::new(),
+                };
+                bail!("{}: {error}{remedy}", change.origin)
+            }
+            None => bail!("{}: {error}", self.name()),
+        }
+    }
+
+    /// That a team is larger than what runs fast, if it is.
+    fn note_on_team(&self, scenario: &Scenario) -> Option<String> {
+        let agents = scenario.agents.count;
+        (agents > LARGE_TEAM).then(|| {
+            let remedy = match self.transport {
+                Transport::Ros2 => "; --transport memory is faster, with the same result",
+                Transport::Memory => "",
+            };
+            format!("{agents} agents: a run of so many may be slower than real time{remedy}")
+        })
     }
 
     /// What the scenario is called in errors.
@@ -255,6 +305,13 @@ impl RunArgs {
     }
 }
 
+/// Whether a file has the keys of a plan, and not those of a scenario.
+fn is_plan(file: &Path) -> bool {
+    let text = input_file::read_text(file, TEXT_BYTES_MAX).unwrap_or_default();
+    let has = |key: &str| toml::from_str::<toml::Table>(&text).is_ok_and(|table| table.contains_key(key));
+    has("seeds") && !has("agents")
+}
+
 /// Whether an argument was typed.
 pub(crate) fn is_given(given: &ArgMatches, id: &str) -> bool {
     given.value_source(id) == Some(ValueSource::CommandLine)
@@ -274,6 +331,7 @@ pub(crate) fn run(args: &RunArgs, given: &ArgMatches) -> anyhow::Result<ExitCode
         Transport::Memory => {
             let scenario = args.scenario()?;
             controllers::check(&scenario)?;
+            args.note_on_team(&scenario).iter().for_each(|note| say(&format!("note: {note}")));
             memory::run(args, &scenario)
         }
         #[cfg(feature = "ros")]
@@ -305,6 +363,32 @@ mod tests {
     fn a_run_without_a_scenario_is_the_default_one() {
         let scenario = parsed("run --agents 2").0.scenario().unwrap();
         assert_eq!((scenario.agents.count, scenario.seed), (2, 1));
+    }
+
+    #[test]
+    fn map_that_a_flag_makes_impossible_is_the_fault_of_the_flag() {
+        let refused = |line: &str| parsed(line).0.scenario().unwrap_err().to_string();
+        let text = refused("run --size 12");
+        assert!(text.starts_with("--size 12: map.spheres: radius_max is 8, allowed is 3 to 4; "), "{text}");
+        let text = refused("run --map none.m3dm");
+        assert!(text.starts_with("none.m3dm: ") && text.ends_with("or a map file: --map none.m3dm"), "{text}");
+        assert!(!text.contains(DEFAULT_NAME), "{text}");
+    }
+
+    #[test]
+    fn large_teams_are_noted() {
+        let note = |line: &str| parsed(line).0.note_on_team(&parsed(line).0.scenario().unwrap());
+        assert_eq!(note("run --agents 200"), None);
+        assert!(note("run --agents 500").is_some_and(|note| note.starts_with("500 agents: ")));
+    }
+
+    #[test]
+    fn plan_is_no_scenario() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("plan.toml");
+        std::fs::write(&file, "seeds = \"1..3\"\n[scenario]\nduration_s = 5.0\n").unwrap();
+        let error = parsed(&format!("run {}", file.display())).0.scenario().unwrap_err().to_string();
+        assert!(error.contains("a plan of many runs") && error.contains("maes batch"), "{error}");
     }
 
     #[test]

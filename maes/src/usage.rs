@@ -2,8 +2,11 @@
 //! usage of the command, with the nearest name.
 
 use std::error::Error as _;
+use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
 use std::process::ExitCode;
 
+use agent_node::controllers::did_you_mean;
+use clap::CommandFactory as _;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use sim_server::exit;
 
@@ -20,6 +23,9 @@ pub(crate) fn report(error: &clap::Error) -> ExitCode {
 }
 
 fn one_line(error: &clap::Error) -> Option<String> {
+    if error.kind() == ErrorKind::InvalidSubcommand {
+        return unknown_command(error);
+    }
     let text = |kind| match error.get(kind)? {
         ContextValue::String(text) => Some(text.as_str()),
         _ => None,
@@ -41,9 +47,44 @@ fn one_line(error: &clap::Error) -> Option<String> {
             let nearest = nearest.map_or_else(String::new, |nearest| format!("; did you mean {nearest}?"));
             Some(format!("{name} {}: expected {}{nearest}", value?, listed(allowed)))
         }
-        ErrorKind::ValueValidation => Some(format!("{name} {}: {}", value?, error.source()?)),
+        ErrorKind::ValueValidation => Some(format!("{name} {}: {}", value?, reason(error.source()?))),
         _ => None,
     }
+}
+
+/// What is expected, in words: the library's own errors speak of digits and literals.
+fn reason(source: &(dyn std::error::Error + 'static)) -> String {
+    if let Some(error) = source.downcast_ref::<ParseIntError>() {
+        return match error.kind() {
+            IntErrorKind::PosOverflow | IntErrorKind::NegOverflow => "out of range; expected a whole number".to_owned(),
+            IntErrorKind::Zero => "expected a whole number from 1".to_owned(),
+            _ => "expected a whole number, in digits".to_owned(),
+        };
+    }
+    if source.is::<ParseFloatError>() {
+        return "expected a number, such as 2.5".to_owned();
+    }
+    let text = source.to_string();
+    match text.rsplit_once(" is not in ").and_then(|(_, range)| range.split_once("..")) {
+        Some((low, high)) if high.starts_with('=') => format!("expected a whole number from {low} to {}", &high[1..]),
+        Some((low, "")) => format!("expected a whole number from {low}"),
+        _ => text,
+    }
+}
+
+/// A word that is no command: the nearest one, and where all are listed.
+fn unknown_command(error: &clap::Error) -> Option<String> {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return None };
+    let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return None };
+    let usage = usage.to_string();
+    // `Usage: maes map <COMMAND>`
+    let path: Vec<&str> = usage.split_whitespace().skip(1).take_while(|part| !part.starts_with(['<', '['])).collect();
+    let program = crate::Cli::command();
+    let command = path.iter().skip(1).try_fold(&program, |command, name| command.find_subcommand(name));
+    let names: Vec<&str> =
+        command?.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name).collect();
+    let nearest = did_you_mean(word, &names);
+    Some(format!("no command {word:?}{nearest} (`{} --help` lists all)", path.join(" ")))
 }
 
 /// `a, b or c`
@@ -69,7 +110,11 @@ mod tests {
     fn values_are_refused_in_one_line() {
         for (line, expected) in [
             ("maes run --seed", "--seed needs a value"),
-            ("maes run --agents five", "--agents five: invalid digit found in string"),
+            ("maes run --agents five", "--agents five: expected a whole number, in digits"),
+            ("maes rnu", "no command \"rnu\"; did you mean `run`? (`maes --help` lists all)"),
+            ("maes vierw a.mcap", "no command \"vierw\"; did you mean `view`? (`maes --help` lists all)"),
+            ("maes map generte", "no command \"generte\"; did you mean `generate`? (`maes map --help` lists all)"),
+            ("maes something", "no command \"something\" (`maes --help` lists all)"),
             ("maes run --size 3x4", "--size 3x4: expected a number of cells, or three joined by x, such as 100x80x30"),
             ("maes run --order sideways", "--order sideways: expected forward, reverse or shuffle"),
             (
@@ -91,8 +136,7 @@ mod tests {
     fn unknown_names_are_shown_with_the_usage_and_the_nearest_name() {
         for (line, usage, nearest) in [
             ("maes run --agent 5", "Usage: maes run", "'--agents'"),
-            ("maes vierw a.mcap", "Usage: maes", "'view'"),
-            ("maes map generte", "Usage: maes map", "'generate'"),
+            ("maes map convert --step-max 1", "Usage: maes map convert", "'--steps-max'"),
         ] {
             let error = refused(line);
             assert_eq!(one_line(&error), None, "{line}");

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use experiments::plan::VARIANT;
+use experiments::plan::{Measure, VARIANT};
 
 /// The keys of a plan that a report uses.
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -15,6 +15,8 @@ pub(super) struct Design {
     pub(super) title: Option<String>,
     #[serde(default)]
     compare: Option<toml::Value>,
+    #[serde(default)]
+    primary: Option<String>,
     #[serde(default)]
     variant: Vec<Named>,
     #[serde(default)]
@@ -40,6 +42,16 @@ impl Design {
             _ if !self.variant.is_empty() => vec![VARIANT.to_owned()],
             _ => Vec::new(),
         }
+    }
+
+    /// The measure that verdicts are about.
+    pub(super) fn primary(&self) -> Measure {
+        self.primary.as_deref().and_then(Measure::named).unwrap_or_default()
+    }
+
+    /// Whether the plan says so itself.
+    pub(super) fn names_primary(&self) -> bool {
+        self.primary.is_some()
     }
 
     /// The place of a value in the plan, as text; that of a value that is not in the plan is last.
@@ -128,6 +140,8 @@ mod tests {
         assert_eq!(compare("compare = \"a.b\"\nseeds = [1]"), ["a.b"]);
         assert_eq!(compare("compare = [\"a\", \"b\"]"), ["a", "b"]);
         assert_eq!(compare("[[variant]]\nname = \"far\"\nlidar.range_m = 3"), [VARIANT]);
+        let primary = |text: &str| Design::of(Some(text)).primary();
+        assert_eq!((primary("primary = \"distance\""), primary("seeds = [1]")), (Measure::Distance, Measure::Area));
         assert!(compare("seeds = [1]").is_empty());
         assert!(Design::of(Some("no plan")).compare().is_empty());
         let design = Design::of(Some("axes.\"a\" = [5, 1]"));

@@ -6,7 +6,9 @@
 //! Observations that share a map are independent given the map, and say nothing about other maps.
 
 use super::study::Study;
+use experiments::plan::ALPHA;
 use experiments::rows::{RunMetadata, RunRecord, RunRow};
+use statistics::pairs_needed;
 
 /// Least number of pairs for a p-value: five cannot give less than 0.0625.
 pub(super) const PAIRS_MIN: usize = 6;
@@ -76,20 +78,26 @@ pub(super) fn warnings(study: &Study) -> Vec<String> {
              all intervals and tests. More maps make more observations; more seeds of the same map do not."
         ));
     }
-    let (mut fewest, mut shared) = (usize::MAX, None::<(usize, usize)>);
+    let (mut lacking, mut shared) = (None::<(usize, usize)>, None::<(usize, usize)>);
     for condition in &study.conditions {
+        let (mut fewest, mut comparisons) = (usize::MAX, 0);
         for a in 0..study.variants.len() {
             for b in a + 1..study.variants.len() {
                 let pairs = study.pairs(condition, a, b);
                 if pairs.a.is_empty() {
                     continue;
                 }
+                comparisons += 1;
                 fewest = fewest.min(pairs.a.len());
                 if pairs.maps < pairs.a.len() {
                     let least = shared.is_none_or(|(_, maps)| pairs.maps < maps);
                     shared = if least { Some((pairs.a.len(), pairs.maps)) } else { shared };
                 }
             }
+        }
+        let is_few = comparisons > 0 && fewest < pairs_needed(comparisons, ALPHA);
+        if is_few && lacking.is_none_or(|(least, _)| fewest < least) {
+            lacking = Some((fewest, comparisons));
         }
     }
     if let Some((pairs, maps)) = shared {
@@ -100,11 +108,14 @@ pub(super) fn warnings(study: &Study) -> Vec<String> {
             if maps == 1 { "this map" } else { "these maps" }
         ));
     }
-    if fewest < PAIRS_MIN {
-        let plural = if fewest == 1 { "pair" } else { "pairs" };
+    if let Some((pairs, comparisons)) = lacking {
+        let plural = |count: usize, name: &str| format!("{count} {name}{}", if count == 1 { "" } else { "s" });
         warnings.push(format!(
-            "Some comparisons have {fewest} independent {plural} only: below {PAIRS_MIN} no test can give less than \
-             5 %, so there is no p-value."
+            "Some comparisons have {} only: a panel of {} needs {} for any p-value below 5 % after the correction. \
+             Below {PAIRS_MIN} there is no p-value.",
+            plural(pairs, "independent pair"),
+            plural(comparisons, "comparison"),
+            pairs_needed(comparisons, ALPHA)
         ));
     }
     warnings

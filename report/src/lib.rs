@@ -17,6 +17,7 @@ mod evidence;
 mod figures;
 #[cfg(test)]
 pub(crate) mod fixture;
+mod measure;
 mod metrics;
 mod outcomes;
 mod page;
@@ -43,7 +44,7 @@ use self::png::Renderer;
 use self::study::Study;
 pub use self::study::StudyError;
 use self::table::Table;
-use self::verdicts::Verdicts;
+use self::verdicts::{Verdict, Verdicts};
 use experiments::store::Store;
 use statistics::StatisticsError;
 
@@ -69,7 +70,8 @@ pub struct ReportSummary {
     pub lacking: usize,
     /// What a reader has to know about the evidence, one sentence each.
     pub warnings: Vec<String>,
-    /// The verdicts, each with its panel.
+    /// The verdicts, each with its panel, and below it in a line of its own what the second test
+    /// says.
     pub verdicts: Vec<String>,
 }
 
@@ -137,7 +139,11 @@ pub fn write_with(dir: &Path, heading: &Heading) -> Result<ReportSummary, Report
     let missing = study.missing().iter().map(|(_, count)| count).sum();
     let said = |of_panel: &Verdicts| {
         let panel = if study.conditions.len() > 1 { format!("{}: ", of_panel.panel) } else { String::new() };
-        of_panel.sentences.iter().map(move |sentence| format!("{panel}{sentence}")).collect::<Vec<_>>()
+        let of = move |said: &Verdict| {
+            let second = said.second.as_ref().map_or_else(String::new, |second| format!("\n    {second}"));
+            format!("{panel}{}{second}", said.sentence)
+        };
+        of_panel.verdicts.iter().map(of).collect::<Vec<_>>()
     };
     Ok(ReportSummary {
         page,

@@ -38,13 +38,14 @@ fn oracle(study: &Study) -> Result<Option<Table>, StatisticsError> {
     let unit = TimeUnit::of(&study.runs);
     let mut columns = cell_columns(study);
     for (percent, ..) in MARKS {
-        columns.push(column(&format!("times the oracle, {percent} %"), &format!("times_oracle_{percent}")));
+        columns.push(column(&format!("times the reference plan, {percent} %"), &format!("times_oracle_{percent}")));
         columns.push(column(&format!("runs that reach {percent} %"), &format!("reached_{percent}")));
         let key = format!("oracle_{percent}_{}", unit.symbol);
-        columns.push(column(&format!("oracle, {percent} % ({})", unit.symbol), &key));
+        columns.push(column(&format!("reference plan, {percent} % ({})", unit.symbol), &key));
         let key = format!("bound_{percent}_{}", unit.symbol);
         columns.push(column(&format!("no team before, {percent} % ({})", unit.symbol), &key));
     }
+    let mut faster = 0;
     let rows = rows(study, |runs| {
         let mut row = Vec::new();
         for (_, mark, reached) in MARKS {
@@ -58,21 +59,32 @@ fn oracle(study: &Study) -> Result<Option<Table>, StatisticsError> {
                 let flown_s = mark(&oracle.flown).filter(|time_s| *time_s > 0.0)?;
                 Some(reached(row).unwrap_or(row.duration_s) / flown_s)
             });
+            faster += ratios.iter().filter(|ratio| **ratio < 1.0).count();
             row.push(Entry::Mean(estimate(ratios)?, 2));
             row.push(Entry::Share(runs.iter().filter(|run| reached(&run.row).is_some()).count(), runs.len()));
             let flown = estimate(with(&|_, oracle| mark(&oracle.flown)))?;
             row.push(Entry::Mean(flown.map(|flown| flown.in_unit(unit)), DIGITS));
             let bound = with(&|_, oracle| mark(&oracle.bound));
             let bound = if bound.is_empty() { None } else { Some(mean(&bound)? / unit.seconds) };
-            row.push(Entry::Number(bound, DIGITS));
+            // A bound of 0 is none, and none looks like 0.
+            let bound = bound.filter(|bound| *bound > 0.0);
+            row.push(Entry::Number(bound, bound.map_or(DIGITS, digits_for)));
         }
         Ok(row)
     })?;
-    let caption = "How far from possible: time of a run over that of the oracle on the same map, mean [95 % CI]. The \
-                   oracle is a plan that was flown by the same bodies with the map known in advance; it is no optimum. \
-                   A run that does not reach a share counts with the duration, so its ratio is at least that large. \
-                   The last column of each share is the mean of a lower bound: no team sees as much before.";
-    Ok(Some(Table { name: "oracle", caption: caption.to_owned(), columns, rows }))
+    let below = match faster {
+        0 => String::new(),
+        1 => " One time here is below that of the reference plan: a ratio below 1.".to_owned(),
+        more => format!(" {more} times here are below those of the reference plan: ratios below 1."),
+    };
+    let caption = format!(
+        "Times against a reference plan: time of a run over that of the plan on the same map, mean [95 % CI]. The plan \
+         was made with the map known in advance and flown by the same bodies; it is no optimum, and can be beaten.{below} \
+         A run that does not reach a share counts with the duration, so its ratio is at least that large. The last \
+         column of each share is the mean of a lower bound: no team sees as much before. It is empty where that bound \
+         is 0."
+    );
+    Ok(Some(Table { name: "oracle", caption, columns, rows }))
 }
 
 fn outcome(study: &Study) -> Result<Table, StatisticsError> {

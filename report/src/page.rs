@@ -14,7 +14,7 @@ use super::plot::{self, Mark};
 use super::study::{Study, agents_name, size_name};
 use super::svg::escape;
 use super::table::Table;
-use super::verdicts::Verdicts;
+use super::verdicts::{self, Verdict, Verdicts};
 pub(super) use runs::RetainedRecordings;
 
 /// The style sheet. Neutral colours of the figures follow the background.
@@ -46,7 +46,7 @@ pub(super) fn html(study: &Study, contents: &Contents, heading: &Heading, kept: 
     );
     text.push_str(&warnings(study));
     text.push_str(&table_of_contents(study, contents));
-    text.push_str(&verdicts(study, &contents.verdicts));
+    text.push_str(&verdict_list(study, &contents.verdicts));
     text.push_str(&section("setup", "What was run"));
     text.push_str(&facts(study));
     text.push_str(&missing(study));
@@ -142,21 +142,29 @@ fn table_of_contents(study: &Study, contents: &Contents) -> String {
     format!("<nav aria-label=\"Contents\">\n<ul>\n{}</ul>\n</nav>\n", items.collect::<String>())
 }
 
-fn verdicts(study: &Study, verdicts: &[Verdicts]) -> String {
-    if verdicts.is_empty() {
+fn verdict_list(study: &Study, of_panels: &[Verdicts]) -> String {
+    if of_panels.is_empty() {
         return String::new();
     }
     let mut text = section("verdicts", "Verdicts");
-    for Verdicts { panel, sentences } in verdicts {
+    writeln!(text, "<p class=\"note\">{}</p>", escape(&verdicts::about(study))).expect("a String can be written");
+    for Verdicts { panel, verdicts } in of_panels {
         if !panel.is_empty() && study.conditions.len() > 1 {
             writeln!(text, "<h3>{}</h3>", escape(panel)).expect("a String can be written");
         }
-        let items: String = sentences.iter().map(|sentence| format!("<li>{}</li>\n", escape(sentence))).collect();
+        let item = |Verdict { sentence, second }: &Verdict| {
+            let second = second
+                .as_ref()
+                .map_or_else(String::new, |second| format!("<br/><span class=\"note\">{}</span>", escape(second)));
+            format!("<li>{}{second}</li>\n", escape(sentence))
+        };
+        let items: String = verdicts.iter().map(item).collect();
         write!(text, "<ul class=\"verdicts\">\n{items}</ul>\n").expect("a String can be written");
     }
     text.push_str(
-        "<p class=\"note\">The effect with its 95 % interval comes first. p-values are adjusted for all comparisons of a \
-         panel (Holm); there is none below 6 independent pairs.</p>\n",
+        "<p class=\"note\">The effect with its 95 % interval comes first. Effect, interval and p-value are of the same \
+         quantity. p-values are adjusted for all comparisons of a panel (Holm); there is none below 6 independent \
+         pairs.</p>\n",
     );
     text
 }

@@ -1,80 +1,25 @@
 //! Pairwise comparison of variants: runs are paired by block, and so by map.
 //!
-//! A comparison is an effect with its interval first; a test says how likely such an effect is by
-//! chance alone. The comparisons under one condition are a family: their p-values are adjusted
-//! together (Holm). Conditions are separate questions; an adjustment over all of them would need
-//! far more maps.
+//! Effect, interval and p-value of a comparison are of one quantity: the ratio, or the difference,
+//! of the means of the pairs. The comparisons under one condition are a family: their p-values are
+//! adjusted together (Holm). Conditions are separate questions; an adjustment over all of them
+//! would need far more maps.
 
-use super::estimates::{Estimate, LEVEL, RESAMPLES, SEED, Times};
+use super::estimates::{Estimate, LEVEL, SEED};
 use super::evidence::PAIRS_MIN;
-use super::metrics::{AREA, DISTANCE, EXPLORED, MILESTONES, Metric, TimeUnit};
+use super::measure::Compared;
+use super::metrics::TimeUnit;
 use super::outcomes::{column, condition_columns, condition_entries};
 use super::study::{Condition, Pairs, Study};
 use super::table::{Entry, Table, digits_for};
+use experiments::plan::ALPHA;
 use experiments::rows::RunRecord;
 use statistics::{
-    Pairing, StatisticsError, a12, bootstrap_ratio, detectable_difference, holm, mean, paired_log_rank,
-    wilcoxon_signed_rank,
+    Effect, Exchange, StatisticsError, a12, detectable_difference, exchange_test, holm, mean, pairs_needed,
 };
 
-/// Probability of a false difference in a family of comparisons.
-pub(super) const ALPHA: f64 = 0.05;
 /// Probability with which a detectable difference is shown.
 const POWER: f64 = 0.8;
-
-/// What is compared.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Compared {
-    /// Restricted time to 99 %, s; less is better.
-    Time,
-    /// A metric; whether more is better.
-    Metric(Metric, bool),
-}
-
-impl Compared {
-    /// All that have a table, by its name.
-    const ALL: [(&str, Self); 4] = [
-        ("pairs-time-99", Self::Time),
-        ("pairs-area", Self::AREA),
-        ("pairs-explored", Self::Metric(EXPLORED, true)),
-        ("pairs-distance", Self::Metric(DISTANCE, false)),
-    ];
-    pub(super) const AREA: Self = Self::Metric(AREA, true);
-
-    /// The value of each run; times in the unit of the report.
-    fn values(self, runs: &[&RunRecord], unit: TimeUnit) -> Vec<f64> {
-        match self {
-            Self::Time => Times::of(runs, MILESTONES[1]).restricted().iter().map(|time| time / unit.seconds).collect(),
-            Self::Metric(metric, _) => metric.values(runs),
-        }
-    }
-
-    /// The pairs of runs that count: for a metric without a value of failed runs, those that have
-    /// not failed.
-    fn pairs<'a>(self, study: &'a Study, condition: &Condition, a: usize, b: usize) -> Pairs<'a> {
-        match self {
-            Self::Metric(metric, _) if metric.of_failed.is_none() => study.measured_pairs(condition, a, b),
-            _ => study.pairs(condition, a, b),
-        }
-    }
-
-    fn title(self, unit: TimeUnit) -> String {
-        match self {
-            Self::Time => format!("restricted time to 99 % ({}), less is better", unit.symbol),
-            Self::Metric(metric, more) => {
-                format!("{}, {} is better", metric.label(), if more { "more" } else { "less" })
-            }
-        }
-    }
-}
-
-/// The test that a p-value is of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Test {
-    Wilcoxon,
-    /// For times of which some are censored.
-    LogRank,
-}
 
 /// Two variants compared pair by pair.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,29 +32,41 @@ pub(super) struct Comparison {
     pub(super) all_pairs: usize,
     /// Number of different maps.
     pub(super) maps: usize,
+    /// Number of independent pairs with those of which a run has failed.
+    pub(super) blocks: usize,
+    /// The time to which all measures are restricted, s.
+    pub(super) horizon_s: f64,
     /// Runs of A and of B that have failed, among the pairs in the same blocks.
     pub(super) failed: [usize; 2],
+    /// Means in the unit of [`Compared::values`].
     pub(super) mean_a: f64,
     pub(super) mean_b: f64,
-    /// Mean of A over mean of B; `None` if that of B is 0.
-    pub(super) ratio: Option<Estimate>,
+    /// A over B, or A less B; `None` if that is not defined.
+    pub(super) effect: Option<Estimate>,
     pub(super) a12: f64,
-    /// The test and its p-value; `None` below [`PAIRS_MIN`] pairs.
-    pub(super) test: Option<(Test, f64)>,
+    /// The p-value; `None` below [`PAIRS_MIN`] pairs.
+    pub(super) p_value: Option<f64>,
     /// The p-value after Holm's correction for the family.
     pub(super) adjusted: Option<f64>,
-    /// Difference that so many pairs show with a probability of [`POWER`], over the mean of the
-    /// worse variant, as the effect in verdicts; `None` if it is not known.
+    /// Number of comparisons that are corrected together.
+    pub(super) comparisons: usize,
+    /// Whether so many pairs can give an adjusted p-value below [`ALPHA`], whatever the outcome.
+    pub(super) can_be_shown: bool,
+    /// Effect that so many pairs show with a probability of [`POWER`] in the hardest step of Holm's
+    /// correction, as in verdicts: of a ratio as a share of the mean of the worse variant. `None`
+    /// if they show none, however large.
     pub(super) detectable: Option<f64>,
 }
 
 impl Comparison {
     /// Whether A is better than B on average, or as good.
     pub(super) fn is_a_better(&self, compared: Compared) -> bool {
-        match compared {
-            Compared::Time => self.mean_a <= self.mean_b,
-            Compared::Metric(_, more) => (self.mean_a >= self.mean_b) == more,
-        }
+        if compared.is_more_better() { self.mean_a >= self.mean_b } else { self.mean_a <= self.mean_b }
+    }
+
+    /// The least number of pairs with which some comparison of the family can be shown.
+    pub(super) fn needed(&self) -> usize {
+        pairs_needed(self.comparisons, ALPHA)
     }
 }
 
@@ -119,116 +76,126 @@ pub(super) fn comparisons(
     condition: &Condition,
     compared: Compared,
 ) -> Result<Vec<Comparison>, StatisticsError> {
-    let mut family = Vec::new();
+    let horizon_s = study.horizon_s(condition);
+    let mut samples = Vec::new();
     for a in 0..study.variants.len() {
         for b in a + 1..study.variants.len() {
-            family.extend(comparison(study, condition, (a, b), compared)?);
+            let pairs = compared.pairs(study, condition, a, b);
+            if !pairs.a.is_empty() {
+                samples.push(Sample { a, b, pairs });
+            }
         }
     }
-    let p_values: Vec<f64> = family.iter().filter_map(|comparison| Some(comparison.test?.1)).collect();
-    let mut adjusted = holm(&p_values)?.into_iter();
-    let tests = p_values.len().max(1) as f64;
-    for comparison in &mut family {
-        comparison.adjusted = comparison.test.and_then(|_| adjusted.next());
+    let tested = samples.iter().filter(|sample| sample.pairs.a.len() >= PAIRS_MIN).count();
+    let comparisons = if tested > 0 { tested } else { samples.len() };
+    let mut family = Vec::new();
+    let mut least = Vec::new();
+    for sample in &samples {
+        let (comparison, least_p_value) = sample.comparison(study, condition, (compared, horizon_s), comparisons)?;
+        least.extend(comparison.p_value.map(|_| least_p_value));
+        family.push(comparison);
     }
-    for comparison in &mut family {
-        let pairs = compared.pairs(study, condition, comparison.a, comparison.b);
-        let unit = TimeUnit::of(&study.runs);
-        let (a, b) = (compared.values(&pairs.a, unit), compared.values(&pairs.b, unit));
-        let differences: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
-        let varies = differences.windows(2).any(|pair| pair[0] != pair[1]);
-        let worse = if comparison.is_a_better(compared) { comparison.mean_b } else { comparison.mean_a };
-        if comparison.test.is_some() && worse > 0.0 && varies {
-            // The hardest step of Holm's correction.
-            let difference = detectable_difference(&differences, ALPHA / tests, POWER)?;
-            comparison.detectable = Some(difference / worse);
+    let p_values: Vec<f64> = family.iter().filter_map(|comparison| comparison.p_value).collect();
+    // The least that the correction can give: that of the least p-values.
+    let mut corrected = holm(&p_values)?.into_iter().zip(holm(&least)?);
+    for comparison in family.iter_mut().filter(|comparison| comparison.p_value.is_some()) {
+        if let Some((adjusted, least)) = corrected.next() {
+            (comparison.adjusted, comparison.can_be_shown) = (Some(adjusted), least < ALPHA);
         }
     }
     Ok(family)
 }
 
-fn comparison(
-    study: &Study,
-    condition: &Condition,
-    (a, b): (usize, usize),
-    compared: Compared,
-) -> Result<Option<Comparison>, StatisticsError> {
-    let failed = {
-        let pairs = study.pairs(condition, a, b);
-        [&pairs.a, &pairs.b].map(|runs| runs.iter().filter(|run| run.row.failure().is_some()).count())
-    };
-    let pairs = compared.pairs(study, condition, a, b);
-    if pairs.a.is_empty() {
-        return Ok(None);
-    }
-    let unit = TimeUnit::of(&study.runs);
-    let (values_a, values_b) = (compared.values(&pairs.a, unit), compared.values(&pairs.b, unit));
-    let test = if pairs.a.len() < PAIRS_MIN {
-        None
-    } else {
-        Some(match compared {
-            Compared::Time => {
-                let [times_a, times_b] = [&pairs.a, &pairs.b].map(|runs| Times::of(runs, MILESTONES[1]).runs);
-                if times_a.iter().chain(&times_b).all(|time| time.happened) {
-                    (Test::Wilcoxon, wilcoxon_signed_rank(&values_a, &values_b)?.p_value)
-                } else {
-                    (Test::LogRank, paired_log_rank(&times_a, &times_b, SEED)?)
-                }
-            }
-            Compared::Metric(..) => (Test::Wilcoxon, wilcoxon_signed_rank(&values_a, &values_b)?.p_value),
-        })
-    };
-    Ok(Some(Comparison {
-        a,
-        b,
-        pairs: pairs.a.len(),
-        all_pairs: pairs.all,
-        maps: pairs.maps,
-        failed,
-        mean_a: mean(&values_a)?,
-        mean_b: mean(&values_b)?,
-        ratio: ratio(&values_a, &values_b)?,
-        a12: a12(&values_a, &values_b)?,
-        test,
-        adjusted: None,
-        detectable: None,
-    }))
+/// The runs of a comparison.
+struct Sample<'a> {
+    a: usize,
+    b: usize,
+    pairs: Pairs<'a>,
 }
 
-/// The ratio of the means: without an interval for a single pair, `None` if the denominator is 0.
-fn ratio(a: &[f64], b: &[f64]) -> Result<Option<Estimate>, StatisticsError> {
-    let (mean_a, mean_b) = (mean(a)?, mean(b)?);
-    if mean_b == 0.0 {
-        return Ok(None);
+impl Sample<'_> {
+    /// The comparison without the correction, and the least p-value that so many pairs can give.
+    fn comparison(
+        &self,
+        study: &Study,
+        condition: &Condition,
+        (compared, horizon_s): (Compared, f64),
+        comparisons: usize,
+    ) -> Result<(Comparison, f64), StatisticsError> {
+        let &Self { a, b, ref pairs } = self;
+        let blocks = study.pairs(condition, a, b);
+        let failed = [&blocks.a, &blocks.b].map(|runs| runs.iter().filter(|run| run.row.failure().is_some()).count());
+        let values = |runs: &[&RunRecord]| compared.values(runs, horizon_s);
+        let (values_a, values_b) = (values(&pairs.a), values(&pairs.b));
+        let (mean_a, mean_b) = (mean(&values_a)?, mean(&values_b)?);
+        let needed = ALPHA / comparisons as f64;
+        let Exchange { effect, interval, p_value, least_p_value } =
+            exchange_test(&values_a, &values_b, compared.effect(), LEVEL, needed, SEED)?;
+        // Of the one with the greater mean, so that it does not matter which is first.
+        let sign = if mean_a >= mean_b { 1.0 } else { -1.0 };
+        let differences: Vec<f64> = values_a.iter().zip(&values_b).map(|(a, b)| sign * (a - b)).collect();
+        let varies = differences.windows(2).any(|pair| pair[0] != pair[1]);
+        let has_test = pairs.a.len() >= PAIRS_MIN;
+        let detectable = if has_test && varies {
+            let difference = detectable_difference(&differences, differences.len(), needed, POWER, SEED)?;
+            let worse = mean_a.max(mean_b);
+            let base = if compared.effect() == Effect::Ratio { worse } else { 1.0 };
+            difference.filter(|difference| *difference <= compared.largest(worse)).map(|difference| difference / base)
+        } else {
+            None
+        };
+        let comparison = Comparison {
+            a,
+            b,
+            pairs: pairs.a.len(),
+            all_pairs: pairs.all,
+            maps: pairs.maps,
+            blocks: blocks.a.len(),
+            horizon_s,
+            failed,
+            mean_a,
+            mean_b,
+            effect: effect.map(|mean| Estimate { mean, interval }),
+            a12: a12(&values_a, &values_b)?,
+            p_value: has_test.then_some(p_value),
+            adjusted: None,
+            comparisons,
+            can_be_shown: false,
+            detectable,
+        };
+        Ok((comparison, least_p_value))
     }
-    let interval = match bootstrap_ratio(a, b, Pairing::Paired, LEVEL, RESAMPLES, SEED) {
-        Ok(interval) => Some(interval),
-        Err(StatisticsError::TooFew { .. } | StatisticsError::ZeroDenominator) => None,
-        Err(error) => return Err(error),
-    };
-    Ok(Some(Estimate { mean: mean_a / mean_b, interval }))
 }
 
-/// One table per metric; none for a study of one variant.
+/// One table per measure, the primary one first; none for a study of one variant.
 pub(super) fn tables(study: &Study) -> Result<Vec<Table>, StatisticsError> {
     if study.variants.len() < 2 {
         return Ok(Vec::new());
     }
-    Compared::ALL.into_iter().map(|(name, compared)| table(study, name, compared)).collect()
+    let primary = Compared::of(study.design.primary());
+    let others = Compared::SECONDARY.into_iter().filter(|compared| *compared != primary);
+    std::iter::once(primary).chain(others).map(|compared| table(study, compared, compared == primary)).collect()
 }
 
-fn table(study: &Study, name: &'static str, compared: Compared) -> Result<Table, StatisticsError> {
+fn table(study: &Study, compared: Compared, is_primary: bool) -> Result<Table, StatisticsError> {
     let mut columns = condition_columns(study);
+    let effect = match compared.effect() {
+        Effect::Ratio => ("A / B [95 % CI]", "ratio"),
+        Effect::Difference => ("A - B (points) [95 % CI]", "difference"),
+    };
+    let detectable = match compared.effect() {
+        Effect::Ratio => ("detectable (%)", "detectable"),
+        Effect::Difference => ("detectable (points)", "detectable"),
+    };
     let titles = [
         ("A", "a"),
         ("B", "b"),
-        ("A / B [95 % CI]", "ratio"),
+        effect,
         ("independent pairs", "pairs"),
         ("maps", "maps"),
         ("p (Holm)", "p_holm"),
         ("p", "p"),
-        ("test", "test"),
-        ("detectable (%)", "detectable"),
+        detectable,
         ("A12", "a12"),
         ("mean of A", "mean_a"),
         ("mean of B", "mean_b"),
@@ -241,26 +208,23 @@ fn table(study: &Study, name: &'static str, compared: Compared) -> Result<Table,
             [("runs of A that failed", "failed_a"), ("of B", "failed_b")].map(|(title, key)| column(title, key)),
         );
     }
+    let unit = TimeUnit::of(&study.runs);
     let mut rows = Vec::new();
     for condition in &study.conditions {
         for comparison in comparisons(study, condition, compared)? {
-            let Comparison { a, b, pairs, all_pairs, maps, failed, mean_a, mean_b, ratio, a12, test, .. } = comparison;
-            let Comparison { adjusted, detectable, .. } = comparison;
+            let Comparison { a, b, pairs, all_pairs, maps, failed, mean_a, mean_b, effect, a12, .. } = comparison;
+            let Comparison { p_value, adjusted, detectable, .. } = comparison;
+            let [mean_a, mean_b] = [mean_a, mean_b].map(|mean| compared.in_unit(mean, unit));
+            let percent = if compared.effect() == Effect::Ratio { 100.0 } else { 1.0 };
             let mut row = condition_entries(study, condition);
             row.extend([a, b].map(|variant| Entry::Text(study.variants[variant].clone())));
-            let test_name = match test {
-                Some((Test::Wilcoxon, _)) => "signed-rank",
-                Some((Test::LogRank, _)) => "log-rank",
-                None => "too few",
-            };
             row.extend([
-                Entry::Mean(ratio, 2),
+                Entry::Mean(effect, 2),
                 Entry::Count(pairs),
                 Entry::Count(maps),
                 Entry::Probability(adjusted),
-                Entry::Probability(test.map(|(_, p)| p)),
-                Entry::Text(test_name.to_owned()),
-                Entry::Number(detectable.map(|share| 100.0 * share), 1),
+                Entry::Probability(p_value),
+                Entry::Number(detectable.map(|share| percent * share), 1),
                 Entry::Number(Some(a12), 2),
                 Entry::Number(Some(mean_a), digits_for(mean_a)),
                 Entry::Number(Some(mean_b), digits_for(mean_b)),
@@ -270,15 +234,17 @@ fn table(study: &Study, name: &'static str, compared: Compared) -> Result<Table,
             rows.push(row);
         }
     }
-    let what = compared.title(TimeUnit::of(&study.runs));
+    let rank = if is_primary { "Primary measure of the plan" } else { "Secondary measure, which no verdict is about" };
+    let base = if compared.effect() == Effect::Ratio { ", in per cent of the mean of the worse variant" } else { "" };
     let caption = format!(
-        "A and B compared pair by pair, on the same map with the same seed: {what}. p: two-sided, signed-rank test \
-         (Wilcoxon), or log-rank test with exchanges within pairs if some times are censored; none below {PAIRS_MIN} \
-         independent pairs. Holm: adjusted for all comparisons of the same panel. Detectable: the difference that \
-         this number of pairs would show with a probability of 80 %, in per cent of the mean of the worse variant. \
-         A12: probability that A has the greater value, a tie counting half."
+        "{rank}: {}. A and B compared pair by pair, on the same map with the same seed. Interval and p: permutation \
+         test of the means, which exchanges the runs of each pair; no p below {PAIRS_MIN} independent pairs. Holm: \
+         adjusted for all comparisons of the same panel. Detectable: the difference that so many pairs, if they \
+         scatter like these, show with a probability of 80 % after that correction{base}; missing if they show none. \
+         A12: probability that A has the greater value, a tie counting half.",
+        compared.title(unit)
     );
-    Ok(Table { name, caption, columns, rows })
+    Ok(Table { name: compared.table(), caption, columns, rows })
 }
 
 #[cfg(test)]

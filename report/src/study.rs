@@ -20,10 +20,10 @@ use thiserror::Error;
 
 use super::design::{Design, short_table};
 use super::evidence;
-use experiments::plan::{MAP_FILE, VARIANT};
+use experiments::plan::{CONTROLLER, MAP_FILE, VARIANT};
 use experiments::rows::{FailedRun, RunMetadata, RunRecord, RunRow, StoredRun};
 use experiments::store::{PLAN, Store, StoreError};
-use variants::{CONTROLLER, Variants};
+use variants::Variants;
 
 #[derive(Debug, Error)]
 pub enum StudyError {
@@ -250,6 +250,13 @@ impl Study {
         }
         pairs.maps = maps.len();
         pairs
+    }
+
+    /// The time to which all runs under a condition were observed, or ended before it by
+    /// themselves: their least duration, s.
+    pub(super) fn horizon_s(&self, condition: &Condition) -> f64 {
+        let runs = (0..self.variants.len()).flat_map(|variant| self.all_of_cell(condition, variant));
+        runs.map(|run| run.row.duration_s).reduce(f64::min).unwrap_or_default()
     }
 
     /// Ascending; empty if variants differ in it.

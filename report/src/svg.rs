@@ -6,6 +6,8 @@
 
 use std::fmt::Write;
 
+use msgs::printable;
+
 /// Colour of text, frames and neutral lines.
 pub(super) const INK: Paint = Paint { colour: "#1a1a1a", class: "ink" };
 /// Colour of secondary text.
@@ -293,18 +295,16 @@ fn character_width(character: char) -> f64 {
     }
 }
 
-/// Escapes text for an XML element or a quoted attribute; replaces control characters.
+/// Escapes text for an XML element or a quoted attribute, and control characters, of which XML
+/// allows few, and those that change the order of others.
 pub(super) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
+    for character in printable::text(text).chars() {
         match character {
             '&' => escaped.push_str("&amp;"),
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
-            // XML does not allow other control characters.
-            '\n' | '\t' | '\r' => escaped.push(character),
-            character if character.is_control() => escaped.push('\u{fffd}'),
             character => escaped.push(character),
         }
     }
@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn xml_is_escaped() {
-        assert_eq!(escape("a<b & \"c\">\u{1}\n"), "a&lt;b &amp; &quot;c&quot;&gt;\u{fffd}\n");
+        assert_eq!(escape("a<b & \"c\">\u{1}\n"), "a&lt;b &amp; &quot;c&quot;&gt;\\u{1}\n");
     }
 
     #[test]

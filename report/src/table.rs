@@ -4,6 +4,8 @@ use std::fmt::Write;
 
 use super::estimates::{Estimate, Quartiles};
 use super::svg::escape;
+use experiments::tables::csv_text;
+use msgs::printable;
 use statistics::Interval;
 
 /// Shown in place of a missing value.
@@ -29,7 +31,7 @@ impl Entry {
     /// For readers.
     fn shown(&self) -> String {
         match self {
-            Self::Text(text) => text.clone(),
+            Self::Text(text) => printable::line(text).into_owned(),
             Self::Size([x, y, z]) if x == y && y == z => format!("{x}\u{b3}"),
             Self::Size([x, y, z]) => format!("{x} \u{d7} {y} \u{d7} {z}"),
             Self::Count(count) => count.to_string(),
@@ -55,7 +57,7 @@ impl Entry {
     fn values(&self) -> Vec<String> {
         let optional = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         match self {
-            Self::Text(text) => vec![text.clone()],
+            Self::Text(text) => vec![csv_text(text).into_owned()],
             Self::Size([x, y, z]) => vec![format!("{x}x{y}x{z}")],
             Self::Count(count) => vec![count.to_string()],
             Self::Number(number, _) => vec![optional(*number)],
@@ -149,14 +151,17 @@ impl Table {
     }
 
     pub(super) fn markdown(&self) -> String {
-        let cell = |text: &str| text.replace('\\', "\\\\").replace('|', "\\|").replace('\n', " ");
+        let cell = |entry: &Entry| {
+            let shown = entry.shown();
+            if matches!(entry, Entry::Text(_)) { markdown(&shown) } else { shown }
+        };
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let mut text = format!("{}\n\n", self.caption);
-        text.push_str(&line(self.columns.iter().map(|(title, _)| cell(title)).collect()));
+        text.push_str(&line(self.columns.iter().map(|(title, _)| title.replace('|', "\\|")).collect()));
         let rule = |i: usize| if self.rows.first().is_some_and(|row| !row[i].is_text()) { "--:" } else { ":--" };
         text.push_str(&line((0..self.columns.len()).map(|i| rule(i).to_owned()).collect()));
         for row in &self.rows {
-            text.push_str(&line(row.iter().map(|entry| cell(&entry.shown())).collect()));
+            text.push_str(&line(row.iter().map(cell).collect()));
         }
         text
     }
@@ -166,7 +171,8 @@ impl Table {
         let line = |cells: Vec<String>| format!("{} \\\\\n", cells.join(" & "));
         let kinds = |i: usize| if self.rows.first().is_some_and(|row| !row[i].is_text()) { 'r' } else { 'l' };
         let kinds: String = (0..self.columns.len()).map(kinds).collect();
-        let caption = self.caption.replace('\n', " ");
+        // A line break would end the comment.
+        let caption = printable::line(&self.caption);
         let mut text = format!("% {caption}\n% \\usepackage{{booktabs}}\n\\begin{{tabular}}{{{kinds}}}\n\\toprule\n");
         text.push_str(&line(self.columns.iter().map(|(title, _)| latex(title)).collect()));
         text.push_str("\\midrule\n");
@@ -190,6 +196,27 @@ impl Table {
         }
         writer.into_inner().expect("memory can be written")
     }
+}
+
+/// Escapes text for Markdown: a name is no link, no element and no column. An underscore within a
+/// word marks nothing.
+fn markdown(text: &str) -> String {
+    let characters: Vec<char> = text.chars().collect();
+    let mut escaped = String::with_capacity(text.len());
+    for (place, &character) in characters.iter().enumerate() {
+        let is_word =
+            |place: Option<usize>| place.and_then(|at| characters.get(at)).is_some_and(|near| near.is_alphanumeric());
+        let is_marking = match character {
+            '\\' | '`' | '*' | '[' | ']' | '<' | '>' | '|' | '~' | '#' | '!' | '&' | '$' => true,
+            '_' => !(is_word(place.checked_sub(1)) && is_word(Some(place + 1))),
+            _ => false,
+        };
+        if is_marking {
+            escaped.push('\\');
+        }
+        escaped.push(character);
+    }
+    escaped
 }
 
 /// Escapes text for LaTeX.
@@ -265,6 +292,33 @@ mod tests {
             "controller,runs_some,runs_all,explored_mean,explored_low,explored_high,p\n\
              \"a_b|c,d\",3,10,97.5,95.26,99,0.0001\n50³,0,1,-0.01,,,0.25\n"
         );
+    }
+
+    #[test]
+    fn names_of_others_are_text_alone() {
+        let hostile = "=1+1 [x](javascript:a) <img src=x> *b* _c_\u{1b}[2J\u{202e}\n| \\input{/etc/passwd}";
+        let column = vec![("variant".to_owned(), "variant".to_owned())];
+        let table = Table {
+            name: "outcome",
+            caption: "a\n\\input{b}".to_owned(),
+            columns: column,
+            rows: vec![vec![Entry::Text(hostile.to_owned())]],
+        };
+        let markdown = table.markdown();
+        let row = markdown.lines().last().unwrap();
+        assert_eq!(
+            row,
+            r"| =1+1 \[x\](javascript:a) \<img src=x\> \*b\* \_c\_\\u{1b}\[2J\\u{202e}\\n\| \\input{/etc/passwd} |"
+        );
+        let latex = table.latex();
+        assert!(latex.starts_with("% a\\n\\input{b}\n% "), "{latex}");
+        assert!(latex.contains("\\textbackslash{}input\\{/etc/passwd\\}"), "{latex}");
+        let csv = String::from_utf8(table.csv()).unwrap();
+        assert!(csv.starts_with("variant\n'=1+1 "), "{csv}");
+        for text in [row, &latex, &csv, &table.html()] {
+            assert!(!text.contains(['\u{1b}', '\u{202e}']), "{text}");
+        }
+        assert!(table.html().contains("&lt;img src=x&gt;"));
     }
 
     #[test]

@@ -1,78 +1,152 @@
-//! Verdicts: one sentence for each pair of variants and each panel.
+//! Verdicts: one sentence for each pair of variants and each panel, about the measure that the plan
+//! has named before there were data.
 //!
-//! The sentence is about the time to 99 % if some run of the panel reaches it, and else about the
-//! area under the curve; which of the two does not depend on the variants, so the choice favours
-//! none. The better of the two comes first, with the size of the effect and its interval; then the
-//! number of observations, and then the p-value.
+//! The better of the two comes first, with the size of the effect and its interval; then the number
+//! of observations, and then the p-value. A second line has the log-rank test stratified by map,
+//! which asks another question: who is first, whatever the distance.
 
+use super::estimates::Estimate;
+use super::evidence::PAIRS_MIN;
+use super::measure::{Compared, restricted};
 use super::metrics::MILESTONES;
-use super::pairs::{ALPHA, Compared, Comparison, comparisons};
+use super::pairs::{Comparison, comparisons};
 use super::study::{Condition, Study};
-use statistics::{Interval, StatisticsError};
+use experiments::plan::ALPHA;
+use experiments::rows::{RunRecord, ticks};
+use statistics::{Effect, Interval, StatisticsError, StratifiedLogRank, holm, stratified_log_rank};
 
 /// The verdicts of a panel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Verdicts {
     /// The name of the panel; may be empty.
     pub(super) panel: String,
-    pub(super) sentences: Vec<String>,
+    pub(super) verdicts: Vec<Verdict>,
+}
+
+/// The verdict on a pair of variants.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Verdict {
+    pub(super) sentence: String,
+    /// What the log-rank test says, if some run reaches its share.
+    pub(super) second: Option<String>,
 }
 
 /// The verdicts of each panel that has several variants.
 pub(super) fn verdicts(study: &Study) -> Result<Vec<Verdicts>, StatisticsError> {
+    let compared = Compared::of(study.design.primary());
     let mut all = Vec::new();
     for condition in &study.conditions {
-        let compared = metric(study, condition);
         let family = comparisons(study, condition, compared)?;
-        if !family.is_empty() {
-            let sentences = family.iter().map(|comparison| sentence(study, comparison, compared)).collect();
-            all.push(Verdicts { panel: study.condition_name(condition), sentences });
+        let seconds = second_lines(study, condition, &family, compared)?;
+        let verdict = |(comparison, second): (&Comparison, _)| Verdict {
+            sentence: sentence(study, comparison, compared),
+            second,
+        };
+        let verdicts: Vec<Verdict> = family.iter().zip(seconds).map(verdict).collect();
+        if !verdicts.is_empty() {
+            all.push(Verdicts { panel: study.condition_name(condition), verdicts });
         }
     }
     Ok(all)
 }
 
-fn metric(study: &Study, condition: &Condition) -> Compared {
-    let runs = (0..study.variants.len()).flat_map(|variant| study.cell(condition, variant));
-    let mut reached = runs.filter(|run| (MILESTONES[1].time_s)(&run.row).is_some());
-    if reached.next().is_some() { Compared::Time } else { Compared::AREA }
+/// What the primary measure of a study is, and that no data have chosen it.
+pub(super) fn about(study: &Study) -> String {
+    let (measure, said) = (Words::of(Compared::of(study.design.primary())).measure, study.design.names_primary());
+    let chosen = if said {
+        "the primary measure that the plan names"
+    } else {
+        "the primary measure unless a plan names another"
+    };
+    format!("The verdicts are about {measure}, {chosen}; all others are secondary.")
 }
 
-/// The verdict on a pair of variants; names the runs that have failed, which count as not reached.
+/// The log-rank tests of a family; `None` where no run reaches the share.
+fn second_lines(
+    study: &Study,
+    condition: &Condition,
+    family: &[Comparison],
+    compared: Compared,
+) -> Result<Vec<Option<String>>, StatisticsError> {
+    let milestone = MILESTONES[if let Compared::Time(place) = compared { place } else { 1 }];
+    let horizon_s = study.horizon_s(condition);
+    let mut tests = Vec::new();
+    for comparison in family {
+        let pairs = study.pairs(condition, comparison.a, comparison.b);
+        let [a, b] = [&pairs.a, &pairs.b].map(|runs: &Vec<&RunRecord>| restricted(runs, milestone, horizon_s));
+        tests.push(stratified_log_rank(&a, &b)?);
+    }
+    let can_test = |test: &StratifiedLogRank| test.first_a + test.first_b >= PAIRS_MIN;
+    let p_values: Vec<f64> = tests.iter().filter(|test| can_test(test)).map(|test| test.p_value).collect();
+    let mut adjusted = holm(&p_values)?.into_iter();
+    let line = |(comparison, test): (&Comparison, &StratifiedLogRank)| {
+        let p = if can_test(test) { adjusted.next() } else { None };
+        let [first, second] = [comparison.a, comparison.b].map(|variant| &study.variants[variant]);
+        let StratifiedLogRank { first_a, first_b, .. } = *test;
+        let chance = p.map_or_else(|| "too few for a test".to_owned(), probability);
+        (first_a + first_b > 0).then(|| {
+            format!(
+                "Secondary, log-rank test stratified by map: {first} reaches {} % first or alone in {first_a} of {} pairs, \
+                 {second} in {first_b}; {chance}. It asks who is first, not by how much.",
+                milestone.percent, comparison.blocks
+            )
+        })
+    };
+    Ok(family.iter().zip(&tests).map(line).collect())
+}
+
+/// The words of a measure.
+struct Words {
+    /// As in `no difference in ...`.
+    measure: &'static str,
+    /// What the better variant does, today and in a sample: `needs`, `needed`.
+    verbs: [&'static str; 2],
+    /// Of what a failed run counts as.
+    failed: &'static str,
+}
+
+impl Words {
+    fn of(compared: Compared) -> Self {
+        let (measure, verbs) = match compared {
+            Compared::Time(0) => ("the time to 90 %", ["needs", "needed"]),
+            Compared::Time(1) => ("the time to 99 %", ["needs", "needed"]),
+            Compared::Time(_) => ("the time to 100 %", ["needs", "needed"]),
+            Compared::Unseen => ("the area under the explored share", ["is", "was"]),
+            Compared::Explored => ("the explored share at the end", ["explores", "explored"]),
+            Compared::Distance => ("the distance of the team", ["moves", "moved"]),
+        };
+        let failed = match compared {
+            Compared::Time(_) => "a failed run counts as not reached",
+            Compared::Unseen | Compared::Explored => "a failed run counts as nothing explored",
+            Compared::Distance => "pairs with a failed run are left out, which may be those on harder maps",
+        };
+        Self { measure, verbs, failed }
+    }
+}
+
+/// The verdict on a pair of variants; names the runs that have failed.
 fn sentence(study: &Study, comparison: &Comparison, compared: Compared) -> String {
     let Comparison { a, b, pairs, maps, failed, .. } = *comparison;
     let of = if pairs == maps { "map" } else { "pair" };
     let failure = |(variant, count): (usize, usize)| {
-        let plural = if pairs == 1 { "" } else { "s" };
-        (count > 0).then(|| format!("{} failed on {count} of {pairs} {of}{plural}", study.variants[variant]))
+        (count > 0)
+            .then(|| format!("{} failed on {count} of {}", study.variants[variant], plural(comparison.blocks, of)))
     };
     let failures: Vec<String> = [(a, failed[0]), (b, failed[1])].into_iter().filter_map(failure).collect();
     let verdict = effect(study, comparison, compared);
     if failures.is_empty() {
         return verdict;
     }
-    let counts = match compared {
-        Compared::Time => "not reached",
-        Compared::Metric(..) => "nothing explored",
-    };
-    format!("{verdict} {}: a failed run counts as {counts}.", failures.join(", "))
+    format!("{verdict} {}: {}.", failures.join(", "), Words::of(compared).failed)
 }
 
 fn effect(study: &Study, comparison: &Comparison, compared: Compared) -> String {
     let Comparison { pairs, maps, mean_a, mean_b, .. } = *comparison;
-    let (better, what) = match compared {
-        Compared::Time => ("faster to 99 %", "the time to 99 %"),
-        Compared::Metric(..) => ("ahead", "the area under the curve"),
-    };
-    // `A is faster to 99 % than B by ...`, `A is ahead of B in the area under the curve by ...`
-    let (than, by) = match compared {
-        Compared::Time => ("than", "by"),
-        Compared::Metric(..) => ("of", "in the area under the curve by"),
-    };
     let is_a_better = comparison.is_a_better(compared);
     let (first, second) = if is_a_better { (comparison.a, comparison.b) } else { (comparison.b, comparison.a) };
     let (first, second) = (&study.variants[first], &study.variants[second]);
-    let plural = |count: usize, name: &str| format!("{count} {name}{}", if count == 1 { "" } else { "s" });
+    let words = Words::of(compared);
+    let of = if pairs == maps { "map" } else { "pair" };
     let sample = if pairs == maps {
         format!("n = {}", plural(maps, "map"))
     } else {
@@ -85,59 +159,128 @@ fn effect(study: &Study, comparison: &Comparison, compared: Compared) -> String 
     };
     let sample = sample + &repeated;
     if mean_a == mean_b {
-        return format!("{first} and {second} are equal in {what} on average, {sample}.");
+        return format!("{first} and {second} are equal in {} on average, {sample}.", words.measure);
     }
-    let gain = gain(comparison, compared, is_a_better);
+    let gain = Gain::of(comparison, compared, is_a_better);
+    let [is, was] = words.verbs.map(|verb| format!("{first} {verb} {}", gain.than(comparison, compared, second)));
+    let needed = comparison.needed();
     match comparison.adjusted {
-        Some(p) if p < ALPHA => {
-            format!("{first} is {better} {than} {second} {by} {gain}, {sample}; {}.", probability(p))
-        }
+        Some(p) if p < ALPHA => format!("{is}, {sample}; {}.", probability(p)),
+        Some(p) if !comparison.can_be_shown => format!(
+            "No difference in {} could be shown between {first} and {second}: {} need {}, and there are {pairs}. {was}, \
+             {sample}; {}.",
+            words.measure,
+            plural(comparison.comparisons, "comparison"),
+            plural(needed, of),
+            probability(p)
+        ),
         Some(p) => {
-            let could = comparison.detectable.map_or_else(String::new, |share| {
-                format!(" {pairs} pairs would show a difference of {} % in four of five cases.", figure(100.0 * share))
-            });
+            let could = match comparison.detectable {
+                Some(share) => {
+                    let size = match compared.effect() {
+                        Effect::Ratio => format!("{} %", figure(100.0 * share)),
+                        Effect::Difference => format!("{} points", figure(share)),
+                    };
+                    format!(
+                        "{} that scatter like these show a difference of {size} in four of five cases",
+                        plural(pairs, of)
+                    )
+                }
+                None => format!(
+                    "{} that scatter like these show no difference in four of five cases, however large",
+                    plural(pairs, of)
+                ),
+            };
             format!(
-                "No difference in {what} is shown between {first} and {second}: {first} is {better} by {gain}, \
-                 {sample}; {}.{could}",
+                "No difference in {} is shown between {first} and {second}: {was}, {sample}; {}. {could}.",
+                words.measure,
                 probability(p)
             )
         }
-        None if pairs == 1 => format!(
-            "{first} was {better} {than} {second} {by} {gain} in one observation, {sample}: no evidence about other maps."
-        ),
-        None => format!(
-            "{first} was {better} {than} {second} {by} {gain}, {sample}: too few for a test, which needs {}.",
-            super::evidence::PAIRS_MIN
-        ),
+        None if pairs == 1 => format!("{was} in one observation, {sample}: no evidence about other maps."),
+        None => format!("{was}, {sample}: too few for a test, which needs {needed}."),
     }
 }
 
-/// The effect in per cent of the other one's mean, with its interval.
-fn gain(comparison: &Comparison, compared: Compared, is_a_better: bool) -> String {
-    let Some(ratio) = comparison.ratio.filter(|ratio| ratio.mean > 0.0) else {
-        return "all there is".to_owned();
-    };
-    // Over the other one: A / B if A is better, and B / A otherwise.
-    let over = |ratio: f64| if is_a_better { ratio } else { 1.0 / ratio };
-    // Less time is a gain.
-    let percent = |ratio: f64| match compared {
-        Compared::Time => 100.0 * (1.0 - over(ratio)),
-        Compared::Metric(..) => 100.0 * (over(ratio) - 1.0),
-    };
-    let effect = format!("{} %", figure(percent(ratio.mean)));
-    match ratio.interval.filter(|interval| interval.low > 0.0) {
-        Some(Interval { low, high }) => {
-            let ends = [percent(low), percent(high)];
-            format!("{effect} [{}, {}]", figure(ends[0].min(ends[1])), figure(ends[0].max(ends[1])))
+/// The size of an effect, seen from the better variant.
+struct Gain {
+    /// With its unit and its interval, such as `12 % [4.0, 20]`.
+    size: String,
+    interval: String,
+    /// Such as `1.7 times as fast`, of a ratio that is neither 0 nor 1.
+    times: Option<String>,
+}
+
+impl Gain {
+    fn of(comparison: &Comparison, compared: Compared, is_a_better: bool) -> Self {
+        let Some(Estimate { mean, interval }) = comparison.effect else {
+            return Self { size: "100 %".to_owned(), interval: String::new(), times: None };
+        };
+        // Less is a gain in a ratio, which is that of the better one over the other one.
+        let size = |effect: f64| match (compared.effect(), is_a_better) {
+            (Effect::Ratio, true) => 100.0 * (1.0 - effect),
+            (Effect::Ratio, false) => 100.0 * (1.0 - 1.0 / effect),
+            (Effect::Difference, true) => effect,
+            (Effect::Difference, false) => -effect,
+        };
+        let unit = if compared.effect() == Effect::Ratio { " %" } else { " points" };
+        let interval = interval.filter(|ends| compared.effect() == Effect::Difference || ends.low > 0.0);
+        let interval = interval.map_or_else(String::new, |Interval { low, high }| {
+            let ends = [size(low), size(high)];
+            format!(" [{}, {}]", figure(ends[0].min(ends[1])), figure(ends[0].max(ends[1])))
+        });
+        let over = if is_a_better { 1.0 / mean } else { mean };
+        let has_times = compared.effect() == Effect::Ratio && over.is_finite();
+        let times = has_times.then(|| if over < 1.995 { format!("{over:.2}") } else { figure(over) });
+        Self { size: format!("{}{unit}", figure(size(mean))), interval, times }
+    }
+
+    /// What follows the verb: `70 % less time to 99 % than lvd [60, 78] (3.4 times as fast)`.
+    fn than(&self, comparison: &Comparison, compared: Compared, second: &str) -> String {
+        let Self { size, interval, times } = self;
+        let means = [comparison.mean_a, comparison.mean_b];
+        let [more, less] = if means[0] >= means[1] { means } else { [means[1], means[0]] };
+        let times = |what: &str| times.as_ref().map_or_else(String::new, |times| format!(" ({times} times as {what})"));
+        match compared {
+            Compared::Time(place) => {
+                format!("{size} less time to {} % than {second}{interval}{}", MILESTONES[place].percent, times("fast"))
+            }
+            Compared::Unseen => {
+                let horizon = ticks(comparison.horizon_s);
+                let area = |unseen: f64| 100.0 * (1.0 - unseen / horizon);
+                format!(
+                    "ahead of {second} in the area under the explored share ({:.1} against {:.1} %): a cell is seen {size} \
+                     sooner on average{interval}{}",
+                    area(less),
+                    area(more),
+                    times("fast")
+                )
+            }
+            Compared::Explored => {
+                format!("{size} more than {second}{interval} ({more:.1} against {less:.1} %)")
+            }
+            Compared::Distance => format!("{size} less than {second}{interval}"),
         }
-        None => effect,
     }
 }
 
-/// Two digits for small numbers.
+fn plural(count: usize, name: &str) -> String {
+    format!("{count} {name}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Two digits for small numbers; no number but 0 looks like 0.
 fn figure(number: f64) -> String {
-    let text = if number.abs() < 9.95 { format!("{number:.1}") } else { format!("{number:.0}") };
-    if text == "-0.0" { "0.0".to_owned() } else { text }
+    let decimals = match number.abs() {
+        size if size >= 9.95 => 0,
+        size if size >= 0.05 || size == 0.0 => 1,
+        size if size >= 0.005 => 2,
+        _ => 3,
+    };
+    let text = format!("{number:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.bytes().all(|byte| matches!(byte, b'0' | b'.')) => "0.0".to_owned(),
+        _ => text,
+    }
 }
 
 fn probability(p: f64) -> String {
@@ -145,83 +288,4 @@ fn probability(p: f64) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::estimates::Estimate;
-    use super::super::fixture;
-    use super::*;
-    use experiments::rows::{RunMetadata, StoredRun};
-
-    fn study() -> Study {
-        let run = |controller| StoredRun::new(fixture::run(controller, 1, 2), RunMetadata::default());
-        Study::new(vec![run("dsvp"), run("rbw")], None)
-    }
-
-    fn comparison(ratio: f64, (low, high): (f64, f64), pairs: usize, adjusted: Option<f64>) -> Comparison {
-        Comparison {
-            a: 0,
-            b: 1,
-            pairs,
-            all_pairs: pairs,
-            maps: pairs,
-            failed: [0, 0],
-            mean_a: ratio,
-            mean_b: 1.0,
-            ratio: Some(Estimate { mean: ratio, interval: Some(Interval { low, high }) }),
-            a12: 0.5,
-            test: None,
-            adjusted,
-            detectable: Some(0.153),
-        }
-    }
-
-    #[test]
-    fn effect_comes_before_chance() {
-        let said = |comparison: Comparison, compared| sentence(&study(), &comparison, compared);
-        assert_eq!(
-            said(comparison(0.88, (0.80, 0.96), 30, Some(0.003)), Compared::Time),
-            "dsvp is faster to 99 % than rbw by 12 % [4.0, 20], n = 30 maps; p = 0.003."
-        );
-        // The better one comes first: 1 / 1.25, 1 / 1.6 and 1 / 1.0.
-        assert_eq!(
-            said(comparison(1.25, (1.0, 1.6), 30, Some(0.0001)), Compared::Time),
-            "rbw is faster to 99 % than dsvp by 20 % [0.0, 38], n = 30 maps; p < 0.001."
-        );
-        assert_eq!(
-            said(comparison(0.97, (0.90, 1.05), 8, Some(0.4)), Compared::Time),
-            "No difference in the time to 99 % is shown between dsvp and rbw: dsvp is faster to 99 % by 3.0 % [-5.0, \
-             10], n = 8 maps; p = 0.400. 8 pairs would show a difference of 15 % in four of five cases."
-        );
-        assert_eq!(
-            said(comparison(1.5, (1.2, 2.0), 7, Some(0.02)), Compared::AREA),
-            "dsvp is ahead of rbw in the area under the curve by 50 % [20, 100], n = 7 maps; p = 0.020."
-        );
-    }
-
-    #[test]
-    fn failures_are_named() {
-        let failing = Comparison { failed: [24, 0], ..comparison(1.25, (1.0, 1.6), 40, Some(0.003)) };
-        assert_eq!(
-            sentence(&study(), &failing, Compared::Time),
-            "rbw is faster to 99 % than dsvp by 20 % [0.0, 38], n = 40 maps; p = 0.003. dsvp failed on 24 of 40 maps: \
-             a failed run counts as not reached."
-        );
-        let both = Comparison { failed: [1, 2], maps: 5, ..comparison(1.5, (1.2, 2.0), 7, Some(0.02)) };
-        let said = sentence(&study(), &both, Compared::AREA);
-        let words = "dsvp failed on 1 of 7 pairs, rbw failed on 2 of 7 pairs: a failed run counts as nothing explored.";
-        assert!(said.ends_with(words), "{said}");
-    }
-
-    #[test]
-    fn few_observations_are_no_evidence() {
-        let few = comparison(0.5, (0.4, 0.6), 3, None);
-        assert_eq!(
-            sentence(&study(), &few, Compared::Time),
-            "dsvp was faster to 99 % than rbw by 50 % [40, 60], n = 3 maps: too few for a test, which needs 6."
-        );
-        let one = Comparison { all_pairs: 10, pairs: 1, maps: 1, ..few.clone() };
-        let said = sentence(&study(), &one, Compared::Time);
-        assert!(said.ends_with("n = 1 map (10 pairs of runs, 9 of them repetitions): no evidence about other maps."));
-        let shared = Comparison { pairs: 8, all_pairs: 8, maps: 2, adjusted: Some(0.01), ..few };
-        assert!(sentence(&study(), &shared, Compared::Time).contains("n = 8 pairs on 2 maps; p = 0.010"));
-    }
-}
+mod tests;

@@ -111,8 +111,8 @@ pub struct ForkArgs {
     /// (docs/what-if.md)
     #[arg(long, value_name = "FILE.mcap", requires = "at", conflicts_with_all = ["scenario", "resume"])]
     pub fork: Option<PathBuf>,
-    /// Sim time of the fork
-    #[arg(long, value_name = "SECONDS", requires = "fork", value_parser = fork_time)]
+    /// Sim time of the fork, such as 90, 90s or 1:30
+    #[arg(long, value_name = "TIME", requires = "fork", value_parser = fork_time)]
     pub at: Option<Tick>,
 }
 
@@ -125,38 +125,38 @@ impl ForkArgs {
 }
 
 fn fork_time(text: &str) -> Result<Tick, String> {
-    text.parse().map_err(|_| "expected a number of seconds".to_owned()).and_then(crate::setup::tick_at)
+    time_s(text).and_then(crate::setup::tick_at)
 }
 
 /// Flags that override keys of the scenario. The help of a flag with a key of its own is the
 /// declaration of that key.
 #[derive(Debug, Args, Default)]
 pub struct KeyArgs {
-    #[arg(long, value_name = "N", help = meaning("agents.count"))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help = meaning("agents.count"))]
     pub agents: Option<u32>,
     #[arg(long, value_name = "NAME", help = meaning("agents.controller"))]
     pub controller: Option<String>,
-    #[arg(long, value_name = "TICKS", help = meaning("agents.share_period_ticks"))]
+    #[arg(long, value_name = "TICKS", allow_negative_numbers = true, help = meaning("agents.share_period_ticks"))]
     pub share_period: Option<u32>,
     /// map.kind and map.file: spheres, noise, building, mine, or a map file (docs/maps.md)
     #[arg(long, value_name = "spheres|noise|building|mine|FILE")]
     pub map: Option<String>,
     /// map.size: cells along each axis, for example 100 or 100x80x30
-    #[arg(long, value_name = "S|XxYxZ", value_parser = size)]
+    #[arg(long, value_name = "S|XxYxZ", value_parser = size, allow_negative_numbers = true)]
     pub size: Option<toml::Value>,
-    #[arg(long, value_name = "K", help = meaning("seed"))]
+    #[arg(long, value_name = "K", allow_negative_numbers = true, help = meaning("seed"))]
     pub seed: Option<u64>,
-    #[arg(long, value_name = "SECONDS", help = meaning("duration_s"))]
+    #[arg(long, value_name = "TIME", value_parser = time_s, allow_negative_numbers = true, help = timed("duration_s"))]
     pub duration: Option<f64>,
-    #[arg(long, value_name = "FILE.mcap|DIR/", help = meaning("execution.record"))]
+    #[arg(long, value_name = "FILE.mcap|DIR/", value_parser = recording_file, help = meaning("execution.record"))]
     pub record: Option<String>,
     /// views.record: visualisation topics that the recording holds as well, for example
     /// map,odom,points, or all
     #[arg(long, value_name = "WORD,...", value_delimiter = ',')]
     pub record_topics: Vec<String>,
-    #[arg(long, value_name = "X|max", value_parser = rtf, help = meaning("execution.rtf"))]
+    #[arg(long, value_name = "X|max", value_parser = rtf, allow_negative_numbers = true, help = meaning("execution.rtf"))]
     pub rtf: Option<toml::Value>,
-    #[arg(long, value_name = "N", help = meaning("execution.threads"))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, help = meaning("execution.threads"))]
     pub threads: Option<u32>,
     #[arg(long, value_name = "true|false", help = meaning("execution.look_ahead"))]
     pub look_ahead: Option<bool>,
@@ -176,9 +176,9 @@ pub struct KeyArgs {
         help = meaning("execution.paused")
     )]
     pub paused: Option<bool>,
-    #[arg(long, value_name = "SECONDS", help = meaning("execution.join_timeout_s"))]
+    #[arg(long, value_name = "TIME", value_parser = time_s, allow_negative_numbers = true, help = timed("execution.join_timeout_s"))]
     pub join_timeout: Option<f64>,
-    #[arg(long, value_name = "SECONDS", help = meaning("execution.decision_timeout_s"))]
+    #[arg(long, value_name = "TIME", value_parser = time_s, allow_negative_numbers = true, help = timed("execution.decision_timeout_s"))]
     pub decision_timeout: Option<f64>,
     /// Any key of the scenario, for example lidar.range_m=20; may be repeated (docs/scenario.md)
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
@@ -189,6 +189,11 @@ pub struct KeyArgs {
 fn meaning(key: &str) -> String {
     let known = keys::find(key).expect("a flag sets a key of the scenario");
     format!("{key}: {}", known.meaning)
+}
+
+/// Path and meaning of a key that is a time in seconds, and how else it may be given.
+fn timed(key: &str) -> String {
+    format!("{}; seconds, or a time such as 30min or 1:30", meaning(key))
 }
 
 impl KeyArgs {
@@ -268,6 +273,34 @@ fn map_overrides(map: &str) -> Vec<Override> {
     overrides
 }
 
+/// Reads a time: seconds, a number with the unit `s`, `min` or `h`, or `M:S` and `H:M:S`.
+///
+/// # Errors
+/// What is expected.
+pub fn time_s(text: &str) -> Result<f64, String> {
+    const EXPECTED: &str =
+        "expected a time: seconds such as 90, or 90s, 30min, 2h, 1:30 (minutes and seconds) or 1:30:00";
+    let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite());
+    let units = [("min", 60.0), ("m", 60.0), ("h", 3600.0), ("s", 1.0)];
+    let with_unit =
+        units.iter().find_map(|(unit, seconds)| Some(number(text.strip_suffix(unit)?.trim_end())? * seconds));
+    let sixtieth = |text: &str| {
+        (text.len() == 2 || text.contains('.'))
+            .then(|| number(text))
+            .flatten()
+            .filter(|part| (0.0..60.0).contains(part))
+    };
+    let whole = |text: &str| text.parse::<u32>().ok().map(f64::from);
+    let clock = || match text.split(':').collect::<Vec<_>>().as_slice() {
+        [minutes, seconds] => Some(60.0 * whole(minutes)? + sixtieth(seconds)?),
+        [hours, minutes, seconds] => {
+            Some(3600.0 * whole(hours)? + 60.0 * sixtieth(minutes)?.floor() + sixtieth(seconds)?)
+        }
+        _ => None,
+    };
+    number(text).or(with_unit).or_else(clock).ok_or_else(|| EXPECTED.to_owned())
+}
+
 fn size(text: &str) -> Result<toml::Value, String> {
     let cells: Result<Vec<toml::Value>, _> =
         text.split('x').map(|part| part.parse::<u32>().map(|cells| i64::from(cells).into())).collect();
@@ -295,6 +328,17 @@ pub fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
     let value = parsed.ok().and_then(|mut table| table.remove("value")).unwrap_or_else(|| value.into());
     Ok((key.trim().to_owned(), value))
+}
+
+/// The file of a recording. Other endings are those of other formats, and would mislead their
+/// programs.
+fn recording_file(text: &str) -> Result<String, String> {
+    let is_mcap = Path::new(text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap"));
+    if is_mcap || text.ends_with('/') {
+        Ok(text.to_owned())
+    } else {
+        Err("expected a name that ends in .mcap, or in / for a rosbag2 folder".to_owned())
+    }
 }
 
 /// The file of a trace; empty: none. Files of other kinds are not taken for it, because it
@@ -403,6 +447,25 @@ mod tests {
         assert_eq!(rtf("max"), Ok("max".into()));
         assert_eq!(rtf("2.5"), Ok(2.5.into()));
         assert!(rtf("fast").is_err());
+        for (text, seconds) in [
+            ("90", 90.0),
+            ("0.5", 0.5),
+            ("-1", -1.0),
+            ("90s", 90.0),
+            ("30min", 1800.0),
+            ("1.5 min", 90.0),
+            ("2h", 7200.0),
+            ("1:30", 90.0),
+            ("1:30:00", 5400.0),
+            ("0:00.02", 0.02),
+        ] {
+            assert_eq!(time_s(text), Ok(seconds), "{text}");
+        }
+        for wrong in
+            ["", "s", "min", "five", "1:5", "1:60", "1:-1", "1:2:3:4", "1:30min", "NaN", "inf", "1e999", "3 days"]
+        {
+            assert!(time_s(wrong).is_err(), "{wrong}");
+        }
         assert_eq!(assignment("lidar.range_m=20.5"), Ok(("lidar.range_m".into(), 20.5.into())));
         assert_eq!(assignment("agents.controller=rbw"), Ok(("agents.controller".into(), "rbw".into())));
         assert_eq!(assignment("a=[1, 2]").unwrap().1, toml::Value::Array(vec![1.into(), 2.into()]));

@@ -4,7 +4,6 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 #[cfg(feature = "view")]
@@ -22,7 +21,7 @@ use crate::ros::RosTransport;
 use crate::session::{self, JoinPolicy, Mode, Outcome, RecordingSinks, RunConfig, RunError};
 use crate::terminal::{self, Terminal};
 use crate::transport::Transport;
-use crate::{exit, renamed, setup};
+use crate::{exit, os, renamed, setup};
 use anyhow::Context;
 use clap::Parser;
 use mapgen::MapReport;
@@ -33,6 +32,7 @@ use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
+use system::results;
 use system::summary::Summary;
 
 /// Wall time between two looks at whether an idle server is to end.
@@ -56,7 +56,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
     let name = OsString::from("sim_server");
     let CliCommand::Run(args) = Cli::parse_from([name].into_iter().chain(arguments)).command;
-    match run(&args) {
+    let done = os::report_full_files().map_err(anyhow::Error::from).and_then(|()| run(&args));
+    match done {
         Ok(code) => code,
         Err(error) => {
             eprintln!("error: {}", printable::line(&exit::described(&error)));
@@ -442,8 +443,9 @@ impl<'a> Job<'a> {
             Ok(outcome) => {
                 let text = terminal::result_text(&outcome);
                 terminal.keep(&text);
-                // Results go to stdout; that nothing reads them is no failure.
-                drop(writeln!(std::io::stdout(), "{text}"));
+                if let Err(error) = results::write_line(&text) {
+                    return failed(&format!("stdout: {error}"));
+                }
                 if let Some(file) = self.summary
                     && let Err(error) = summary(&outcome).write(file)
                 {

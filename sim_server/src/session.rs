@@ -359,7 +359,9 @@ impl<'c> Session<'c, '_> {
             Awaited::Incomplete(_) | Awaited::Stopped(_) if self.is_stopped() => return Ok(ControlFlow::Break(())),
             Awaited::Incomplete(missing) | Awaited::Stopped(missing) => missing,
         };
-        let lost = RunError::AgentsLost { lost: missing.clone(), tick, seconds: timeout.as_secs_f64() };
+        let illegal = self.agents.sessions().illegal_reply(&missing, tick);
+        let refused = illegal.map(|(agent, reason)| format!("the answer of agent {agent} was refused: {reason}"));
+        let lost = RunError::AgentsLost { lost: missing.clone(), refused, tick, seconds: timeout.as_secs_f64() };
         match self.scenario.faults.on_agent_loss {
             OnAgentLoss::Abort | OnAgentLoss::Wait => Err(lost),
             OnAgentLoss::Drop => {

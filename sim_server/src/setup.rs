@@ -379,6 +379,23 @@ pub fn generate_map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     mapgen::generate(&spec, extent, scenario.map_seed()).map_err(map_error(scenario))
 }
 
+/// Whether a map can be made of a scenario, as far as that is known before it is: its file is one,
+/// and the parameters of a generator fit its size.
+///
+/// # Errors
+/// If not; the error names the key, but not the file of the scenario.
+pub fn check_map(scenario: &Scenario) -> Result<(), SetupError> {
+    if let Some(file) = scenario.map.path() {
+        // What lies there is read later, once.
+        return std::fs::metadata(&file)
+            .map(drop)
+            .map_err(|source| SetupError::Read { file: file.display().to_string(), source });
+    }
+    let (Some(spec), Some(size)) = (generator(scenario), scenario.map.size) else { return Ok(()) };
+    let extent = Extent::new(size.cells(), scenario.map.cell_m.unwrap_or(1.0))?;
+    spec.check(extent).map_err(map_error(scenario))
+}
+
 /// The generator of the map with its parameters; `None` for a map file.
 fn generator(scenario: &Scenario) -> Option<MapSpec> {
     let section = &scenario.map;

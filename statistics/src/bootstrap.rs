@@ -1,4 +1,4 @@
-//! Bootstrap confidence intervals: a statistic of many resamples of the runs, with replacement.
+//! Bootstrap confidence intervals: the mean of many resamples of the runs, with replacement.
 //!
 //! The interval is bias-corrected and accelerated (BCa; Efron, 1987; Efron and Tibshirani, 1993,
 //! section 14.3), with the acceleration from the jackknife. Where the corrections are undefined it
@@ -12,21 +12,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 use statrs::function::erf::erfc_inv;
 
-use super::{Interval, StatisticsError, check_pairs, check_range, check_sample, count, quantile_of_sorted};
+use super::{Interval, StatisticsError, check_range, check_sample, count, quantile_of_sorted};
 
 /// The allowed number of resamples. With fewer, the ends of a 95 % interval rest on one or two of
 /// them; more take memory and change no significant digit. 10 000 give two to three digits of the
 /// width.
 pub const RESAMPLES: RangeInclusive<usize> = 100..=1_000_000;
-
-/// The design of a comparison of two samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pairing {
-    /// `a[i]` and `b[i]` are runs on the same map: they are resampled together.
-    Paired,
-    /// The samples are resampled separately.
-    Independent,
-}
 
 /// A confidence interval of the mean at `level` (0.95). The coverage is approximate: with ten runs,
 /// one in nine such intervals misses the mean rather than one in twenty. Equal values give an
@@ -40,44 +31,24 @@ pub enum Pairing {
 /// or `resamples` is out of its range.
 pub fn bootstrap_mean(xs: &[f64], level: f64, resamples: usize, seed: u64) -> Result<Interval, StatisticsError> {
     check_sample(xs, 2)?;
+    check_range("the level of an interval", level, f64::EPSILON..=1.0 - f64::EPSILON, "between 0 and 1")?;
+    if !RESAMPLES.contains(&resamples) {
+        return Err(StatisticsError::Resamples { got: resamples });
+    }
     let sample = Sample::new(xs);
-    let mean = |drawn: &[Vec<f64>]| finite(sample.mean(&drawn[0]), StatisticsError::TooLarge);
-    interval(&[xs.len()], mean, level, resamples, seed)
-}
-
-/// A confidence interval of the ratio mean(`a`) / mean(`b`), such as a speedup (Kalibera and Jones,
-/// 2013).
-///
-/// # Errors
-/// If a sample has fewer than two values, one is not finite or negative in `b`, paired samples
-/// differ in length, `level` or `resamples` is out of its range, or the mean of `b` is zero in a
-/// resample.
-pub fn bootstrap_ratio(
-    a: &[f64],
-    b: &[f64],
-    pairing: Pairing,
-    level: f64,
-    resamples: usize,
-    seed: u64,
-) -> Result<Interval, StatisticsError> {
-    check_sample(a, 2)?;
-    check_sample(b, 2)?;
-    for &value in b {
-        check_range("a value of the denominator", value, 0.0..=f64::MAX, "0 or more")?;
+    let mut drawn = vec![1.0; xs.len()];
+    let estimate = sample.mean(&drawn)?;
+    let acceleration = sample.acceleration(&mut drawn)?;
+    let mut rng = voxels::random_streams::stream(seed, 0, "statistics.bootstrap");
+    let mut figures = Vec::with_capacity(resamples);
+    for _ in 0..resamples {
+        draw(&mut drawn, &mut rng);
+        figures.push(sample.mean(&drawn)?);
     }
-    let (above, below) = (Sample::new(a), Sample::new(b));
-    let ratio = |a_drawn: &[f64], b_drawn: &[f64]| {
-        finite(above.mean(a_drawn) / below.mean(b_drawn), StatisticsError::ZeroDenominator)
-    };
-    match pairing {
-        Pairing::Paired => {
-            check_pairs(a, b)?;
-            interval(&[a.len()], |drawn| ratio(&drawn[0], &drawn[0]), level, resamples, seed)
-        }
-        Pairing::Independent => {
-            interval(&[a.len(), b.len()], |drawn| ratio(&drawn[0], &drawn[1]), level, resamples, seed)
-        }
-    }
+    figures.sort_unstable_by(f64::total_cmp);
+    let tail = (1.0 - level) / 2.0;
+    let (low, high) = corrected_shares(&figures, estimate, acceleration, tail).unwrap_or((tail, 1.0 - tail));
+    Ok(Interval { low: quantile_of_sorted(&figures, low), high: quantile_of_sorted(&figures, high) })
 }
 
 /// A sample as offsets from its minimum, so that the mean of equal values is exactly that value.
@@ -94,42 +65,31 @@ impl Sample {
     }
 
     /// The mean of a resample, given the multiplicity of each value.
-    fn mean(&self, times: &[f64]) -> f64 {
+    fn mean(&self, times: &[f64]) -> Result<f64, StatisticsError> {
         let sum: f64 = self.above.iter().zip(times).map(|(above, times)| above * times).sum();
-        self.least + sum / times.iter().sum::<f64>()
+        let mean = self.least + sum / times.iter().sum::<f64>();
+        if mean.is_finite() { Ok(mean) } else { Err(StatisticsError::TooLarge) }
     }
-}
 
-fn finite(value: f64, or: StatisticsError) -> Result<f64, StatisticsError> {
-    if value.is_finite() { Ok(value) } else { Err(or) }
-}
-
-/// The interval of a statistic of samples with these sizes, none of them 0. The statistic gets the
-/// multiplicity of each value of each sample.
-fn interval(
-    sizes: &[usize],
-    figure: impl Fn(&[Vec<f64>]) -> Result<f64, StatisticsError>,
-    level: f64,
-    resamples: usize,
-    seed: u64,
-) -> Result<Interval, StatisticsError> {
-    check_range("the level of an interval", level, f64::EPSILON..=1.0 - f64::EPSILON, "between 0 and 1")?;
-    if !RESAMPLES.contains(&resamples) {
-        return Err(StatisticsError::Resamples { got: resamples });
+    /// The acceleration: the skewness of the jackknife means, divided by 6; NaN if these are all
+    /// equal. `drawn` has every value once, before and after.
+    fn acceleration(&self, drawn: &mut [f64]) -> Result<f64, StatisticsError> {
+        let size = drawn.len();
+        let mut without = Vec::with_capacity(size);
+        for place in 0..size {
+            drawn[place] = 0.0;
+            without.push(self.mean(drawn)?);
+            drawn[place] = 1.0;
+        }
+        let centre = without.iter().sum::<f64>() / count(size);
+        let (mut cubes, mut squares) = (0.0, 0.0);
+        for value in without {
+            let influence = (count(size) - 1.0) * (centre - value) / count(size);
+            squares += influence * influence;
+            cubes += influence * influence * influence;
+        }
+        Ok(cubes / (6.0 * squares * squares.sqrt()))
     }
-    let mut drawn: Vec<Vec<f64>> = sizes.iter().map(|&size| vec![1.0; size]).collect();
-    let estimate = figure(&drawn)?;
-    let acceleration = acceleration(&mut drawn, &figure)?;
-    let mut rng = voxels::random_streams::stream(seed, 0, "statistics.bootstrap");
-    let mut figures = Vec::with_capacity(resamples);
-    for _ in 0..resamples {
-        drawn.iter_mut().for_each(|times| draw(times, &mut rng));
-        figures.push(figure(&drawn)?);
-    }
-    figures.sort_unstable_by(f64::total_cmp);
-    let tail = (1.0 - level) / 2.0;
-    let (low, high) = corrected_shares(&figures, estimate, acceleration, tail).unwrap_or((tail, 1.0 - tail));
-    Ok(Interval { low: quantile_of_sorted(&figures, low), high: quantile_of_sorted(&figures, high) })
 }
 
 /// Draws a resample: the multiplicity of each value.
@@ -141,46 +101,6 @@ fn draw(times: &mut [f64], rng: &mut ChaCha8Rng) {
         let place = (u64::from(rng.next_u32()) * size) >> 32;
         times[place as usize] += 1.0;
     }
-}
-
-/// An endless stream of fair coins.
-pub(super) fn coins(seed: u64, purpose: &str) -> impl FnMut() -> bool {
-    let mut rng = voxels::random_streams::stream(seed, 0, purpose);
-    let (mut bits, mut left) = (0_u32, 0);
-    move || {
-        if left == 0 {
-            (bits, left) = (rng.next_u32(), u32::BITS);
-        }
-        let bit = bits & 1 == 1;
-        bits >>= 1;
-        left -= 1;
-        bit
-    }
-}
-
-/// The acceleration: the skewness of the jackknife values, divided by 6; NaN if these are all
-/// equal. `drawn` has every value once, before and after.
-fn acceleration(
-    drawn: &mut [Vec<f64>],
-    figure: impl Fn(&[Vec<f64>]) -> Result<f64, StatisticsError>,
-) -> Result<f64, StatisticsError> {
-    let (mut cubes, mut squares) = (0.0, 0.0);
-    for sample in 0..drawn.len() {
-        let size = drawn[sample].len();
-        let mut without = Vec::with_capacity(size);
-        for place in 0..size {
-            drawn[sample][place] = 0.0;
-            without.push(figure(drawn)?);
-            drawn[sample][place] = 1.0;
-        }
-        let centre = without.iter().sum::<f64>() / count(size);
-        for value in without {
-            let influence = (count(size) - 1.0) * (centre - value) / count(size);
-            squares += influence * influence;
-            cubes += influence * influence * influence;
-        }
-    }
-    Ok(cubes / (6.0 * squares * squares.sqrt()))
 }
 
 /// The shares of the resamples below the ends of the BCa interval; `None` if they are undefined.

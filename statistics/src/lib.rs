@@ -10,6 +10,7 @@
 //! which test suits which metric.
 
 mod bootstrap;
+mod exchange;
 mod log_rank;
 mod power;
 mod ranks;
@@ -19,10 +20,11 @@ use std::ops::RangeInclusive;
 
 use thiserror::Error;
 
-pub use bootstrap::{Pairing, RESAMPLES, bootstrap_mean, bootstrap_ratio};
-pub use log_rank::{LogRank, log_rank, paired_log_rank};
+pub use bootstrap::{RESAMPLES, bootstrap_mean};
+pub use exchange::{Effect, Exchange, exchange_test, least_p_value, pairs_needed};
+pub use log_rank::{LogRank, StratifiedLogRank, log_rank, stratified_log_rank};
 pub use power::detectable_difference;
-pub use ranks::{Wilcoxon, a12, holm, wilcoxon_signed_rank};
+pub use ranks::{a12, holm};
 pub use survival::{Censored, kaplan_meier, median_time, restricted_mean, success_fraction};
 
 /// Why a statistic is undefined. `place` is an index.
@@ -47,9 +49,6 @@ pub enum StatisticsError {
     Resamples { got: usize },
     #[error("the values are too large: their mean is not finite")]
     TooLarge,
-    /// A ratio that is not finite, possibly only in one resample.
-    #[error("the denominator of the ratio is zero in at least one resample, or the ratio is too large")]
-    ZeroDenominator,
 }
 
 /// A confidence interval; `low` is at most `high`.

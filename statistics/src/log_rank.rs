@@ -1,18 +1,9 @@
-//! The log-rank test of times of which some are censored.
+//! The log-rank test of times of which some are censored, stratified by pair.
 
 use super::survival::{self, Censored};
 use super::{StatisticsError, check_pairs, count};
 
-/// Maximum number of pairs for which all exchanges within pairs are enumerated.
-const ENUMERATED_PAIRS_MAX: usize = 13;
-
-/// Number of random exchanges for more pairs. The p-value is a multiple of 1 over one more.
-const EXCHANGES: usize = 9_999;
-
-/// Maximum rounding error of an observed minus expected number.
-const TOLERANCE: f64 = 1e-9;
-
-/// The result of [`log_rank`].
+/// The statistic of [`log_rank`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LogRank {
     /// Number of runs of `a` that reach the milestone, less the number expected if both reach it
@@ -57,42 +48,54 @@ pub fn log_rank(a: &[Censored], b: &[Censored]) -> Result<LogRank, StatisticsErr
     Ok(result)
 }
 
-/// The two-sided p-value of the log-rank statistic of pairs: `a[i]` and `b[i]` are runs on the same
-/// map. It is the share of exchanges within pairs for which the observed number differs from the
-/// expected one by as much: if the two do not differ, each exchange is equally likely. For up to 13
-/// pairs all exchanges are enumerated; otherwise 9 999 are drawn, and the given one counts as one
-/// more (Phipson and Smyth, 2010).
+/// The log-rank test of pairs, each a stratum of its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StratifiedLogRank {
+    /// Number of pairs in which the run of `a` reaches the milestone first, or alone.
+    pub first_a: usize,
+    /// Number of those in which the run of `b` does. In the others both reach it at the same time,
+    /// or none does.
+    pub first_b: usize,
+    /// Two-sided, exact over all exchanges within pairs.
+    pub p_value: f64,
+}
+
+impl StratifiedLogRank {
+    /// The statistic, chi-squared with one degree of freedom; 0 if no pair tells the two apart.
+    #[must_use]
+    pub fn chi_squared(&self) -> f64 {
+        let (first_a, first_b) = (count(self.first_a), count(self.first_b));
+        if self.first_a + self.first_b > 0 { (first_a - first_b).powi(2) / (first_a + first_b) } else { 0.0 }
+    }
+}
+
+/// The log-rank test stratified by pair (Mantel, 1966): `a[i]` and `b[i]` are runs on the same map,
+/// at risk together and with no others. In a stratum of two the observed number differs from the
+/// expected one by one half, to the side of the run that is first, so the exact test is the sign
+/// test of who is first. It weighs all pairs alike, however far apart the times are.
 ///
 /// # Errors
 /// As [`log_rank`], or if the samples differ in length.
-pub fn paired_log_rank(a: &[Censored], b: &[Censored], seed: u64) -> Result<f64, StatisticsError> {
+pub fn stratified_log_rank(a: &[Censored], b: &[Censored]) -> Result<StratifiedLogRank, StatisticsError> {
     check_pairs(a, b)?;
-    let given = log_rank(a, b)?.observed_less_expected.abs() - TOLERANCE;
-    let (mut left, mut right) = (a.to_vec(), b.to_vec());
-    let mut is_as_large = |exchanged: &mut dyn FnMut() -> bool| -> Result<bool, StatisticsError> {
-        for place in 0..a.len() {
-            (left[place], right[place]) = if exchanged() { (b[place], a[place]) } else { (a[place], b[place]) };
-        }
-        Ok(log_rank(&left, &right)?.observed_less_expected.abs() >= given)
+    survival::check(a)?;
+    survival::check(b)?;
+    let (mut first_a, mut first_b) = (0, 0);
+    for (a, b) in a.iter().zip(b) {
+        let of_pair = log_rank(&[*a], &[*b])?;
+        first_a += usize::from(of_pair.observed_less_expected > 0.0);
+        first_b += usize::from(of_pair.observed_less_expected < 0.0);
+    }
+    Ok(StratifiedLogRank { first_a, first_b, p_value: sign_p_value(first_a, first_b) })
+}
+
+/// Twice the probability that at most so many of that many fair coins show the rarer side.
+fn sign_p_value(one: usize, other: usize) -> f64 {
+    let coins = count(one + other);
+    let at = |heads: usize| {
+        let heads = count(heads);
+        let ways = libm::lgamma(coins + 1.0) - libm::lgamma(heads + 1.0) - libm::lgamma(coins - heads + 1.0);
+        libm::exp(ways - coins * std::f64::consts::LN_2)
     };
-    if a.len() <= ENUMERATED_PAIRS_MAX {
-        let all = 1_usize << a.len();
-        let mut as_large = 0;
-        for choice in 0..all {
-            let mut left_bits = choice;
-            let mut next = || {
-                let bit = left_bits & 1 == 1;
-                left_bits >>= 1;
-                bit
-            };
-            as_large += usize::from(is_as_large(&mut next)?);
-        }
-        return Ok(count(as_large) / count(all));
-    }
-    let mut bits = super::bootstrap::coins(seed, "statistics.exchange");
-    let mut as_large = 1;
-    for _ in 0..EXCHANGES {
-        as_large += usize::from(is_as_large(&mut bits)?);
-    }
-    Ok(count(as_large) / count(EXCHANGES + 1))
+    (2.0 * (0..=one.min(other)).map(at).sum::<f64>()).min(1.0)
 }

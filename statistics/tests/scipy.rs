@@ -3,8 +3,8 @@
 
 use serde_json::Value;
 use statistics::{
-    Censored, Interval, Pairing, a12, area_under, bootstrap_mean, bootstrap_ratio, holm, kaplan_meier, log_rank,
-    median_time, quantile, restricted_mean, success_fraction, wilcoxon_signed_rank,
+    Censored, Effect, a12, area_under, bootstrap_mean, exchange_test, holm, kaplan_meier, log_rank, median_time,
+    quantile, restricted_mean, stratified_log_rank, success_fraction,
 };
 
 /// Maximum distance of the end of an interval from the mean of SciPy's, in standard deviations of
@@ -61,12 +61,20 @@ fn areas() {
 }
 
 #[test]
-fn signed_ranks() {
-    for case in cases("signed_ranks") {
-        let ours = wilcoxon_signed_rank(&numbers(&case["a"]), &numbers(&case["b"])).unwrap();
-        assert_same(ours.statistic, number(&case["statistic"]), &case);
+fn exchanges() {
+    for case in cases("exchanges") {
+        let effect = if case["effect"] == "ratio" { Effect::Ratio } else { Effect::Difference };
+        let (a, b) = (numbers(&case["a"]), numbers(&case["b"]));
+        let ours = exchange_test(&a, &b, effect, number(&reference()["level"]), 0.05, 1).unwrap();
         assert_same(ours.p_value, number(&case["p_value"]), &case);
-        assert_eq!(Some(ours.pairs as u64), case["pairs"].as_u64(), "{case}");
+        assert_same(ours.effect.expect("a defined ratio"), number(&case["estimate"]), &case);
+        if let Some(ends) = case["ends"].as_array() {
+            let interval = ours.interval.expect("six pairs or more");
+            for (ours, theirs) in [interval.low, interval.high].into_iter().zip(ends) {
+                // They are found by bisection.
+                assert!((ours - number(theirs)).abs() < 1e-6, "{ours} is not {theirs}: {case}");
+            }
+        }
     }
 }
 
@@ -114,15 +122,7 @@ fn intervals() {
     let level = number(&reference["level"]);
     let resamples = reference["resamples"].as_u64().unwrap() as usize;
     for (case, seed) in cases("intervals").iter().zip(7..) {
-        let a = numbers(&case["a"]);
-        let ratio = |pairing| bootstrap_ratio(&a, &numbers(&case["b"]), pairing, level, resamples, seed);
-        let ours: Interval = match case["kind"].as_str() {
-            Some("mean") => bootstrap_mean(&a, level, resamples, seed),
-            Some("paired") => ratio(Pairing::Paired),
-            Some("independent") => ratio(Pairing::Independent),
-            _ => panic!("a kind of interval: {case}"),
-        }
-        .unwrap();
+        let ours = bootstrap_mean(&numbers(&case["a"]), level, resamples, seed).unwrap();
         for (ours, end, spread) in [(ours.low, "low", "low_spread"), (ours.high, "high", "high_spread")] {
             let (theirs, spread) = (number(&case[end]), number(&case[spread]));
             // With whole numbers all of SciPy's intervals may be equal.
@@ -132,17 +132,28 @@ fn intervals() {
     }
 }
 
+/// The times of a case under this key.
+fn times(case: &Value, key: &str) -> Vec<Censored> {
+    let happened = case[format!("{key}_happened")].as_array().expect("a list").iter();
+    let happened = happened.map(|did| did.as_bool().expect("true or false"));
+    let times = numbers(&case[key]).into_iter();
+    times.zip(happened).map(|(time, happened)| Censored { time, happened }).collect()
+}
+
 #[test]
 fn log_ranks() {
     for case in cases("log_ranks") {
-        let runs = |times: &str, happened: &str| -> Vec<Censored> {
-            let happened =
-                case[happened].as_array().expect("a list").iter().map(|did| did.as_bool().expect("true or false"));
-            let times = numbers(&case[times]).into_iter();
-            times.zip(happened).map(|(time, happened)| Censored { time, happened }).collect()
-        };
-        let ours = log_rank(&runs("a", "a_happened"), &runs("b", "b_happened")).unwrap();
+        let ours = log_rank(&times(&case, "a"), &times(&case, "b")).unwrap();
         // SciPy's sign is that of the second sample.
         assert_same(ours.chi_squared(), number(&case["z"]).powi(2), &case);
+    }
+}
+
+#[test]
+fn strata() {
+    for case in cases("strata") {
+        let ours = stratified_log_rank(&times(&case, "a"), &times(&case, "b")).unwrap();
+        assert_same(ours.chi_squared(), number(&case["chi_squared"]), &case);
+        assert_same(ours.p_value, number(&case["p_value"]), &case);
     }
 }

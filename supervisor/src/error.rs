@@ -8,7 +8,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum SupervisorError {
     /// Two servers in one domain would share their agents.
-    #[error("a run is under way in ROS domain {0}; choose another ROS_DOMAIN_ID")]
+    #[error("a run is under way in ROS domain {0}; wait for its end, or take another domain: export ROS_DOMAIN_ID={next}", next = another(.0))]
     DomainTaken(String),
     /// An third-party agent that the team does not have.
     #[error("--external {agent}: agent {agent} is not in the run: ids are 0 to {}", count - 1)]
@@ -47,4 +47,9 @@ impl SupervisorError {
             _ => exit::BAD_INPUT,
         }
     }
+}
+
+/// A domain beside this one, of those that need no other ports than the first hundred.
+fn another(domain: &str) -> u32 {
+    domain.parse().map_or(1, |domain: u32| (domain % 100 + 1) % 100)
 }

@@ -8,6 +8,7 @@
 //! secrets go through the connection and stand on no command line.
 
 pub(crate) mod connection;
+mod log;
 mod messages;
 pub mod serve;
 

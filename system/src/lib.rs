@@ -2,11 +2,12 @@
 //!
 //! [`input_file`] reads the files that a user names; [`os`] has what operating systems name
 //! differently; [`exit_code`] and [`summary`] are what the server tells the program that has
-//! started it, which therefore need not link the server.
+//! started it, which therefore need not link the server; [`results`] go to stdout.
 
 #![warn(missing_docs)]
 
 pub mod exit_code;
 pub mod input_file;
 pub mod os;
+pub mod results;
 pub mod summary;

@@ -203,3 +203,23 @@ fn dates_are_of_the_gregorian_calendar() {
         assert_eq!(date(days), expected);
     }
 }
+
+#[test]
+fn folder_is_for_one_execution_or_for_parts() {
+    let site = tempfile::tempdir().unwrap();
+    let store = Store::create(site.path()).unwrap();
+    let whole = store.lock(false).unwrap();
+    for is_part in [false, true] {
+        let busy = store.lock(is_part).unwrap_err().to_string();
+        assert!(
+            busy.ends_with("another `maes batch` is at work there; wait for its end, or choose another folder (--out)")
+        );
+    }
+    let refused = execute(&plan(), site.path().to_owned(), &options(Part::WHOLE), &mut (), &Stop::default());
+    assert!(matches!(refused, Err(ExecuteError::Store(StoreError::Busy { .. }))), "{refused:?}");
+    drop(whole);
+    let parts = [(); 2].map(|()| store.lock(true).unwrap());
+    assert!(store.lock(false).is_err());
+    drop(parts);
+    assert!(store.lock(false).is_ok());
+}

@@ -12,13 +12,16 @@ use toml::Spanned;
 
 use super::dimensions::{Change, VARIANT};
 use super::maps::{self, MapFile};
-use super::{Axis, AxisValue, PlanError, RUNS_MAX, Variant, files};
+use super::{Axis, AxisValue, Measure, PlanError, RUNS_MAX, Variant, files};
 
 /// Tables of the scenario whose keys belong together: a variant replaces them as a whole.
 const WHOLE_TABLES: [&str; 1] = ["spawn"];
 
 /// Most axes of a plan: each is part of the name of every run.
 const AXES_MAX: usize = 100;
+
+/// The keys that every scenario has, tables before their keys.
+const REQUIRED: [&str; 6] = ["duration_s", "map", "map.kind", "map.size", "agents", "agents.count"];
 
 /// The allowed values of `seeds`, for error messages.
 pub const SEEDS_EXPECTED: &str = "expected seeds from 0 to 9223372036854775807: a range such as \"1..30\", which \
@@ -39,6 +42,8 @@ pub(super) struct Draft {
     pub(super) scenario_line: usize,
     /// See [`super::Plan::compare`].
     pub(super) compare: Vec<String>,
+    /// See [`super::Plan::primary`].
+    pub(super) primary: Measure,
     /// In the order of the file; their names differ.
     pub(super) variants: Vec<Variant>,
     /// In the order of the file; no axis is empty.
@@ -103,6 +108,8 @@ struct PlanFile {
     #[serde(default)]
     compare: Option<Spanned<toml::Value>>,
     #[serde(default)]
+    primary: Option<Spanned<toml::Value>>,
+    #[serde(default)]
     variant: Vec<BTreeMap<Spanned<String>, Spanned<toml::Value>>>,
     #[serde(default)]
     maps: Option<Spanned<toml::Value>>,
@@ -154,6 +161,13 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     let compare = compare(plan.compare.as_ref().map(Spanned::get_ref), &variants, &axes).map_err(|reason| {
         at_line(plan.compare.as_ref().map_or(1, |compare| line_at(compare.span().start)), format!("compare: {reason}"))
     })?;
+    let primary = match &plan.primary {
+        Some(named) => named.get_ref().as_str().and_then(Measure::named).ok_or_else(|| {
+            let reason = format!("primary = {}: {}", named.get_ref(), Measure::expected());
+            at_line(line_at(named.span().start), reason)
+        })?,
+        None => Measure::default(),
+    };
     let forks = match &plan.fork {
         Some(fork) => {
             let line = line_at(fork.at_s.span().start);
@@ -210,6 +224,7 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
         let map = [("kind".to_owned(), "file".into()), ("file".to_owned(), file.into())];
         base.insert("map".to_owned(), toml::Value::Table(map.into_iter().collect()));
     }
+    complete(&mut base, &axes, &variants);
     if plan.scenario.get_ref().is_table()
         && let Err(error) = base.clone().try_into::<Scenario>()
     {
@@ -230,6 +245,7 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
         base,
         scenario_line,
         compare,
+        primary,
         variants,
         axes,
         maps,
@@ -238,6 +254,30 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
         forks,
         oracle: plan.oracle,
     })
+}
+
+/// Gives the base scenario the keys that every scenario has, where it leaves them to an axis or to
+/// each of the variants: they have a value in every combination.
+fn complete(base: &mut toml::Table, axes: &[Axis], variants: &[Variant]) {
+    for key in REQUIRED {
+        let of_axes = axes.iter().find(|axis| axis.key == key).map(|axis| axis.values[0].value.clone());
+        let of_variant = |variant: &Variant| {
+            let change = variant.changes.iter().find(|change| change.key == key);
+            change.and_then(|change| change.value.clone())
+        };
+        let of_variants = variants.iter().map(of_variant).collect::<Option<Vec<_>>>();
+        let value = of_axes.or_else(|| of_variants?.into_iter().next());
+        let (table, leaf) = match key.split_once('.') {
+            Some((section, leaf)) if value.is_some() => {
+                let section = base.entry(section).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+                (section.as_table_mut(), leaf)
+            }
+            _ => (Some(&mut *base), key),
+        };
+        if let (Some(table), Some(value)) = (table, value) {
+            table.entry(leaf).or_insert(value);
+        }
+    }
 }
 
 /// The times of `[fork]`.

@@ -320,3 +320,61 @@ fn forks_that_cannot_be_are_refused() {
         assert!(error.contains(expected), "{head}: {error}");
     }
 }
+
+#[test]
+fn primary_measure_is_named_before_the_data() {
+    assert_eq!(parse("seeds = [1]").unwrap().primary, Measure::Area);
+    assert_eq!(parse("seeds = [1]\nprimary = \"time-99\"").unwrap().primary, Measure::Time99);
+    for wrong in ["\"time\"", "99", "[\"area\", \"time-99\"]"] {
+        let error = refused(&format!("seeds = [1]\nprimary = {wrong}"));
+        assert!(error.starts_with(&format!("p.toml:2: primary = {wrong}: expected one of \"area\", ")), "{error}");
+    }
+}
+
+#[test]
+fn plan_says_how_many_seeds_its_variants_need() {
+    let said = |seeds: usize, variants: usize| {
+        let names: String =
+            (0..variants).map(|i| format!("[[variant]]\nname = \"{i}\"\nlidar.range_m = {}.0\n", i + 2)).collect();
+        parse(&format!("seeds = \"1..{seeds}\"\n{names}")).unwrap().too_few_blocks()
+    };
+    for (variants, needed) in [(2, 6), (3, 7), (5, 9), (8, 11)] {
+        let words = said(needed - 1, variants).expect("too few");
+        assert!(words.starts_with(&format!("{variants} variants need at least {needed} seeds")), "{words}");
+        assert_eq!(said(needed, variants), None);
+    }
+    assert_eq!(said(1, 1), None);
+    // Axes beside what is compared make panels, not comparisons.
+    let plan = |seeds: usize| {
+        let head = format!(
+            "seeds = \"1..{seeds}\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"lvd\"]\n\"agents.count\" = [1, 2, 5]"
+        );
+        parse(&head).unwrap().too_few_blocks()
+    };
+    assert!(plan(5).is_some_and(|words| words.contains("2 variants need at least 6 seeds, and the plan has 5")));
+    assert_eq!(plan(6), None);
+}
+
+#[test]
+fn keys_that_an_axis_varies_need_no_value_in_the_base() {
+    let runs = |text: &str| {
+        let plan = Plan::parse("p.toml", text, Path::new(".")).unwrap_or_else(|error| panic!("{error}"));
+        let of = |run: &PlannedRun| (run.scenario.agents.count, run.scenario.map.size.unwrap().cells()[0]);
+        plan.runs.iter().map(of).collect::<BTreeSet<_>>()
+    };
+    let base = "[scenario]\nduration_s = 10.0\nagents = { controller = \"rbw\" }\nmap = { kind = \"spheres\" }\n";
+    let both = format!("seeds = [1]\n[axes]\n\"agents.count\" = [1, 2]\n\"map.size\" = [24, 30]\n{base}");
+    assert_eq!(runs(&both), BTreeSet::from([(1, 24), (1, 30), (2, 24), (2, 30)]));
+    let tables = "seeds = [1]\n[axes]\nagents = [{ count = 1 }, { count = 3 }]\n[scenario]\nduration_s = 10.0\n\
+                  map = { kind = \"spheres\", size = 24 }\n";
+    assert_eq!(runs(tables), BTreeSet::from([(1, 24), (3, 24)]));
+    let variant = |name: &str, keys: &str| format!("[[variant]]\nname = \"{name}\"\n{keys}\n");
+    let base = "[scenario]\nduration_s = 10.0\nmap = { kind = \"spheres\", size = 24 }\n";
+    let variants = variant("one", "agents.count = 1") + &variant("two", "agents.count = 2");
+    assert_eq!(runs(&format!("seeds = [1]\n{variants}{base}")), BTreeSet::from([(1, 24), (2, 24)]));
+    // A variant without it would get that of another one.
+    let lacking = variant("one", "agents.count = 1") + &variant("two", "lidar.range_m = 2.0");
+    let error =
+        Plan::parse("p.toml", &format!("seeds = [1]\n{lacking}{base}"), Path::new(".")).unwrap_err().to_string();
+    assert!(error.contains("missing field `agents`"), "{error}");
+}

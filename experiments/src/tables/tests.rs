@@ -40,3 +40,23 @@ fn tables_without_runs_have_columns() {
         assert!(!parquet(&table).unwrap().is_empty());
     }
 }
+
+#[test]
+fn cells_of_others_are_no_formulas_and_steer_no_terminal() {
+    for (text, cell) in [
+        ("=cmd|'/C calc'!A0", "'=cmd|'/C calc'!A0"),
+        ("+1+cmd", "'+1+cmd"),
+        ("-2+3", "'-2+3"),
+        ("@SUM(A1)", "'@SUM(A1)"),
+        ("\t=1", "\\t=1"),
+        ("\u{1b}[2J", "\\u{1b}[2J"),
+        ("-1.5", "-1.5"),
+        ("+3", "+3"),
+        ("lvd (visit_radius_m = 2.0)", "lvd (visit_radius_m = 2.0)"),
+        ("", ""),
+    ] {
+        assert_eq!(csv_text(text), cell);
+    }
+    let column = Column { name: "axis.variant".to_owned(), values: Values::Text(vec![Some("=1+1".to_owned())]) };
+    assert_eq!(csv(&Table { columns: vec![column] }).unwrap(), b"axis.variant\n'=1+1\n");
+}

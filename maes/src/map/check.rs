@@ -96,7 +96,7 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
             format!("a body of half a cell reaches {share:.1} %: {remedy}")
         });
     }
-    starts(&mut report, &terrain, args, &mut advice)?;
+    let has_starts = starts(&mut report, &terrain, args, &mut advice)?;
     if advice.is_empty() {
         report.line("advice", "none: the map is sound for these bodies")?;
     }
@@ -105,7 +105,10 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
         picture::draw(&terrain, args, file)?;
         report.line("picture", file.display())?;
     }
-    Ok(())
+    if has_starts {
+        return Ok(());
+    }
+    Err(MapCliError::NoStart { file: args.file.clone(), agents: args.agents, radius_m: args.radius_m })
 }
 
 /// A length in metres, rounded down to millimetres so that it still fits.
@@ -202,20 +205,24 @@ fn narrow(report: &mut Report<'_>, passages: &[Passage], extent: Extent) -> Resu
     Ok(())
 }
 
-/// Whether the team finds starts.
+/// Where the team finds starts. Returns whether it does in some way.
 fn starts(
     report: &mut Report<'_>,
     terrain: &Grid<Terrain>,
     args: &CheckArgs,
     advice: &mut Vec<String>,
-) -> Result<(), MapCliError> {
+) -> Result<bool, MapCliError> {
     let radii_m = vec![args.radius_m; args.agents as usize];
     let site = Site { terrain, entrances: &[], seed: SEED };
     let scattered = SpawnSpec::Scattered { min_distance_m: 0.0, seed: None, yaw_rad: 0.0 };
     let nearest = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
+    let mut has_starts = false;
     for (name, spawn) in [("nearest_origin", nearest), ("scattered", scattered)] {
         match spawn.poses(&site, &radii_m) {
-            Ok(_) => report.line("starts", format_args!("spawn.kind = {name:?}: {} agents fit", args.agents))?,
+            Ok(_) => {
+                has_starts = true;
+                report.line("starts", format_args!("spawn.kind = {name:?}: {} agents fit", args.agents))?;
+            }
             Err(error) => {
                 report.line("starts", format_args!("spawn.kind = {name:?}: {error}"))?;
                 if name == "scattered" {
@@ -224,7 +231,7 @@ fn starts(
             }
         }
     }
-    Ok(())
+    Ok(has_starts)
 }
 
 /// The centre of a cell, metres.

@@ -95,6 +95,16 @@ pub(crate) enum MapCliError {
         /// The largest one, metres.
         most_m: f64,
     },
+    /// A map in which the team has no room, which has been described.
+    #[error("{}: {agents} agents of radius {radius_m} m find no starts; see the advice above", .file.display())]
+    NoStart {
+        /// The file.
+        file: PathBuf,
+        /// Number of agents.
+        agents: u32,
+        /// Radius of their bodies, metres.
+        radius_m: f64,
+    },
     /// An option for another format of the output.
     #[error("{}: {option} is an option for {format} files", .file.display())]
     NotForOutput {
@@ -140,8 +150,8 @@ pub(crate) enum MapCliError {
 }
 
 impl MapCliError {
-    /// Whether the machine is at fault, and not what the user gave.
+    /// Whether the machine is at fault, or a check has failed, and the command was right.
     pub(crate) fn is_failure(&self) -> bool {
-        matches!(self, Self::Render { is_bad_input: false, .. })
+        matches!(self, Self::Render { is_bad_input: false, .. } | Self::NoStart { .. })
     }
 }

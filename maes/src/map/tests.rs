@@ -35,12 +35,19 @@ impl Scratch {
 
     /// The report of a command, or its error with the folder's name taken out.
     fn map(&self, line: &str) -> Result<String, String> {
+        let (report, result) = self.reported(line);
+        result.map(|()| report)
+    }
+
+    /// What a command has reported, and its error, with the folder's name taken out.
+    fn reported(&self, line: &str) -> (String, Result<(), String>) {
         let folder = format!("{}/", self.0.path().display());
         let words = line.split(' ').map(|word| word.replace('@', &folder));
-        let cli = Cli::try_parse_from(std::iter::once("map".to_owned()).chain(words)).map_err(|e| e.to_string())?;
         let mut out = Vec::new();
-        let result = run_to(cli.command, None, &mut out).map_err(|error| error.to_string());
-        result.map(|()| String::from_utf8(out).unwrap().replace(&folder, "")).map_err(|e| e.replace(&folder, ""))
+        let result = Cli::try_parse_from(std::iter::once("map".to_owned()).chain(words))
+            .map_err(|error| error.to_string())
+            .and_then(|cli| run_to(cli.command, None, &mut out).map_err(|error| error.to_string()));
+        (String::from_utf8(out).unwrap().replace(&folder, ""), result.map_err(|error| error.replace(&folder, "")))
     }
 }
 
@@ -318,7 +325,9 @@ fn check_says_what_a_body_can_do() {
     assert!(value(&report, "narrowest").starts_with("for bodies of radius 0.25 m and less at ("), "{report}");
     assert_eq!(value(&report, "advice"), "none: the map is sound for these bodies");
     assert_eq!(value(&report, "seen"), "100.0 % of the free cells, from there");
-    let report = scratch.map("check @rooms.txt --radius-m 0.4 --agents 200").unwrap();
+    let (report, result) = scratch.reported("check @rooms.txt --radius-m 0.4 --agents 200");
+    let refused = "rooms.txt: 200 agents of radius 0.4 m find no starts; see the advice above";
+    assert_eq!(result.unwrap_err(), refused);
     // The body stays in one room, and sees the other one through a gap of a cell.
     assert_eq!(value(&report, "reachable"), "2.7 % of the free cells, from the largest part with room");
     let seen: f64 = value(&report, "seen").split_once(' ').unwrap().0.parse().unwrap();
@@ -327,7 +336,7 @@ fn check_says_what_a_body_can_do() {
     assert!(report.contains("fewer agents (agents.count)"), "{report}");
 
     scratch.write("open.txt", OPEN);
-    let report = scratch.map("check @open.txt").unwrap();
+    let (report, _) = scratch.reported("check @open.txt");
     assert!(value(&report, "leaks").starts_with("1 free cells in the outermost layer: 1 at x = 0 (first at (0.50, "));
     assert!(value(&report, "parts").starts_with("2: 66.7 % from (0.50, 1.50, 1.50) m on, 33.3 % from "), "{report}");
 }
@@ -341,7 +350,7 @@ fn advice_names_options_of_the_format_only() {
     scratch.write("rooms.xyz", "0 0 0\n4 0 0\n0 4 0\n4 4 4\n");
     scratch.write("open.txt", OPEN);
     for file in ["map.yaml", "map.pgm", "rooms.xyz", "open.txt"] {
-        let report = scratch.map(&format!("check @{file} --radius-m 0.9")).unwrap_or_default();
+        let (report, _) = scratch.reported(&format!("check @{file} --radius-m 0.9"));
         for option in ["free-from 1,1,1", "margin-cells 1", "cell-m 0.125"] {
             let flag = option.split(' ').next().unwrap();
             if report.contains(&format!("map.import.{}", flag.replace('-', "_")))
@@ -352,9 +361,9 @@ fn advice_names_options_of_the_format_only() {
             }
         }
     }
-    let report = scratch.map("check @map.yaml --radius-m 0.9").unwrap();
+    let (report, _) = scratch.reported("check @map.yaml --radius-m 0.9");
     assert!(report.contains("a run keeps the largest part of free space only\n"), "{report}");
-    let report = scratch.map("check @open.txt").unwrap();
+    let (report, _) = scratch.reported("check @open.txt");
     assert!(report.contains("a run closes the outermost layer\n"), "{report}");
 }
 

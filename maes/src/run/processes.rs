@@ -11,6 +11,8 @@ use experiments::plan::BUILD;
 use sim_server::cli::KeyArgs;
 use sim_server::exit;
 use sim_server::foxglove::{TOKEN_VARIABLE, Token};
+use sim_server::playback::{Horizon, Playback};
+use sim_server::recording::Recording;
 use simulation::scenario::Scenario;
 use supervisor::hosts::Hosts;
 use supervisor::run::{Console, RemoteHosts, Run, Source};
@@ -109,6 +111,12 @@ pub(crate) fn token_env(token: &Token) -> Vec<(&'static str, String)> {
 /// Runs a scenario with these flags of `sim_server run`, and this token if it is observed.
 pub(crate) fn run(args: &RunArgs, server_flags: Vec<OsString>, token: Option<&Token>) -> anyhow::Result<ExitCode> {
     let interruptions = signals::count()?;
+    if let Some(file) = &args.resume
+        && let Horizon::Ended(tick) = Playback::new(&Recording::open(file)?)?.horizon()
+    {
+        say(&format!("note: {}: its run has ended in tick {tick}, and its recording is complete", file.display()));
+        return Ok(ExitCode::SUCCESS);
+    }
     let scenario = args.scenario()?;
     let team = args.team();
     team.check(&scenario)?;
@@ -116,6 +124,7 @@ pub(crate) fn run(args: &RunArgs, server_flags: Vec<OsString>, token: Option<&To
     controllers::check(&scenario)?;
     args.check_command(&scenario)?;
     outside::check(&scenario, Path::new(""))?;
+    args.note_on_team(&scenario).iter().for_each(|note| say(&format!("note: {note}")));
     if interruptions() > 0 {
         return Ok(ExitCode::from(exit::BY_SIGNAL));
     }

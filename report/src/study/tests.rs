@@ -49,7 +49,7 @@ fn builds_are_separate_conditions() {
 fn folder_without_runs_is_an_error() {
     let dir = tempfile::tempdir().unwrap();
     let error = Study::read(dir.path()).unwrap_err().to_string();
-    assert!(error.contains("runs"), "{error}");
+    assert!(error.contains("no folder of a plan"), "{error}");
     Store::create(dir.path()).unwrap();
     assert!(Study::read(dir.path()).unwrap_err().to_string().contains("no runs there"));
 }

@@ -1,14 +1,11 @@
 //! What a study compares, and the names of the variants.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::design::{Design, in_brackets, short_table};
 use super::Value;
-use experiments::plan::{MAP_FILE, VARIANT};
+use experiments::plan::{CONTROLLER, VARIANT, compared_by_default, value};
 use experiments::rows::{RunRecord, RunRow};
-
-/// The key of the controller.
-pub(super) const CONTROLLER: &str = "agents.controller";
 
 /// The variants of a study.
 pub(super) struct Variants {
@@ -32,7 +29,7 @@ impl Variants {
             // Values in the order of the plan, if it says what it compares; else by value.
             let place = |key: &String, value: &str| if is_said { design.place(key, value) } else { usize::MAX };
             let values = compare.iter().map(|key| {
-                let value = value(&run.row, key).unwrap_or_default();
+                let value = value(known(&run.row), key).unwrap_or_default();
                 (place(key, value), Value(value.to_owned()))
             });
             let variant = (values.collect::<Vec<_>>(), name(&run.row, &compare, runs));
@@ -51,39 +48,25 @@ impl Variants {
     }
 }
 
-/// What a plan compares: what it says; else controllers, if it varies them; else the only axis that
-/// it varies beside maps and team sizes.
+/// What a plan compares: what it says, or by default.
 fn compared(runs: &[RunRecord], design: &Design) -> Vec<String> {
     let said = design.compare();
-    if !said.is_empty() {
-        return said;
-    }
-    let keys: BTreeSet<&String> = runs.iter().flat_map(|run| run.row.axes.keys()).collect();
-    if keys.contains(&VARIANT.to_owned()) {
-        return vec![VARIANT.to_owned()];
-    }
-    let varies = |key: &str| runs.iter().map(|run| value(&run.row, key)).collect::<BTreeSet<_>>().len() > 1;
-    let is_background = |key: &str| key == "agents.count" || key == MAP_FILE || key == "map" || key.starts_with("map.");
-    let candidates: Vec<&String> = keys.into_iter().filter(|key| varies(key) && !is_background(key)).collect();
-    match candidates.as_slice() {
-        [key] if !varies(CONTROLLER) || is_table(runs, key) => vec![(*key).clone()],
-        _ => vec![CONTROLLER.to_owned()],
+    if said.is_empty() {
+        compared_by_default(&runs.iter().map(|run| known(&run.row)).collect::<Vec<_>>())
+    } else {
+        said
     }
 }
 
-/// The value of a key; `None` if the run does not have it.
-fn value<'a>(row: &'a RunRow, key: &str) -> Option<&'a str> {
-    match row.axes.get(key) {
-        Some(value) => Some(value),
-        None if key == CONTROLLER => Some(&row.controller),
-        None => None,
-    }
+/// What the value of a key is looked up in.
+fn known(row: &RunRow) -> (&BTreeMap<String, String>, &str) {
+    (&row.axes, &row.controller)
 }
 
 /// The name of the variant of a run.
 fn name(row: &RunRow, compare: &[String], runs: &[RunRecord]) -> String {
     let part = |key: &String| {
-        let value = value(row, key)?;
+        let value = value(known(row), key)?;
         if key == CONTROLLER || key == VARIANT {
             return Some(value.to_owned());
         }

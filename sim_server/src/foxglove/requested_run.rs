@@ -25,6 +25,14 @@ const RECORD: [&str; 2] = ["execution", "record"];
 /// The key of the map file, as table and key.
 const MAP_FILE: [&str; 2] = ["map", "file"];
 
+/// Maximum memory of a requested run, bytes: 256 cells along each axis with ten agents have room.
+const MEMORY_MAX_BYTES: u64 = 1 << 30;
+
+/// Memory of the world and its generator for each cell of the map, and of an agent for each cell;
+/// bytes, rounded up.
+const CELL_BYTES: u64 = 4;
+const AGENT_CELL_BYTES: u64 = 5;
+
 /// The folders of an idle server.
 #[derive(Debug, Clone)]
 pub struct RunFolders {
@@ -55,6 +63,13 @@ pub enum RequestError {
     /// The scenario names a program.
     #[error("{NAME}: agents.command: a requested run starts no program; leave the key out, or start it by maes run")]
     Command,
+    /// The map and what the team knows of it would take too much memory.
+    #[error(
+        "{NAME}: map.size: {cells} cells and {agents} agents take about {mib} MiB of memory, and a requested run may \
+         take {}: choose a smaller map or team, or start the run by maes run",
+        MEMORY_MAX_BYTES >> 20
+    )]
+    Memory { cells: u64, agents: u32, mib: u64 },
     /// The folder of recordings cannot be made.
     #[error("{NAME}: the folder of recordings cannot be made ({0}); choose another one (sim_server run --record-dir)")]
     Folder(std::io::ErrorKind),
@@ -125,6 +140,7 @@ impl RequestedRuns {
         if !scenario.agents.command.is_empty() {
             return Err(RequestError::Command);
         }
+        check_memory(&scenario)?;
         Ok(RequestedRun { scenario, recording })
     }
 
@@ -138,6 +154,16 @@ impl RequestedRuns {
         fs::create_dir_all(&self.folders.recordings)?;
         self.folders.recordings.canonicalize()
     }
+}
+
+/// Refuses a generated map whose run would take more memory than [`MEMORY_MAX_BYTES`], before any
+/// of it is made: the request has no more than a few numbers.
+fn check_memory(scenario: &Scenario) -> Result<(), RequestError> {
+    let Some(size) = scenario.map.size else { return Ok(()) };
+    let cells: u64 = size.cells().into_iter().map(u64::from).product();
+    let agents = scenario.phases().iter().map(|phase| phase.agents.count).max().unwrap_or_default();
+    let bytes = cells.saturating_mul(CELL_BYTES + AGENT_CELL_BYTES * u64::from(agents));
+    if bytes <= MEMORY_MAX_BYTES { Ok(()) } else { Err(RequestError::Memory { cells, agents, mib: bytes >> 20 }) }
 }
 
 fn value<'a>(table: &'a toml::Table, [section, key]: [&str; 2]) -> Option<&'a toml::Value> {
@@ -191,6 +217,22 @@ mod tests {
         {
             assert!(matches!(runs.resolve(&text, true, &[]).unwrap_err(), RequestError::Command));
         }
+    }
+
+    #[test]
+    fn what_a_run_takes_is_known_before_it_is_granted() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut runs = RequestedRuns::new(RunFolders { recordings: folder.path().join("new"), maps: None });
+        let mut ask = |kind: &str, size: &str, agents: u32| {
+            let text = GENERATED.replace("spheres", kind).replace("size = 20", &format!("size = {size}"));
+            runs.resolve(&text.replace("count = 1", &format!("count = {agents}")), true, &[])
+        };
+        for (kind, size, agents) in [("noise", "1024", 1), ("spheres", "[1024, 1024, 300]", 1), ("mine", "200", 30)] {
+            let refused = ask(kind, size, agents).unwrap_err();
+            assert!(matches!(refused, RequestError::Memory { .. }), "{refused}");
+            assert!(refused.to_string().ends_with("choose a smaller map or team, or start the run by maes run"));
+        }
+        assert!(ask("noise", "256", 10).is_ok());
     }
 
     #[test]

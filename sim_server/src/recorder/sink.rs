@@ -53,6 +53,9 @@ impl Store for File {
     }
 
     fn sync(&self) -> io::Result<()> {
+        if os::is_deleted(self)? {
+            return Err(io::Error::other("it was deleted while it was written"));
+        }
         self.sync_all()
     }
 }

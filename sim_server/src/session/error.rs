@@ -19,9 +19,15 @@ pub enum RunError {
         seconds: f64,
     },
     /// An agent has not answered in time, and the scenario says `abort`.
-    #[error("no answer within {seconds} s to tick {tick} from: {}", listed(lost.iter().copied()))]
+    #[error(
+        "no answer within {seconds} s to tick {tick} from: {}{}",
+        listed(lost.iter().copied()),
+        refused.as_ref().map_or_else(String::new, |reason| format!("; {reason}"))
+    )]
     AgentsLost {
         lost: Vec<AgentId>,
+        /// The illegal answer of one of them, if there was one.
+        refused: Option<String>,
         /// The tick without their replies.
         tick: Tick,
         /// Timeout, wall time.

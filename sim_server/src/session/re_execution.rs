@@ -226,7 +226,7 @@ impl Session<'_, '_> {
             Awaited::Answered(_) => Ok(ControlFlow::Continue(())),
             Awaited::Stopped(_) => Ok(ControlFlow::Break(())),
             Awaited::Incomplete(MissingReplies { missing: lost, .. }) => {
-                Err(RunError::AgentsLost { lost, tick, seconds: timeout.as_secs_f64() })
+                Err(RunError::AgentsLost { lost, refused: None, tick, seconds: timeout.as_secs_f64() })
             }
         }
     }

@@ -143,6 +143,8 @@ pub struct AgentSessions {
     outgoing: VecDeque<Outgoing>,
     pub(super) events: VecDeque<Event>,
     pub(super) refusals: BTreeMap<&'static str, u64>,
+    /// The last illegal command of each agent that has sent one: its tick, and what was wrong.
+    pub(super) illegal_commands: BTreeMap<AgentId, (Tick, String)>,
     /// The instances of processes that have started themselves again: they stalled.
     pub(super) restarted: BTreeSet<u64>,
 }
@@ -163,6 +165,7 @@ impl AgentSessions {
             outgoing: VecDeque::new(),
             events: VecDeque::new(),
             refusals: Refusal::COUNTERS.into_iter().map(|name| (name, 0)).collect(),
+            illegal_commands: BTreeMap::new(),
             restarted: BTreeSet::new(),
         }
     }
@@ -330,6 +333,16 @@ impl AgentSessions {
     #[must_use]
     pub fn restarted(&self) -> usize {
         self.restarted.len()
+    }
+
+    /// Why an agent of these, which have not replied to a tick, has not: its reply was illegal. The
+    /// first such agent, and field, value and allowed values.
+    #[must_use]
+    pub fn illegal_reply(&self, agents: &[AgentId], tick: Tick) -> Option<(AgentId, &str)> {
+        agents.iter().find_map(|agent| match self.illegal_commands.get(agent) {
+            Some((of, reason)) if *of == tick => Some((*agent, reason.as_str())),
+            _ => None,
+        })
     }
 
     /// Counters of refusals by name.

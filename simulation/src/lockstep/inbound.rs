@@ -71,6 +71,9 @@ impl AgentSessions {
     fn count(&mut self, refusal: Refusal) {
         let count = self.refusals.entry(refusal.counter()).or_default();
         *count += 1;
+        if let Refusal::IllegalCommand { agent, tick, reason } = &refusal {
+            self.illegal_commands.insert(*agent, (*tick, reason.clone()));
+        }
         if *count <= REFUSAL_REPORTS_MAX {
             let is_last = *count == REFUSAL_REPORTS_MAX;
             self.notice(Notice::Refused { refusal, is_last });

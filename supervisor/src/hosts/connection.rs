@@ -2,15 +2,15 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{File, OpenOptions};
 use std::io::{self, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use super::log::BoundedLog;
 use super::messages::{FromHost, ToHost, line};
 use super::serve::{SUBCOMMAND, lines};
 use super::{Host, Launcher};
@@ -21,13 +21,24 @@ use crate::team::Group;
 /// Wall time that the process on a host has to end its agents.
 const SHUTDOWN: Duration = Duration::from_secs(6);
 
+/// Maximum length of what a launcher prints before the process on the host greets, bytes: banners
+/// and warnings, and not another program.
+const NOISE_MAX: usize = 64 << 10;
+
+/// Wall time that is waited for the end of what a launcher says that has ended.
+const LAST_WORDS: Duration = Duration::from_secs(2);
+
 /// What has come from a host.
 #[derive(Debug, Default)]
 struct State {
     hello: Option<(String, usize)>,
+    /// Whether the launcher has printed too much else.
+    is_noise: bool,
+    /// The last line on stderr that is not blank.
+    last_error: Option<String>,
     /// Exit codes of processes that have ended.
     ended: BTreeMap<u32, u8>,
-    logs: BTreeMap<u32, File>,
+    logs: BTreeMap<u32, BoundedLog>,
     /// Processes that were started.
     started: BTreeSet<u32>,
 }
@@ -41,6 +52,8 @@ pub(crate) struct Connection {
     requests: Option<Sender<ToHost>>,
     state: Arc<Mutex<State>>,
     closed: Receiver<()>,
+    /// Closed once all that the launcher says on stderr is in the log.
+    errors: Receiver<()>,
     log: PathBuf,
 }
 
@@ -48,10 +61,11 @@ impl Connection {
     /// Starts the launcher of a host. What it prints goes to a file in `logs`.
     pub(crate) fn open(host: &Host, binaries: &Path, logs: &Path) -> Result<Self, SupervisorError> {
         let log = logs.join(format!("host_{}.log", host.name));
-        let file = OpenOptions::new().create(true).append(true).open(&log).map_err(SupervisorError::of(&log))?;
-        let mut command = command(host, binaries);
         let of_file = |source| SupervisorError::of(&log)(source);
-        command.stderr(Stdio::from(file.try_clone().map_err(of_file)?));
+        let file = Arc::new(Mutex::new(BoundedLog::open(&log).map_err(of_file)?));
+        let mut command = command(host, binaries);
+        let (said, stderr) = io::pipe().map_err(of_file)?;
+        command.stderr(stderr);
         let program = command.get_program().to_owned();
         let failed = SupervisorError::of(Path::new(&program));
         let (launcher, input, output) = ChildGuard::start_connected(command).map_err(failed)?;
@@ -59,14 +73,25 @@ impl Connection {
         thread::spawn(move || send(input, &to_send));
         let state = Arc::new(Mutex::new(State::default()));
         let shared = Arc::clone(&state);
+        let (is_read, errors) = channel();
+        let (of_errors, told) = (Arc::clone(&file), Arc::clone(&state));
+        thread::spawn(move || {
+            for line in lines(BufReader::new(said)) {
+                lock(&of_errors).line(&line);
+                if !line.trim().is_empty() {
+                    lock(&told).last_error = Some(line);
+                }
+            }
+            drop::<Sender<()>>(is_read);
+        });
         let (close, closed) = channel();
         thread::spawn(move || {
-            receive(output, &shared, file);
+            receive(output, &shared, &file);
             // The connection may be gone.
             let _ = close.send(());
         });
         let launcher = RefCell::new(launcher);
-        Ok(Self { name: host.name.clone(), launcher, requests: Some(requests), state, closed, log })
+        Ok(Self { name: host.name.clone(), launcher, requests: Some(requests), state, closed, errors, log })
     }
 
     /// Build and cores of the host, once it has said so; an error if its launcher has ended.
@@ -75,11 +100,22 @@ impl Connection {
         if hello.is_some() {
             return Ok(hello);
         }
+        let (name, log) = (&self.name, self.log.display());
+        if lock(&self.state).is_noise {
+            let reason = format!(
+                "host {name:?}: its launcher prints {} KiB and more, and no greeting of `maes {SUBCOMMAND}`; expected a \
+                 command that starts the program that follows it; its log: {log}",
+                NOISE_MAX >> 10
+            );
+            return Err(SupervisorError::Host(reason));
+        }
         match self.launcher_code() {
             None => Ok(None),
             Some(code) => {
-                let (name, log) = (&self.name, self.log.display());
-                let last = last_line(&self.log);
+                // Its last words may still be on the way; a process that it has left says more.
+                let _ = self.errors.recv_timeout(LAST_WORDS);
+                let error = lock(&self.state).last_error.clone();
+                let last = error.map_or_else(|| last_line(&self.log), |line| format!(": {line}"));
                 let reason = format!("host {name:?}: its launcher ended with exit code {code}{last}; its log: {log}");
                 Err(SupervisorError::Host(reason))
             }
@@ -94,7 +130,7 @@ impl Connection {
         environment: BTreeMap<String, String>,
         log: &Path,
     ) -> Result<(), SupervisorError> {
-        let file = OpenOptions::new().create(true).append(true).open(log).map_err(SupervisorError::of(log))?;
+        let file = BoundedLog::open(log).map_err(SupervisorError::of(log))?;
         let mut state = lock(&self.state);
         state.logs.insert(group.first, file);
         state.ended.remove(&group.first);
@@ -172,8 +208,9 @@ fn send(mut input: impl Write, requests: &Receiver<ToHost>) {
     drop(requests.iter().try_for_each(send));
 }
 
-/// Takes note of what comes, to the end of the stream.
-fn receive(output: impl io::Read, state: &Mutex<State>, mut log: File) {
+/// Takes note of what comes, to the end of the stream, or until too much of it is no greeting.
+fn receive(output: impl io::Read, state: &Mutex<State>, log: &Mutex<BoundedLog>) {
+    let mut noise = 0;
     for line in lines(BufReader::new(output)) {
         let message = serde_json::from_str(&line);
         let mut state = lock(state);
@@ -181,8 +218,7 @@ fn receive(output: impl io::Read, state: &Mutex<State>, mut log: File) {
             Ok(FromHost::Hello { build, cores }) => state.hello = Some((build, cores)),
             Ok(FromHost::Log { first, line }) => {
                 if let Some(file) = state.logs.get_mut(&first) {
-                    // A log that cannot be written ends no run.
-                    drop(writeln!(file, "{line}"));
+                    file.line(&line);
                 }
             }
             Ok(FromHost::Ended { first, code }) => {
@@ -191,7 +227,14 @@ fn receive(output: impl io::Read, state: &Mutex<State>, mut log: File) {
                 }
             }
             // Launchers print, too.
-            Err(_) => drop(writeln!(log, "{line}")),
+            Err(_) => {
+                noise += line.len() + 1;
+                state.is_noise = state.hello.is_none() && noise > NOISE_MAX;
+                if state.is_noise {
+                    return;
+                }
+                lock(log).line(&line);
+            }
         }
     }
 }

@@ -6,6 +6,7 @@ use std::os::unix::fs::{FileExt, FileTypeExt, MetadataExt, OpenOptionsExt, Permi
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Command, ExitCode};
+use std::sync::Arc;
 
 use nix::fcntl::OFlag;
 
@@ -106,4 +107,21 @@ pub fn read_exact_at(file: &File, bytes: &mut [u8], at: u64) -> io::Result<()> {
 /// If that cannot be started; it returns in no other case.
 pub fn become_program(command: &mut Command) -> io::Result<ExitCode> {
     Err(command.exec())
+}
+
+/// Makes a write beyond the limit of a file's size (`ulimit -f`) an error of that write, where the
+/// signal SIGXFSZ would end the process without a word.
+///
+/// # Errors
+/// If the handler cannot be installed.
+pub fn report_full_files() -> io::Result<()> {
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).map(drop)
+}
+
+/// Whether a file that is open has no name any more.
+///
+/// # Errors
+/// If the system does not say.
+pub fn is_deleted(file: &File) -> io::Result<bool> {
+    Ok(file.metadata()?.nlink() == 0)
 }

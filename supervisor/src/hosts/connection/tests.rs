@@ -89,3 +89,23 @@ fn a_shell_gets_one_word() {
     let error = wait(|| connection.hello().err()).to_string();
     assert!(error.contains("exit code 0: serve-agents"), "{error}");
 }
+
+#[test]
+fn launcher_that_talks_nonsense_is_refused_and_fills_no_disk() {
+    let logs = tempfile::tempdir().unwrap();
+    let open = |words: &[&str]| {
+        let launcher = Launcher::Words(words.iter().map(|word| (*word).to_owned()).collect());
+        Connection::open(&host(launcher, Path::new("/none")), Path::new("/"), logs.path()).unwrap()
+    };
+    for words in [&["yes"][..], &["sh", "-c", "yes 'no line ends' | tr -d '\\n'"]] {
+        let connection = open(words);
+        let refused = wait(|| connection.hello().err()).to_string();
+        assert!(refused.starts_with("host \"a\": its launcher prints 64 KiB and more, and no greeting"), "{refused}");
+    }
+    let length = fs::metadata(logs.path().join("host_a.log")).unwrap().len();
+    assert!(length <= 4 * NOISE_MAX as u64, "{length} bytes");
+    // A banner is none, and what it says on its way out is in the error.
+    let connection = open(&["sh", "-c", "echo welcome; echo 'no route' >&2; exit 3"]);
+    let refused = wait(|| connection.hello().err()).to_string();
+    assert!(refused.contains("ended with exit code 3: no route"), "{refused}");
+}

@@ -1,0 +1,134 @@
+//! Wrong input, and what the command answers: one line that says what is wrong, where, and what to
+//! do, in the words of the user. Each row is executed by the built program.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const PLAN: &str = "seeds = \"1..2\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"lvd\"]\n[scenario]\nduration_s = 5.0\n\
+                    map = { kind = \"spheres\", size = 24 }\nagents = { count = 1 }\n";
+
+const SCENARIO: &str = "seed = 1\nduration_s = 5.0\n[map]\nkind = \"spheres\"\nsize = 24\n[agents]\ncount = 1\n";
+
+/// Command line, exit code, and what the answer has in it.
+const ANSWERS: &[(&str, u8, &[&str])] = &[
+    // Numbers and times.
+    ("run --agents five", 2, &["--agents five: expected a whole number"]),
+    ("run --agents 2.5", 2, &["--agents 2.5: expected a whole number"]),
+    ("run --agents -1", 2, &["--agents -1: expected a whole number"]),
+    ("run --agents 99999999999", 2, &["--agents 99999999999: expected a whole number from 0 to 4294967295"]),
+    ("run --agents 0", 2, &["--agents 0", "expected 1 to 1000"]),
+    ("run --agents 1001", 2, &["--agents 1001", "expected 1 to 1000"]),
+    ("run --agents", 2, &["--agents needs a value"]),
+    ("run --seed x", 2, &["--seed x: expected a whole number"]),
+    ("run --seed -1", 2, &["--seed -1: expected a whole number"]),
+    ("run --duration soon", 2, &["--duration soon: expected a time", "30min", "1:30"]),
+    ("run --duration 1:5", 2, &["--duration 1:5: expected a time"]),
+    ("run --duration 3days", 2, &["--duration 3days: expected a time"]),
+    ("run --duration -5", 2, &["--duration -5", "duration_s", "expected"]),
+    ("run --threads many", 2, &["--threads many: expected a whole number"]),
+    ("run --rtf fast", 2, &["--rtf fast: expected a number or max"]),
+    ("run --look-ahead maybe", 2, &["--look-ahead maybe: expected true or false"]),
+    ("snapshot a.mcap --at noon --out a.png", 2, &["--at noon: expected a time"]),
+    ("batch plan.toml --out o --jobs 0", 2, &["--jobs 0: expected a whole number from 1"]),
+    ("batch plan.toml --out o --jobs two", 2, &["--jobs two: expected a whole number"]),
+    ("batch plan.toml --out o --first-domain 200", 2, &["--first-domain 200: expected a whole number from 0 to 101"]),
+    ("batch plan.toml --out o --part 2/2", 2, &["--part 2/2: expected K/N"]),
+    // Names.
+    ("rnu", 2, &["no command \"rnu\"; did you mean `run`?"]),
+    ("batsh plan.toml", 2, &["no command \"batsh\"; did you mean `batch`?"]),
+    ("map chek a.m3dm", 2, &["no command \"chek\"; did you mean `check`? (`maes map --help` lists all)"]),
+    ("run --controller dspv", 2, &["controller dspv: unknown", "did you mean `dsvp`?"]),
+    ("run --set lidar.rang_m=3", 2, &["--set lidar.rang_m=3: unknown key `lidar.rang_m`"]),
+    ("run --set lidar.range_m=far", 2, &["--set lidar.range_m=far", "lidar.range_m"]),
+    ("run --set lidar", 2, &["--set lidar: expected KEY=VALUE"]),
+    ("run --agent-set speed", 2, &["--agent-set speed: expected KEY=VALUE"]),
+    ("run --transport tcp", 2, &["--transport tcp: expected ros2 or memory"]),
+    ("run --order reversed", 2, &["--order reversed: expected forward, reverse or shuffle; did you mean reverse?"]),
+    ("completions tcsh", 2, &["tcsh", "expected bash"]),
+    // Maps.
+    ("run --map nofile.m3dm", 2, &["nofile.m3dm", "expected spheres, noise, building, mine, or a map file"]),
+    ("run --map cave", 2, &["cave", "expected spheres, noise, building, mine, or a map file"]),
+    (
+        "run --size 12",
+        2,
+        &["--size 12: map.spheres: radius_max is 8, allowed is 3 to 4", "--set map.spheres.radius_max=VALUE"],
+    ),
+    ("run --size 3x4", 2, &["--size 3x4: expected a number of cells, or three joined by x"]),
+    ("run --size 5000", 2, &["--size 5000", "map.size"]),
+    ("run --size -3", 2, &["--size -3: expected a number of cells"]),
+    ("map info nofile.m3dm", 2, &["nofile.m3dm: cannot be read: No such file or directory"]),
+    ("map check small.txt --agents 50", 1, &["small.txt: 50 agents of radius 0.4 m find no starts"]),
+    ("map check small.txt --radius-m 0", 2, &["--radius-m 0: allowed is above 0"]),
+    // Files of another kind.
+    ("run plan.toml", 2, &["plan.toml: a plan of many runs", "maes batch plan.toml --out DIR"]),
+    ("batch scenario.toml --out o", 2, &["scenario.toml: a scenario of one run", "maes run scenario.toml"]),
+    ("run nofile.toml", 2, &["nofile.toml: No such file or directory"]),
+    ("run --record run.bag", 2, &["--record run.bag: expected a name that ends in .mcap"]),
+    ("run --profile trace.txt", 2, &["--profile trace.txt: expected a name that ends in .json"]),
+    ("view nofile.mcap", 2, &["nofile.mcap: no such file; expected a recording (.mcap) or a scenario (.toml)"]),
+    ("verify scenario.toml", 2, &["scenario.toml"]),
+    ("info nofile.mcap", 2, &["nofile.mcap: No such file or directory"]),
+    ("report nofolder", 2, &["nofolder: no folder of a plan", "maes batch"]),
+    ("report .", 2, &["no folder of a plan", "maes batch"]),
+    ("merge nofolder --out o", 2, &["nofolder"]),
+    ("snapshot a.mcap --at 1 --out a.jpg", 2, &["--out a.jpg: expected a name that ends in .png"]),
+    // Flags that do not fit.
+    ("run a.toml b.toml", 2, &["unexpected argument: b.toml"]),
+    ("run --together", 2, &["--together: only with --transport memory"]),
+    ("run --transport memory --view", 2, &["--view: runs over memory cannot be observed"]),
+    ("run --external two", 2, &["--external two: expected ids of agents, such as 0,3"]),
+    ("batch late.toml --out o", 2, &["late.toml:2: primary = \"time\": expected one of \"area\", \"time-90\""]),
+];
+
+/// Words of a compiler's library, which say nothing to a user.
+const NOT_HUMAN: [&str; 6] =
+    ["invalid digit", "invalid float", "os error", "panicked", "RUST_BACKTRACE", "called `Option"];
+
+fn answer(folder: &Path, line: &str) -> Output {
+    let mut maes = Command::new(env!("CARGO_BIN_EXE_maes"));
+    maes.args(line.split(' ')).current_dir(folder).env("ROS_DOMAIN_ID", "231");
+    maes.output().expect("the program starts")
+}
+
+/// The files that the command lines name.
+fn site() -> tempfile::TempDir {
+    let site = tempfile::tempdir().expect("a temporary folder");
+    let solid = "######\n".repeat(6);
+    let layer = format!("######\n{}######\n", "#....#\n".repeat(4));
+    let late = format!("seeds = [1]\nprimary = \"time\"\n{}", &PLAN[PLAN.find("[axes]").expect("axes")..]);
+    for (name, text) in [
+        ("plan.toml", PLAN.to_owned()),
+        ("late.toml", late),
+        ("scenario.toml", SCENARIO.to_owned()),
+        ("small.txt", format!("{solid}\n{layer}\n{layer}\n{solid}")),
+    ] {
+        fs::write(site.path().join(name), text).expect("a new file");
+    }
+    site
+}
+
+#[test]
+fn wrong_input_gets_one_line_in_human_words() {
+    let site = site();
+    let mut wrong = Vec::new();
+    for (line, code, expected) in ANSWERS {
+        let Output { status, stderr, .. } = answer(site.path(), line);
+        let said = String::from_utf8_lossy(&stderr);
+        let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
+        let is_human = !NOT_HUMAN.iter().any(|word| said.contains(word));
+        let is_said = errors.len() == 1 && expected.iter().all(|part| errors[0].contains(part));
+        if status.code() != Some(i32::from(*code)) || !is_said || !is_human {
+            wrong.push(format!("maes {line}\n  {:?}, expected {code} and {expected:?}\n  {said}", status.code()));
+        }
+    }
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), ANSWERS.len(), wrong.join("\n"));
+}
+
+#[test]
+fn reader_that_has_enough_is_no_failure() {
+    let script = format!("{:?} completions bash | head -n 1", env!("CARGO_BIN_EXE_maes"));
+    let output =
+        Command::new("bash").args(["-c", &format!("set -o pipefail; {script}")]).output().expect("bash starts");
+    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
+}
