@@ -27,8 +27,9 @@ const STEPS: usize = 40;
 /// Silverman and Young, 1987), and the shift is the one with which `power` of the experiments have
 /// a p-value below `needed`.
 ///
-/// # Errors If there are fewer than two differences, one is not finite, or a probability is not
-/// between 0 and 1.
+/// # Errors
+/// If there are fewer than two differences, one is not finite, or a probability is not between 0
+/// and 1.
 pub fn detectable_difference(
     differences: &[f64],
     pairs: usize,
