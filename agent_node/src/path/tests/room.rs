@@ -28,12 +28,13 @@ proptest! {
             let moves = Moves::new(radius, 1.0, neighbours);
             let graph = Graph::new(&map, &moves);
             let mut steps = graph.steps();
+            let home = Cell::default();
+            let of_step = |by: Cell| touched(centre(home), centre(by), radius_cells);
+            let swept: Vec<Vec<Cell>> = moves.steps.iter().map(|step| of_step(step.by)).collect();
             for cell in extent.cells() {
-                let mut expected = 0;
-                for (number, step) in moves.steps.iter().enumerate() {
-                    let swept = touched(centre(cell), centre(cell + step.by), radius_cells);
-                    expected |= u32::from(swept.into_iter().all(|cell| is_free(&map, cell))) << number;
-                }
+                let is_possible = |swept: &Vec<Cell>| swept.iter().all(|&by| is_free(&map, cell + by));
+                let possible = (0..).zip(&swept).map(|(number, swept)| u32::from(is_possible(swept)) << number);
+                let expected = possible.fold(0, |steps, step: u32| steps | step);
                 prop_assert_eq!(steps.bits(cell, false), expected, "{:?}", cell);
             }
             for corner in [Cell::new(0, 0, 0), Cell::new(5, 10, 5), Cell::new(20, 15, 10)] {
