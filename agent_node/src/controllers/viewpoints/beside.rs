@@ -160,11 +160,11 @@ mod tests {
             let mut done = 0;
             for cut in cuts {
                 let next = (done + cut).min(cells.len());
-                for at in done..next {
-                    match cells[at] {
-                        0 => map.note_wall(&[at as u32]),
+                for (at, kind) in (0..).zip(&cells).take(next).skip(done) {
+                    match kind {
+                        0 => map.note_wall(&[at]),
                         1 => {}
-                        _ => map.note_free(&[at as u32]),
+                        _ => map.note_free(&[at]),
                     }
                 }
                 done = next;
