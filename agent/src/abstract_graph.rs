@@ -80,6 +80,17 @@ struct Block {
     regions: Vec<Region>,
 }
 
+/// What has happened to a slot.
+#[derive(Debug, Clone, Copy, Default)]
+struct History {
+    /// The region that has it, if there is one.
+    region: Option<RegionId>,
+    /// The update that gave it to that region, or took it away.
+    made: u32,
+    /// The last update that may have changed the edges of the region, or that.
+    changed: u32,
+}
+
 /// The abstract graph of one map.
 #[derive(Debug, Clone)]
 pub struct AbstractGraph {
@@ -96,6 +107,10 @@ pub struct AbstractGraph {
     /// Number of slots ever used, and those that are free again.
     slots: u32,
     free_slots: Vec<u32>,
+    /// Number of updates so far.
+    updates: u32,
+    /// By slot.
+    histories: Vec<History>,
     /// By block what an update has found out about it, bits; 0 between updates.
     marks: Vec<u8>,
 }
@@ -116,6 +131,8 @@ impl AbstractGraph {
             regions_with_frontiers: 0,
             slots: 0,
             free_slots: Vec::new(),
+            updates: 0,
+            histories: Vec::new(),
             marks: vec![0; blocks],
         }
     }
@@ -124,6 +141,7 @@ impl AbstractGraph {
     /// be the same each time.
     pub fn update(&mut self, moves: Graph<'_>) {
         let map = moves.map();
+        self.updates += 1;
         let mut changed = Vec::new();
         let mut reviewed = Vec::new();
         let mut marks = std::mem::take(&mut self.marks);
@@ -147,7 +165,9 @@ impl AbstractGraph {
         // Edges over a face depend on the blocks at both sides of it. Marks are sets of faces here.
         let mut relinked = Vec::new();
         for &block in &changed {
-            self.label(block, moves);
+            if !self.label(block, moves) {
+                continue;
+            }
             add(&mut relinked, &mut marks, block, ALL_FACES);
             for (face, neighbour) in self.neighbours(block).into_iter().enumerate() {
                 if let Some(neighbour) = neighbour {
@@ -270,15 +290,23 @@ impl AbstractGraph {
         })
     }
 
-    /// Recomputes the regions of a block.
-    fn label(&mut self, block: u32, graph: Graph<'_>) {
+    /// Recomputes the regions of a block, unless they are the same; returns whether they were not.
+    fn label(&mut self, block: u32, graph: Graph<'_>) -> bool {
         let corner = self.corner(block);
         let usable: Cells = graph.usable_in(corner, BLOCK_CELLS);
+        let known = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
+        if known.iter().fold(0, |cells, region| cells | region.cells) == usable {
+            return false;
+        }
         let old = self.blocks[block as usize].take().map(|old| old.regions).unwrap_or_default();
-        self.free_slots.extend(old.iter().map(|region| region.slot));
+        let updates = self.updates;
+        for region in &old {
+            self.free_slots.push(region.slot);
+            self.histories[region.slot as usize] = History { region: None, made: updates, changed: updates };
+        }
         self.regions_with_frontiers -= count_with_frontiers(&old);
         if usable == 0 {
-            return;
+            return true;
         }
         // The lists of old regions serve new ones, so that a change of a block takes no memory.
         let mut spare = old.into_iter().map(|Region { frontiers, edges, .. }| (frontiers, edges));
@@ -291,6 +319,8 @@ impl AbstractGraph {
             let label = regions.len() as u8 + 1;
             places(members).for_each(|place| labels[place] = label);
             let slot = self.slot();
+            let region = Some(RegionId::new(block, regions.len() as u8));
+            self.histories[slot as usize] = History { region, made: updates, changed: updates };
             let centre = corner + middle(members);
             let (mut frontiers, mut edges) = spare.next().unwrap_or_default();
             frontiers.clear();
@@ -298,6 +328,7 @@ impl AbstractGraph {
             regions.push(Region { centre, frontiers, edges, cells: members, slot });
         }
         self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
+        true
     }
 
     /// Recomputes the frontier lists of a block.
@@ -321,8 +352,30 @@ impl AbstractGraph {
     fn slot(&mut self) -> u32 {
         self.free_slots.pop().unwrap_or_else(|| {
             self.slots += 1;
+            self.histories.push(History::default());
             self.slots - 1
         })
+    }
+
+    /// Number of updates so far.
+    fn updates(&self) -> u32 {
+        self.updates
+    }
+
+    /// The region that has a slot.
+    fn region_with(&self, slot: u32) -> Option<(RegionId, &Region)> {
+        let id = self.histories[slot as usize].region?;
+        Some((id, self.get(id)?))
+    }
+
+    /// The update in which a slot was last given to a region or taken away.
+    fn made(&self, slot: u32) -> u32 {
+        self.histories[slot as usize].made
+    }
+
+    /// The last update that may have changed the edges of the region with a slot, or that.
+    fn changed(&self, slot: u32) -> u32 {
+        self.histories[slot as usize].changed
     }
 
     /// Recomputes the edges that start in a block and lead over some of its faces, a bit for each.
@@ -333,6 +386,7 @@ impl AbstractGraph {
         };
         let neighbours = self.neighbours(block);
         for region in &mut here.regions {
+            self.histories[region.slot as usize].changed = self.updates;
             match faces {
                 ALL_FACES => region.edges.clear(),
                 _ => region.edges.retain(|edge| faces >> face_towards(&neighbours, edge) & 1 == 0),

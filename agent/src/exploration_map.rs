@@ -23,6 +23,7 @@
 mod around;
 mod cubes;
 mod delta;
+mod journal;
 mod known_blocks;
 mod place;
 mod sight;
@@ -38,6 +39,7 @@ pub use around::Around;
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, with_delta};
 use delta::{SIDE, cell_in};
+use journal::{Entry, Journal};
 use known_blocks::KnownBlocks;
 use place::Place;
 
@@ -88,41 +90,6 @@ pub struct Change {
     pub from: Option<AgentId>,
 }
 
-/// A change in 8 bytes. `what` has the block of the cell in the upper 24 bits, its number in the
-/// block in the next 6, and the finding in the lower two: a map of 1024^3 cells has 256^3 blocks.
-///
-/// Most readers want blocks: map messages consist of them, and their coordinates do not take a
-/// division for each cell.
-#[derive(Debug, Clone, Copy)]
-struct Entry {
-    what: u32,
-    from: u32,
-}
-
-impl Entry {
-    fn new((block, number): (u32, u32), finding: Finding, from: u32) -> Self {
-        Self { what: block << 8 | number << 2 | finding as u32, from }
-    }
-
-    /// The block of the cell, and the number of the cell in it.
-    fn place(self) -> (u32, u32) {
-        (self.what >> 8, self.what >> 2 & 63)
-    }
-
-    fn report(self) -> Block {
-        let (block, number) = self.place();
-        Block::of_cell(block, number, self.finding())
-    }
-
-    fn finding(self) -> Finding {
-        match self.what & 3 {
-            1 => Finding::Free,
-            2 => Finding::Covered,
-            _ => Finding::Wall,
-        }
-    }
-}
-
 /// The own sensor, as `from` of an entry: no agent has this id, since as a receiver it means
 /// broadcast.
 const OWN: u32 = msgs::maes_msgs::AgentMessage::BROADCAST;
@@ -167,7 +134,7 @@ pub struct ExplorationMap {
     written: CellSet,
     blocks: KnownBlocks,
     frontier: CellSet,
-    journal: Vec<Entry>,
+    journal: Journal,
     free: usize,
     wall: usize,
     covered: usize,
@@ -187,7 +154,7 @@ impl ExplorationMap {
             written: CellSet::new(extent.volume().div_ceil(PAGE_CELLS)),
             blocks: KnownBlocks::new(layout.count()),
             frontier: CellSet::new(extent.volume()),
-            journal: Vec::new(),
+            journal: Journal::default(),
             free: 0,
             wall: 0,
             covered: 0,
@@ -278,7 +245,7 @@ impl ExplorationMap {
     /// The changes at these positions of the journal, in order. Positions beyond its end are
     /// ignored.
     pub fn changes(&self, positions: Range<usize>) -> impl Iterator<Item = Change> + '_ {
-        self.entries(positions).iter().map(|entry| {
+        self.journal.entries(positions).map(|entry| {
             let place = Place::new(self.layout.cell(entry.place()), self.extent().size());
             Change {
                 cell: place.index as u32,
@@ -288,15 +255,10 @@ impl ExplorationMap {
         })
     }
 
-    fn entries(&self, positions: Range<usize>) -> &[Entry] {
-        let end = positions.end.min(self.journal.len());
-        self.journal.get(positions.start..end).unwrap_or_default()
-    }
-
     /// The changes at these positions of the journal, in order; neighbours in the journal that are
     /// in the same block are one report.
     pub(crate) fn reports(&self, positions: Range<usize>) -> impl Iterator<Item = Block> + '_ {
-        let mut entries = self.entries(positions).iter().peekable();
+        let mut entries = self.journal.entries(positions).peekable();
         std::iter::from_fn(move || {
             let mut report = entries.next()?.report();
             while let Some(entry) = entries.next_if(|entry| entry.place().0 == report.index) {
@@ -310,7 +272,7 @@ impl ExplorationMap {
     pub fn cells_changed_since(&self, position: usize) -> impl Iterator<Item = (Cell, Finding)> + '_ {
         // Neighbours in the journal are mostly in the same block.
         let mut last = (u32::MAX, [0; 3]);
-        self.entries(position..self.journal.len()).iter().map(move |entry| {
+        self.journal.entries(position..self.journal.len()).map(move |entry| {
             let (block, number) = entry.place();
             if block != last.0 {
                 last = (block, self.layout.lowest(block));

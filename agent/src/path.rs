@@ -16,6 +16,7 @@ mod graph;
 mod legs;
 mod quickest;
 mod reachable;
+mod room;
 mod search;
 mod sweep;
 #[cfg(test)]

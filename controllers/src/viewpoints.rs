@@ -14,7 +14,9 @@
 //!
 //! Bodies that touch one cell have no use for this: they go to the frontier.
 
-use std::cell::RefCell;
+mod beside;
+
+use std::cell::{Cell as Slot, RefCell};
 use std::ops::ControlFlow;
 use std::task::Poll;
 
@@ -24,7 +26,8 @@ use super::Ctx;
 use super::dsvp::gain::{GainEstimator, Likelihood};
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::observation::RunInfo;
-use agent::path::{Goal, Neighbours, Search};
+use agent::path::{Goal, Neighbours, Reachable, Search};
+use beside::BesideFrontiers;
 
 /// Rays of a viewpoint: as many as those of the LiDAR of MAES3D, in the same directions.
 const RAYS: u32 = 5124;
@@ -37,6 +40,10 @@ const RAY_CELLS_MAX: usize = 1 << 24;
 
 /// Number of viewpoints among which the gain decides, the nearest ones.
 const OFFERS: usize = 8;
+
+/// Least number of cells that a search for viewpoints looks for; each further one looks for four
+/// times as many.
+const NEAREST_MIN: usize = 64;
 
 /// Added to the length of a path where gains are compared by length, metres.
 const NEAR_M: f64 = 2.0;
@@ -68,17 +75,13 @@ pub(crate) struct Viewpoints {
     beside: i32,
     /// Cells from which nothing new is seen: those examined, and those at which the body has been.
     exhausted: CellSet,
-    /// The reachable cells with the lengths of their paths in cells, while they are being examined.
-    reached: Option<Reached>,
-}
-
-/// The cells that the body can reach, nearest first.
-#[derive(Debug)]
-struct Reached {
-    from: Cell,
-    /// The length of the map's journal.
-    as_of: usize,
-    cells: Vec<(Cell, f64)>,
+    reachable: Reachable,
+    /// The cells with an unexplored one in sight beside a frontier nearby.
+    near: Option<BesideFrontiers>,
+    /// From where and with how many changes of the map none of those was found.
+    none_beside: Option<(Cell, usize)>,
+    /// The nearest cells that were examined last.
+    nearest: Option<Nearest>,
 }
 
 impl Viewpoints {
@@ -86,12 +89,16 @@ impl Viewpoints {
     pub(crate) fn new(run_info: &RunInfo, radius_m: f64) -> Self {
         let extent = run_info.extent;
         let range_cells = (run_info.lidar_range_m / extent.cell_m()).min(RANGE_CELLS_MAX);
+        let beside = (radius_m / extent.cell_m() + 0.5).ceil() as i32 + 1;
         Self {
             rays: GainEstimator::new(RAYS, range_cells, 1, Likelihood::new(1.0)),
             range_m: range_cells * extent.cell_m(),
-            beside: (radius_m / extent.cell_m() + 0.5).ceil() as i32 + 1,
+            beside,
             exhausted: CellSet::new(extent.volume()),
-            reached: None,
+            reachable: Reachable::default(),
+            near: None,
+            none_beside: None,
+            nearest: None,
         }
     }
 
@@ -110,39 +117,40 @@ impl Viewpoints {
         if map.frontier_count() == 0 {
             return Poll::Ready(None);
         }
-        let (from, as_of) = (ctx.cell(), map.journal_len());
-        let reached = match self.reached.take() {
-            Some(reached) if (reached.from, reached.as_of) == (from, as_of) => reached,
-            _ => match self.beside_frontier(ctx) {
-                Ok(viewpoint) => return Poll::Ready(Some(viewpoint)),
-                Err(cells) => Reached { from, as_of, cells },
-            },
-        };
-        let answer = self.by_rays(map, &reached.cells);
-        // Also if there is none: the next call with the same map has the same answer.
-        self.reached = Some(reached);
-        answer
+        let now = (ctx.cell(), map.journal_len());
+        self.reachable.update(ctx.graph(Neighbours::TwentySix), ctx.cell());
+        if self.none_beside != Some(now) {
+            if let Some(viewpoint) = self.beside_frontier(ctx) {
+                self.none_beside = None;
+                return Poll::Ready(Some(viewpoint));
+            }
+            self.none_beside = Some(now);
+        }
+        self.by_rays(ctx)
     }
 
-    /// The nearest viewpoint beside a frontier, or all reachable cells.
-    fn beside_frontier(&self, ctx: &Ctx<'_>) -> Result<Viewpoint, Vec<(Cell, f64)>> {
-        let map = ctx.map();
-        let expanded = RefCell::new(Vec::new());
-        let found = RefCell::new(None);
-        let is_goal = |cell: Cell| {
-            expanded.borrow_mut().push(cell);
-            let target = if self.is_exhausted(map, cell) { None } else { self.target_beside(map, cell) };
-            *found.borrow_mut() = target.map(|target| Viewpoint { cell, target });
-            target.is_some()
-        };
-        let mut search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Where(&is_goal));
-        let _ = search.run();
-        let costs: Vec<f64> = expanded.borrow().iter().map(|&cell| search.length_cells(cell)).collect();
-        drop(search);
-        match found.into_inner() {
-            Some(viewpoint) => Ok(viewpoint),
-            None => Err(expanded.into_inner().into_iter().zip(costs).collect()),
+    /// The nearest viewpoint beside a frontier.
+    fn beside_frontier(&mut self, ctx: &Ctx<'_>) -> Option<Viewpoint> {
+        let (map, from, graph) = (ctx.map(), ctx.cell(), ctx.graph(Neighbours::TwentySix));
+        let near = self.near.take();
+        let mut near = near.unwrap_or_else(|| BesideFrontiers::new(map.extent(), self.beside));
+        near.update(map, |cell| graph.is_usable(cell) && self.target_beside(map, cell).is_some());
+        // The body is there, whether it has room or not.
+        let is_here = !self.is_exhausted(map, from) && self.target_beside(map, from).is_some();
+        let is_left = |index: usize| !self.exhausted.contains(index);
+        let is_any = near.iter().any(|index| is_left(index) && self.reachable.contains(index));
+        if !is_here && !is_any {
+            self.near = Some(near);
+            return None;
         }
+        let is_goal = |cell: Cell| match cell == from {
+            true => is_here,
+            false => map.extent().index(cell).is_some_and(|index| near.holds(index) && is_left(index)),
+        };
+        let path = Search::new(graph, from, Goal::Where(&is_goal)).run();
+        self.near = Some(near);
+        let &cell = path?.cells.last()?;
+        Some(Viewpoint { cell, target: self.target_beside(map, cell)? })
     }
 
     fn is_exhausted(&self, map: &ExplorationMap, cell: Cell) -> bool {
@@ -170,22 +178,29 @@ impl Viewpoints {
 
     /// Of the nearest viewpoints from which a ray meets an unexplored cell, the one with the most
     /// such cells for its path.
-    fn by_rays(&mut self, map: &ExplorationMap, reached: &[(Cell, f64)]) -> Poll<Option<Viewpoint>> {
-        let extent = map.extent();
+    fn by_rays(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Viewpoint>> {
+        let (map, extent) = (ctx.map(), ctx.map().extent());
         let near = NearFrontiers::of(map, (self.range_m / extent.cell_m()).ceil() as i32 + 1);
         let mut casts_left = (RAY_CELLS_MAX / self.rays.ray_cells(map)).max(1);
         for spacing in SPACINGS {
+            if near.count(extent, spacing, &self.reachable, &self.exhausted) == 0 {
+                continue;
+            }
+            let key = (ctx.cell(), map.journal_len(), spacing);
+            let known = self.nearest.take().filter(|nearest| nearest.key == key);
+            let mut nearest = known.unwrap_or_else(|| Nearest { key, cells: Vec::new(), is_all: false });
             let mut offers: Vec<(f64, Viewpoint)> = Vec::new();
-            for &(cell, length_cells) in reached {
-                let is_on_lattice = [cell.x, cell.y, cell.z].iter().all(|along| along % spacing == 0);
-                let Some(index) = extent.index(cell).filter(|_| is_on_lattice && near.holds(cell)) else { continue };
-                if self.exhausted.contains(index) {
-                    continue;
+            let mut is_out_of_casts = false;
+            for number in 0.. {
+                if number == nearest.cells.len() && !nearest.is_all {
+                    let left = near.count(extent, spacing, &self.reachable, &self.exhausted);
+                    let is_left = |cell| !self.is_exhausted(map, cell);
+                    nearest = Nearest::found(ctx, key, (4 * number).max(NEAREST_MIN), &near, (left, &is_left));
                 }
+                let Some(&(cell, length_cells)) = nearest.cells.get(number) else { break };
+                let Some(index) = extent.index(cell).filter(|&index| !self.exhausted.contains(index)) else { continue };
                 if casts_left == 0 {
-                    if offers.is_empty() {
-                        return Poll::Pending;
-                    }
+                    is_out_of_casts = true;
                     break;
                 }
                 casts_left -= 1;
@@ -199,6 +214,10 @@ impl Viewpoints {
                     break;
                 }
             }
+            self.nearest = Some(nearest);
+            if is_out_of_casts && offers.is_empty() {
+                return Poll::Pending;
+            }
             // Of equal ones the nearest.
             let best = offers.into_iter().reduce(|best, offer| if offer.0 > best.0 { offer } else { best });
             if let Some((_, viewpoint)) = best {
@@ -206,6 +225,45 @@ impl Viewpoints {
             }
         }
         Poll::Ready(None)
+    }
+}
+
+/// The first cells of a search from where the body is that may be viewpoints, nearest first.
+#[derive(Debug)]
+struct Nearest {
+    /// From where, with how many changes of the map, and of which spacing.
+    key: (Cell, usize, i32),
+    /// With the lengths of the paths to them, cells.
+    cells: Vec<(Cell, f64)>,
+    /// Whether there are no others.
+    is_all: bool,
+}
+
+impl Nearest {
+    /// The first `count` of the cells near frontiers, or all up to the last of those that are left
+    /// to examine: their number, and which they are.
+    fn found(
+        ctx: &Ctx<'_>,
+        key: (Cell, usize, i32),
+        count: usize,
+        near: &NearFrontiers,
+        (left, is_left): (usize, &dyn Fn(Cell) -> bool),
+    ) -> Self {
+        let (_, _, spacing) = key;
+        let cells = RefCell::new(Vec::new());
+        let left = Slot::new(left);
+        let is_last = |cell: Cell| {
+            let is_on_lattice = [cell.x, cell.y, cell.z].iter().all(|along| along % spacing == 0);
+            if is_on_lattice && near.holds(cell) {
+                cells.borrow_mut().push(cell);
+                left.set(left.get() - usize::from(left.get() > 0 && is_left(cell)));
+            }
+            left.get() == 0 || cells.borrow().len() == count
+        };
+        let mut search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Where(&is_last));
+        let is_all = search.run().is_none() || left.get() == 0;
+        let cells = cells.borrow().iter().map(|&cell| (cell, search.length_cells(cell))).collect();
+        Self { key, cells, is_all }
     }
 }
 
@@ -260,6 +318,28 @@ impl NearFrontiers {
 
     fn holds(&self, cell: Cell) -> bool {
         self.is_near[self.place(block_of(cell))]
+    }
+
+    /// How many cells of a spacing there are in the blocks that can be reached and are not
+    /// exhausted.
+    fn count(&self, extent: Extent, spacing: i32, reachable: &Reachable, exhausted: &CellSet) -> usize {
+        let [size_x, size_y, size_z] = extent.size().map(u32::cast_signed);
+        let of_spacing = (0..BLOCK_CELLS).step_by(spacing as usize).fold(0, |bits, x| bits | 1_u64 << x);
+        let mut count = 0;
+        for (block, _) in self.is_near.iter().enumerate().filter(|(_, is_near)| **is_near) {
+            let block = block as i32;
+            let [x, y, z] =
+                [block % self.size[0], block / self.size[0] % self.size[1], block / self.size[0] / self.size[1]]
+                    .map(|along| along * BLOCK_CELLS);
+            let along = |low: i32, size: i32| (low..(low + BLOCK_CELLS).min(size)).step_by(spacing as usize);
+            let cells = (size_x - x).min(BLOCK_CELLS).cast_unsigned();
+            for (z, y) in along(z, size_z).flat_map(|z| along(y, size_y).map(move |y| (z, y))) {
+                let first = ((z * size_y + y) * size_x + x) as usize;
+                let left = reachable.run(first, cells) & !exhausted.run(first, cells) & of_spacing;
+                count += left.count_ones() as usize;
+            }
+        }
+        count
     }
 }
 

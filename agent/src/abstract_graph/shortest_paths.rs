@@ -1,10 +1,9 @@
-//! Dijkstra's algorithm on the abstract graph: shortest paths from one region to all others.
-
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+//! Dijkstra's algorithm on the abstract graph: shortest paths from one region to all others, with
+//! buckets as in [`super::path_lengths`]. What is in the lowest bucket is final, and is sorted.
 
 use voxels::Cell;
 
+use super::path_lengths::{BUCKETS, WIDTH};
 use super::{AbstractGraph, Edge, Region, RegionId, block_along};
 use crate::path::{Goal, Graph, Path, Search};
 
@@ -18,8 +17,12 @@ pub struct ShortestPaths {
     /// By slot of the region; entries of another epoch are stale.
     reached: Vec<Reached>,
     epoch: u32,
-    /// Length of the path in the upper 32 bits, its region in the lower ones.
-    queue: BinaryHeap<Reverse<u64>>,
+    /// Length of the path in the upper 32 bits, its region in the lower ones; those of the bucket
+    /// before the next one, the longest first.
+    nearest: Vec<u64>,
+    /// The next bucket, and those in use by their numbers modulo their count.
+    bucket: usize,
+    buckets: [Vec<u64>; BUCKETS],
     /// Number of regions with frontiers that have not been returned.
     frontiers_left: usize,
 }
@@ -38,11 +41,14 @@ impl ShortestPaths {
     pub fn begin(&mut self, graph: &AbstractGraph, from: Cell) {
         self.epoch += 1;
         self.reached.resize(graph.slots as usize, Reached::default());
-        self.queue.clear();
+        self.nearest.clear();
+        self.buckets.iter_mut().for_each(Vec::clear);
+        self.bucket = 0;
         self.frontiers_left = graph.regions_with_frontiers();
         if let Some((start, region)) = graph.region_of(from).and_then(|start| Some((start, graph.get(start)?))) {
             self.reached[region.slot as usize] = Reached { epoch: self.epoch, length: 0, from: None, is_done: false };
-            self.queue.push(entry(0, start));
+            self.nearest.push(entry(0, start));
+            self.bucket = 1;
         }
     }
 
@@ -50,7 +56,7 @@ impl ShortestPaths {
     /// been returned.
     pub fn next<'r>(&mut self, graph: &'r AbstractGraph) -> Option<(RegionId, &'r Region, f64)> {
         loop {
-            let Reverse(first) = self.queue.pop()?;
+            let first = self.nearest.pop().or_else(|| self.fetch())?;
             let (length, id) = ((first >> 32) as u32, RegionId(first as u32));
             let Some(region) = graph.get(id) else { continue };
             let here = &mut self.reached[region.slot as usize];
@@ -65,7 +71,7 @@ impl ShortestPaths {
                 // whichever is found first.
                 if is_new || !there.is_done && (to, Some(id)) < (there.length, there.from) {
                     if is_new || to < there.length {
-                        self.queue.push(entry(to, edge.to));
+                        self.buckets[(to / WIDTH) as usize % BUCKETS].push(entry(to, edge.to));
                     }
                     *there = Reached { epoch: self.epoch, length: to, from: Some(id), is_done: false };
                 }
@@ -73,6 +79,19 @@ impl ShortestPaths {
             self.frontiers_left -= usize::from(!region.frontiers.is_empty());
             return Some((id, region, f64::from(length) / f64::from(PER_CELL)));
         }
+    }
+
+    /// The nearest entry of the next bucket that has any.
+    fn fetch(&mut self) -> Option<u64> {
+        for _ in 0..BUCKETS {
+            std::mem::swap(&mut self.nearest, &mut self.buckets[self.bucket % BUCKETS]);
+            self.bucket += 1;
+            if !self.nearest.is_empty() {
+                self.nearest.sort_unstable_by(|a, b| b.cmp(a));
+                return self.nearest.pop();
+            }
+        }
+        None
     }
 
     /// Whether regions with frontiers are left to return, if they can be reached: else a search for
@@ -111,8 +130,8 @@ pub(super) fn edge_length(edge: &Edge) -> u32 {
 }
 
 /// An entry of the queue.
-fn entry(length: u32, region: RegionId) -> Reverse<u64> {
-    Reverse(u64::from(length) << 32 | u64::from(region.0))
+fn entry(length: u32, region: RegionId) -> u64 {
+    u64::from(length) << 32 | u64::from(region.0)
 }
 
 /// Blocks and the blocks around them, one bit for each block of a box.

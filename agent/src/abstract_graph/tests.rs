@@ -76,6 +76,33 @@ fn unreachable_regions_are_not_visited() {
     assert!(graph.region_of(Cell::new(11, 1, 0)).is_some_and(|far| !reached.contains_key(&far)));
 }
 
+#[test]
+fn repair_visits_what_is_near_the_change() {
+    // A corridor of 100 blocks that grows at its end.
+    let extent = Extent::new([500, 3, 3], 1.0).unwrap();
+    let mut map = ExplorationMap::new(extent);
+    let cell = |x: i32| extent.index(Cell::new(x, 1, 1)).unwrap() as u32;
+    map.note_free(&(0..450).map(cell).collect::<Vec<u32>>());
+    let mut graph = AbstractGraph::new(extent, RADIUS_M);
+    let mut kept = PathLengths::default();
+    let far = |graph: &AbstractGraph, x: i32| graph.region_of(Cell::new(x, 1, 1)).unwrap();
+    let mut visited = |graph: &AbstractGraph, x: i32| {
+        let before = kept.visited();
+        kept.renew(graph);
+        kept.begin(graph, Cell::new(2, 1, 1), [far(graph, x), far(graph, 449)]);
+        assert_eq!(kept.to(graph, far(graph, x)), Some(f64::from(x - 2)));
+        kept.visited() - before
+    };
+    graph.update(Graph::new(&map, &moves()));
+    assert!((80..300).contains(&visited(&graph, 447)));
+    for x in (452..500).step_by(5) {
+        map.note_free(&(x - 2..x + 3).map(cell).collect::<Vec<u32>>());
+        graph.update(Graph::new(&map, &moves()));
+        let count = visited(&graph, x);
+        assert!(count < 20, "{count} at {x}");
+    }
+}
+
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(0u8..4, 11 * 9 * 8)
 }
@@ -142,6 +169,38 @@ proptest! {
                 by_buckets.begin(&graph, from, some.clone());
                 for to in some {
                     prop_assert_eq!(by_buckets.to(&graph, to), by_heap.get(&to).copied());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lengths_are_repaired_after_changes(
+        cells in noise(), cuts in prop::collection::vec(0usize..60, 12..20), to in prop::collection::vec(0usize..792, 3),
+    ) {
+        let extent = Extent::new([11, 9, 8], 1.0).unwrap();
+        let moves = Moves::new(RADIUS_M, 1.0, Neighbours::TwentySix);
+        let mut map = ExplorationMap::new(extent);
+        let mut graph = AbstractGraph::new(extent, RADIUS_M);
+        let (mut kept, mut done) = (PathLengths::default(), 0);
+        for cut in cuts {
+            let next = (done + cut).min(cells.len());
+            apply(&mut map, &cells, done..next);
+            done = next;
+            graph.update(Graph::new(&map, &moves));
+            kept.renew(&graph);
+            // The whole graph, and as much of it as is needed.
+            for (count, from) in [(usize::MAX, 0), (2, 5), (1, 27), (usize::MAX, 400)] {
+                let from = extent.cell_at(from);
+                let regions = to.iter().filter_map(|&to| graph.region_of(extent.cell_at(to)));
+                let regions: Vec<RegionId> = match count {
+                    usize::MAX => graph.near(Cell::default(), 20).map(|(id, _)| id).collect(),
+                    count => regions.take(count).collect(),
+                };
+                let by_heap = lengths(&mut ShortestPaths::default(), &graph, from);
+                kept.begin(&graph, from, regions.iter().copied());
+                for to in regions {
+                    prop_assert_eq!(kept.to(&graph, to), by_heap.get(&to).copied());
                 }
             }
         }

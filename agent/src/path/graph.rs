@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use voxels::{Cell, FACES};
 
 use super::EDGE_COST;
+use super::room::{BlockSteps, Footprint};
 use super::sweep::{centre, clearance, touched};
 use crate::exploration_map::ExplorationMap;
 
@@ -52,12 +53,11 @@ pub struct Moves {
     /// it is [wide](Moves::are_wide).
     nearby: Vec<Cell>,
     /// For each step the cells that the body touches, as bits of the block of 27 cells around its
-    /// first cell; for the numbers beyond the steps a set that never is free. `None`: some lie
-    /// outside that block.
+    /// first cell; for the numbers beyond the steps a set that never is free. `None`: the body is
+    /// wide, and some lie outside that block.
     masks: Option<[u32; STEP_BITS]>,
-    /// The same in the block of 125 cells around the first cell, for bodies that need no more;
-    /// empty for all others.
-    wide_masks: Vec<u128>,
+    /// The same by rows of cells, for wide bodies.
+    footprint: Footprint,
 }
 
 impl Moves {
@@ -74,7 +74,7 @@ impl Moves {
                 sphere: Vec::new(),
                 nearby: Vec::new(),
                 masks: None,
-                wide_masks: Vec::new(),
+                footprint: Footprint::default(),
             };
         };
         let home = Cell::default();
@@ -89,8 +89,8 @@ impl Moves {
         let masks = masks(&steps);
         let sphere = touched(centre(home), centre(home), radius);
         let nearby = if sphere.len() > 1 { nearest_first(radius.ceil() as i32 + NEARBY_CELLS) } else { Vec::new() };
-        let wide_masks = if masks.is_none() { wide_masks(&steps).unwrap_or_default() } else { Vec::new() };
-        Self { steps, neighbours, sphere, nearby, masks, wide_masks }
+        let footprint = Footprint::new(&sphere, steps.iter().map(|step| (step.by, &step.swept[..])));
+        Self { steps, neighbours, sphere, nearby, masks, footprint }
     }
 
     /// Whether the body touches more than one cell wherever it is at the centre of one.
@@ -149,21 +149,6 @@ fn masks(steps: &[Step]) -> Option<[u32; STEP_BITS]> {
         *mask = step.swept.iter().try_fold(0, |mask, &cell| Some(mask | bit(cell)?))?;
     }
     Some(masks)
-}
-
-/// Cells from the middle of the block of [`Moves::wide_masks`] to its side.
-const WIDE: i32 = 2;
-
-/// See [`Moves::wide_masks`]; x first, as [`ExplorationMap::free_in`] has it.
-fn wide_masks(steps: &[Step]) -> Option<Vec<u128>> {
-    let side = 2 * WIDE + 1;
-    let bit = |cell: &Cell| {
-        let at = *cell + Cell::new(WIDE, WIDE, WIDE);
-        let is_near = [at.x, at.y, at.z].iter().all(|along| (0..side).contains(along));
-        is_near.then(|| 1_u128 << ((at.z * side + at.y) * side + at.x))
-    };
-    let mask = |step: &Step| step.swept.iter().try_fold(0, |mask, cell| Some(mask | bit(cell)?));
-    steps.iter().map(mask).collect()
 }
 
 /// The bit of a cell in the block of 27 cells around the origin.
@@ -226,47 +211,70 @@ impl<'a> Graph<'a> {
         if self.moves.sphere == [Cell::default()] {
             return self.map.free_in(corner, side);
         }
-        let cells = (0..side).flat_map(|z| (0..side).flat_map(move |y| (0..side).map(move |x| Cell::new(x, y, z))));
-        cells.enumerate().fold(0, |bits, (place, by)| bits | u128::from(self.is_usable(corner + by)) << place)
+        if self.moves.sphere.is_empty() {
+            return 0;
+        }
+        self.moves.footprint.usable_in(self.map, corner, side)
     }
 
-    /// The cells to which a step leads from a usable cell, or from the start of a search.
-    pub fn next_to(&self, cell: Cell, is_start: bool) -> impl Iterator<Item = Cell> {
-        let open = if is_start { self.steps_from_start(cell) } else { self.steps_from(cell) };
-        let steps = self.moves.steps.iter().enumerate();
-        steps.filter(move |(number, _)| open >> number & 1 != 0).map(move |(_, step)| cell + step.by)
-    }
-
-    /// The possible steps from a usable cell, as bits in the order of the moves.
-    pub(super) fn steps_from(&self, cell: Cell) -> u32 {
-        let Some(masks) = &self.moves.masks else {
-            let corner = cell - Cell::new(WIDE, WIDE, WIDE);
-            if !self.moves.wide_masks.is_empty() && self.map.extent().contains(corner) {
-                let blocked = !self.map.free_in(corner, 2 * WIDE + 1);
-                return (0..)
-                    .zip(&self.moves.wide_masks)
-                    .fold(0, |steps, (number, mask)| steps | u32::from(mask & blocked == 0) << number);
-            }
-            return self.steps_where(|step| step.swept.iter().all(|&offset| is_free(self.map, cell + offset)));
-        };
-        let blocked = !self.map.free_around(cell);
-        masks.iter().zip(STEP_BIT).fold(0, |steps, (mask, step)| steps | if mask & blocked == 0 { step } else { 0 })
+    /// The steps of the body on the present map.
+    pub fn steps(&self) -> Steps<'a> {
+        let by_blocks = self.moves.masks.is_none().then(BlockSteps::take);
+        Steps { graph: *self, by_blocks }
     }
 
     /// The possible steps from a cell that need not be usable: cells that the body touches there
     /// are exempt.
     pub(super) fn steps_from_start(&self, cell: Cell) -> u32 {
-        self.steps_where(|step| {
+        let can_be_made = |step: &Step| {
             let touched = |offset: &&Cell| self.moves.sphere.binary_search(offset).is_err();
             self.is_usable(cell + step.by)
                 && step.swept.iter().filter(touched).all(|&offset| is_free(self.map, cell + offset))
-        })
-    }
-
-    /// The steps with some property.
-    fn steps_where(&self, can_be_made: impl Fn(&Step) -> bool) -> u32 {
+        };
         let steps = self.moves.steps.iter().enumerate();
         steps.fold(0, |bits, (number, step)| bits | u32::from(can_be_made(step)) << number)
+    }
+}
+
+/// The possible steps of a body, while its map does not change.
+#[derive(Debug)]
+pub struct Steps<'a> {
+    graph: Graph<'a>,
+    /// Of a wide body.
+    by_blocks: Option<BlockSteps>,
+}
+
+impl Drop for Steps<'_> {
+    fn drop(&mut self) {
+        if let Some(by_blocks) = self.by_blocks.take() {
+            by_blocks.give_back();
+        }
+    }
+}
+
+impl Steps<'_> {
+    /// The steps from a usable cell, or from the start of a search, as bits in the order of the
+    /// moves.
+    #[inline]
+    pub(super) fn bits(&mut self, cell: Cell, is_start: bool) -> u32 {
+        let Graph { map, moves } = self.graph;
+        match (&moves.masks, &mut self.by_blocks) {
+            _ if is_start => self.graph.steps_from_start(cell),
+            (Some(masks), _) => {
+                let blocked = !map.free_around(cell);
+                let step = |(mask, step): (&u32, u32)| if mask & blocked == 0 { step } else { 0 };
+                masks.iter().zip(STEP_BIT).map(step).fold(0, |steps, step| steps | step)
+            }
+            (None, Some(by_blocks)) => by_blocks.from(map, &moves.footprint, cell),
+            (None, None) => 0,
+        }
+    }
+
+    /// The cells to which a step leads from a usable cell, or from the start of a search.
+    pub fn next_to(&mut self, cell: Cell, is_start: bool) -> impl Iterator<Item = Cell> + use<'_> {
+        let open = self.bits(cell, is_start);
+        let steps = self.graph.moves.steps.iter().enumerate();
+        steps.filter(move |(number, _)| open >> number & 1 != 0).map(move |(_, step)| cell + step.by)
     }
 }
 

@@ -6,8 +6,7 @@ use nalgebra::Point3;
 use voxels::Cell;
 
 use super::Path;
-use super::graph::is_free;
-use super::sweep::{centre, clearance, in_cells, touches};
+use super::sweep::{centre, clearance, in_cells, rows, touches_run};
 use crate::exploration_map::ExplorationMap;
 
 /// Cells of a path ahead among which a shortcut is searched; bounds the cost on long and winding
@@ -67,7 +66,30 @@ fn pull(path: &Path, map: &ExplorationMap, radius_m: f64, start: [f64; 3]) -> Ve
     points
 }
 
+/// Cells of a row looked at together.
+const TOGETHER: i32 = 64;
+
 pub(super) fn is_clear(map: &ExplorationMap, from: [f64; 3], to: [f64; 3], radius: f64) -> bool {
     let is_inside = |(along, size): (f64, u32)| (0.0..=f64::from(size)).contains(&along);
-    from.into_iter().zip(map.extent().size()).all(is_inside) && !touches(from, to, radius, |cell| !is_free(map, cell))
+    let touches_other = |(y, z): (i32, i32), (low_x, high_x): (i32, i32)| {
+        let mut x = low_x;
+        while x <= high_x {
+            let count = (high_x - x + 1).min(TOGETHER);
+            let free = map.free_row(Cell::new(x, y, z), count.cast_unsigned());
+            let mut others = !free & u64::MAX >> (TOGETHER - count);
+            // Run by run of cells that are not known to be free.
+            while others != 0 {
+                let first = others.trailing_zeros();
+                let last = first + (others >> first).trailing_ones() - 1;
+                let [first_x, last_x] = [first, last].map(|place| x + place.cast_signed());
+                if touches_run(from, to, radius, (y, z), first_x, last_x) {
+                    return true;
+                }
+                others &= u64::MAX.checked_shl(last + 1).unwrap_or(0);
+            }
+            x += TOGETHER;
+        }
+        false
+    };
+    from.into_iter().zip(map.extent().size()).all(is_inside) && !rows(from, to, radius, touches_other)
 }

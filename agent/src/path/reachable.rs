@@ -14,6 +14,8 @@ use super::Graph;
 pub struct Reachable {
     /// Once it has been asked for.
     cells: Option<CellSet>,
+    /// Where the body was then.
+    from: Option<Cell>,
     /// Position in the journal of the map up to which changes have been read.
     read: usize,
 }
@@ -26,7 +28,8 @@ impl Reachable {
         let extent = map.extent();
         let Some(start) = extent.index(from) else { return };
         let read = std::mem::replace(&mut self.read, map.journal_len());
-        if read == self.read && self.holds(graph, from) {
+        let is_same_place = self.from.replace(from) == Some(from);
+        if read == self.read && is_same_place {
             return;
         }
         let known = self.cells.take().filter(|cells| cells.contains(start));
@@ -42,6 +45,8 @@ impl Reachable {
                 }
             }
             open.extend(opened.iter().map(|index| extent.cell_at(index)));
+            // What the body touches there does not block its first step.
+            open.push(from);
             cells
         } else {
             let mut cells = CellSet::new(extent.volume());
@@ -49,8 +54,9 @@ impl Reachable {
             open.push(from);
             cells
         };
+        let mut steps = graph.steps();
         while let Some(cell) = open.pop() {
-            for next in graph.next_to(cell, cell == from) {
+            for next in steps.next_to(cell, cell == from) {
                 if let Some(index) = extent.index(next).filter(|&index| !cells.contains(index)) {
                     cells.insert(index);
                     open.push(next);
@@ -62,8 +68,17 @@ impl Reachable {
 
     /// Whether the body could reach a cell at the last update; that in which it is counts as well.
     pub fn holds(&self, graph: Graph<'_>, cell: Cell) -> bool {
-        let index = graph.map().extent().index(cell);
-        self.cells.as_ref().zip(index).is_some_and(|(cells, index)| cells.contains(index))
+        graph.map().extent().index(cell).is_some_and(|index| self.contains(index))
+    }
+
+    /// [`Reachable::holds`] for the cell with an index.
+    pub fn contains(&self, index: usize) -> bool {
+        self.cells.as_ref().is_some_and(|cells| cells.contains(index))
+    }
+
+    /// Those of at most 64 cells from an index on that could be reached, one bit each.
+    pub fn run(&self, first: usize, count: u32) -> u64 {
+        self.cells.as_ref().map_or(0, |cells| cells.run(first, count))
     }
 }
 

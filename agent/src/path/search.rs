@@ -10,6 +10,7 @@ use std::collections::BinaryHeap;
 
 use voxels::Cell;
 
+use super::graph::Steps;
 use super::{EDGE_COST, Graph, Path};
 
 /// Scratch memory of searches, reusable for any number of searches, one after the other.
@@ -106,6 +107,7 @@ pub enum Progress {
 /// do not block its first step. If no goal is usable (nor the start), there is no path, at once.
 pub struct Search<'a> {
     graph: Graph<'a>,
+    steps: Steps<'a>,
     /// Returned to the thread at the end.
     scratch: Scratch,
     goal: Goal<'a>,
@@ -144,6 +146,7 @@ impl<'a> Search<'a> {
         }
         let mut search = Self {
             graph,
+            steps: graph.steps(),
             scratch: Scratch::take(extent.volume()),
             goal,
             start,
@@ -267,7 +270,7 @@ impl<'a> Search<'a> {
 
     fn expand(&mut self, cell: Cell, index: usize) {
         let so_far = self.scratch.nodes[index][0];
-        let mut open = if cell == self.start { self.graph.steps_from_start(cell) } else { self.graph.steps_from(cell) };
+        let mut open = self.steps.bits(cell, cell == self.start);
         while open != 0 {
             let number = open.trailing_zeros() as usize;
             open &= open - 1;

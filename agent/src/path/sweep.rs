@@ -46,54 +46,133 @@ pub(super) fn in_cells(point: [f64; 3], cell_m: f64) -> [f64; 3] {
     })
 }
 
-/// Whether a sphere that moves straight between two centres touches a cell that `blocks`.
-///
-/// Cells are queried in layers along the leg, some of them although they are not touched; the exact
-/// test is made only for those that block.
-pub(super) fn touches(from: [f64; 3], to: [f64; 3], radius: f64, mut blocks: impl FnMut(Cell) -> bool) -> bool {
+/// Visits the rows of cells along x near a sphere that moves straight between two centres, until
+/// `visit` returns true: y, z, and the first and the last x. All cells that are touched are among
+/// them; returns whether one of the rows ended it.
+pub(super) fn rows(
+    from: [f64; 3],
+    to: [f64; 3],
+    radius: f64,
+    mut visit: impl FnMut((i32, i32), (i32, i32)) -> bool,
+) -> bool {
     let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
-    let along = [0, 1, 2].into_iter().fold(0, |best, axis| if by[axis].abs() > by[best].abs() { axis } else { best });
-    let (side_a, side_b) = ((along + 1) % 3, (along + 2) % 3);
     let reach = radius + SNAP;
-    let (low, high) = range(from[along], to[along], reach);
-    for step in 0..=high - low {
-        let layer = if by[along] < 0.0 { high - step } else { low + step };
-        let (enter, leave) = within(from[along], by[along], f64::from(layer) - reach, f64::from(layer) + 1.0 + reach);
-        let at = |axis: usize, time: f64| from[axis] + by[axis] * time;
-        let (low_a, high_a) = range(at(side_a, enter), at(side_a, leave), reach);
-        let (low_b, high_b) = range(at(side_b, enter), at(side_b, leave), reach);
-        for b in low_b..=high_b {
-            for a in low_a..=high_a {
-                let mut corner = [layer; 3];
-                corner[side_a] = a;
-                corner[side_b] = b;
-                let cell = Cell::new(corner[0], corner[1], corner[2]);
-                if blocks(cell) && distance_squared(from, by, cell) < radius * radius {
-                    return true;
-                }
+    let at = |axis: usize, time: f64| from[axis] + by[axis] * time;
+    let near = |axis: usize, layer: i32| {
+        within(from[axis], by[axis], f64::from(layer) - reach, f64::from(layer) + 1.0 + reach)
+    };
+    let (low_z, high_z) = range(from[2], to[2], reach);
+    for z in low_z..=high_z {
+        let (enter_z, leave_z) = near(2, z);
+        let (low_y, high_y) = range(at(1, enter_z), at(1, leave_z), reach);
+        for y in low_y..=high_y {
+            let (enter_y, leave_y) = near(1, y);
+            let (enter, leave) = (enter_z.max(enter_y), leave_z.min(leave_y));
+            if enter <= leave && visit((y, z), range(at(0, enter), at(0, leave), reach)) {
+                return true;
             }
         }
     }
     false
 }
 
+/// A box of cells: the lowest corner of its first one and the highest of its last one.
+#[derive(Debug, Clone, Copy)]
+struct Box3 {
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+impl Box3 {
+    fn of_cell(cell: Cell) -> Self {
+        let low = [cell.x, cell.y, cell.z].map(f64::from);
+        Self { low, high: low.map(|along| along + 1.0) }
+    }
+}
+
+/// Whether a moving sphere touches one of the cells of a row from `low_x` to `high_x`: a box.
+pub(super) fn touches_run(
+    from: [f64; 3],
+    to: [f64; 3],
+    radius: f64,
+    (y, z): (i32, i32),
+    low_x: i32,
+    high_x: i32,
+) -> bool {
+    let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+    let [low, high] = [Cell::new(low_x, y, z), Cell::new(high_x, y, z)].map(Box3::of_cell);
+    is_nearer(from, by, &Box3 { low: low.low, high: high.high }, radius * radius)
+}
+
 /// The cells touched by the moving sphere, in cell order.
 pub(super) fn touched(from: [f64; 3], to: [f64; 3], radius: f64) -> Vec<Cell> {
     let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
     let mut cells = Vec::new();
-    touches(from, to, radius, |cell| {
-        if distance_squared(from, by, cell) < radius * radius {
-            cells.push(cell);
-        }
+    rows(from, to, radius, |(y, z), (low_x, high_x)| {
+        let row = (low_x..=high_x).map(|x| Cell::new(x, y, z));
+        cells.extend(row.filter(|&cell| is_nearer(from, by, &Box3::of_cell(cell), radius * radius)));
         false
     });
     cells.sort_unstable();
     cells
 }
 
+/// Squared distances that differ by less are told apart by the exact test alone, cells squared.
+const CLOSE: f64 = 1e-9;
+
+/// Steps towards the nearest point of a leg before the exact test.
+const STEPS_MAX: usize = 6;
+
+/// Whether a point that moves from `from` by `by` comes nearer to a box than this distance,
+/// squared.
+///
+/// The squared distance is convex along the leg: Newton's method bounds it from above and below in
+/// two or three steps, which mostly decide.
+fn is_nearer(from: [f64; 3], by: [f64; 3], target: &Box3, limit: f64) -> bool {
+    let [mut along, mut length] = [0.0, 0.0];
+    for axis in 0..3 {
+        along += (0.5 * (target.low[axis] + target.high[axis]) - from[axis]) * by[axis];
+        length += by[axis] * by[axis];
+    }
+    let mut time = if length > 0.0 { (along / length).clamp(0.0, 1.0) } else { 0.0 };
+    let (mut earliest, mut latest) = (0.0, 1.0);
+    for _ in 0..STEPS_MAX {
+        let (mut distance, mut slope, mut curvature) = (0.0, 0.0, 0.0);
+        for axis in 0..3 {
+            let at = from[axis] + by[axis] * time;
+            let apart = (at - target.low[axis]).min(0.0) + (at - target.high[axis]).max(0.0);
+            distance += apart * apart;
+            slope += apart * by[axis];
+            curvature += if apart == 0.0 { 0.0 } else { by[axis] * by[axis] };
+        }
+        if distance < limit - CLOSE {
+            return true;
+        }
+        // How much nearer it can still get, as the distance is above its tangent.
+        let left = if slope > 0.0 { time - earliest } else { latest - time };
+        if distance - 2.0 * slope.abs() * left > limit + CLOSE {
+            return false;
+        }
+        if slope > 0.0 {
+            latest = time;
+        } else {
+            earliest = time;
+        }
+        let next = if curvature > 0.0 { time - slope / curvature } else { time };
+        time = next.clamp(earliest, latest);
+    }
+    distance_squared(from, by, target) < limit
+}
+
 /// The cells, along one axis, that come within `reach` of an interval.
 fn range(a: f64, b: f64, reach: f64) -> (i32, i32) {
-    ((a.min(b) - reach).floor() as i32, (a.max(b) + reach).floor() as i32)
+    (floor(a.min(b) - reach), floor(a.max(b) + reach))
+}
+
+/// The greatest whole number that is not above a coordinate; without a call of a function.
+fn floor(along: f64) -> i32 {
+    let truncated = along as i32;
+    truncated - i32::from(f64::from(truncated) > along)
 }
 
 /// The times between 0 and 1 at which a coordinate is between two values.
@@ -105,19 +184,18 @@ fn within(from: f64, by: f64, low: f64, high: f64) -> (f64, f64) {
     (a.min(b).clamp(0.0, 1.0), a.max(b).clamp(0.0, 1.0))
 }
 
-/// The least distance, squared, between a point that moves from `from` by `by` and the cube of a
-/// cell.
-fn distance_squared(from: [f64; 3], by: [f64; 3], cell: Cell) -> f64 {
-    let low = [cell.x, cell.y, cell.z].map(f64::from);
+/// The least distance, squared, between a point that moves from `from` by `by` and a box.
+fn distance_squared(from: [f64; 3], by: [f64; 3], Box3 { low, high }: &Box3) -> f64 {
     let offset = |axis: usize, time: f64| {
         let at = from[axis] + by[axis] * time;
-        (at - low[axis]).min(0.0) + (at - low[axis] - 1.0).max(0.0)
+        (at - low[axis]).min(0.0) + (at - high[axis]).max(0.0)
     };
     let at = |time: f64| (0..3).map(|axis| offset(axis, time)).map(|apart| apart * apart).sum::<f64>();
     // Between the times at which the point passes the plane of a face, the distance is quadratic.
     let mut times = [0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
     for (slot, time) in times[1..].iter_mut().enumerate().take(6) {
-        let (axis, plane) = (slot / 2, low[slot / 2] + (slot % 2) as f64);
+        let axis = slot / 2;
+        let plane = if slot % 2 == 0 { low[axis] } else { high[axis] };
         let crossing = (plane - from[axis]) / by[axis];
         if crossing > 0.0 && crossing < 1.0 {
             *time = crossing;
@@ -205,7 +283,7 @@ mod tests {
             from in prop::array::uniform3(-3.0..3.0), to in prop::array::uniform3(-3.0..3.0),
         ) {
             let by = [0, 1, 2].map(|axis| to[axis] - from[axis]);
-            let (exact, sampled) = (distance_squared(from, by, Cell::default()), sampled(from, to, Cell::default()));
+            let (exact, sampled) = (distance_squared(from, by, &Box3::of_cell(Cell::default())), sampled(from, to, Cell::default()));
             prop_assert!(exact <= sampled + 1e-12);
             prop_assert!(sampled.sqrt() <= exact.sqrt() + 0.006, "{exact} {sampled}");
         }
@@ -219,7 +297,7 @@ mod tests {
             for z in -6..6 {
                 for y in -6..6 {
                     for x in -6..6 {
-                        if distance_squared(from, by, Cell::new(x, y, z)) < radius * radius {
+                        if distance_squared(from, by, &Box3::of_cell(Cell::new(x, y, z))) < radius * radius {
                             all.push(Cell::new(x, y, z));
                         }
                     }

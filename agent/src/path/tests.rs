@@ -12,6 +12,7 @@ use super::*;
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::testing::drawn;
 
+mod room;
 mod straight;
 
 fn search(map: &ExplorationMap, neighbours: Neighbours, radius_m: f64, start: Cell, goal: Cell) -> Option<Path> {

@@ -1,0 +1,225 @@
+//! The journal of a map: each change once, in order, in about two bytes.
+//!
+//! It is most of what an agent remembers, and its old parts are seldom read. So it consists of
+//! sections: the last one has an [`Entry`] for each change, and full ones are packed. A packed
+//! change is a byte with the number of the cell in its block and the finding, which is not 0.
+//! Bytes whose lower two bits are 0 say where the next changes are, and from whom:
+//!
+//! | upper six bits | meaning |
+//! |---|---|
+//! | 0 | the block is another one; the difference follows, zigzag and LEB128 |
+//! | 1 | the source is another one; 1 + its number follows, LEB128 |
+//! | others | the block is another one; the difference is 32 less |
+
+use super::Finding;
+use super::delta::Block;
+use std::ops::Range;
+
+/// Entries of a section.
+const SECTION: usize = if cfg!(test) { 32 } else { 4096 };
+
+/// What a byte adds to the difference of blocks that it holds.
+const BIAS: i32 = 32;
+
+/// The upper six bits of the bytes without a difference.
+const FAR: u8 = 0;
+const SOURCE: u8 = 1;
+
+/// A change in 8 bytes. `what` has the block of the cell in the upper 24 bits, its number in the
+/// block in the next 6, and the finding in the lower two: a map of 1024^3 cells has 256^3 blocks.
+///
+/// Most readers want blocks: map messages consist of them, and their coordinates do not take a
+/// division for each cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Entry {
+    what: u32,
+    pub(super) from: u32,
+}
+
+impl Entry {
+    pub(super) fn new((block, number): (u32, u32), finding: Finding, from: u32) -> Self {
+        Self { what: block << 8 | number << 2 | finding as u32, from }
+    }
+
+    /// The block of the cell, and the number of the cell in it.
+    pub(super) fn place(self) -> (u32, u32) {
+        (self.what >> 8, self.what >> 2 & 63)
+    }
+
+    pub(super) fn report(self) -> Block {
+        let (block, number) = self.place();
+        Block::of_cell(block, number, self.finding())
+    }
+
+    pub(super) fn finding(self) -> Finding {
+        match self.what & 3 {
+            1 => Finding::Free,
+            2 => Finding::Covered,
+            _ => Finding::Wall,
+        }
+    }
+}
+
+/// The changes of one map.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Journal {
+    /// Full sections.
+    packed: Vec<Box<[u8]>>,
+    last: Vec<Entry>,
+}
+
+impl Journal {
+    /// Number of changes.
+    pub(super) fn len(&self) -> usize {
+        self.packed.len() * SECTION + self.last.len()
+    }
+
+    pub(super) fn push(&mut self, entry: Entry) {
+        self.last.push(entry);
+        if self.last.len() == SECTION {
+            self.packed.push(pack(&self.last));
+            self.last.clear();
+        }
+    }
+
+    /// The entries at these positions, in order; there are none beyond the end.
+    pub(super) fn entries(&self, positions: Range<usize>) -> impl Iterator<Item = Entry> + '_ {
+        let end = positions.end.min(self.len());
+        let start = positions.start.min(end);
+        let plain_from = self.packed.len() * SECTION;
+        let of_last = |position: usize| position.max(plain_from) - plain_from;
+        let plain = &self.last[of_last(start)..of_last(end)];
+        let section = start / SECTION;
+        let packed = self.packed.get(section..).unwrap_or_default().iter().flat_map(|bytes| Unpacked::new(bytes));
+        let count = end.min(plain_from).saturating_sub(start);
+        packed.skip(start - section * SECTION).take(count).chain(plain.iter().copied())
+    }
+}
+
+fn pack(entries: &[Entry]) -> Box<[u8]> {
+    let mut bytes = Vec::with_capacity(2 * entries.len());
+    let (mut block, mut source) = (0_u32, 0_u32);
+    for entry in entries {
+        let (to, from) = (entry.what >> 8, entry.from.wrapping_add(1));
+        if from != source {
+            bytes.push(SOURCE << 2);
+            put(&mut bytes, from);
+            source = from;
+        }
+        if to != block {
+            let by = to.wrapping_sub(block).cast_signed();
+            match u8::try_from(by + BIAS) {
+                Ok(near @ 2..64) => bytes.push(near << 2),
+                _ => {
+                    bytes.push(FAR << 2);
+                    put(&mut bytes, (by << 1 ^ by >> 31).cast_unsigned());
+                }
+            }
+            block = to;
+        }
+        bytes.push(entry.what as u8);
+    }
+    bytes.into()
+}
+
+/// Appends a number, seven bits at a time.
+fn put(bytes: &mut Vec<u8>, mut number: u32) {
+    while number >= 0x80 {
+        bytes.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    bytes.push(number as u8);
+}
+
+/// The entries of a packed section.
+struct Unpacked<'b> {
+    bytes: std::slice::Iter<'b, u8>,
+    block: u32,
+    source: u32,
+}
+
+impl<'b> Unpacked<'b> {
+    fn new(bytes: &'b [u8]) -> Self {
+        Self { bytes: bytes.iter(), block: 0, source: 0 }
+    }
+
+    fn number(&mut self) -> Option<u32> {
+        let (mut number, mut shift) = (0, 0);
+        loop {
+            let byte = *self.bytes.next()?;
+            number |= u32::from(byte & 0x7f) << shift;
+            if byte & 0x80 == 0 {
+                return Some(number);
+            }
+            shift += 7;
+        }
+    }
+}
+
+impl Iterator for Unpacked<'_> {
+    type Item = Entry;
+
+    #[inline]
+    fn next(&mut self) -> Option<Entry> {
+        loop {
+            let byte = *self.bytes.next()?;
+            if byte & 3 != 0 {
+                let what = self.block << 8 | u32::from(byte);
+                return Some(Entry { what, from: self.source.wrapping_sub(1) });
+            }
+            match byte >> 2 {
+                FAR => {
+                    let zigzag = self.number()?;
+                    let by = (zigzag >> 1) ^ (zigzag & 1).wrapping_neg();
+                    self.block = self.block.wrapping_add(by);
+                }
+                SOURCE => self.source = self.number()?,
+                near => self.block = self.block.wrapping_add_signed(i32::from(near) - BIAS),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn entries() -> impl Strategy<Value = Vec<Entry>> {
+        let block = prop_oneof![4 => 1000_u32..1070, 1 => 0_u32..1 << 24];
+        let from = prop_oneof![3 => Just(u32::MAX), 1 => 0_u32..1000];
+        let finding = prop::sample::select(vec![Finding::Free, Finding::Covered, Finding::Wall]);
+        let entry = (block, 0_u32..64, finding, from);
+        prop::collection::vec(
+            entry.prop_map(|(block, number, finding, from)| Entry::new((block, number), finding, from)),
+            0..200,
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn entries_are_read_as_written(
+            entries in entries(), ranges in prop::collection::vec((0_usize..210, 0_usize..210), 8),
+        ) {
+            let mut journal = Journal::default();
+            entries.iter().for_each(|&entry| journal.push(entry));
+            prop_assert_eq!(journal.len(), entries.len());
+            for (start, end) in ranges {
+                let expected = entries.get(start.min(entries.len())..end.min(entries.len())).unwrap_or_default();
+                prop_assert!(journal.entries(start..end).eq(expected.iter().copied()));
+            }
+        }
+    }
+
+    #[test]
+    fn a_row_of_cells_takes_less_than_two_bytes_for_each() {
+        let mut journal = Journal::default();
+        let count = 64 * SECTION as u32;
+        for cell in 0..count {
+            journal.push(Entry::new((7000 + cell / 4, cell % 4), Finding::Free, u32::MAX));
+        }
+        let bytes: usize = journal.packed.iter().map(|section| section.len()).sum();
+        assert!(bytes < 2 * count as usize, "{bytes}");
+    }
+}
