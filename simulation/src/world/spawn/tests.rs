@@ -108,7 +108,7 @@ fn bodies_wider_than_a_cell_keep_clear_of_each_other_and_of_walls() {
     let spec = SpawnSpec::Box { low: [0.0; 3], high: [9.0; 3], yaw_rad: 0.0 };
     let packed = poses(&spec, &hall(), &[1.0; 2]).unwrap();
     let positions: Vec<_> = packed.iter().map(|pose| pose.position).collect();
-    assert_eq!(positions, [Point3::new(2.5, 2.5, 2.5), Point3::new(4.5, 2.5, 2.5)]);
+    assert_eq!(positions, [Point3::new(2.0, 2.0, 2.0), Point3::new(4.0, 2.0, 2.0)]);
     assert_eq!(fit(poses(&spec, &hall(), &[1.0; 3])), 2);
     assert_eq!(fit(poses(&spec, &hall(), &[1.2; 2])), 1);
 }
