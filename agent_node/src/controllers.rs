@@ -9,6 +9,7 @@
 //! clock.
 
 pub mod auction;
+mod blockage;
 pub mod boustrophedon;
 pub mod collision_recovery;
 pub mod ctx;

@@ -9,9 +9,9 @@
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 
-use super::obstacles::is_near;
-use crate::command::WakeCondition;
-use crate::controllers::Ctx;
+use super::Ctx;
+use super::dsvp::obstacles::is_near;
+use crate::command::{Command, Stage, WakeCondition};
 use crate::observation::Observation;
 use msgs::event_mask::EventMask;
 
@@ -30,7 +30,7 @@ const PLACES_MAX: usize = 64;
 
 /// The blockages since the map last changed.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Blockages {
+pub(crate) struct Blockages {
     /// Known cells of the map at the last one.
     known_cells: usize,
     standing: Vec<Standing>,
@@ -49,15 +49,22 @@ struct Standing {
 
 /// A rest before a body that is taken to stay.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Rest {
-    pub(super) wake: WakeCondition,
-    pub(super) info: String,
+pub(crate) struct Rest {
+    pub(crate) wake: WakeCondition,
+    pub(crate) info: String,
+}
+
+impl Rest {
+    /// The command of a body that has been stopped.
+    pub(crate) fn command(self) -> Command {
+        Command::keep(self.wake).with_stage(Stage::Waiting).with_info(self.info)
+    }
 }
 
 impl Blockages {
     /// Notes that the bodies nearby block all paths now, or that this body has run into another
     /// one. Returns how it rests if one of them is taken to stay where it is.
-    pub(super) fn note(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Rest> {
+    pub(crate) fn note(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Rest> {
         let known_cells = ctx.map().free() + ctx.map().wall();
         if std::mem::replace(&mut self.known_cells, known_cells) != known_cells {
             self.standing.clear();

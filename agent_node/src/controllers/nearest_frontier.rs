@@ -10,7 +10,7 @@
 //!
 //! With `relays=on` it drops relays where it would lose contact ([`super::relays`]). It does not
 //! coordinate: agents with equal maps go to the same frontiers. It does not find a path around an
-//! agent that stays in a passage one cell wide.
+//! agent that stays in its way, and rests before one that does for long.
 
 use std::collections::BTreeSet;
 use std::task::Poll;
@@ -21,6 +21,7 @@ use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
+use super::blockage::Blockages;
 use super::relays::Relays;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoint, Viewpoints};
@@ -47,6 +48,8 @@ pub struct NearestFrontier {
     /// Of a body wider than a cell: its viewpoints, and the one it moves to.
     viewpoints: Option<Viewpoints>,
     viewpoint: Option<Viewpoint>,
+    /// The agents that it has run into.
+    blockages: Blockages,
     relays: Relays,
     /// The waypoints ahead of it.
     waypoints: Vec<Point3<f64>>,
@@ -67,6 +70,7 @@ impl NearestFrontier {
             abandoned: BTreeSet::new(),
             viewpoints: None,
             viewpoint: None,
+            blockages: Blockages::default(),
             relays,
             waypoints: Vec::new(),
         })
@@ -163,6 +167,9 @@ impl Controller for NearestFrontier {
         // collisions.
         if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events.intersects(EventMask::COLLISION) {
             (self.goal, self.viewpoint) = (None, None);
+            if let Some(rest) = self.blockages.note(observation, ctx) {
+                return rest.command();
+            }
             return collision_recovery::step_aside(&mut self.rng, ctx);
         }
         if ctx.is_wide() {
