@@ -34,6 +34,8 @@ pub(crate) struct Blockages {
     /// Known cells of the map at the last one.
     known_cells: usize,
     standing: Vec<Standing>,
+    /// Whether the last blockage was followed by a rest.
+    has_rested: bool,
 }
 
 /// A body that has not moved between blockages.
@@ -54,6 +56,15 @@ pub(crate) struct Rest {
     pub(crate) info: String,
 }
 
+/// What follows a collision with a body that is taken to stay.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Yield {
+    /// A rest where the body is.
+    Rest(Rest),
+    /// A step aside, from where the next attempt may lead past.
+    StepAside,
+}
+
 impl Rest {
     /// The command of a body that has been stopped.
     pub(crate) fn command(self) -> Command {
@@ -62,6 +73,14 @@ impl Rest {
 }
 
 impl Blockages {
+    /// [`Blockages::note`] for controllers that find no path around a body but by steps aside: no
+    /// two rests follow each other without one.
+    pub(crate) fn note_between_steps(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Yield> {
+        let rest = self.note(observation, ctx);
+        self.has_rested = rest.is_some() && !self.has_rested;
+        rest.map(|rest| if self.has_rested { Yield::Rest(rest) } else { Yield::StepAside })
+    }
+
     /// Notes that the bodies nearby block all paths now, or that this body has run into another
     /// one. Returns how it rests if one of them is taken to stay where it is.
     pub(crate) fn note(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Rest> {

@@ -34,7 +34,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
-use super::blockage::Blockages;
+use super::blockage::{Blockages, Yield};
 use super::failed_goals::FailedGoals;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
@@ -285,15 +285,17 @@ impl Lvd {
     /// Waits or moves aside at random, so that two agents do not block each other for ever; rests if
     /// one of them has not moved for long.
     fn evade(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        if let Some(rest) = self.blockages.note(observation, ctx) {
-            self.destination = None;
+        let destination = self.destination.take();
+        let standing = self.blockages.note_between_steps(observation, ctx);
+        let is_standing = standing.is_some();
+        if let Some(Yield::Rest(rest)) = standing {
             return rest.command();
         }
-        if let Some((goal, purpose)) = self.destination.take() {
+        if let Some((goal, purpose)) = destination.filter(|_| !is_standing) {
             self.refuse(purpose.aim(goal), observation.tick);
         }
         let asides = ctx.clear_neighbours();
-        if !asides.is_empty() && self.rng.random_bool(0.5) {
+        if !asides.is_empty() && (is_standing || self.rng.random_bool(0.5)) {
             let aside = asides[self.rng.random_range(0..asides.len())];
             return self.pursue(observation, ctx, aside, Purpose::Evade);
         }

@@ -21,7 +21,7 @@ use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
-use super::blockage::Blockages;
+use super::blockage::{Blockages, Yield};
 use super::relays::Relays;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoint, Viewpoints};
@@ -167,7 +167,7 @@ impl Controller for NearestFrontier {
         // collisions.
         if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events.intersects(EventMask::COLLISION) {
             (self.goal, self.viewpoint) = (None, None);
-            if let Some(rest) = self.blockages.note(observation, ctx) {
+            if let Some(Yield::Rest(rest)) = self.blockages.note_between_steps(observation, ctx) {
                 return rest.command();
             }
             return collision_recovery::step_aside(&mut self.rng, ctx);
