@@ -23,7 +23,8 @@
 //!
 //! The reference draws from the one random stream of its engine; this controller draws from its
 //! own. The reference throws if a stage finds no destination, which ends the tick for the whole
-//! team; here the agent tries again. It rests before a body that does not move for long.
+//! team; here the agent tries again. It makes way for agents that it runs into again and again, and
+//! rests before one that does not move for long.
 //!
 //! The reference has no bodies wider than a cell. Nodes for such a body are cells in which it has
 //! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier
@@ -44,9 +45,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, FACES};
 
-use super::blockage::Blockages;
+use super::blockage::{Blockages, Yield};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
-use super::{Controller, Ctx};
+use super::{Controller, Ctx, collision_recovery};
 use crate::command::{Command, Motion, Stage, WakeCondition};
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::navigation::{NavigationStatus, SearchTime};
@@ -88,9 +89,9 @@ const LEFT_OUT: Cell = Cell::new(0, 1, 0);
 /// Ticks after which a body wider than a cell without a destination looks again: 5 s.
 const IDLE_TICKS: u64 = 250;
 
-/// After so many collisions with agents in one cell it waits half a second after each further one.
+/// After so many collisions with agents in one cell it makes way after each further one; a body
+/// wider than a cell does after each.
 const RUN_INTO_MAX: u32 = 8;
-const RUN_INTO_TICKS: u64 = 25;
 
 /// The list is purged of former frontiers when it has this many entries, and again each time its
 /// length has doubled.
@@ -287,10 +288,12 @@ impl Controller for DsvpMaes3d {
             let times = if self.run_into.0 == ctx.cell() { self.run_into.1 + 1 } else { 1 };
             self.run_into = (ctx.cell(), times);
         }
-        let command = if has_run_into_agent && let Some(rest) = self.blockages.note(observation, ctx) {
+        let evades = has_run_into_agent && (ctx.is_wide() || self.run_into.1 > RUN_INTO_MAX);
+        let standing = if has_run_into_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
+        let command = if let Some(Yield::Rest(rest)) = standing {
             rest.command()
-        } else if has_run_into_agent && self.run_into.1 > RUN_INTO_MAX {
-            Command::keep(WakeCondition::at(observation.tick.after(RUN_INTO_TICKS)))
+        } else if evades {
+            collision_recovery::step_aside(&mut self.rng, ctx)
         } else if observation.is_active {
             Command::keep(UNDER_WAY)
         } else if observation.tick < acts_at {

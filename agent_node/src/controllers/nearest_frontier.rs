@@ -10,7 +10,7 @@
 //!
 //! With `relays=on` it drops relays where it would lose contact ([`super::relays`]). It does not
 //! coordinate: agents with equal maps go to the same frontiers. It does not find a path around an
-//! agent that stays in its way, and rests before one that does for long.
+//! agent that stays in a passage one cell wide.
 
 use std::collections::BTreeSet;
 use std::task::Poll;
@@ -21,7 +21,6 @@ use nalgebra::Point3;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
-use super::blockage::{Blockages, Yield};
 use super::relays::Relays;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoint, Viewpoints};
@@ -48,8 +47,6 @@ pub struct NearestFrontier {
     /// Of a body wider than a cell: its viewpoints, and the one it moves to.
     viewpoints: Option<Viewpoints>,
     viewpoint: Option<Viewpoint>,
-    /// The agents that it has run into.
-    blockages: Blockages,
     relays: Relays,
     /// The waypoints ahead of it.
     waypoints: Vec<Point3<f64>>,
@@ -70,7 +67,6 @@ impl NearestFrontier {
             abandoned: BTreeSet::new(),
             viewpoints: None,
             viewpoint: None,
-            blockages: Blockages::default(),
             relays,
             waypoints: Vec::new(),
         })
@@ -167,9 +163,6 @@ impl Controller for NearestFrontier {
         // collisions.
         if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events.intersects(EventMask::COLLISION) {
             (self.goal, self.viewpoint) = (None, None);
-            if let Some(Yield::Rest(rest)) = self.blockages.note_between_steps(observation, ctx) {
-                return rest.command();
-            }
             return collision_recovery::step_aside(&mut self.rng, ctx);
         }
         if ctx.is_wide() {

@@ -203,15 +203,15 @@ mod tests {
 
     #[test]
     fn large_boxes_are_decided_cell_by_cell() {
-        let giant = BodyModel { radius_m: 9.0, ..BodyModel::SUBMARINE };
+        let giant = BodyModel { radius_m: 8.5, ..BodyModel::SUBMARINE };
         let bodies = Bodies::new(vec![giant], vec![0, 0, 0]).unwrap();
         let extent = Extent::new([60; 3], 1.0).unwrap();
         let at = [Point3::new(20.2, 30.0, 30.7), Point3::new(41.0, 28.5, 30.0)];
         let contacts = [0, 1].map(|agent: usize| Contact { agent: AgentId::from_index(agent), position: at[agent] });
-        let obstacles = Obstacles::near(&contacts, &Point3::new(30.5, 30.5, 30.5), 9.0, &bodies, extent);
+        let obstacles = Obstacles::near(&contacts, &Point3::new(30.5, 30.5, 30.5), 8.5, &bodies, extent);
         assert!(obstacles.occupied.is_empty());
         for cell in extent.cells() {
-            let is_within = at.iter().any(|at| (extent.centre(cell) - at).norm() < CLEARANCE * 18.0);
+            let is_within = at.iter().any(|at| (extent.centre(cell) - at).norm() < CLEARANCE * 17.0);
             assert_eq!(obstacles.occupy(cell), is_within, "{cell:?}");
         }
     }
