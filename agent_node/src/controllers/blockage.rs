@@ -25,6 +25,9 @@ const STANDING_TICKS: u64 = 1000;
 const REST_TICKS: u64 = 500;
 const RESTS_MAX: u32 = 12;
 
+/// Most steps aside before bodies that are taken to stay, while the map does not change.
+const STEPS_ASIDE_MAX: u32 = 3;
+
 /// Most blockages that are remembered.
 const PLACES_MAX: usize = 64;
 
@@ -34,8 +37,8 @@ pub(crate) struct Blockages {
     /// Known cells of the map at the last one.
     known_cells: usize,
     standing: Vec<Standing>,
-    /// Whether the last blockage was followed by a rest.
-    has_rested: bool,
+    /// Steps aside before bodies that are taken to stay.
+    steps_aside: u32,
 }
 
 /// A body that has not moved between blockages.
@@ -73,12 +76,15 @@ impl Rest {
 }
 
 impl Blockages {
-    /// [`Blockages::note`] for controllers that find no path around a body but by steps aside: no
-    /// two rests follow each other without one.
+    /// [`Blockages::note`] for controllers that find no path around a body but by steps aside, which
+    /// come before the rests.
     pub(crate) fn note_between_steps(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Yield> {
-        let rest = self.note(observation, ctx);
-        self.has_rested = rest.is_some() && !self.has_rested;
-        rest.map(|rest| if self.has_rested { Yield::Rest(rest) } else { Yield::StepAside })
+        let rest = self.note(observation, ctx)?;
+        if self.steps_aside == STEPS_ASIDE_MAX {
+            return Some(Yield::Rest(rest));
+        }
+        self.steps_aside += 1;
+        Some(Yield::StepAside)
     }
 
     /// Notes that the bodies nearby block all paths now, or that this body has run into another
@@ -87,6 +93,7 @@ impl Blockages {
         let known_cells = ctx.map().free() + ctx.map().wall();
         if std::mem::replace(&mut self.known_cells, known_cells) != known_cells {
             self.standing.clear();
+            self.steps_aside = 0;
         }
         let (bodies, radius_m, here) = (&ctx.run_info().bodies, ctx.body().radius_m, ctx.position());
         let near = observation.contacts.iter().filter(|contact| is_near(contact, &here, radius_m, bodies));

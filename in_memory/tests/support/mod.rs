@@ -10,12 +10,12 @@ use simulation::scenario::Scenario;
 use voxels::{Cell, Extent, Grid, Terrain};
 
 /// A solid map.
-pub fn solid(size: [u32; 3], cell_m: f64) -> Grid<Terrain> {
+pub(crate) fn solid(size: [u32; 3], cell_m: f64) -> Grid<Terrain> {
     Grid::new(Extent::new(size, cell_m).expect("a legal size"), Terrain::Wall)
 }
 
 /// Sets a box of cells.
-pub fn fill(terrain: &mut Grid<Terrain>, [x, y, z]: [Range<i32>; 3], to: Terrain) {
+pub(crate) fn fill(terrain: &mut Grid<Terrain>, [x, y, z]: [Range<i32>; 3], to: Terrain) {
     for (x, y, z) in z.flat_map(|z| {
         y.clone().flat_map({
             let x = x.clone();
@@ -27,7 +27,7 @@ pub fn fill(terrain: &mut Grid<Terrain>, [x, y, z]: [Range<i32>; 3], to: Terrain
 }
 
 /// The result of a scenario on a map; `keys` are lines of the scenario.
-pub fn result(terrain: &Grid<Terrain>, keys: &str) -> RunResult {
+pub(crate) fn result(terrain: &Grid<Terrain>, keys: &str) -> RunResult {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("map.txt");
     let text = format!("cell_m = {}\n{}", terrain.extent().cell_m(), terrain.to_text());
