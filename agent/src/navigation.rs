@@ -127,6 +127,12 @@ impl NavigationTask {
         }
     }
 
+    /// The cell whose place is nearest to a point (metres, frame `map`).
+    #[must_use]
+    pub fn cell_near(&self, map: &ExplorationMap, point: &Point3<f64>) -> Cell {
+        self.to_all.lattice().cell_near(map.extent(), point)
+    }
+
     /// Limits later searches to this number of expanded cells, beyond which they find no path,
     /// whatever their sim time.
     pub fn limit_searches(&mut self, cells_max: u64) {
@@ -141,7 +147,7 @@ impl NavigationTask {
             return Some(cell);
         }
         let graph = Graph::new(map, &self.to_all);
-        self.reachable.update(graph, map.extent().cell_of(from));
+        self.reachable.update(graph, self.to_all.lattice().cell_near(map.extent(), from));
         graph.cells_near(cell).find(|&near| self.reachable.holds(graph, near) && map.is_in_sight(near, cell))
     }
 
@@ -159,9 +165,9 @@ impl NavigationTask {
     ) -> NavigationStatus {
         if direct(map, from, goal, self.radius_m) {
             self.pending = None;
-            return NavigationStatus::Go(Motion::Path(vec![map.extent().centre(goal)]));
+            return NavigationStatus::Go(Motion::Path(vec![self.to_all.lattice().place(map.extent(), goal)]));
         }
-        let start = map.extent().cell_of(from);
+        let start = self.cell_near(map, from);
         if self.to_all.are_wide() {
             let graph = Graph::new(map, &self.to_all);
             self.reachable.update(graph, start);

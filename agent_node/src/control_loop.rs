@@ -256,7 +256,13 @@ impl Agent {
         }
         self.map.note_free(&observation.seen.free);
         self.map.note_wall(&observation.seen.wall);
-        self.map.note_covered(self.run_info.extent.cell_of(&observation.pose.position));
+        let position = observation.pose.position;
+        self.map.note_covered(self.run_info.extent.cell_of(&position));
+        // A body between cells is in several, of which it plans with one.
+        let planned = self.navigation.cell_near(&self.map, &position);
+        if self.map.state(planned).is_free() {
+            self.map.note_covered(planned);
+        }
         self.sharing.incoming(&mut self.map, &observation.messages);
         observation.messages.retain(|message| message.kind != MessageType::Map.number());
         Ok(())

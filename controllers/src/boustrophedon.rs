@@ -90,8 +90,8 @@ impl Boustrophedon {
     /// The step and the last cell of the next line, if there is one.
     fn next_line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
         let here = ctx.cell();
-        // Lines lead from cell centre to cell centre.
-        if ctx.map().extent().centre(here) != ctx.position() {
+        // Lines lead from place to place.
+        if ctx.place(here) != ctx.position() {
             return None;
         }
         LINES.iter().find_map(|&(step, cells_max)| {
@@ -149,7 +149,7 @@ impl Controller for Boustrophedon {
         }
         if let Some((step, end)) = Self::next_line(ctx) {
             self.task = Task::Line(ctx.cell(), step);
-            let motion = Motion::Path(vec![ctx.map().extent().centre(end)]);
+            let motion = Motion::Path(vec![ctx.place(end)]);
             return Command::new(motion, WakeCondition::TASK_DONE).with_info("ploughs");
         }
         let under_way = match self.task {

@@ -20,7 +20,7 @@ pub fn step_aside(rng: &mut ChaCha8Rng, ctx: &Ctx<'_>) -> Command {
     let beside = ctx.clear_neighbours();
     let motion = match beside.len() {
         0 => Motion::Keep,
-        cells => Motion::Path(vec![ctx.map().extent().centre(beside[rng.random_range(0..cells)])]),
+        cells => Motion::Path(vec![ctx.place(beside[rng.random_range(0..cells)])]),
     };
     let until = ctx.tick().after(rng.random_range(HOLD_TICKS));
     Command::new(motion, WakeCondition::at(until)).with_stage(Stage::Waiting).with_info("makes way")

@@ -77,10 +77,18 @@ impl<'a> Ctx<'a> {
         self.pose.yaw_rad
     }
 
-    /// The cell that contains the centre of the body.
+    /// The cell whose place is nearest to the body: for most bodies the one that contains its
+    /// centre ([`voxels::BodyLattice`]).
     #[must_use]
     pub fn cell(&self) -> Cell {
-        self.map.extent().cell_of(&self.pose.position)
+        self.navigation.cell_near(self.map, &self.pose.position)
+    }
+
+    /// Where the body is in a cell on its paths, metres, frame `map`: mostly at its centre
+    /// ([`voxels::BodyLattice`]).
+    #[must_use]
+    pub fn place(&self, cell: Cell) -> Point3<f64> {
+        self.navigation.moves(Neighbours::TwentySix).lattice().place(self.map.extent(), cell)
     }
 
     /// The map of the agent: all it has sensed and received.
@@ -114,7 +122,7 @@ impl<'a> Ctx<'a> {
         (self.body().kind == BodyKind::Aerial && can_be_told).then(|| Motion::Path(vec![end]))
     }
 
-    /// The motion to the centre of a cell: straight if that is known to be clear, else along the
+    /// The motion to the [place](Ctx::place) of a cell: straight if that is known to be clear, else along the
     /// cheapest path through cells known to be free, with 26 neighbours.
     ///
     /// If the search takes time, the body must stay at rest until the wake-up condition of
@@ -144,8 +152,8 @@ impl<'a> Ctx<'a> {
         self.navigation.limit_searches(cells_max);
     }
 
-    /// The motion to the centre of a cell nearby that the body has to make before it can follow
-    /// paths, which lead through centres: a body wider than a cell that was stopped between them
+    /// The motion to the place of a cell nearby that the body has to make before it can follow
+    /// paths, which lead from place to place: a body wider than a cell that was stopped between them
     /// may not reach that of its own cell, because a wall is too near to it. `None` for all others,
     /// and if there is no such cell.
     #[must_use]
@@ -154,7 +162,7 @@ impl<'a> Ctx<'a> {
             return None;
         }
         let cell = self.graph(Neighbours::TwentySix).cells_near(self.cell()).find(|&cell| self.is_clear_to(cell))?;
-        Some(Motion::Path(vec![self.map.extent().centre(cell)]))
+        Some(Motion::Path(vec![self.place(cell)]))
     }
 
     /// The motion along a path that begins in the cell of the body, with as few legs as possible.
@@ -163,7 +171,7 @@ impl<'a> Ctx<'a> {
         self.navigation.motion_along(self.map, &self.pose.position, path)
     }
 
-    /// Whether the straight leg to the centre of a cell is known to be clear for the body.
+    /// Whether the straight leg to the place of a cell is known to be clear for the body.
     #[must_use]
     pub fn is_clear_to(&self, goal: Cell) -> bool {
         direct(self.map, &self.pose.position, goal, self.body().radius_m)

@@ -23,7 +23,6 @@
 //! knows a reachable frontier or the last position of another agent.
 
 mod avoidance;
-mod blockage;
 mod coordination;
 mod driving;
 mod dtw;
@@ -31,7 +30,7 @@ mod expectation;
 mod exploration;
 pub(super) mod gain;
 mod goal;
-mod obstacles;
+pub(crate) mod obstacles;
 mod params;
 mod pursuit;
 mod relocation;
@@ -51,8 +50,9 @@ use nalgebra::Vector3;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use voxels::Cell;
+use voxels::{BodyLattice, Cell};
 
+use super::blockage::Blockages;
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, Setup};
 use agent::abstract_graph::{AbstractGraph, ShortestPaths};
@@ -61,7 +61,6 @@ use agent::exploration_map::{CellState, ExplorationMap};
 use agent::observation::Observation;
 use agent::path::Neighbours;
 use avoidance::{Waypoints, hold, motion_to, obstacles_near, path_length_m};
-use blockage::Blockages;
 use coordination::Coordination;
 use driving::Driving;
 use gain::{GainEstimator, Likelihood};
@@ -138,18 +137,20 @@ impl<C: Coordination> Dsvp<C> {
         let Params { gain_range_m, gain_rays, gain_depth, wall_adjacency_factor, .. } = params;
         let range_m = gain_range_m.min(run_info.lidar_range_m).min(100.0 * extent.cell_m());
         let range_cells = range_m / extent.cell_m();
+        let radius_m = run_info.bodies.of(agent).radius_m;
         Self {
             params,
             coordination,
             rng,
-            graph: AbstractGraph::new(extent, run_info.bodies.of(agent).radius_m),
+            graph: AbstractGraph::new(extent, radius_m),
             paths: ShortestPaths::default(),
             gain_estimator: GainEstimator::new(
                 gain_rays,
                 range_cells,
                 gain_depth,
                 Likelihood::new(wall_adjacency_factor),
-            ),
+            )
+            .from(BodyLattice::of(radius_m, extent.cell_m())),
             pursuit: Pursuit::new(agent, run_info.agents),
             tree: None,
             direction: None,

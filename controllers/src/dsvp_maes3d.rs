@@ -23,7 +23,8 @@
 //!
 //! The reference draws from the one random stream of its engine; this controller draws from its
 //! own. The reference throws if a stage finds no destination, which ends the tick for the whole
-//! team; here the agent tries again.
+//! team; here the agent tries again. It makes way for agents that it runs into again and again, and
+//! rests before one that does not move for long.
 //!
 //! The reference has no bodies wider than a cell. Nodes for such a body are cells in which it has
 //! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier
@@ -34,7 +35,7 @@
 
 mod tree;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::task::Poll;
 
 use msgs::event_mask::EventMask;
@@ -44,8 +45,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, FACES};
 
+use super::blockage::{Blockages, Yield};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
-use super::{Controller, Ctx};
+use super::{Controller, Ctx, collision_recovery};
 use agent::command::{Command, Motion, Stage, WakeCondition};
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::navigation::{NavigationStatus, SearchTime};
@@ -87,6 +89,10 @@ const LEFT_OUT: Cell = Cell::new(0, 1, 0);
 /// Ticks after which a body wider than a cell without a destination looks again: 5 s.
 const IDLE_TICKS: u64 = 250;
 
+/// After so many collisions with agents in one cell it makes way after each further one; a body
+/// wider than a cell does after each.
+const RUN_INTO_MAX: u32 = 8;
+
 /// The list is purged of former frontiers when it has this many entries, and again each time its
 /// length has doubled.
 const CLEARED_FROM: usize = 4096;
@@ -104,6 +110,12 @@ pub struct DsvpMaes3d {
     /// Whether the last stage found no destination.
     is_trying_again: bool,
     is_done: bool,
+    /// The agents that it has run into.
+    blockages: Blockages,
+    /// The cell in which it has run into an agent, and how often in a row.
+    run_into: (Cell, u32),
+    /// See [`Gains::of`].
+    beside: Vec<Cell>,
     /// Of a body wider than a cell, once its list is empty.
     viewpoints: Option<Viewpoints>,
 }
@@ -120,6 +132,9 @@ impl DsvpMaes3d {
             notices_at: None,
             is_trying_again: false,
             is_done: false,
+            blockages: Blockages::default(),
+            run_into: (Cell::default(), 0),
+            beside: Vec::new(),
             viewpoints: None,
         }
     }
@@ -139,7 +154,8 @@ impl DsvpMaes3d {
             self.is_trying_again = false;
             return self.relocate(ctx);
         }
-        let best = trees.local.best_branch(|at| viewpoint_gain(ctx.graph(Neighbours::Six), cell_of(at)));
+        let mut gains = Gains::of(ctx.graph(Neighbours::Six), &mut self.beside);
+        let best = trees.local.best_branch(|at| gains.at(cell_of(at)));
         self.is_trying_again = best.is_none();
         let Some(node) = best else {
             if ctx.is_wide() {
@@ -152,7 +168,7 @@ impl DsvpMaes3d {
         };
         let at = trees.local.at(node);
         let cell = cell_of(at);
-        if ctx.is_wide() && viewpoint_gain(ctx.graph(Neighbours::Six), cell) <= 0.0 {
+        if ctx.is_wide() && gains.at(cell) <= 0.0 {
             return self.relocate(ctx);
         }
         trees.destination = Some((at, node));
@@ -268,7 +284,19 @@ impl Controller for DsvpMaes3d {
         if self.cell.replace(ctx.cell()) != Some(ctx.cell()) {
             self.frontiers.push_new(view, ctx.map());
         }
-        let command = if observation.is_active {
+        let has_run_into_agent = observation.events.intersects(EventMask::COLLISION)
+            && observation.collision.is_some_and(|collision| collision.with_agent);
+        if has_run_into_agent {
+            let times = if self.run_into.0 == ctx.cell() { self.run_into.1 + 1 } else { 1 };
+            self.run_into = (ctx.cell(), times);
+        }
+        let evades = has_run_into_agent && (ctx.is_wide() || self.run_into.1 > RUN_INTO_MAX);
+        let standing = if has_run_into_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
+        let command = if let Some(Yield::Rest(rest)) = standing {
+            rest.command()
+        } else if evades {
+            collision_recovery::step_aside(&mut self.rng, ctx)
+        } else if observation.is_active {
             Command::keep(UNDER_WAY)
         } else if observation.tick < acts_at {
             Command::keep(WakeCondition::at(acts_at))
@@ -447,17 +475,36 @@ fn is_open(graph: Graph<'_>, at: Point3<f64>) -> bool {
     graph.map().state(cell) == CellState::Free && (!graph.is_body_wide() || graph.is_usable(cell))
 }
 
-fn viewpoint_gain(graph: Graph<'_>, cell: Cell) -> f64 {
-    let gain = |cell: Cell| match graph.map().state(cell) {
-        CellState::Unexplored => GAIN_UNEXPLORED,
-        CellState::Wall => GAIN_WALL,
-        CellState::Free | CellState::Covered => 0.0,
-    };
-    let beside = FACES.into_iter().filter(|&offset| offset != LEFT_OUT);
-    if graph.is_body_wide() {
-        graph.cells_beside_body(cell, beside).into_iter().map(gain).sum()
-    } else {
-        beside.map(|offset| gain(cell + offset)).sum()
+/// The gains of viewpoints at one time.
+struct Gains<'a> {
+    map: &'a ExplorationMap,
+    /// The cells that count, relative to the viewpoint.
+    beside: &'a [Cell],
+    /// Those of a body wider than a cell, which has many nodes in the same cells.
+    known: Option<BTreeMap<Cell, f64>>,
+}
+
+impl<'a> Gains<'a> {
+    /// `beside` is empty before the first call, and the same body has it for the next ones.
+    fn of(graph: Graph<'a>, beside: &'a mut Vec<Cell>) -> Self {
+        if beside.is_empty() {
+            beside.extend(graph.cells_beside_body(FACES.into_iter().filter(|&offset| offset != LEFT_OUT)));
+        }
+        Self { map: graph.map(), beside, known: graph.is_body_wide().then(BTreeMap::new) }
+    }
+
+    fn at(&mut self, cell: Cell) -> f64 {
+        let (map, beside) = (self.map, self.beside);
+        let gain = |by: &Cell| match map.state(cell + *by) {
+            CellState::Unexplored => GAIN_UNEXPLORED,
+            CellState::Wall => GAIN_WALL,
+            CellState::Free | CellState::Covered => 0.0,
+        };
+        let gain = || beside.iter().map(gain).sum();
+        match &mut self.known {
+            Some(known) => *known.entry(cell).or_insert_with(gain),
+            None => gain(),
+        }
     }
 }
 

@@ -11,6 +11,7 @@
 #![warn(missing_docs)]
 
 pub mod auction;
+mod blockage;
 pub mod boustrophedon;
 pub mod collision_recovery;
 pub mod ctx;

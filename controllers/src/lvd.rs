@@ -34,6 +34,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
+use super::blockage::{Blockages, Yield};
 use super::failed_goals::FailedGoals;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
@@ -146,6 +147,8 @@ pub struct Lvd {
     /// Of a body wider than a cell.
     wide: Option<Wide>,
     waits_until: Tick,
+    /// The agents that it has run into.
+    blockages: Blockages,
     has_asked_for_view: bool,
     last_info: String,
 }
@@ -187,6 +190,7 @@ impl Lvd {
             refused: Vec::new(),
             wide: None,
             waits_until: Tick::ZERO,
+            blockages: Blockages::default(),
             has_asked_for_view: false,
             last_info: String::new(),
         })
@@ -278,13 +282,20 @@ impl Lvd {
         })
     }
 
-    /// Waits or moves aside at random, so that two agents do not block each other for ever.
+    /// Waits or moves aside at random, so that two agents do not block each other for ever; rests if
+    /// one of them has not moved for long.
     fn evade(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        if let Some((goal, purpose)) = self.destination.take() {
+        let destination = self.destination.take();
+        let standing = self.blockages.note_between_steps(observation, ctx);
+        let is_standing = standing.is_some();
+        if let Some(Yield::Rest(rest)) = standing {
+            return rest.command();
+        }
+        if let Some((goal, purpose)) = destination.filter(|_| !is_standing) {
             self.refuse(purpose.aim(goal), observation.tick);
         }
         let asides = ctx.clear_neighbours();
-        if !asides.is_empty() && self.rng.random_bool(0.5) {
+        if !asides.is_empty() && (is_standing || self.rng.random_bool(0.5)) {
             let aside = asides[self.rng.random_range(0..asides.len())];
             return self.pursue(observation, ctx, aside, Purpose::Evade);
         }
@@ -345,7 +356,8 @@ impl Lvd {
                     at: observation.tick.after(WAIT_TICKS),
                     events: EventMask::CONTACTS | EventMask::MESSAGE,
                 };
-                self.with_new_info(Command::keep(wake), NOTHING_TO_SEE.to_owned())
+                let command = Command::keep(wake).with_stage(Stage::Waiting);
+                self.with_new_info(command, NOTHING_TO_SEE.to_owned())
             }
         }
     }

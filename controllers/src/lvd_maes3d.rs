@@ -17,6 +17,8 @@
 //! - a wall at the edge of the map that is seen in search mode is an error, and the agent does
 //!   nothing in that tick.
 //!
+//! Unlike the reference it rests before a body that does not move for long.
+//!
 //! The reference has no bodies wider than a cell. Such a body goes as near to a cell as it can, to
 //! no cell again to which it found no path until something near it changes, and without a
 //! destination to where it sees something unexplored (`viewpoints`).
@@ -34,6 +36,7 @@ use msgs::ids::Tick;
 use nalgebra::Point3;
 use voxels::{Cell, Extent};
 
+use super::blockage::Blockages;
 use super::failed_goals::FailedGoals;
 use super::lvd::last_scan::LastScan;
 use super::lvd::occlusion;
@@ -66,6 +69,8 @@ pub struct LvdMaes3d {
     /// The tick in which the end of the present task is noticed.
     notices_at: Option<Tick>,
     said: String,
+    /// The agents that it has run into.
+    blockages: Blockages,
     /// Of a body wider than a cell.
     wide: Option<Wide>,
 }
@@ -198,7 +203,7 @@ impl LvdMaes3d {
 
     fn goes_to_own_centre(&mut self, ctx: &Ctx<'_>) -> Command {
         let own = ctx.cell();
-        self.sets_out(ctx, own, Motion::Path(vec![ctx.map().extent().centre(own)]))
+        self.sets_out(ctx, own, Motion::Path(vec![ctx.place(own)]))
     }
 
     fn with_new_info(&mut self, command: Command) -> Command {
@@ -255,6 +260,12 @@ impl Controller for LvdMaes3d {
                 viewpoints: Viewpoints::new(run_info, radius_m),
             });
             wide.failed.update(ctx.map());
+        }
+        if observation.events.intersects(EventMask::COLLISION)
+            && observation.collision.is_some_and(|collision| collision.with_agent)
+            && let Some(rest) = self.blockages.note(observation, ctx)
+        {
+            return rest.command().with_view_request();
         }
         let is_idle = !observation.is_active && {
             let notices_at = *self.notices_at.get_or_insert(now.next());

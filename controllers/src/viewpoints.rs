@@ -20,7 +20,7 @@ use std::cell::{Cell as Slot, RefCell};
 use std::ops::ControlFlow;
 use std::task::Poll;
 
-use voxels::{Cell, CellSet, Extent, walk_segment};
+use voxels::{BodyLattice, Cell, CellSet, Extent, walk_segment};
 
 use super::Ctx;
 use super::dsvp::gain::{GainEstimator, Likelihood};
@@ -70,6 +70,8 @@ pub(crate) struct Viewpoint {
 #[derive(Debug)]
 pub(crate) struct Viewpoints {
     rays: GainEstimator,
+    /// Where the body is in a cell.
+    lattice: BodyLattice,
     range_m: f64,
     /// Cells within this distance of a frontier along each axis are beside it.
     beside: i32,
@@ -88,10 +90,12 @@ impl Viewpoints {
     /// For a body of `radius_m` metres; nothing has been examined yet.
     pub(crate) fn new(run_info: &RunInfo, radius_m: f64) -> Self {
         let extent = run_info.extent;
+        let lattice = BodyLattice::of(radius_m, extent.cell_m());
         let range_cells = (run_info.lidar_range_m / extent.cell_m()).min(RANGE_CELLS_MAX);
         let beside = (radius_m / extent.cell_m() + 0.5).ceil() as i32 + 1;
         Self {
-            rays: GainEstimator::new(RAYS, range_cells, 1, Likelihood::new(1.0)),
+            rays: GainEstimator::new(RAYS, range_cells, 1, Likelihood::new(1.0)).from(lattice),
+            lattice,
             range_m: range_cells * extent.cell_m(),
             beside,
             exhausted: CellSet::new(extent.volume()),
@@ -166,9 +170,9 @@ impl Viewpoints {
         unexplored.into_iter().find(|&target| self.is_seen(map, cell, target))
     }
 
-    /// Whether the centre of an unexplored cell is in sight and in range of the centre of another.
+    /// Whether the centre of an unexplored cell is in sight and in range of the place of another.
     fn is_seen(&self, map: &ExplorationMap, from: Cell, target: Cell) -> bool {
-        let (here, there) = (map.extent().centre(from), map.extent().centre(target));
+        let (here, there) = (self.lattice.place(map.extent(), from), map.extent().centre(target));
         let is_clear = |cell| match cell == target || map.state(cell).is_free() {
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(()),

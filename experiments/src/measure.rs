@@ -16,6 +16,7 @@ use simulation::end_reason::EndReason;
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
 use in_memory::stages::StageTimes;
+use sim_server::session::ATTAINABLE_COUNTER;
 
 /// Prefix of the byte counters of a kind of message.
 const BYTES_OF_KIND: &str = "message_bytes_delivered_kind_";
@@ -64,6 +65,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         reason: EndReason::from(result.reason.as_str()),
         free_cells,
         explored: result.explored,
+        attainable: counters.0.get(ATTAINABLE_COUNTER).map(|&millionths| millionths as f64 / 1e6),
         covered: result.covered,
         believed_mean: mean_and_deviation(&result.believed_by).0,
         believed_min: result.believed_by.iter().copied().reduce(f64::min).unwrap_or(0.0),

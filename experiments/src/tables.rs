@@ -80,6 +80,7 @@ pub fn runs(records: &[RunRecord]) -> Table {
     table.text("reason", |record| record.row.reason.to_string());
     table.whole("free_cells", |record| record.row.free_cells);
     table.number("explored", |record| record.row.explored);
+    table.some_number("attainable", |record| record.row.attainable);
     table.number("covered", |record| record.row.covered);
     table.number("believed_mean", |record| record.row.believed_mean);
     table.number("believed_min", |record| record.row.believed_min);

@@ -1,64 +1,31 @@
 //! Complete runs of bodies wider than a cell: they move, see all that can be seen from where they
 //! can be, say so, and rest.
 
-use std::ops::Range;
-use std::sync::atomic::AtomicBool;
+mod support;
 
-use in_memory::in_process::{AgentOptions, ThreadLayout, run};
 use msgs::maes_msgs::Result as RunResult;
 use proptest::prelude::*;
-use sim_server::session::NullObserver;
-use simulation::scenario::Scenario;
 use simulation::world::body::Pose;
 use simulation::world::lidar::{Pattern, Scanner, SensorMemory};
-use voxels::{Cell, CellSet, Clearance, Extent, Grid, Terrain};
+use support::{fill, result, solid};
+use voxels::{Cell, CellSet, Clearance, Grid, Terrain};
 
-/// Controllers that plan with a map. `dsvp-maes3d` is left out: bodies of many cells take it
-/// minutes.
-const PLANNERS: [&str; 6] = ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd", "lvd-maes3d"];
+/// Controllers that see all that can be seen, if no other agent is in the way.
+const PLANNERS: [&str; 7] =
+    ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "dsvp-maes3d", "lvd", "lvd-maes3d"];
 
-/// A solid map.
-fn solid(size: [u32; 3], cell_m: f64) -> Grid<Terrain> {
-    Grid::new(Extent::new(size, cell_m).expect("a legal size"), Terrain::Wall)
-}
-
-/// Sets a box of cells.
-fn fill(terrain: &mut Grid<Terrain>, [x, y, z]: [Range<i32>; 3], to: Terrain) {
-    for (x, y, z) in z.flat_map(|z| {
-        y.clone().flat_map({
-            let x = x.clone();
-            move |y| x.clone().map(move |x| (x, y, z))
-        })
-    }) {
-        terrain.set(Cell::new(x, y, z), to);
-    }
-}
-
-/// The result of a scenario on a map; `keys` are lines of the scenario.
-fn result(terrain: &Grid<Terrain>, keys: &str) -> RunResult {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let file = folder.path().join("map.txt");
-    let text = format!("cell_m = {}\n{}", terrain.extent().cell_m(), terrain.to_text());
-    std::fs::write(&file, text).expect("a map file");
-    let scenario =
-        format!("seed = 1\nmap = {{ kind = \"file\", file = {file:?} }}\nexecution = {{ threads = 1 }}\n{keys}");
-    let scenario = Scenario::parse("the test's scenario", &scenario, &[]).expect("a legal scenario");
-    let options = AgentOptions { threads: ThreadLayout::Together, ..AgentOptions::default() };
-    let completed = run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
-    let result = completed.outcome.result;
-    let refused = result.counters.iter().filter(|one| one.name.starts_with("refused_") && one.value > 0);
-    assert_eq!(refused.count(), 0, "{:?}", result.counters);
-    result
-}
+/// Controllers whose teams see all that can be seen, and then rest.
+const TEAMS: [&str; 5] = ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "boustrophedon"];
 
 fn counter(result: &RunResult, name: &str) -> u64 {
     result.counters.iter().find(|counter| counter.name == name).map_or(0, |counter| counter.value)
 }
 
-/// The share of the free cells that scans from all centres of cells that a body reaches see.
+/// The share of the free cells that scans from the places of all cells that a body reaches see.
 fn visible_share(terrain: &Grid<Terrain>, radius_m: f64, start: Cell, range_m: f64) -> f64 {
     let extent = terrain.extent();
-    let room = Clearance::of(terrain).room(radius_m / extent.cell_m());
+    let clearance = Clearance::for_body(radius_m, terrain);
+    let (room, lattice) = (clearance.room(radius_m / extent.cell_m()), clearance.lattice());
     let scanner = Scanner::new(Pattern::Lattice { rays: 5124 }, range_m, std::f64::consts::TAU);
     let mut memory = SensorMemory::new(terrain);
     let (mut free, mut walls) = (Vec::new(), Vec::new());
@@ -70,7 +37,7 @@ fn visible_share(terrain: &Grid<Terrain>, radius_m: f64, start: Cell, range_m: f
             continue;
         };
         reached.insert(index);
-        scanner.scan(&mut memory, &Pose { position: extent.centre(cell), yaw_rad: 0.0 }, &mut free, &mut walls);
+        scanner.scan(&mut memory, &Pose { position: lattice.place(extent, cell), yaw_rad: 0.0 }, &mut free, &mut walls);
         next.extend(cell.neighbours6());
     }
     free.len() as f64 / terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count() as f64
@@ -89,13 +56,13 @@ fn office() -> Grid<Terrain> {
     office
 }
 
-const OFFICE: &str = "body = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\nduration_s = 200.0\n";
+const OFFICE: &str = "body = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\nduration_s = 600.0\n";
 
 #[test]
 fn all_of_an_office_that_can_be_seen_is_seen() {
     let office = office();
     let visible = visible_share(&office, 0.3, Cell::new(3, 3, 3), 4.5);
-    for controller in ["nearest-frontier", "dsvp", "lvd"] {
+    for controller in TEAMS.into_iter().chain(["lvd"]) {
         let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
         let result = result(&office, &keys);
         assert!(result.distance_m.iter().all(|&metres| metres > 1.0), "{controller}: {:?}", result.distance_m);
@@ -106,11 +73,40 @@ fn all_of_an_office_that_can_be_seen_is_seen() {
     }
 }
 
+/// The office with a room behind a passage of one cell that turns twice.
+fn office_with_a_hidden_room() -> Grid<Terrain> {
+    let mut office = office();
+    fill(&mut office, [1..10, 1..7, 1..11], Terrain::Wall);
+    fill(&mut office, [3..7, 2..5, 3..7], Terrain::Free);
+    // Along x, up, and out along y.
+    fill(&mut office, [7..8, 3..4, 4..8], Terrain::Free);
+    fill(&mut office, [7..8, 3..7, 7..8], Terrain::Free);
+    office
+}
+
+#[test]
+fn runs_end_once_nothing_more_can_be_seen() {
+    let office = office_with_a_hidden_room();
+    for controller in TEAMS {
+        let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
+        let result = result(&office, &keys);
+        assert_eq!(result.reason, "nothing more can be seen", "{controller}: {}", result.explored);
+        let attainable = counter(&result, "attainable_ppm") as f64 / 1e6;
+        assert!((0.9..0.999).contains(&attainable), "{attainable}");
+        assert!(result.explored > attainable - 1e-6, "{controller}: {} of {attainable}", result.explored);
+    }
+    // Whoever does not rest goes on: the others of the team may see what it finds.
+    let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"rbw\" }}\n").replace("600.0", "60.0");
+    assert_eq!(result(&office, &keys).reason, "duration");
+    let keys = format!("{OFFICE}stop_when_explored = false\nagents = {{ count = 2, controller = \"dsvp\" }}\n");
+    assert_eq!(result(&office, &keys.replace("600.0", "120.0")).reason, "duration");
+}
+
 #[test]
 fn coverage_and_walks_move_wide_bodies() {
     for controller in ["boustrophedon", "rbw", "rbw-maes3d"] {
         let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
-        let result = result(&office(), &keys.replace("200.0", "60.0"));
+        let result = result(&office(), &keys.replace("600.0", "60.0"));
         assert!(result.distance_m.iter().all(|&metres| metres > 5.0), "{controller}: {:?}", result.distance_m);
     }
 }
@@ -179,10 +175,10 @@ fn in_the_lane(controller: &str, duration_s: f64, more: &str) -> RunResult {
 
 #[test]
 fn teams_rest_before_a_lane_that_is_blocked() {
-    for controller in ["dsvp", "dsvp-auction", "dsvp-team"] {
+    for controller in ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd"] {
         let metres = |duration_s| in_the_lane(controller, duration_s, "").distance_m.iter().sum::<f64>();
-        let (first, later) = (metres(450.0), metres(900.0));
-        assert!(later < first + 10.0, "{controller}: {first} m in 450 s, {later} m in 900 s");
+        let (first, later) = (metres(900.0), metres(1800.0));
+        assert!(later < first + 10.0, "{controller}: {first} m in 900 s, {later} m in 1800 s");
     }
 }
 
@@ -216,7 +212,7 @@ proptest! {
             fill(&mut terrain, [clip(x, dx, 33), clip(y, dy, 23), clip(z, dz, 13)], Terrain::Wall);
         }
         voxels::keep_largest_component(&mut terrain);
-        let room = Clearance::of(&terrain).room(radius_m / cell_m + 1e-6);
+        let room = Clearance::for_body(radius_m, &terrain).room(radius_m / cell_m + 1e-6);
         let parts = voxels::free_components(&room);
         prop_assume!(parts.sizes.len() == 1 && radius_m > cell_m / 2.0);
         let start = terrain.extent().cell_at(parts.firsts[0]);

@@ -30,6 +30,7 @@ pub(crate) fn run(controller: &str, seed: u64, agents: u32) -> RunRecord {
         // Each seed has a map of its own.
         free_cells: 1000 + seed,
         explored: 0.9,
+        attainable: None,
         covered: 0.09,
         believed_mean: 0.45,
         believed_min: 0.4,

@@ -55,6 +55,14 @@ pub(super) const EXPLORED: Metric = Metric {
     value: |row| 100.0 * row.explored,
     of_failed: Some(0.0),
 };
+/// Of runs whose teams cannot see every free cell: what they could see is the whole.
+pub(super) const ATTAINED: Metric = Metric {
+    key: "attained",
+    title: "explored of what bodies can see",
+    unit: "%",
+    value: |row| 100.0 * (row.explored / row.attainable.unwrap_or(1.0)).min(1.0),
+    of_failed: Some(0.0),
+};
 pub(super) const AREA: Metric = Metric {
     key: "area",
     title: "area under the curve",

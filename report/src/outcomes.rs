@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::estimates::{Estimate, Quartiles, RESAMPLES, Times};
 use super::metrics::{
-    AREA, BELIEVED, COLLISIONS, CONTACT, COVERED, DISTANCE, DISTANCE_MAX, EXPLORED, FAILURES, IMBALANCE, MILESTONES,
-    Metric, REAL_TIME_FACTOR, REDUNDANCY, STALENESS, TRAFFIC, TimeUnit, WALL,
+    AREA, ATTAINED, BELIEVED, COLLISIONS, CONTACT, COVERED, DISTANCE, DISTANCE_MAX, EXPLORED, FAILURES, IMBALANCE,
+    MILESTONES, Metric, REAL_TIME_FACTOR, REDUNDANCY, STALENESS, TRAFFIC, TimeUnit, WALL,
 };
 use super::study::{Condition, Study};
 use super::table::{Entry, Table, digits_for, mean_entry};
@@ -96,7 +96,9 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
         columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
         columns.push(column(&format!("{}, median (quartiles)", metric.label()), metric.key));
     }
-    for metric in [BELIEVED, COVERED] {
+    let has_wide_teams = study.runs.iter().any(|run| run.row.attainable.is_some());
+    let further = [has_wide_teams.then_some(ATTAINED), Some(BELIEVED), Some(COVERED)];
+    for metric in further.iter().flatten() {
         columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
     }
     let mut counts = study.cells().map(|(condition, variant, _)| study.all_of_cell(condition, variant).len());
@@ -109,7 +111,7 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
             row.push(Entry::Mean(Some(Estimate::of(&values, RESAMPLES)?), DIGITS));
             row.push(Entry::Median(Some(Quartiles::of(&values)?), DIGITS));
         }
-        for metric in [BELIEVED, COVERED] {
+        for metric in further.iter().flatten() {
             row.push(Entry::Mean(Some(Estimate::of(&metric.values(runs), RESAMPLES)?), DIGITS));
         }
         Ok(row)

@@ -70,6 +70,10 @@ const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 /// thousandths.
 pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
 
+/// Counter of the share of the free cells that the team can see from where its bodies can be, in
+/// millionths; only of teams whose bodies are all wider than a cell.
+pub const ATTAINABLE_COUNTER: &str = "attainable_ppm";
+
 /// The outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
@@ -261,6 +265,9 @@ impl<'c> Session<'c, '_> {
         if stop_when_covered || stop_when_explored {
             self.engine.flush_scans();
         }
+        // A recording of an earlier build may go on where the team can see nothing more.
+        let is_over = || self.playback.as_ref().is_none_or(|playback| !playback.covers(self.engine.tick()));
+        let is_all_seen = !stop_when_covered && stop_when_explored && is_over() && self.engine.can_see_nothing_more();
         let (world, scenario) = (self.engine.world(), self.engine.scenario());
         let is_covered = stop_when_covered && world.coverage().is_covered();
         let is_explored = !stop_when_covered && stop_when_explored && world.coverage().is_explored();
@@ -268,6 +275,8 @@ impl<'c> Session<'c, '_> {
             Some(EndReason::Covered)
         } else if is_explored {
             Some(EndReason::Explored)
+        } else if is_all_seen {
+            Some(EndReason::NothingMoreSeen)
         } else if self.engine.tick() >= scenario.duration_ticks() {
             Some(EndReason::Duration)
         } else if self.is_stopped() {

@@ -19,7 +19,7 @@ use msgs::printable;
 use crate::session::{self, Outcome, RunObserver};
 use crate::wall_clock::now;
 use simulation::lockstep::listed;
-use simulation::world::{World, attainable};
+use simulation::world::World;
 
 /// Minimum wall time between two plain progress lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);
@@ -136,23 +136,21 @@ impl RunObserver for Terminal {
     }
 
     fn progress(&mut self, world: &World) {
-        if !std::mem::replace(&mut self.has_told_attainable, true) {
-            for (radius_m, attainable) in attainable::of_wide_bodies(world) {
-                let (reached, seen) = (attainable.reached_share() * 100.0, attainable.seen_share() * 100.0);
-                self.say(&format!(
-                    "a body of {radius_m} m radius reaches {reached:.1} % of the free cells and sees about {seen:.1} %"
-                ));
-            }
+        let attainable = world.attainable();
+        if let Some(attainable) = attainable.filter(|_| !std::mem::replace(&mut self.has_told_attainable, true)) {
+            let (reached, seen) = (attainable.reached_share() * 100.0, attainable.seen_share() * 100.0);
+            self.say(&format!("the bodies of the team reach {reached:.1} % of the free cells and see {seen:.1} %"));
         }
         let now = now();
         let started = *self.started.get_or_insert(now);
         let sim_s = world.tick().time_ns() as f64 * 1e-9;
         let wall_s = now.duration_since(started).as_secs_f64();
         let text = format!(
-            "{} / {} | explored {:5.1} % | {:6.1} x real time | {} agents",
+            "{} / {} | explored {:5.1} %{} | {:6.1} x real time | {} agents",
             clock(world.tick()),
             clock(self.duration),
             world.coverage().explored() * 100.0,
+            attainable.map_or_else(String::new, |team| format!(" of {:.1} %", team.seen_share() * 100.0)),
             if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },
             self.agents,
         );
@@ -195,10 +193,15 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
     let team_m = result.distance_m.iter().sum();
     table.add_row([Cell::new("team"), percent(result.explored), percent(result.covered), metres(team_m)]);
     let mut times = Vec::new();
+    let mut attainable = String::new();
     let mut counted = Vec::new();
     for Counter { name, value } in &result.counters {
         let permille = name.strip_prefix(session::MILESTONE_COUNTER).and_then(|permille| permille.parse::<u32>().ok());
         match permille {
+            _ if name == session::ATTAINABLE_COUNTER => {
+                let percent = *value as f64 / 1e4;
+                attainable = format!("bodies of the team can see {percent:.2} % of the free cells\n");
+            }
             Some(permille) => times.push(format!("{} % {}", f64::from(permille) / 10.0, clock(Tick(*value)))),
             None if *value > 0 => counted.push(format!("{} {value}", printable::line(name))),
             None => {}
@@ -206,7 +209,7 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
     }
     let times = if times.is_empty() { String::new() } else { format!("time to see {}\n", times.join(", ")) };
     format!(
-        "{table}\nended after {} of sim time (tick {}): {}\n{times}{}",
+        "{table}\nended after {} of sim time (tick {}): {}\n{attainable}{times}{}",
         clock(Tick(result.tick)),
         result.tick,
         printable::line(&result.reason),

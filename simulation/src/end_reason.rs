@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 pub enum EndReason {
     /// The team has seen every free cell.
     Explored,
+    /// All agents rest, and no free cell that the team has not seen can be seen from where a body
+    /// can be.
+    NothingMoreSeen,
     /// Bodies have been in every free cell.
     Covered,
     /// The duration is over.
@@ -43,8 +46,13 @@ const fn row(reason: EndReason, name: &'static str, meaning: &'static str) -> En
 impl EndReason {
     /// The reasons with a name. In place of a name, the result of a run that has failed has the
     /// text of its error.
-    pub const TABLE: [EndReasonRow; 5] = [
+    pub const TABLE: [EndReasonRow; 6] = [
         row(Self::Explored, "explored", "the team has seen every free cell"),
+        row(
+            Self::NothingMoreSeen,
+            "nothing more can be seen",
+            "all agents rest, and what the team has not seen cannot be seen from anywhere that its bodies can reach",
+        ),
         row(Self::Covered, "covered", "bodies have been in every free cell"),
         row(Self::Duration, "duration", "the duration is over"),
         row(Self::Interrupted, "interrupted", "a signal has ended the run"),
@@ -64,7 +72,7 @@ impl EndReason {
     /// Whether the run has reached the end that its scenario sets.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        matches!(self, Self::Explored | Self::Covered | Self::Duration)
+        matches!(self, Self::Explored | Self::NothingMoreSeen | Self::Covered | Self::Duration)
     }
 
     /// Whether the run was ended from outside.
@@ -115,7 +123,8 @@ mod tests {
         }
         // What recordings hold.
         let names = EndReason::TABLE.map(|row| row.name);
-        assert_eq!(names, ["explored", "covered", "duration", "interrupted", "quit"]);
+        let expected = ["explored", "nothing more can be seen", "covered", "duration", "interrupted", "quit"];
+        assert_eq!(names, expected);
     }
 
     #[test]

@@ -28,7 +28,7 @@ mod sensing;
 pub mod spawn;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use msgs::body_model::BodyModel;
 use msgs::event_mask::EventMask;
@@ -40,6 +40,7 @@ use voxels::{Cell, Grid, OpenSpace, Terrain};
 
 use crate::workers::Workers;
 
+use attainable::Attainable;
 use body::{Body, Motion, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
@@ -112,6 +113,10 @@ pub struct World {
     /// See [`World::defer_scans`].
     is_deferring: bool,
     totals: Totals,
+    /// Where the bodies started, or were put since, by agent.
+    starts: Vec<Point3<f64>>,
+    /// See [`World::attainable`].
+    attainable: OnceLock<Option<Attainable>>,
 }
 
 /// The state of one agent in the world.
@@ -201,6 +206,8 @@ impl World {
             with_task: Vec::new(),
             is_deferring: false,
             totals: Totals::default(),
+            starts: starts.iter().map(|pose| pose.position).collect(),
+            attainable: OnceLock::new(),
         }
     }
 
@@ -224,6 +231,23 @@ impl World {
     pub fn coverage(&self) -> &Coverage {
         assert!(self.has_no_pending_scans(), "the coverage is read while scans are not counted");
         &self.coverage
+    }
+
+    /// What the team can reach and see from where its bodies have started or were put; `None`:
+    /// everything, or it is not known ([`attainable::of_team`]). Computed once it is asked for.
+    #[must_use]
+    pub fn attainable(&self) -> Option<&Attainable> {
+        self.attainable.get_or_init(|| attainable::of_team(self)).as_ref()
+    }
+
+    /// Whether the team can see a free cell that it has not seen, or may be able to.
+    ///
+    /// # Panics
+    /// If the world is not settled: see [`World::flush_scans`].
+    #[must_use]
+    pub fn is_anything_left(&self) -> bool {
+        let explored = self.coverage().explored_cells();
+        self.attainable().is_none_or(|attainable| attainable.seen().iter().any(|cell| !explored.contains(cell)))
     }
 
     /// Share of the free cells that at least one agent has visited, 0 ..= 1.
@@ -275,8 +299,15 @@ impl World {
         state.body = Body::at_rest(model, pose);
         state.pending_observation.events |= EventMask::TASK_DONE;
         self.contacts = None;
+        self.put(agent);
         self.update_position(agent.index());
         Ok(())
+    }
+
+    /// Notes that a body is where it has not come by itself.
+    fn put(&mut self, agent: AgentId) {
+        self.starts[agent.index()] = self.body(agent).pose().position;
+        self.attainable = OnceLock::new();
     }
 
     /// Records how many free cells an agent reports to be on its map.

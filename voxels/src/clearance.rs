@@ -1,12 +1,13 @@
-//! Distances from the centres of cells to the nearest wall, and the passages between large parts of
-//! free space.
+//! Distances from the places of bodies ([`BodyLattice`]) to the nearest wall, and the passages
+//! between large parts of free space.
 //!
-//! The distance to a cell that is a box is separable: along an axis, boxes `n` cells away are
-//! `2 n - 1` half cells away, and those beside the centre none. A body whose centre goes through
-//! faces from centre to centre is never nearer to a wall than at one of the two. Outside the map
-//! all is wall.
+//! The distance to a cell that is a box is separable: along an axis, boxes `n` cells away from a
+//! centre are `2 n - 1` half cells away, and those beside it none; from the lowest corner of a cell
+//! those `n` cells above are `2 n` half cells away and those below `2 n - 2`. A body whose centre
+//! goes from place to place along an axis is never nearer to a wall than at one of the two. Outside
+//! the map all is wall.
 
-use crate::{Cell, FACES, Grid, Terrain};
+use crate::{BodyLattice, Cell, FACES, Grid, Terrain};
 
 /// Distance beyond which distances are not distinguished, in cells.
 pub const REACH_CELLS: i32 = 8;
@@ -17,6 +18,7 @@ const FAR: u16 = (2 * REACH_CELLS as u16).pow(2);
 /// Distances to walls.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clearance {
+    lattice: BodyLattice,
     /// Squares of the distances, in half cells; 0 for wall.
     squares: Grid<u16>,
 }
@@ -33,9 +35,21 @@ pub struct Passage {
 }
 
 impl Clearance {
-    /// The distances of all cells.
+    /// The distances of all cells from their centres.
     #[must_use]
     pub fn of(terrain: &Grid<Terrain>) -> Self {
+        Self::on(BodyLattice::Centres, terrain)
+    }
+
+    /// The distances of all cells from their places for a body of `radius_m` metres.
+    #[must_use]
+    pub fn for_body(radius_m: f64, terrain: &Grid<Terrain>) -> Self {
+        Self::on(BodyLattice::of(radius_m, terrain.extent().cell_m()), terrain)
+    }
+
+    /// The distances of all cells from their places on a lattice.
+    #[must_use]
+    pub fn on(lattice: BodyLattice, terrain: &Grid<Terrain>) -> Self {
         let extent = terrain.extent();
         let size = extent.size().map(|cells| cells as usize);
         let stride = [1, size[0], size[0] * size[1]];
@@ -45,7 +59,11 @@ impl Clearance {
                 *square = 0;
             }
         }
-        let half = |cells: usize| (2 * cells as u16 - 1).pow(2);
+        // Of the cells below and above.
+        let halves = |cells: usize| match lattice {
+            BodyLattice::Centres => [(2 * cells as u16 - 1).pow(2); 2],
+            BodyLattice::Corners => [(2 * cells as u16 - 2).pow(2), (2 * cells as u16).pow(2)],
+        };
         let mut line = Vec::new();
         for axis in 0..3 {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -57,22 +75,28 @@ impl Clearance {
                 for at in 0..size[axis] {
                     let mut least = line[at];
                     for away in 1..=REACH_CELLS as usize {
-                        if half(away) >= least {
+                        let [half_below, half_above] = halves(away);
+                        if half_below >= least {
                             break;
                         }
                         let below = at.checked_sub(away).map_or(0, |at| line[at]);
                         let above = line.get(at + away).copied().unwrap_or(0);
-                        least = least.min(below.min(above).saturating_add(half(away)));
+                        least = least.min(below.saturating_add(half_below)).min(above.saturating_add(half_above));
                     }
                     squares[first + at * stride[axis]] = least;
                 }
             }
         }
-        Self { squares }
+        Self { lattice, squares }
     }
 
-    /// Largest radius of a body at the centre of a cell, in lengths of cells, up to
-    /// [`REACH_CELLS`].
+    /// Where the bodies are.
+    #[must_use]
+    pub fn lattice(&self) -> BodyLattice {
+        self.lattice
+    }
+
+    /// Largest radius of a body at the place of a cell, in lengths of cells, up to [`REACH_CELLS`].
     #[must_use]
     pub fn radius_cells(&self, index: usize) -> f64 {
         radius_of(self.squares[index])
@@ -198,16 +222,19 @@ mod tests {
             let kind = |&number: &u8| if number == 0 { Terrain::Wall } else { Terrain::Free };
             let cells = seed[..extent.volume()].iter().map(kind).collect();
             let terrain = Grid::from_vec(extent, cells).unwrap();
-            let clearance = Clearance::of(&terrain);
-            for cell in extent.cells() {
-                let mut least = f64::from(REACH_CELLS);
-                for (x, y, z) in (-8..9).flat_map(|x| (-8..9).flat_map(move |y| (-8..9).map(move |z| (x, y, z)))) {
-                    if crate::is_wall_at(&terrain, cell + Cell::new(x, y, z)) {
-                        let along = [x, y, z].map(|n: i32| (f64::from(n.abs()) - 0.5).max(0.0));
-                        least = least.min(along.iter().map(|d| d * d).sum::<f64>().sqrt());
+            for lattice in [BodyLattice::Centres, BodyLattice::Corners] {
+                let clearance = Clearance::on(lattice, &terrain);
+                for cell in extent.cells() {
+                    let mut least = f64::from(REACH_CELLS);
+                    for (x, y, z) in (-9..9).flat_map(|x| (-9..9).flat_map(move |y| (-9..9).map(move |z| (x, y, z)))) {
+                        if crate::is_wall_at(&terrain, cell + Cell::new(x, y, z)) {
+                            let at = lattice.offset_cells();
+                            let along = [x, y, z].map(|n: i32| (f64::from(n) - at).max(at - f64::from(n) - 1.0).max(0.0));
+                            least = least.min(along.iter().map(|d| d * d).sum::<f64>().sqrt());
+                        }
                     }
+                    prop_assert_eq!(clearance.radius_cells(extent.index(cell).unwrap()), least);
                 }
-                prop_assert_eq!(clearance.radius_cells(extent.index(cell).unwrap()), least);
             }
         }
     }

@@ -15,6 +15,7 @@
 
 pub mod bits;
 pub mod blocks;
+pub mod body_lattice;
 pub mod cell;
 pub mod cell_set;
 pub mod clearance;
@@ -35,6 +36,7 @@ pub mod traverse;
 
 pub use bits::{bits, bits_of};
 pub use blocks::Blocks;
+pub use body_lattice::BodyLattice;
 pub use cell::{Cell, FACES};
 pub use cell_set::CellSet;
 pub use clearance::{Clearance, Passage};

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use voxels::{Cell, FACES};
+use voxels::{BodyLattice, Cell, FACES};
 
 use super::EDGE_COST;
 use super::room::{BlockSteps, Footprint};
-use super::sweep::{centre, clearance, touched};
+use super::sweep::{clearance, place, touched};
 use crate::exploration_map::ExplorationMap;
 
 /// Connectivity of cells.
@@ -47,6 +47,8 @@ const STEP_BIT: [u32; STEP_BITS] = {
 pub struct Moves {
     pub(super) steps: Vec<Step>,
     neighbours: Neighbours,
+    /// Where the body is in a cell.
+    lattice: BodyLattice,
     /// The cells touched by the body at rest, relative to its cell; empty if it fits nowhere.
     sphere: Vec<Cell>,
     /// The cells within a few cells of the body relative to its own, nearest first; empty unless
@@ -67,10 +69,12 @@ impl Moves {
     /// moves.
     #[must_use]
     pub fn new(radius_m: f64, cell_m: f64, neighbours: Neighbours) -> Self {
+        let lattice = BodyLattice::of(radius_m, cell_m);
         let Some(radius) = clearance(radius_m, cell_m) else {
             return Self {
                 steps: Vec::new(),
                 neighbours,
+                lattice,
                 sphere: Vec::new(),
                 nearby: Vec::new(),
                 masks: None,
@@ -79,7 +83,7 @@ impl Moves {
         };
         let home = Cell::default();
         let step = |by: Cell| {
-            let swept = touched(centre(home), centre(by), radius);
+            let swept = touched(place(lattice, home), place(lattice, by), radius);
             Step { by, cost: cost_of(by), swept }
         };
         let steps: Vec<Step> = match neighbours {
@@ -87,13 +91,20 @@ impl Moves {
             Neighbours::TwentySix => home.neighbours26().into_iter().map(step).collect(),
         };
         let masks = masks(&steps);
-        let sphere = touched(centre(home), centre(home), radius);
-        let nearby = if sphere.len() > 1 { nearest_first(radius.ceil() as i32 + NEARBY_CELLS) } else { Vec::new() };
+        let sphere = touched(place(lattice, home), place(lattice, home), radius);
+        let nearby =
+            if sphere.len() > 1 { nearest_first(radius.ceil() as i32 + nearby_cells(lattice)) } else { Vec::new() };
         let footprint = Footprint::new(&sphere, steps.iter().map(|step| (step.by, &step.swept[..])));
-        Self { steps, neighbours, sphere, nearby, masks, footprint }
+        Self { steps, neighbours, lattice, sphere, nearby, masks, footprint }
     }
 
-    /// Whether the body touches more than one cell wherever it is at the centre of one.
+    /// Where the body is in a cell.
+    #[must_use]
+    pub fn lattice(&self) -> BodyLattice {
+        self.lattice
+    }
+
+    /// Whether the body touches more than one cell wherever it is at the place of one.
     #[must_use]
     pub fn are_wide(&self) -> bool {
         self.sphere.len() > 1
@@ -116,7 +127,12 @@ impl Moves {
 
 /// How far beyond its body [`Graph::cells_near`] reaches, cells: it holds all cells from which a
 /// step of the body touches the one in the middle.
-const NEARBY_CELLS: i32 = 3;
+fn nearby_cells(lattice: BodyLattice) -> i32 {
+    match lattice {
+        BodyLattice::Centres => 3,
+        BodyLattice::Corners => 4,
+    }
+}
 
 /// The cells of a ball, by their distances from its centre; of equal ones in the order of cells.
 fn nearest_first(radius: i32) -> Vec<Cell> {
@@ -181,7 +197,7 @@ impl<'a> Graph<'a> {
         self.moves
     }
 
-    /// Whether the body at the centre of a cell touches only cells known to be free.
+    /// Whether the body at the place of a cell touches only cells known to be free.
     #[must_use]
     pub fn is_usable(&self, cell: Cell) -> bool {
         !self.moves.sphere.is_empty() && self.moves.sphere.iter().all(|&offset| is_free(self.map, cell + offset))
@@ -192,12 +208,12 @@ impl<'a> Graph<'a> {
         self.moves.are_wide()
     }
 
-    /// The cells that the body at the centre of a cell does not touch, but that are beside one that
-    /// it touches there, in some directions.
-    pub fn cells_beside_body(&self, cell: Cell, directions: impl Iterator<Item = Cell> + Clone) -> BTreeSet<Cell> {
+    /// The cells that the body does not touch, but that are beside one that it touches, in some
+    /// directions; relative to its own cell.
+    pub fn cells_beside_body(&self, directions: impl Iterator<Item = Cell> + Clone) -> BTreeSet<Cell> {
         let touched = &self.moves.sphere;
         let beside = touched.iter().flat_map(|&by| directions.clone().map(move |direction| by + direction));
-        beside.filter(|by| touched.binary_search(by).is_err()).map(|by| cell + by).collect()
+        beside.filter(|by| touched.binary_search(by).is_err()).collect()
     }
 
     /// The cells within a few cells of a wide body at a cell, nearest first.

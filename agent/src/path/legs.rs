@@ -3,10 +3,10 @@
 
 use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
-use voxels::Cell;
+use voxels::{BodyLattice, Cell};
 
 use super::Path;
-use super::sweep::{centre, clearance, in_cells, rows, touches_run};
+use super::sweep::{clearance, in_cells, place, rows, touches_run};
 use crate::exploration_map::ExplorationMap;
 
 /// Cells of a path ahead among which a shortcut is searched; bounds the cost on long and winding
@@ -14,18 +14,19 @@ use crate::exploration_map::ExplorationMap;
 const AHEAD: usize = 256;
 
 /// Whether a body of `radius_m` metres, on the straight leg from a point (metres, frame `map`) to
-/// the centre of a cell, touches only cells known to be free, those at both ends included.
+/// the place of a cell, touches only cells known to be free, those at both ends included.
 ///
 /// False if either end lies outside the map.
 #[must_use]
 pub fn direct(map: &ExplorationMap, from: &Point3<f64>, to: Cell, radius_m: f64) -> bool {
     let extent = map.extent();
+    let lattice = BodyLattice::of(radius_m, extent.cell_m());
     clearance(radius_m, extent.cell_m()).is_some_and(|radius| {
-        extent.contains(to) && is_clear(map, in_cells((*from).into(), extent.cell_m()), centre(to), radius)
+        extent.contains(to) && is_clear(map, in_cells((*from).into(), extent.cell_m()), place(lattice, to), radius)
     })
 }
 
-/// Waypoints (metres, frame `map`) for a body of `radius_m` metres at the centre of the first cell
+/// Waypoints (metres, frame `map`) for a body of `radius_m` metres at the place of the first cell
 /// of a path: its last cell, and before it the cells where a leg must end because the next cells
 /// cannot be reached on a straight leg.
 ///
@@ -35,12 +36,13 @@ pub fn direct(map: &ExplorationMap, from: &Point3<f64>, to: Cell, radius_m: f64)
 /// be requested again from its end.
 #[must_use]
 pub fn straighten(path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point3<f64>> {
-    path.cells.first().map_or_else(Vec::new, |&first| pull(path, map, radius_m, centre(first)))
+    let lattice = BodyLattice::of(radius_m, map.extent().cell_m());
+    path.cells.first().map_or_else(Vec::new, |&first| pull(path, map, radius_m, place(lattice, first)))
 }
 
 /// [`straighten`] for a body anywhere in the first cell of the path (metres, frame `map`).
 ///
-/// If it cannot reach the second cell or beyond on a straight leg, the centre of the first cell is
+/// If it cannot reach the second cell or beyond on a straight leg, the place of the first cell is
 /// its first waypoint.
 #[must_use]
 pub fn straighten_from(from: &Point3<f64>, path: &Path, map: &ExplorationMap, radius_m: f64) -> Vec<Point3<f64>> {
@@ -49,19 +51,19 @@ pub fn straighten_from(from: &Point3<f64>, path: &Path, map: &ExplorationMap, ra
 
 fn pull(path: &Path, map: &ExplorationMap, radius_m: f64, start: [f64; 3]) -> Vec<Point3<f64>> {
     let extent = map.extent();
-    let radius = clearance(radius_m, extent.cell_m());
+    let (radius, lattice) = (clearance(radius_m, extent.cell_m()), BodyLattice::of(radius_m, extent.cell_m()));
     let mut points = Vec::new();
     // The position of the body, its cell on the path, and the first later cell that it can surely
     // reach.
     let (mut here, mut at) = (start, 0);
-    let mut next = usize::from(path.cells.first().is_some_and(|&first| start == centre(first)));
+    let mut next = usize::from(path.cells.first().is_some_and(|&first| start == place(lattice, first)));
     while next < path.cells.len() && points.len() < PATH_POINTS_MAX {
         let farthest = (at + AHEAD).min(path.cells.len() - 1);
-        let clear = |&index: &usize| radius.is_some_and(|r| is_clear(map, here, centre(path.cells[index]), r));
+        let clear = |&index: &usize| radius.is_some_and(|r| is_clear(map, here, place(lattice, path.cells[index]), r));
         at = (next + 1..=farthest).rev().find(clear).unwrap_or(next);
         next = at + 1;
-        here = centre(path.cells[at]);
-        points.push(extent.centre(path.cells[at]));
+        here = place(lattice, path.cells[at]);
+        points.push(lattice.place(extent, path.cells[at]));
     }
     points
 }

@@ -13,12 +13,12 @@
 
 use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::{Point3, Vector3};
-use voxels::Cell;
+use voxels::{BodyLattice, Cell};
 
 use super::Path;
 use super::graph::is_free;
 use super::legs::is_clear;
-use super::sweep::{centre, clearance, in_cells};
+use super::sweep::{clearance, in_cells, place};
 use crate::bodies::{BodyModel, leg_from, leg_s, legs_s};
 use crate::exploration_map::ExplorationMap;
 
@@ -39,12 +39,14 @@ pub fn quicker(
 ) -> Option<Vec<Point3<f64>>> {
     let cell_m = map.extent().cell_m();
     let radius = clearance(body.radius_m, cell_m).filter(|_| fewest.len() > 1)?;
-    let legs = Legs { map, body, radius, cell_m };
+    let lattice = BodyLattice::of(body.radius_m, cell_m);
+    let legs = Legs { map, body, radius, lattice, cell_m };
     let start = Stop { at: in_cells((*from).into(), cell_m), yaw_rad };
     let found = legs.along(&path.cells, start)?;
     let fewest_s = legs.duration_s(start, fewest.iter().map(|point| in_cells((*point).into(), cell_m)));
-    let is_quicker = legs.duration_s(start, found.iter().map(|&cell| centre(cell))) < fewest_s;
-    is_quicker.then(|| found.into_iter().take(PATH_POINTS_MAX).map(|cell| map.extent().centre(cell)).collect())
+    let is_quicker = legs.duration_s(start, found.iter().map(|&cell| place(lattice, cell))) < fewest_s;
+    let point = |cell| lattice.place(map.extent(), cell);
+    is_quicker.then(|| found.into_iter().take(PATH_POINTS_MAX).map(point).collect())
 }
 
 /// Where a body stops, in units of cells, and its heading there.
@@ -78,6 +80,7 @@ struct Legs<'m> {
     body: &'m BodyModel,
     /// Its clearance, cells.
     radius: f64,
+    lattice: BodyLattice,
     cell_m: f64,
 }
 
@@ -136,7 +139,7 @@ impl Legs<'_> {
 
     /// A node that has not been reached.
     fn node(&self, cell: Cell, goal: Cell) -> Node {
-        let (at, end) = (centre(cell), centre(goal));
+        let (at, end) = (place(self.lattice, cell), place(self.lattice, goal));
         let away = (Vector3::from(end) - Vector3::from(at)).norm();
         let rest_s = if self.is_clear(at, end) {
             self.least_s(away)
@@ -207,7 +210,8 @@ mod tests {
     }
 
     fn legs(map: &ExplorationMap) -> Legs<'_> {
-        Legs { map, body: &BODY, radius: clearance(BODY.radius_m, 1.0).unwrap(), cell_m: 1.0 }
+        let radius = clearance(BODY.radius_m, 1.0).unwrap();
+        Legs { map, body: &BODY, radius, lattice: BodyLattice::Centres, cell_m: 1.0 }
     }
 
     fn duration_s(map: &ExplorationMap, (from, yaw_rad): (&Point3<f64>, f64), waypoints: &[Point3<f64>]) -> f64 {
@@ -240,7 +244,7 @@ mod tests {
         let map = drawn(&format!("############\n#..........#\n{}############\n", row.repeat(5)));
         let path = shortest(&map, Cell::new(10, 1, 0), Cell::new(10, 21, 0)).unwrap();
         assert!(path.cells.len() > 2 * PIECE, "{}", path.cells.len());
-        let start = Stop { at: centre(path.cells[0]), yaw_rad: 0.0 };
+        let start = Stop { at: place(BodyLattice::Centres, path.cells[0]), yaw_rad: 0.0 };
         let found = legs(&map).along(&path.cells, start).unwrap();
         let points: Vec<Point3<f64>> = found.iter().map(|&cell| map.extent().centre(cell)).collect();
         let from = map.extent().centre(path.cells[0]);

@@ -5,7 +5,7 @@
 //! point to a cube, squared, is convex and piecewise quadratic along a leg, which makes the test
 //! exact.
 
-use voxels::Cell;
+use voxels::{BodyLattice, Cell};
 
 /// Added to the radius of a body, cells, so that rounding errors of its motion never cause a
 /// collision.
@@ -21,20 +21,22 @@ const RADIUS_MAX: f64 = 16.0;
 /// The clearance in cells for a body with this radius in metres, or `None` for a body that fits
 /// nowhere.
 ///
-/// It includes a margin, but not beyond the next radius at which a sphere at the centre of a cell
-/// touches the faces of further cells: a body that fits between walls exactly still does.
+/// It includes a margin, but not beyond the next radius at which a sphere at the place of a cell
+/// ([`BodyLattice`]) touches the faces of further cells: a body that fits between walls exactly
+/// still does.
 pub(super) fn clearance(radius_m: f64, cell_m: f64) -> Option<f64> {
     let radius = (radius_m / cell_m).max(0.0);
     if !(radius_m >= 0.0 && radius <= RADIUS_MAX) {
         return None;
     }
-    let to_faces = (radius - 0.5 - SNAP).ceil() + 0.5;
+    let offset = BodyLattice::of(radius_m, cell_m).offset_cells();
+    let to_faces = (radius - offset - SNAP).ceil() + offset;
     Some((radius + MARGIN).min(to_faces))
 }
 
-/// The centre of a cell.
-pub(super) fn centre(cell: Cell) -> [f64; 3] {
-    [cell.x, cell.y, cell.z].map(|along| f64::from(along) + 0.5)
+/// The place of a cell.
+pub(super) fn place(lattice: BodyLattice, cell: Cell) -> [f64; 3] {
+    [cell.x, cell.y, cell.z].map(|along| f64::from(along) + lattice.offset_cells())
 }
 
 /// A point in metres, converted to cells; coordinates of faces and centres are snapped.
@@ -46,7 +48,7 @@ pub(super) fn in_cells(point: [f64; 3], cell_m: f64) -> [f64; 3] {
     })
 }
 
-/// Visits the rows of cells along x near a sphere that moves straight between two centres, until
+/// Visits the rows of cells along x near a sphere that moves straight between two points, until
 /// `visit` returns true: y, z, and the first and the last x. All cells that are touched are among
 /// them; returns whether one of the rows ended it.
 pub(super) fn rows(
@@ -224,6 +226,11 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// The centre of a cell.
+    fn centre(cell: Cell) -> [f64; 3] {
+        place(BodyLattice::Centres, cell)
+    }
+
     #[test]
     fn small_bodies_touch_the_cells_of_a_step() {
         let home = centre(Cell::default());
@@ -254,6 +261,12 @@ mod tests {
             assert_eq!(clearance(cell_m * 0.5, cell_m), Some(0.5));
             assert_eq!(clearance(cell_m * 1.5, cell_m), Some(1.5));
             assert!(clearance(cell_m * 0.501, cell_m).unwrap() > 0.501);
+            for cells in [1.0, 2.0, 3.0] {
+                let radius = clearance(cell_m * cells, cell_m).unwrap();
+                let corner = place(BodyLattice::Corners, Cell::default());
+                let reach = touched(corner, corner, radius).iter().map(|cell| cell.x).min();
+                assert_eq!(reach, Some(-(cells as i32)), "{cell_m} m");
+            }
         }
     }
 

@@ -5,9 +5,9 @@ use msgs::ids::Tick;
 use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
 use proptest::prelude::*;
-use voxels::{Cell, Extent};
+use voxels::{BodyLattice, Cell, Extent};
 
-use super::sweep::{centre, clearance, touched};
+use super::sweep::{clearance, place, touched};
 use super::*;
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::testing::drawn;
@@ -24,8 +24,14 @@ fn flat(x: i32, y: i32) -> Cell {
     Cell::new(x, y, 0)
 }
 
+/// Centres of cells.
 fn points(cells: &[Cell]) -> Vec<Point3<f64>> {
-    cells.iter().map(|&cell| Point3::from(centre(cell))).collect()
+    cells.iter().map(|&cell| Point3::from(place(BodyLattice::Centres, cell))).collect()
+}
+
+/// Where a body of this radius is in a cell; all in cells.
+fn at(radius: f64) -> impl Fn(Cell) -> [f64; 3] {
+    move |cell| place(BodyLattice::of(radius, 1.0), cell)
 }
 
 #[test]
@@ -280,8 +286,8 @@ fn is_known_free(map: &ExplorationMap, cell: Cell) -> bool {
 /// Costs from a start to all cells by relaxing every pair of cells until nothing changes.
 fn relaxed(map: &ExplorationMap, start: Cell, radius: f64, neighbours: Neighbours) -> Vec<Option<u64>> {
     let cells: Vec<Cell> = map.extent().cells().collect();
-    let radius = clearance(radius, 1.0).unwrap();
-    let sphere = |cell| touched(centre(cell), centre(cell), radius);
+    let (at, radius) = (at(radius), clearance(radius, 1.0).unwrap());
+    let sphere = |cell| touched(at(cell), at(cell), radius);
     let usable = |cell| sphere(cell).into_iter().all(|near| is_known_free(map, near));
     let at_start: BTreeSet<Cell> = sphere(start).into_iter().collect();
     let mut edges = Vec::new();
@@ -295,7 +301,7 @@ fn relaxed(map: &ExplorationMap, start: Cell, radius: f64, neighbours: Neighbour
                 ([1, 1, 1], Neighbours::TwentySix) => 1_732_051,
                 _ => continue,
             };
-            let is_clear = touched(centre(from), centre(to), radius)
+            let is_clear = touched(at(from), at(to), radius)
                 .into_iter()
                 .all(|near| is_known_free(map, near) || (from == start && at_start.contains(&near)));
             if is_clear && usable(to) && (from == start || usable(from)) {
@@ -374,7 +380,7 @@ proptest! {
             cost += [0, EDGE_COST, 1_414_214, 1_732_051][by.iter().sum::<i32>() as usize];
             prop_assert!(neighbours == Neighbours::TwentySix || by.iter().sum::<i32>() == 1);
             prop_assert!(is_known_free(&map, pair[1]));
-            prop_assert!(place == 0 || keeps_clear(&map, centre(pair[0]), centre(pair[1]), radius));
+            prop_assert!(place == 0 || keeps_clear(&map, at(radius)(pair[0]), at(radius)(pair[1]), radius));
         }
         prop_assert_eq!(cost, path.cost);
     }

@@ -89,7 +89,7 @@ pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, wa
     let NavigationStatus::Go(straight) = ctx.follow(path) else { return None };
     let after = |steps: usize| {
         let rest = Path { cells: path.cells[steps..].to_vec(), cost: 0 };
-        let by_steps = path.cells[1..=steps].iter().map(|&cell| map.extent().centre(cell));
+        let by_steps = path.cells[1..=steps].iter().map(|&cell| ctx.place(cell));
         Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
     };
     let steps_max = CLEARING_STEPS_MAX.min(path.cells.len() - 1);

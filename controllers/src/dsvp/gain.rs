@@ -11,7 +11,7 @@ mod rays;
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use voxels::Cell;
+use voxels::{BodyLattice, Cell};
 
 use super::expectation::{Expectation, Place};
 use agent::exploration_map::{Around, CellState, ExplorationMap};
@@ -108,7 +108,13 @@ struct VisitedCell {
 impl GainEstimator {
     /// Rays in all directions, `range_cells` long.
     pub(crate) fn new(rays: u32, range_cells: f64, depth: u32, likelihood: Likelihood) -> Self {
-        Self { pattern: Pattern { rays, range_cells }, rays: None, depth, likelihood }
+        Self { pattern: Pattern { from: BodyLattice::Centres, rays, range_cells }, rays: None, depth, likelihood }
+    }
+
+    /// With rays that begin where a body is in a cell.
+    pub(crate) fn from(mut self, lattice: BodyLattice) -> Self {
+        self.pattern.from = lattice;
+        self
     }
 
     /// The rays on a map.

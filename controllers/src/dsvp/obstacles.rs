@@ -3,7 +3,7 @@
 //! They move on, so only nearby ones matter. Their plans are unknown here.
 
 use nalgebra::{Point3, Vector3};
-use voxels::{Cell, Extent};
+use voxels::{BodyLattice, Cell, Extent};
 
 use agent::bodies::Bodies;
 use agent::command::Motion;
@@ -21,6 +21,8 @@ const NEAR: f64 = 6.0;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Obstacles {
     extent: Extent,
+    /// Where the body is in a cell.
+    lattice: BodyLattice,
     near: Vec<Obstacle>,
     /// No cell outside this box is occupied, so a search that goes far looks at no obstacle there.
     low: Cell,
@@ -41,7 +43,7 @@ struct Obstacle {
 }
 
 /// Whether an agent in contact is near a body with a radius at `here`; metres, frame `map`.
-pub(super) fn is_near(contact: &Contact, here: &Point3<f64>, radius_m: f64, bodies: &Bodies) -> bool {
+pub(crate) fn is_near(contact: &Contact, here: &Point3<f64>, radius_m: f64, bodies: &Bodies) -> bool {
     let touch_m = radius_m + bodies.of(contact.agent).radius_m;
     (contact.position - here).norm() < NEAR * touch_m
 }
@@ -73,7 +75,8 @@ impl Obstacles {
         };
         let one = Cell::new(1, 1, 1);
         let (low, high) = (corner(-1.0, f64::min) - one, corner(1.0, f64::max) + one);
-        let mut obstacles = Self { extent, near, low, high, occupied: Vec::new() };
+        let lattice = BodyLattice::of(radius_m, extent.cell_m());
+        let mut obstacles = Self { extent, lattice, near, low, high, occupied: Vec::new() };
         obstacles.decide_all();
         obstacles
     }
@@ -91,7 +94,7 @@ impl Obstacles {
             let (low, high) = (self.extent.cell_of(&(at - reach)), self.extent.cell_of(&(at + reach)));
             for (z, y) in (low.z..=high.z).flat_map(|z| (low.y..=high.y).map(move |y| (z, y))) {
                 for cell in (low.x..=high.x).map(|x| Cell::new(x, y, z)) {
-                    if (at - self.extent.centre(cell)).norm() < clearance_m {
+                    if (at - self.lattice.place(self.extent, cell)).norm() < clearance_m {
                         let place = self.place(cell);
                         occupied[place / 64] |= 1 << (place % 64);
                     }
@@ -115,7 +118,7 @@ impl Obstacles {
         (z * size_y + y) * size_x + x
     }
 
-    /// Whether a body at the centre of a cell would violate the clearance of an obstacle.
+    /// Whether the body at the place of a cell would violate the clearance of an obstacle.
     pub(crate) fn occupy(&self, cell: Cell) -> bool {
         let Self { low, high, .. } = self;
         let is_in_box = (low.x..=high.x).contains(&cell.x)
@@ -126,8 +129,8 @@ impl Obstacles {
             return self.occupied[place / 64] >> (place % 64) & 1 != 0;
         }
         is_in_box && {
-            let centre = self.extent.centre(cell);
-            self.near.iter().any(|obstacle| (obstacle.at - centre).norm() < obstacle.clearance_m)
+            let place = self.lattice.place(self.extent, cell);
+            self.near.iter().any(|obstacle| (obstacle.at - place).norm() < obstacle.clearance_m)
         }
     }
 
@@ -200,15 +203,15 @@ mod tests {
 
     #[test]
     fn large_boxes_are_decided_cell_by_cell() {
-        let giant = BodyModel { radius_m: 9.0, ..BodyModel::SUBMARINE };
+        let giant = BodyModel { radius_m: 8.5, ..BodyModel::SUBMARINE };
         let bodies = Bodies::new(vec![giant], vec![0, 0, 0]).unwrap();
         let extent = Extent::new([60; 3], 1.0).unwrap();
         let at = [Point3::new(20.2, 30.0, 30.7), Point3::new(41.0, 28.5, 30.0)];
         let contacts = [0, 1].map(|agent: usize| Contact { agent: AgentId::from_index(agent), position: at[agent] });
-        let obstacles = Obstacles::near(&contacts, &Point3::new(30.5, 30.5, 30.5), 9.0, &bodies, extent);
+        let obstacles = Obstacles::near(&contacts, &Point3::new(30.5, 30.5, 30.5), 8.5, &bodies, extent);
         assert!(obstacles.occupied.is_empty());
         for cell in extent.cells() {
-            let is_within = at.iter().any(|at| (extent.centre(cell) - at).norm() < CLEARANCE * 18.0);
+            let is_within = at.iter().any(|at| (extent.centre(cell) - at).norm() < CLEARANCE * 17.0);
             assert_eq!(obstacles.occupy(cell), is_within, "{cell:?}");
         }
     }

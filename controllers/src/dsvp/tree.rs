@@ -6,13 +6,13 @@
 //! last tree is pruned, re-rooted and grown on) and the gains of nodes and branches, here in three
 //! dimensions.
 //!
-//! Invariants: every node is the centre of a cell within the horizon (a cube about the root); every
+//! Invariants: every node is the place of a cell within the horizon (a cube about the root); every
 //! edge is a straight leg on which the body touches only cells known to be free; no two nodes share
 //! a cell.
 
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, RngExt};
-use voxels::{Cell, Extent};
+use voxels::{BodyLattice, Cell, Extent};
 
 use super::gain::GainEstimator;
 use super::obstacles::Obstacles;
@@ -79,13 +79,13 @@ impl Tree {
     /// The tree re-rooted at a new cell: the component within the horizon that is connected to it,
     /// if a node within two edge lengths can be reached on a straight leg; else the root alone.
     pub(crate) fn rerooted_at(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
-        let centre = map.extent().centre(root);
+        let place = BodyLattice::of(growth.radius_m, map.extent().cell_m()).place(map.extent(), root);
         let mut near: Vec<(f64, usize)> = (0..self.nodes.len())
             .map(|node| (self.nodes[node].cell.distance(root), node))
             .filter(|&(length, _)| length <= 2.0 * growth.extension)
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let link = near.into_iter().find(|&(_, node)| direct(map, &centre, self.nodes[node].cell, growth.radius_m));
+        let link = near.into_iter().find(|&(_, node)| direct(map, &place, self.nodes[node].cell, growth.radius_m));
         let mut moved = Self::new(root);
         let Some((length, link)) = link else {
             return moved;
@@ -139,6 +139,7 @@ impl Tree {
     ) {
         let root = self.root();
         let extent = map.extent();
+        let lattice = BodyLattice::of(growth.radius_m, extent.cell_m());
         for _ in 0..growth.samples {
             let (about, by) = if !frontiers.is_empty() && rng.random_bool(growth.bias) {
                 (frontiers[rng.random_range(0..frontiers.len())], growth.jitter)
@@ -152,8 +153,8 @@ impl Tree {
             let cell = towards(from, sample, growth.extension, &extent);
             let is_new = cell != from && cell.is_within(root, growth.horizon) && !self.holds(cell);
             let is_open = || {
-                let from = extent.centre(from);
-                !obstacles.block(&from, &extent.centre(cell)) && direct(map, &from, cell, growth.radius_m)
+                let from = lattice.place(extent, from);
+                !obstacles.block(&from, &lattice.place(extent, cell)) && direct(map, &from, cell, growth.radius_m)
             };
             if is_new && is_open() {
                 self.add(cell, nearest);

@@ -199,7 +199,7 @@ fn neighbour_towards_y_has_no_gain() {
                 map.note_wall(&[index]);
             }
         }
-        viewpoint_gain(Graph::new(&map, &moves()), Cell::new(1, 1, 1))
+        Gains::of(Graph::new(&map, &moves()), &mut Vec::new()).at(Cell::new(1, 1, 1))
     };
     for offset in FACES {
         let counts = if offset == Cell::new(0, 1, 0) { 0.0 } else { 1.0 };

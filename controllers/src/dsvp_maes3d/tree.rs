@@ -110,15 +110,16 @@ impl Tree {
     /// The end of the branch with the highest gain, except the root; of equal ones the first in
     /// post-order. The gain of a branch is the sum of the gains of its nodes from the root on, each
     /// discounted by its depth, plus that of its end a second time.
-    pub(super) fn best_branch(&self, gain: impl Fn(Point3<f64>) -> f64) -> Option<u32> {
+    pub(super) fn best_branch(&self, mut gain: impl FnMut(Point3<f64>) -> f64) -> Option<u32> {
         let order = self.post_order();
+        let mut discounts = Discounts::default();
         // Depth, own discounted gain, and sum from the root on.
         let mut branches = vec![(0, 0.0, 0.0); self.nodes.len()];
         for &node in order.iter().rev() {
             let Node { at, parent } = self.nodes[node as usize];
             // The children of the root have depth 0.
             let (depth, so_far) = branches.get(parent as usize).map_or((-1, 0.0), |above| (above.0 + 1, above.2));
-            let own = gain(at) * libm::exp(-DISCOUNT * f64::from(depth));
+            let own = gain(at) * discounts.at(depth);
             branches[node as usize] = (depth, own, so_far + own);
         }
         let mut best = None;
@@ -135,13 +136,27 @@ impl Tree {
 /// Discount of a gain per edge from the root; the reference's value.
 const DISCOUNT: f64 = 0.01;
 
-/// Edge of a bucket, cells.
-const BUCKET: f64 = 4.0;
+/// The discounts by depth, from -1 on.
+#[derive(Default)]
+struct Discounts(Vec<f64>);
+
+impl Discounts {
+    fn at(&mut self, depth: i32) -> f64 {
+        let place = (depth + 1) as usize;
+        while self.0.len() <= place {
+            self.0.push(libm::exp(-DISCOUNT * (self.0.len() as f64 - 1.0)));
+        }
+        self.0[place]
+    }
+}
 
 /// A bucket index of numbered points, for the same nearest neighbours that a linear search finds.
+/// Buckets are cells.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Index {
     buckets: BTreeMap<[i32; 3], Vec<(Point3<f64>, u32)>>,
+    /// The lowest and the highest bucket along each axis.
+    bounds: Option<[[i32; 3]; 2]>,
 }
 
 impl Index {
@@ -155,47 +170,49 @@ impl Index {
     }
 
     pub(super) fn insert(&mut self, at: Point3<f64>, number: u32) {
-        self.buckets.entry(bucket_of(at)).or_default().push((at, number));
+        let key = bucket_of(at);
+        self.buckets.entry(key).or_default().push((at, number));
+        let [low, high] = self.bounds.get_or_insert([key; 2]);
+        for axis in 0..3 {
+            (low[axis], high[axis]) = (low[axis].min(key[axis]), high[axis].max(key[axis]));
+        }
     }
 
     /// The number of the nearest point; of equally near ones the lowest. `None` if there are no
     /// points.
     pub(super) fn nearest(&self, to: Point3<f64>) -> Option<u32> {
+        let [lowest, highest] = self.bounds?;
         let mut best = (f64::INFINITY, NONE);
-        let look = |bucket: &Vec<(Point3<f64>, u32)>, best: &mut (f64, u32)| {
-            for &(at, number) in bucket {
-                let distance_squared = (at - to).norm_squared();
-                if (distance_squared, number) < *best {
-                    *best = (distance_squared, number);
+        let mut reach = 1.0;
+        loop {
+            // All points within this distance along each axis.
+            let (low, high) = (bucket_of(to.map(|along| along - reach)), bucket_of(to.map(|along| along + reach)));
+            let along = |axis: usize| low[axis].max(lowest[axis])..=high[axis].min(highest[axis]);
+            for (x, y) in along(0).flat_map(|x| along(1).map(move |y| (x, y))) {
+                let column = along(2);
+                if column.is_empty() {
+                    break;
+                }
+                for (_, bucket) in self.buckets.range([x, y, *column.start()]..=[x, y, *column.end()]) {
+                    for &(at, number) in bucket {
+                        let distance_squared = (at - to).norm_squared();
+                        if (distance_squared, number) < best {
+                            best = (distance_squared, number);
+                        }
+                    }
                 }
             }
-        };
-        if let Some(bucket) = self.buckets.get(&bucket_of(to)) {
-            look(bucket, &mut best);
-        }
-        let reach = best.0.sqrt();
-        let [low, high] = [to.x - reach, to.x + reach].map(|x| (x / BUCKET).floor() as i32);
-        for (&key, bucket) in self.buckets.range([low, i32::MIN, i32::MIN]..=[high, i32::MAX, i32::MAX]) {
-            if gap_squared(key, to) <= best.0 {
-                look(bucket, &mut best);
+            let holds_all = (0..3).all(|axis| low[axis] <= lowest[axis] && high[axis] >= highest[axis]);
+            if holds_all || best.0 <= reach * reach {
+                return Some(best.1).filter(|&number| number != NONE);
             }
+            reach *= 2.0;
         }
-        (best.1 != NONE).then_some(best.1)
     }
 }
 
 fn bucket_of(at: Point3<f64>) -> [i32; 3] {
-    [at.x, at.y, at.z].map(|along| (along / BUCKET).floor() as i32)
-}
-
-/// The squared distance from a point to a bucket.
-fn gap_squared(key: [i32; 3], to: Point3<f64>) -> f64 {
-    let along = |axis: usize| {
-        let low = f64::from(key[axis]) * BUCKET;
-        to[axis] - to[axis].clamp(low, low + BUCKET)
-    };
-    let [x, y, z] = [0, 1, 2].map(along);
-    x * x + y * y + z * z
+    [at.x, at.y, at.z].map(|along| along.floor() as i32)
 }
 
 #[cfg(test)]

@@ -144,7 +144,7 @@ impl<'a> Flight<'a> {
             .collect();
         let cells: Vec<Cell> = usable.iter().map(|&index| extent.cell_at(index as usize)).collect();
         let mut is_open = vec![false; usable.len()];
-        for start in world.agents().map(|agent| extent.cell_of(&world.body(agent).pose().position)) {
+        for start in world.agents().map(|agent| moves.lattice().cell_near(extent, &world.body(agent).pose().position)) {
             // Most teams start in one part of the map, which is searched once.
             let is_known = cells.binary_search(&start).is_ok_and(|place| is_open[place]);
             if !is_known {
@@ -154,7 +154,7 @@ impl<'a> Flight<'a> {
         }
         let open = usable.into_iter().zip(is_open).filter(|(_, is_open)| *is_open).map(|(index, _)| index).collect();
         Self {
-            views: Views::new(scanner, terrain),
+            views: Views::new(scanner, terrain, moves.lattice()),
             map,
             moves,
             radius_m,
@@ -193,7 +193,8 @@ impl<'a> Flight<'a> {
     /// Shares viewpoints out over the team, which is anywhere.
     fn share(&mut self, viewpoints: Vec<Viewpoint>) {
         let extent = self.map.extent();
-        let starts: Vec<Cell> = self.positions().iter().map(|position| extent.cell_of(position)).collect();
+        let starts: Vec<Cell> =
+            self.positions().iter().map(|position| self.moves.lattice().cell_near(extent, position)).collect();
         let at_starts = starts.iter().map(|&cell| Viewpoint { cell, needs: Vec::new() });
         self.places = at_starts.chain(viewpoints).collect();
         let cells: Vec<Cell> = self.places.iter().map(|place| place.cell).collect();
@@ -298,7 +299,7 @@ impl<'a> Flight<'a> {
     }
 
     fn centre(&self, place: usize) -> Point3<f64> {
-        self.map.extent().centre(self.places[place].cell)
+        self.moves.lattice().place(self.map.extent(), self.places[place].cell)
     }
 
     /// Sets the next target of an agent, if it has none and there is one.
@@ -353,9 +354,9 @@ impl<'a> Flight<'a> {
         let goal = self.places[target].cell;
         let graph = Graph::new(&self.map, &self.moves);
         let waypoints = if direct(&self.map, &position, goal, self.radius_m) {
-            vec![self.map.extent().centre(goal)]
+            vec![self.moves.lattice().place(self.map.extent(), goal)]
         } else {
-            let start = self.map.extent().cell_of(&position);
+            let start = self.moves.lattice().cell_near(self.map.extent(), &position);
             let path = find(graph, start, Goal::Cell(goal));
             path.map_or_else(Vec::new, |path| straighten_from(&position, &path, &self.map, self.radius_m))
         };
@@ -419,15 +420,16 @@ impl<'a> Flight<'a> {
             .map(|other| self.world.body(AgentId::from_index(other)).pose().position)
             .collect();
         let room_m = 2.0 * self.radius_m + ROOM_M;
-        let is_open = |cell: Cell| others.iter().all(|other| (extent.centre(cell) - other).norm() > room_m);
+        let lattice = self.moves.lattice();
+        let is_open = |cell: Cell| others.iter().all(|other| (lattice.place(extent, cell) - other).norm() > room_m);
         let graph = Graph::new(&self.map, &self.moves);
         let goal = Goal::Cell(self.places[target].cell);
-        let mut search = Search::new(graph, extent.cell_of(&here), goal).within(&is_open);
+        let mut search = Search::new(graph, lattice.cell_near(extent, &here), goal).within(&is_open);
         let points: Option<Vec<_>> = search.run().map(|path| {
             path.cells
                 .iter()
                 .take(DETOUR_CELLS)
-                .map(|&cell| extent.centre(cell))
+                .map(|&cell| lattice.place(extent, cell))
                 .filter(|point| *point != here)
                 .collect()
         });

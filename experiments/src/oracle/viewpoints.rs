@@ -14,7 +14,7 @@ use nalgebra::Point3;
 use rayon::prelude::*;
 use simulation::world::body::Pose;
 use simulation::world::lidar::{Scanner, SensorMemory};
-use voxels::{Cell, Extent, Grid, Terrain};
+use voxels::{BodyLattice, Cell, Extent, Grid, Terrain};
 
 /// A cell to scan from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -36,16 +36,18 @@ const REST_MAX: usize = 300;
 /// How far from a cell that is no place for a body a viewpoint for it is looked for, in cells.
 const AROUND: i32 = 2;
 
-/// What a LiDAR sees from the centres of cells.
+/// What a LiDAR sees from the places of cells.
 pub(super) struct Views<'a> {
     scanner: &'a Scanner,
     memory: SensorMemory,
     extent: Extent,
+    /// Where bodies are in a cell.
+    lattice: BodyLattice,
 }
 
 impl<'a> Views<'a> {
-    pub(super) fn new(scanner: &'a Scanner, terrain: &Grid<Terrain>) -> Self {
-        Self { scanner, memory: SensorMemory::new(terrain), extent: terrain.extent() }
+    pub(super) fn new(scanner: &'a Scanner, terrain: &Grid<Terrain>, lattice: BodyLattice) -> Self {
+        Self { scanner, memory: SensorMemory::new(terrain), extent: terrain.extent(), lattice }
     }
 
     /// Marks the cells that are seen from these points (metres, frame `map`).
@@ -57,7 +59,7 @@ impl<'a> Views<'a> {
 
     /// The free cells in view, ascending.
     fn from(&self, cell: Cell) -> Vec<u32> {
-        let pose = Pose { position: self.extent.centre(cell), yaw_rad: 0.0 };
+        let pose = Pose { position: self.lattice.place(self.extent, cell), yaw_rad: 0.0 };
         self.scanner.view(&self.memory, &pose).free
     }
 }

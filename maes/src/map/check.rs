@@ -1,16 +1,17 @@
 //! `maes map check`: what agents could do in a map.
 //!
-//! The map is repaired as a run repairs it. A body goes through faces of cells, from centre to
-//! centre, and fits where no wall is nearer than its radius. What it sees from there no team of
-//! such bodies can exceed.
+//! The map is repaired as a run repairs it. A body goes from place to place
+//! ([`voxels::BodyLattice`]) along the axes, and fits where no wall is nearer than its radius. What
+//! it sees from there no team of such bodies can exceed.
 
 use std::io::Write;
 
 use mapgen::repair;
-use simulation::world::attainable::Attainable;
+use simulation::world::attainable::{Attainable, Bodies};
+use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::clearance::REACH_CELLS;
-use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
+use voxels::{BodyLattice, Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
 
 use super::{CheckArgs, MapCliError, Report, by, import, picture};
 
@@ -20,8 +21,8 @@ const PART: f64 = 0.01;
 /// Share of the free cells that is enough to be called reachable.
 const ENOUGH: f64 = 0.95;
 
-/// Most free cells that are examined for whether they are seen: some seconds.
-const SEEN_CELLS: usize = 1 << 20;
+/// Rays of the LiDAR that sees the map: as many as that of MAES3D.
+const RAYS: u32 = 5124;
 
 /// Most parts and passages that a report names.
 const SHOWN: usize = 3;
@@ -63,16 +64,16 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let terrain = repair(&spec.file, imported.terrain, 0)?.terrain;
     let free = mapgen::free_cells(&terrain);
     report.cells(extent, free)?;
-    let clearance = Clearance::of(&terrain);
-    let body = |radius_m: f64| Body::new(&clearance, radius_m / extent.cell_m(), free);
+    let body = |radius_m: f64| Body::new(&terrain, radius_m, free);
     let here = body(args.radius_m);
     let (room, reached) = (100.0 * here.room, 100.0 * here.reached);
     report.line("body", format_args!("radius {} m: fits in {room:.1} % of the free cells", args.radius_m))?;
     report.line("reachable", format_args!("{reached:.1} % of the free cells, from the largest part with room"))?;
     let starts_at: Vec<voxels::Cell> = here.start.iter().map(|&index| extent.cell_at(index)).collect();
-    let seen = Attainable::of(&terrain, &clearance, radius_cells, &starts_at, f64::INFINITY, SEEN_CELLS);
+    let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, f64::INFINITY, std::f64::consts::TAU);
+    let seen = Attainable::of(&terrain, &scanner, &[Bodies { radius_m: args.radius_m, starts: starts_at }]);
     report.line("seen", format_args!("{:.1} % of the free cells, from there", 100.0 * seen.seen_share()))?;
-    let passages = clearance.passages(((PART * free as f64) as usize).max(1));
+    let passages = passages(&terrain, ((PART * free as f64) as usize).max(1));
     narrow(&mut report, &passages, extent)?;
     if here.reached < ENOUGH {
         let half_m = extent.cell_m() / 2.0;
@@ -127,8 +128,9 @@ struct Body {
 }
 
 impl Body {
-    fn new(clearance: &Clearance, radius_cells: f64, free: u64) -> Self {
-        let parts = free_components(&clearance.room(radius_cells));
+    fn new(terrain: &Grid<Terrain>, radius_m: f64, free: u64) -> Self {
+        let clearance = Clearance::for_body(radius_m, terrain);
+        let parts = free_components(&clearance.room(radius_m / terrain.extent().cell_m()));
         let share = |cells: usize| cells as f64 / free as f64;
         let largest = parts.largest().map(|part| part as usize);
         Self {
@@ -186,6 +188,23 @@ fn parts(report: &mut Report<'_>, components: &Components, extent: Extent) -> Re
     report.line("parts", format_args!("{}: {}", order.len(), shown.join(", ")))?;
     let largest = order.first().map_or(0, |&part| components.sizes[part]);
     Ok((largest as f64) < ENOUGH * all as f64)
+}
+
+/// The passages to parts of at least `part` free cells, the narrowest first. One that is an even
+/// number of cells wide is widest between its cells.
+fn passages(terrain: &Grid<Terrain>, part: usize) -> Vec<Passage> {
+    let extent = terrain.extent();
+    let at_corners = Clearance::on(BodyLattice::Corners, terrain);
+    let mut passages = Clearance::of(terrain).passages(part);
+    for passage in &mut passages {
+        for corner in 0..8 {
+            let by = voxels::Cell::new(corner & 1, corner >> 1 & 1, corner >> 2);
+            let radius_cells = extent.index(passage.cell + by).map_or(0.0, |index| at_corners.radius_cells(index));
+            passage.radius_cells = passage.radius_cells.max(radius_cells);
+        }
+    }
+    passages.sort_by(|one, other| one.radius_cells.total_cmp(&other.radius_cells));
+    passages
 }
 
 /// The narrowest passages.

@@ -329,7 +329,7 @@ fn check_says_what_a_body_can_do() {
     let refused = "rooms.txt: 200 agents of radius 0.4 m find no starts; see the advice above";
     assert_eq!(result.unwrap_err(), refused);
     // The body stays in one room, and sees the other one through a gap of a cell.
-    assert_eq!(value(&report, "reachable"), "2.7 % of the free cells, from the largest part with room");
+    assert_eq!(value(&report, "reachable"), "16.0 % of the free cells, from the largest part with room");
     let seen: f64 = value(&report, "seen").split_once(' ').unwrap().0.parse().unwrap();
     assert!((51.0..100.0).contains(&seen), "{report}");
     assert_eq!(value(&report, "advice"), "body.radius_m = 0.25 reaches 100.0 %");

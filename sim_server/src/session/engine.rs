@@ -20,15 +20,17 @@ use msgs::maes_msgs::{Counter, Observation as Fragment, Progress};
 use msgs::shared_bytes::SharedBytes;
 
 use super::log::{EntryKind, SessionLog};
-use super::{MILESTONE_COUNTER, RunError};
+use super::{ATTAINABLE_COUNTER, MILESTONE_COUNTER, RunError};
 use crate::playback::RecordedTick;
 use crate::setup;
+use msgs::stage::Stage;
 use msgs::wake_condition::WakeCondition;
 use simulation::digest::{Chain, Digest};
 use simulation::lockstep::{CommandReply, ObservationRequest, Replies};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent};
 use simulation::wire::{self, Change};
 use simulation::workers::Workers;
+use simulation::world::attainable::Attainable;
 use simulation::world::body::Pose;
 use simulation::world::{Action, Presence, RequestKind, World};
 
@@ -74,6 +76,10 @@ pub(super) struct Engine<'a> {
     interventions: u64,
     decisions: u64,
     failed_searches: Vec<u32>,
+    /// The stage of each agent.
+    stages: Vec<Option<Stage>>,
+    /// What the team had seen when all of it rested and something was left to see: cells.
+    rested_at: Option<usize>,
     /// The last information text of each agent.
     infos: Vec<String>,
 }
@@ -100,6 +106,8 @@ impl<'a> Engine<'a> {
             interventions: 0,
             decisions: 0,
             failed_searches: vec![0; agents],
+            stages: vec![None; agents],
+            rested_at: None,
             infos: vec![String::new(); agents],
         })
     }
@@ -188,6 +196,23 @@ impl<'a> Engine<'a> {
         }
     }
 
+    /// Whether all agents rest and nothing more can be seen from where their bodies can be, with no
+    /// event ahead that could change it. Call [`Engine::settle`] before.
+    pub(super) fn can_see_nothing_more(&mut self) -> bool {
+        let rests =
+            |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting) && !self.world.body(agent).is_active();
+        let is_team_at_rest = || self.world.agents().filter(|&agent| self.takes_part(agent)).all(rests);
+        if !(self.schedule.is_empty() && self.joining.is_empty() && is_team_at_rest()) {
+            return false;
+        }
+        let explored = self.world.coverage().explored_count();
+        if self.rested_at == Some(explored) {
+            return false;
+        }
+        self.rested_at = Some(explored);
+        !self.world.is_anything_left()
+    }
+
     /// The digest up to the last tick.
     pub(super) fn digest(&mut self) -> Digest {
         self.flush_scans();
@@ -259,6 +284,9 @@ impl<'a> Engine<'a> {
             self.decisions += 1;
             self.world.note_belief(agent, reply.message.known_free);
             self.failed_searches[agent.index()] = reply.message.failed_searches;
+            if let Ok(Some(stage)) = Stage::from_wire(reply.message.stage) {
+                self.stages[agent.index()] = Some(stage);
+            }
             if !reply.message.info.is_empty() {
                 self.infos[agent.index()].clone_from(&reply.message.info);
             }
@@ -454,6 +482,8 @@ impl<'a> Engine<'a> {
         counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("message_bytes_delivered_kind_{kind}"), bytes)));
         let milestones = self.world.coverage().milestones();
         counters.extend(milestones.map(|(permille, tick)| counter(&format!("{MILESTONE_COUNTER}{permille}"), tick.0)));
+        let attainable = self.world.attainable().map(Attainable::seen_share);
+        counters.extend(attainable.map(|share| counter(ATTAINABLE_COUNTER, (share * 1e6).round() as u64)));
         counters.extend((self.interventions > 0).then(|| counter("interventions", self.interventions)));
         counters
     }

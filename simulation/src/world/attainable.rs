@@ -1,117 +1,193 @@
-//! What a body can reach of a map, and what it can see from there.
+//! What the bodies of a team can reach of a map, and what they can see from there.
 //!
-//! A body moves through faces of cells, from centre to centre, where no wall is nearer than its
-//! radius. A free cell is *seen* if the centre of a cell that the body reaches is on a ray from its
-//! own centre through free cells, no longer than the range of the LiDAR: a line of sight leads both
-//! ways. The bodies of other agents are no obstacles here.
+//! A body moves from place to place ([`BodyLattice`]) along the axes where no wall is nearer than
+//! its radius. A free cell is *attainable* if a scan from a place that a body reaches sees it; no
+//! team of such bodies explores more, but for the little that is seen only from between the places.
+//! The bodies of other agents are no obstacles here.
 //!
-//! The share of the free cells that are seen is the most that a team of such bodies can explore.
+//! Scans from some of the places see nearly all that is attainable, because the time is bounded:
+//! from all places if they are few, else from a lattice of them, and for each cell that is left
+//! then from those that a ray from its own centre meets.
 
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 use nalgebra::Point3;
 use voxels::clearance::REACH_CELLS;
-use voxels::{Cell, CellSet, Clearance, Extent, Grid, Terrain, lattice, walk};
+use voxels::{BodyLattice, Cell, CellSet, Clearance, Extent, Grid, Terrain, lattice, walk};
 
-use super::World;
+use super::body::Pose;
+use super::lidar::{Scanner, SensorMemory};
+use super::{Presence, World};
 
-/// Rays from a cell: as many as those of the LiDAR of MAES3D.
+/// Rays from a cell that is left: as many as those of the LiDAR of MAES3D.
 const RAYS: u32 = 5124;
 
-/// Longest line of sight, cells; it bounds the time.
+/// Longest ray from a cell that is left, cells; it bounds the memory of the rays.
 const RANGE_CELLS_MAX: f64 = 128.0;
 
-/// Free cells that [`of_wide_bodies`] examines at most: some tenths of a second.
-const SAMPLE_CELLS: usize = 1 << 15;
+/// Places from which scans are cast before single cells are looked at.
+const PLACES_MAX: usize = 1 << 13;
 
-/// Largest map of [`of_wide_bodies`], cells: distances to walls take a second there.
+/// Places from which a cell that is left is looked at.
+const LOOKS_MAX: usize = 32;
+
+/// Cells on the rays from cells that are left: about a second.
+const STEPS_MAX: usize = 1 << 28;
+
+/// Headings of the scans from one place with a LiDAR that does not see all around.
+const HEADINGS: u32 = 16;
+
+/// Largest map of [`of_team`], cells: distances to walls take a second there.
 const MAP_CELLS_MAX: usize = 1 << 24;
 
-/// What bodies of one radius can do in a map, in cells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Bodies of one radius.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bodies {
+    /// Radius, metres.
+    pub radius_m: f64,
+    /// The cells whose places are nearest to them.
+    pub starts: Vec<Cell>,
+}
+
+/// What bodies can do in a map.
+#[derive(Debug, Clone)]
 pub struct Attainable {
-    /// Free cells of the map.
-    pub free: usize,
-    /// Cells at whose centres a body can be.
-    pub reached: usize,
-    /// Free cells that were examined.
-    pub examined: usize,
-    /// Those of them that a body can see or reach.
-    pub seen: usize,
+    free: usize,
+    reached: CellSet,
+    seen: CellSet,
 }
 
 impl Attainable {
-    /// Of bodies of `radius_cells` cells that start at the centres of some cells, or close to them,
-    /// with a LiDAR of `range_cells` cells; at most `cells_max` free cells, spread evenly, are
-    /// examined for whether they are seen.
+    /// Of a team of bodies with a LiDAR.
     #[must_use]
-    pub fn of(
-        terrain: &Grid<Terrain>,
-        clearance: &Clearance,
-        radius_cells: f64,
-        starts: &[Cell],
-        range_cells: f64,
-        cells_max: usize,
-    ) -> Self {
+    pub fn of(terrain: &Grid<Terrain>, scanner: &Scanner, team: &[Bodies]) -> Self {
         let extent = terrain.extent();
-        let reached = reach(&clearance.room(radius_cells), starts);
-        let rays = Rays::new(range_cells.min(RANGE_CELLS_MAX));
-        let free: Vec<usize> = (0..extent.volume()).filter(|&index| terrain[index] == Terrain::Free).collect();
-        let examined = free.iter().step_by(free.len().div_ceil(cells_max.max(1)).max(1));
-        let is_seen = |index: usize| reached.contains(index) || rays.meet(terrain, extent.cell_at(index), &reached);
-        Self {
-            free: free.len(),
-            reached: reached.len(),
-            examined: examined.clone().count(),
-            seen: examined.filter(|&&index| is_seen(index)).count(),
+        let free = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
+        let mut reached = CellSet::new(extent.volume());
+        let mut looks = Looks {
+            scanner,
+            headings: if scanner.sees_all_around() { 1 } else { HEADINGS },
+            memory: SensorMemory::new(terrain),
+            seen: CellSet::new(extent.volume()),
+            found: (Vec::new(), Vec::new()),
+        };
+        for bodies in team {
+            looks.look_around(terrain, bodies, &mut reached);
         }
+        Self { free, reached, seen: looks.seen }
     }
 
-    /// Share of the free cells at whose centres a body can be.
+    /// Share of the free cells at whose places a body can be, 0 ..= 1.
     #[must_use]
     pub fn reached_share(&self) -> f64 {
-        share(self.reached, self.free)
+        share(self.reached.len(), self.free)
     }
 
-    /// Share of the free cells examined that a body can see.
+    /// Share of the free cells that are attainable, 0 ..= 1.
     #[must_use]
     pub fn seen_share(&self) -> f64 {
-        share(self.seen, self.examined)
+        share(self.seen.len(), self.free)
+    }
+
+    /// The attainable cells.
+    #[must_use]
+    pub fn seen(&self) -> &CellSet {
+        &self.seen
     }
 }
 
-/// What the bodies of a world that are wider than a cell can reach and see from where they are, by
-/// radius, metres. Empty on large maps, and without a radius that is too large to tell.
+/// What the agents that have been in a world could reach and see together from where they started
+/// or were put, if all their bodies are wider than a cell; `None` for all others, for which that is
+/// everything, on large maps, and with a radius that is too large to tell.
 #[must_use]
-pub fn of_wide_bodies(world: &World) -> Vec<(f64, Attainable)> {
-    let (terrain, extent) = (world.terrain(), world.terrain().extent());
-    let cell_m = extent.cell_m();
-    let mut teams: Vec<(f64, Vec<Cell>)> = Vec::new();
-    for agent in world.agents() {
-        let sphere = world.body(agent).sphere();
-        let radius_cells = sphere.radius_m / cell_m;
+pub fn of_team(world: &World) -> Option<Attainable> {
+    let extent = world.terrain().extent();
+    if extent.volume() > MAP_CELLS_MAX {
+        return None;
+    }
+    let mut team: Vec<Bodies> = Vec::new();
+    for agent in world.agents().filter(|&agent| world.presence(agent) != Presence::Absent) {
+        let radius_m = world.body(agent).model().radius_m;
+        let radius_cells = radius_m / extent.cell_m();
         if radius_cells <= 0.5 || radius_cells > f64::from(REACH_CELLS) {
-            continue;
+            return None;
         }
-        let start = extent.cell_of(&sphere.centre);
-        match teams.iter_mut().find(|(radius_m, _)| *radius_m == sphere.radius_m) {
-            Some((_, starts)) => starts.push(start),
-            None => teams.push((sphere.radius_m, vec![start])),
+        let start = BodyLattice::of(radius_m, extent.cell_m()).cell_near(extent, &world.starts[agent.index()]);
+        match team.iter_mut().find(|bodies| bodies.radius_m == radius_m) {
+            Some(bodies) => bodies.starts.push(start),
+            None => team.push(Bodies { radius_m, starts: vec![start] }),
         }
     }
-    if teams.is_empty() || extent.volume() > MAP_CELLS_MAX {
-        return Vec::new();
-    }
-    let clearance = Clearance::of(terrain);
-    let range_cells = world.params.scanner.greatest_range_m(cell_m) / cell_m;
-    let attainable = |(radius_m, starts): (f64, Vec<Cell>)| {
-        (radius_m, Attainable::of(terrain, &clearance, radius_m / cell_m, &starts, range_cells, SAMPLE_CELLS))
-    };
-    teams.into_iter().map(attainable).collect()
+    (!team.is_empty()).then(|| Attainable::of(world.terrain(), &world.params.scanner, &team))
 }
 
 fn share(part: usize, whole: usize) -> f64 {
     if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
+}
+
+/// Scans from places.
+struct Looks<'s> {
+    scanner: &'s Scanner,
+    headings: u32,
+    memory: SensorMemory,
+    seen: CellSet,
+    /// Reused: free cells and walls.
+    found: (Vec<u32>, Vec<u32>),
+}
+
+impl Looks<'_> {
+    /// Notes what bodies can reach, and sees what they can see.
+    fn look_around(&mut self, terrain: &Grid<Terrain>, bodies: &Bodies, reached: &mut CellSet) {
+        let extent = terrain.extent();
+        let clearance = Clearance::for_body(bodies.radius_m, terrain);
+        let lattice = clearance.lattice();
+        let mut places = reach(&clearance.room(bodies.radius_m / extent.cell_m()), &bodies.starts);
+        places.iter().for_each(|index| reached.insert(index));
+        let is_on_lattice = |index: usize, spacing: i32| {
+            let Cell { x, y, z } = extent.cell_at(index);
+            [x, y, z].iter().all(|along| along % spacing == 0)
+        };
+        let count = |spacing| places.iter().filter(|&index| is_on_lattice(index, spacing)).count();
+        let spacing = (1..).find(|&spacing| count(spacing) <= PLACES_MAX).unwrap_or(1);
+        for index in places.iter().filter(|&index| is_on_lattice(index, spacing)) {
+            self.look_from(lattice.place(extent, extent.cell_at(index)));
+        }
+        if spacing == 1 {
+            return;
+        }
+        // A body sees the cells that it reaches.
+        places.iter().for_each(|index| self.seen.insert(index));
+        let rays = Rays::new((self.scanner.greatest_range_m(extent.cell_m()) / extent.cell_m()).min(RANGE_CELLS_MAX));
+        let mut steps_left = STEPS_MAX;
+        for cell in (0..extent.volume()).filter(|&index| terrain[index] == Terrain::Free) {
+            if steps_left == 0 {
+                break;
+            }
+            if self.seen.contains(cell) {
+                continue;
+            }
+            for index in rays.in_sight(terrain, extent.cell_at(cell), &places, &mut steps_left) {
+                places.remove(index);
+                self.look_from(lattice.place(extent, extent.cell_at(index)));
+                if self.seen.contains(cell) {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Scans from a point, metres, frame `map`.
+    fn look_from(&mut self, position: Point3<f64>) {
+        for heading in 0..self.headings {
+            let yaw_rad = f64::from(heading) * TAU / f64::from(self.headings);
+            let (free, walls) = &mut self.found;
+            (free.clear(), walls.clear());
+            self.scanner.scan(&mut self.memory, &Pose { position, yaw_rad }, free, walls);
+            free.iter().for_each(|&index| self.seen.insert(index as usize));
+        }
+    }
 }
 
 /// The cells of a terrain that are connected with some through faces.
@@ -128,7 +204,7 @@ fn reach(room: &Grid<Terrain>, starts: &[Cell]) -> CellSet {
             next.push(cell);
         }
     };
-    // A start that is no centre may be beside the only cells with room.
+    // A start between the places may be beside the only ones with room.
     starts.iter().flat_map(|start| start.neighbours26().into_iter().chain([*start])).for_each(|cell| {
         enter(cell, &mut next);
     });
@@ -150,10 +226,7 @@ impl Rays {
         let cube = Extent::new([side; 3], 1.0).expect("the range is bounded");
         let home = Cell::new(reach, reach, reach);
         let origin: Point3<f64> = cube.centre(home);
-        // Neighbouring rays end at the same walls: a step that has no common divisor with their
-        // number takes them far apart from each other.
-        let order = (0..RAYS).map(|number| number * 1597 % RAYS);
-        let rays = order.map(|number| {
+        let rays = (0..RAYS).map(|number| {
             let mut cells = Vec::new();
             let direction = lattice::direction(number, RAYS);
             let _: ControlFlow<()> = walk(cube, &origin, &direction, range_cells, |cell, _| {
@@ -165,55 +238,93 @@ impl Rays {
         Self { rays: rays.collect() }
     }
 
-    /// Whether a ray from a cell meets one of a set before a wall.
-    fn meet(&self, terrain: &Grid<Terrain>, from: Cell, goals: &CellSet) -> bool {
+    /// Some cells of a set that are on rays from a cell before a wall, the first of each ray; each
+    /// step along a ray is taken off those left.
+    fn in_sight(
+        &self,
+        terrain: &Grid<Terrain>,
+        from: Cell,
+        places: &CellSet,
+        steps_left: &mut usize,
+    ) -> BTreeSet<usize> {
         let extent = terrain.extent();
-        self.rays.iter().any(|ray| {
-            let free =
-                ray.iter().map_while(|&by| extent.index(from + by).filter(|&index| terrain[index] == Terrain::Free));
-            free.into_iter().any(|index| goals.contains(index))
-        })
+        let mut met = BTreeSet::new();
+        for ray in &self.rays {
+            for &by in ray {
+                let Some(index) = extent.index(from + by).filter(|&index| terrain[index] == Terrain::Free) else {
+                    break;
+                };
+                *steps_left = steps_left.saturating_sub(1);
+                if places.contains(index) {
+                    met.insert(index);
+                    break;
+                }
+            }
+            if met.len() == LOOKS_MAX {
+                break;
+            }
+        }
+        met
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::lidar::Pattern;
     use super::*;
 
-    fn attainable(text: &str, radius_cells: f64, start: Cell, range_cells: f64) -> Attainable {
-        let terrain = Grid::from_text(text).unwrap();
-        Attainable::of(&terrain, &Clearance::of(&terrain), radius_cells, &[start], range_cells, usize::MAX)
+    fn attainable(terrain: &Grid<Terrain>, radius_m: f64, start: Cell, range_m: f64) -> Attainable {
+        let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, range_m, TAU);
+        Attainable::of(terrain, &scanner, &[Bodies { radius_m, starts: vec![start] }])
     }
 
     /// Two rooms of 3 x 3 x 3 cells with a slit of one cell between them.
-    fn rooms() -> String {
+    fn rooms() -> Grid<Terrain> {
         let solid = "#########\n".repeat(5);
         let wall = "#########\n#...#...#\n#...#...#\n#...#...#\n#########\n";
         let slit = "#########\n#...#...#\n#.......#\n#...#...#\n#########\n";
-        [&solid, wall, slit, wall, &solid].map(str::to_owned).join("\n")
+        Grid::from_text(&[&solid, wall, slit, wall, &solid].map(str::to_owned).join("\n")).unwrap()
     }
 
     #[test]
     fn wide_body_sees_through_a_slit_that_it_does_not_pass() {
-        let start = Cell::new(2, 2, 2);
-        let small = attainable(&rooms(), 0.4, start, 20.0);
-        assert_eq!((small.free, small.reached, small.seen), (55, 55, 55));
-        let wide = attainable(&rooms(), 1.4, start, 20.0);
-        assert_eq!((wide.free, wide.reached), (55, 1));
+        let (rooms, start) = (rooms(), Cell::new(2, 2, 2));
+        let counts = |radius_m, range_m| {
+            let attainable = attainable(&rooms, radius_m, start, range_m);
+            (attainable.reached.len(), attainable.seen.len())
+        };
+        assert_eq!(counts(0.4, 20.0), (55, 55));
+        let (reached, seen) = counts(1.4, 20.0);
         // Its own room, the slit, and what is behind it within the opening angle.
-        assert!((29..55).contains(&wide.seen), "{wide:?}");
-        let short = attainable(&rooms(), 1.4, start, 2.0);
-        assert_eq!(short.seen, 28, "its own room and the slit");
-        let nowhere = attainable(&rooms(), 1.6, start, 20.0);
-        assert_eq!((nowhere.reached, nowhere.seen), (0, 0));
+        assert!(reached == 1 && (29..=55).contains(&seen), "{seen}");
+        // Its own room and the slit.
+        assert_eq!(counts(1.4, 2.0), (1, 28));
+        assert_eq!(counts(1.6, 20.0), (0, 0));
     }
 
     #[test]
-    fn a_sample_of_the_cells_has_about_the_same_share() {
-        let terrain = Grid::from_text(&rooms()).unwrap();
-        let clearance = Clearance::of(&terrain);
-        let of = |cells_max| Attainable::of(&terrain, &clearance, 1.4, &[Cell::new(2, 2, 2)], 20.0, cells_max);
-        assert_eq!(of(20).examined, 19);
-        assert!((of(20).seen_share() - of(100).seen_share()).abs() < 0.2);
+    fn bodies_of_two_cells_are_at_corners() {
+        // A corridor of 2 x 2 x 7 cells.
+        let (wall, free) = ("#########\n".repeat(4), "#########\n#.......#\n#.......#\n#########\n");
+        let corridor = Grid::from_text(&[&wall, free, free, &wall].map(str::to_owned).join("\n")).unwrap();
+        let through = attainable(&corridor, 1.0, Cell::new(2, 2, 2), 3.0);
+        assert_eq!((through.reached.len(), through.seen_share()), (6, 1.0));
+        assert_eq!(attainable(&corridor, 1.01, Cell::new(2, 2, 2), 3.0).reached_share(), 0.0);
+    }
+
+    #[test]
+    fn cells_that_a_lattice_of_places_leaves_out_are_looked_at() {
+        // A hall with more places than are scanned, and slits of one cell in its wall.
+        let extent = Extent::new([60, 60, 12], 1.0).unwrap();
+        let mut hall = Grid::new(extent, Terrain::Wall);
+        for cell in extent.cells().filter(|cell| cell.is_within(Cell::new(30, 30, 6), 29)) {
+            let is_inside = (1..51).contains(&cell.x) && (1..59).contains(&cell.y) && (1..11).contains(&cell.z);
+            let is_slit = (51..56).contains(&cell.x) && cell.y % 7 == 3 && cell.z % 4 == 2;
+            if is_inside || is_slit {
+                hall.set(cell, Terrain::Free);
+            }
+        }
+        let seen = attainable(&hall, 0.9, Cell::new(20, 20, 5), 12.0).seen_share();
+        assert!(seen > 0.999, "{seen}");
     }
 }

@@ -89,6 +89,12 @@ impl Coverage {
         self.share(self.explored_count)
     }
 
+    /// Number of free cells that at least one agent has seen.
+    #[must_use]
+    pub fn explored_count(&self) -> usize {
+        self.explored_count
+    }
+
     /// Whether every free cell has been seen.
     #[must_use]
     pub fn is_explored(&self) -> bool {

@@ -128,6 +128,11 @@ impl Scanner {
         }
     }
 
+    /// Whether its scans do not depend on the heading.
+    pub fn sees_all_around(&self) -> bool {
+        self.cone_cos.is_none()
+    }
+
     /// Whether scans from two poses see the same. The heading matters only with a limited field of
     /// view.
     pub fn sees_the_same(&self, a: &Pose, b: &Pose) -> bool {

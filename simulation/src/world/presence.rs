@@ -78,6 +78,7 @@ impl World {
         let cell = index_of(&self.terrain, state.cell);
         self.coverage.cover(agent, cell);
         self.contacts = None;
+        self.put(agent);
         true
     }
 

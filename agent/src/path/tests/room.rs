@@ -29,7 +29,8 @@ proptest! {
             let graph = Graph::new(&map, &moves);
             let mut steps = graph.steps();
             let home = Cell::default();
-            let of_step = |by: Cell| touched(centre(home), centre(by), radius_cells);
+            let at = |cell| place(moves.lattice(), cell);
+            let of_step = |by: Cell| touched(at(home), at(by), radius_cells);
             let swept: Vec<Vec<Cell>> = moves.steps.iter().map(|step| of_step(step.by)).collect();
             for cell in extent.cells() {
                 let is_possible = |swept: &Vec<Cell>| swept.iter().all(|&by| is_free(&map, cell + by));
@@ -55,7 +56,8 @@ proptest! {
         let extent = Extent::new([9; 3], 1.0).unwrap();
         let map = map_of(extent, &others);
         let to = Cell::new(to[0], to[1], to[2]);
-        let swept = touched(from, centre(to), clearance(radius, 1.0).unwrap());
+        let end = place(BodyLattice::of(radius, 1.0), to);
+        let swept = touched(from, end, clearance(radius, 1.0).unwrap());
         let expected = swept.into_iter().all(|cell| is_free(&map, cell));
         prop_assert_eq!(direct(&map, &Point3::from(from), to, radius), expected);
     }

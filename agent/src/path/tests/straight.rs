@@ -57,7 +57,8 @@ proptest! {
         let Some(path) = find(graph, start, Goal::Cell(goal)) else {
             return Ok(());
         };
-        let from = [0, 1, 2].map(|axis| centre(start)[axis] + aside[axis]);
+        let home = at(radius)(start);
+        let from = [0, 1, 2].map(|axis| home[axis] + aside[axis]);
         let legs = straighten(&path, &map, radius * cell_m);
         let from_m = Point3::from(from.map(|at| at * cell_m));
         let legs_from = straighten_from(&from_m, &path, &map, radius * cell_m);
@@ -66,28 +67,28 @@ proptest! {
         prop_assert!(legs.len() < path.cells.len() && legs_from.len() <= path.cells.len());
         let longest_m = path.length_m(map.extent()) + 0.4 * cell_m;
         for (first, legs, longest_m) in
-            [(centre(start), legs, longest_m), (from, legs_from, longest_m), (from, quicker, f64::INFINITY)]
+            [(home, legs, longest_m), (from, legs_from, longest_m), (from, quicker, f64::INFINITY)]
         {
             let mut here = first;
             let mut length_m = 0.0;
             for (place, point) in legs.iter().enumerate() {
                 let to = [point.x, point.y, point.z].map(|metres| metres / cell_m);
-                let is_excepted = place < 2 && is_excepted(graph, &path, to);
+                let is_excepted = place < 2 && is_excepted(graph, radius, &path, to);
                 prop_assert!(is_excepted || keeps_clear(&map, here, to, radius));
                 length_m += (Point3::from(to) - Point3::from(here)).norm() * cell_m;
                 here = to;
             }
             prop_assert!(length_m <= longest_m);
             if let Some(last) = legs.last() {
-                prop_assert_eq!(*last, map.extent().centre(goal));
+                prop_assert_eq!(*last, moves.lattice().place(map.extent(), goal));
             }
         }
     }
 }
 
 /// Whether a waypoint, in cells, is exempt because of what the body touches at the start: the
-/// centre of its first cell, and of the next one if the first is not usable.
-fn is_excepted(graph: Graph<'_>, path: &Path, point: [f64; 3]) -> bool {
-    let is_here = |&cell: &Cell| (Point3::from(centre(cell)) - Point3::from(point)).norm() < 1e-9;
+/// place of its first cell, and of the next one if the first is not usable.
+fn is_excepted(graph: Graph<'_>, radius: f64, path: &Path, point: [f64; 3]) -> bool {
+    let is_here = |&cell: &Cell| (Point3::from(at(radius)(cell)) - Point3::from(point)).norm() < 1e-9;
     path.cells.iter().take(if graph.is_usable(path.cells[0]) { 1 } else { 2 }).any(is_here)
 }

@@ -8,7 +8,7 @@
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use voxels::{Cell, Extent, lattice, walk};
+use voxels::{BodyLattice, Cell, Extent, lattice, walk};
 
 /// The rays of one pattern on maps of one size.
 #[derive(Debug)]
@@ -26,6 +26,8 @@ pub(super) struct Rays {
 /// Directions spread evenly ([`lattice`]), and the length of rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pattern {
+    /// Where the rays begin in the cell of the viewpoint.
+    pub(super) from: BodyLattice,
     pub(super) rays: u32,
     pub(super) range_cells: f64,
 }
@@ -80,11 +82,12 @@ impl Rays {
         let reach = pattern.reach();
         let home = Cell::new(reach, reach, reach);
         let [size_x, size_y, _] = map_size.map(|cells| cells as i32);
+        let from = pattern.from.place(cube, home);
         let mut cells = Vec::new();
         let mut ends = Vec::new();
         for ray in 0..pattern.rays {
             let direction = lattice::direction(ray, pattern.rays);
-            let _: ControlFlow<()> = walk(cube, &cube.centre(home), &direction, pattern.range_cells, |cell, _| {
+            let _: ControlFlow<()> = walk(cube, &from, &direction, pattern.range_cells, |cell, _| {
                 if cell != home {
                     let by = cell - home;
                     let place = cube.index(cell).expect("the cube contains all rays") as u32;
@@ -104,7 +107,7 @@ mod tests {
 
     #[test]
     fn tables_are_shared_while_they_are_in_use() {
-        let pattern = Pattern { rays: 30, range_cells: 4.5 };
+        let pattern = Pattern { from: BodyLattice::Centres, rays: 30, range_cells: 4.5 };
         let rays = Rays::shared(pattern, [40, 30, 20]);
         assert!(Arc::ptr_eq(&rays, &Rays::shared(pattern, [40, 30, 20])));
         assert!(!Arc::ptr_eq(&rays, &Rays::shared(pattern, [40, 20, 30])));

@@ -12,7 +12,7 @@ use super::SpawnError;
 use super::placed_bodies::PlacedBodies;
 use super::room::cells_with_room;
 
-/// The centres of the start cells, one for each body. Connected parts of the cells that have room
+/// The places of the start cells, one for each body. Connected parts of the cells that have room
 /// for the largest body are tried in the order of their distances from the origin.
 pub(super) fn nearest_origin(terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Point3<f64>>, SpawnError> {
     let extent = terrain.extent();
@@ -41,7 +41,7 @@ pub(super) fn nearest_origin(terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result
         agents: radii_m.len(),
         fit: most,
         place: format!(
-            "side by side in a connected part of this map, at centres of cells of {} m; the widest has a radius of \
+            "side by side in a connected part of this map, in cells of {} m; the widest has a radius of \
              {largest_m} m (`maes map check --radius-m {largest_m}` says where it fits)",
             extent.cell_m()
         ),

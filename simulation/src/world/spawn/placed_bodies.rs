@@ -1,7 +1,7 @@
 //! The bodies placed so far, in a spatial hash that answers whether another one fits.
 
 use nalgebra::Point3;
-use voxels::{Cell, Grid, Terrain};
+use voxels::{BodyLattice, Cell, Grid, Terrain};
 
 use super::super::collision::Sphere;
 use super::has_room_from_walls;
@@ -34,21 +34,27 @@ impl<'a> PlacedBodies<'a> {
         Self { terrain, min_distance_m, bucket_m, counts, buckets }
     }
 
-    /// Places a body at the centre of a cell and returns the position, if it fits.
+    /// Places a body at the place of a cell and returns the position, if it fits.
     pub(super) fn place(&mut self, cell: Cell, radius_m: f64) -> Option<Point3<f64>> {
         if !self.has_room(cell, radius_m) {
             return None;
         }
-        let centre = self.terrain.extent().centre(cell);
+        let centre = self.place_of(cell, radius_m);
         let [x, y, z] = self.bucket_of(&centre);
         let bucket = self.index(x, y, z);
         self.buckets[bucket].push(Sphere { centre, radius_m });
         Some(centre)
     }
 
-    /// Whether a body fits at the centre of a cell.
+    /// Where a body is in a cell.
+    fn place_of(&self, cell: Cell, radius_m: f64) -> Point3<f64> {
+        let extent = self.terrain.extent();
+        BodyLattice::of(radius_m, extent.cell_m()).place(extent, cell)
+    }
+
+    /// Whether a body fits at the place of a cell.
     pub(super) fn has_room(&self, cell: Cell, radius_m: f64) -> bool {
-        let centre = self.terrain.extent().centre(cell);
+        let centre = self.place_of(cell, radius_m);
         self.terrain.get(cell) == Some(&Terrain::Free)
             && !self.conflicts(&centre, radius_m)
             && has_room_from_walls(self.terrain, &centre, radius_m)

@@ -8,7 +8,7 @@
 //! Invariant: the list is that of all cells with room, in the order of their indices; what is ruled
 //! out in bulk never has room.
 
-use voxels::{Cell, Grid, Terrain};
+use voxels::{BodyLattice, Cell, Grid, Terrain};
 
 use super::placed_bodies::PlacedBodies;
 
@@ -28,7 +28,8 @@ pub(super) fn cells_with_room(terrain: &Grid<Terrain>, placed: &PlacedBodies<'_>
     let [size_x, size_y, _] = extent.size().map(|cells| cells as usize);
     let blocks = Blocks::without(terrain, placed, radius_m);
     let radius_cells = radius_m / extent.cell_m() * (1.0 - SLACK);
-    let clear = (radius_cells > 0.5).then(|| Bits::clear_around(terrain, radius_cells));
+    let lattice = BodyLattice::of(radius_m, extent.cell_m());
+    let clear = (radius_cells > 0.5).then(|| Bits::clear_around(terrain, radius_cells, lattice));
     let mut cells = Vec::new();
     for (number, row) in terrain.as_slice().chunks_exact(size_x).enumerate() {
         let (y, z) = (number % size_y, number / size_y);
@@ -60,6 +61,7 @@ impl Blocks {
         let size = terrain.extent().size().map(|cells| (cells as usize).div_ceil(BLOCK_CELLS));
         let mut blocks = Self { size, is_open: vec![true; size.iter().product()] };
         let edge_m = BLOCK_CELLS as f64 * cell_m;
+        let offset_m = BodyLattice::of(radius_m, cell_m).offset_cells() * cell_m;
         for (centre, apart_m) in placed.apart_from(radius_m) {
             let apart_m = apart_m * (1.0 - SLACK);
             let centre = [centre.x, centre.y, centre.z];
@@ -67,10 +69,10 @@ impl Blocks {
                 let block = |at_m: f64| (at_m / edge_m).clamp(0.0, size[axis] as f64 - 1.0) as usize;
                 block(centre[axis] - apart_m)..=block(centre[axis] + apart_m)
             };
-            // The square of the largest distance of a cell centre along an axis.
+            // The square of the largest distance of the place of a cell along an axis.
             let farthest = |axis: usize, block: usize| {
                 let low_m = block as f64 * edge_m - centre[axis];
-                let [low_m, high_m] = [low_m + cell_m / 2.0, low_m + edge_m - cell_m / 2.0];
+                let [low_m, high_m] = [low_m + offset_m, low_m + edge_m - cell_m + offset_m];
                 low_m.abs().max(high_m.abs()).powi(2)
             };
             for z in near(2) {
@@ -102,19 +104,48 @@ struct Bits {
 }
 
 impl Bits {
-    /// The cells around which a body of this radius touches no wall in the cube inside it, and none
-    /// on its axes.
-    fn clear_around(terrain: &Grid<Terrain>, radius_cells: f64) -> Self {
-        // A cell touches the body if its face towards the centre is nearer than the radius.
-        let reach = |part: f64| (libm::ceil(radius_cells * part + 0.5) as usize - 1).min(REACH_CELLS_MAX);
+    /// The cells around whose places a body of this radius touches no wall in the cube inside it,
+    /// and none on its axes.
+    fn clear_around(terrain: &Grid<Terrain>, radius_cells: f64, lattice: BodyLattice) -> Self {
+        // A cell touches the body if its face towards the centre is nearer than the radius. The
+        // cells around a corner are those around the centres of the eight that meet there.
+        let offset = lattice.offset_cells();
+        let reach = |part: f64| (libm::ceil(radius_cells * part + offset) as usize - 1).min(REACH_CELLS_MAX);
+        let around = |bits: Self| match lattice {
+            BodyLattice::Centres => bits,
+            BodyLattice::Corners => (0..3).fold(bits, |bits, axis| bits.with_lower(axis)),
+        };
         let free = Self::free(terrain);
         let in_cube = reach(1.0 / 3.0_f64.sqrt());
-        let mut clear = (0..3).fold(free.clone(), |bits, axis| bits.eroded(axis, in_cube));
+        let mut clear = around((0..3).fold(free.clone(), |bits, axis| bits.eroded(axis, in_cube)));
         for axis in 0..3 {
-            let bar = free.eroded(axis, reach(1.0));
+            let bar = around(free.eroded(axis, reach(1.0)));
             clear.words.iter_mut().zip(&bar.words).for_each(|(word, other)| *word &= other);
         }
         clear
+    }
+
+    /// The cells that are set, and the one below each along an axis too.
+    fn with_lower(&self, axis: usize) -> Self {
+        let mut both = self.clone();
+        let [size_y, _] = self.rows;
+        for (number, row) in both.words.chunks_exact_mut(self.words_in_row).enumerate() {
+            let before = self.row(number);
+            let lower = match axis {
+                0 => {
+                    let carried = |word: usize| word.checked_sub(1).map_or(0, |below| before[below] >> 63);
+                    row.iter_mut().enumerate().for_each(|(word, bits)| *bits &= before[word] << 1 | carried(word));
+                    continue;
+                }
+                1 => (number % size_y > 0).then(|| number - 1),
+                _ => number.checked_sub(size_y),
+            };
+            match lower {
+                Some(lower) => row.iter_mut().zip(self.row(lower)).for_each(|(bits, lower)| *bits &= lower),
+                None => row.fill(0),
+            }
+        }
+        both
     }
 
     /// The free cells.

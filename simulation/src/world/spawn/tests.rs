@@ -65,8 +65,8 @@ fn bodies_wider_than_a_cell_start_side_by_side_near_the_origin() {
         let starts = poses(&spec, &hall(), radii_m).unwrap();
         starts.into_iter().map(|pose| [pose.position.x, pose.position.y, pose.position.z]).collect::<Vec<_>>()
     };
-    assert_eq!(positions(&[0.6, 0.4]), [[2.5, 2.5, 2.5], [3.5, 2.5, 2.5]]);
-    assert_eq!(positions(&[0.9; 2]), [[2.5, 2.5, 2.5], [4.5, 2.5, 2.5]]);
+    assert_eq!(positions(&[0.6, 0.4]), [[2.0, 2.0, 2.0], [2.5, 3.5, 2.5]]);
+    assert_eq!(positions(&[0.9; 2]), [[2.0, 2.0, 2.0], [4.0, 2.0, 2.0]]);
     assert_eq!(fit(poses(&spec, &hall(), &[0.9; 3])), 2);
     assert_eq!(fit(poses(&spec, &hall(), &[2.0])), 0);
 }
@@ -79,8 +79,8 @@ fn wide_bodies_start_in_one_connected_part() {
     let terrain = Grid::from_text(&[&solid, layer, layer, layer, &solid].map(str::to_owned).join("\n")).unwrap();
     let spec = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
     let starts = |agents| poses(&spec, &terrain, &vec![1.0; agents]).unwrap();
-    assert_eq!(starts(1)[0].position, Point3::new(2.5, 2.5, 2.5));
-    assert_eq!(starts(2)[0].position, Point3::new(6.5, 2.5, 2.5));
+    assert_eq!(starts(1)[0].position, Point3::new(2.0, 2.0, 2.0));
+    assert_eq!(starts(2)[0].position, Point3::new(6.0, 2.0, 2.0));
 }
 
 /// The number of bodies with room, from an error.
@@ -108,7 +108,7 @@ fn bodies_wider_than_a_cell_keep_clear_of_each_other_and_of_walls() {
     let spec = SpawnSpec::Box { low: [0.0; 3], high: [9.0; 3], yaw_rad: 0.0 };
     let packed = poses(&spec, &hall(), &[1.0; 2]).unwrap();
     let positions: Vec<_> = packed.iter().map(|pose| pose.position).collect();
-    assert_eq!(positions, [Point3::new(2.5, 2.5, 2.5), Point3::new(4.5, 2.5, 2.5)]);
+    assert_eq!(positions, [Point3::new(2.0, 2.0, 2.0), Point3::new(4.0, 2.0, 2.0)]);
     assert_eq!(fit(poses(&spec, &hall(), &[1.0; 3])), 2);
     assert_eq!(fit(poses(&spec, &hall(), &[1.2; 2])), 1);
 }

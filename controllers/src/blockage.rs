@@ -9,9 +9,9 @@
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 
-use super::obstacles::is_near;
-use crate::Ctx;
-use agent::command::WakeCondition;
+use super::Ctx;
+use super::dsvp::obstacles::is_near;
+use agent::command::{Command, Stage, WakeCondition};
 use agent::observation::Observation;
 use msgs::event_mask::EventMask;
 
@@ -25,15 +25,20 @@ const STANDING_TICKS: u64 = 1000;
 const REST_TICKS: u64 = 500;
 const RESTS_MAX: u32 = 12;
 
+/// Most steps aside before bodies that are taken to stay, while the map does not change.
+const STEPS_ASIDE_MAX: u32 = 3;
+
 /// Most blockages that are remembered.
 const PLACES_MAX: usize = 64;
 
 /// The blockages since the map last changed.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Blockages {
+pub(crate) struct Blockages {
     /// Known cells of the map at the last one.
     known_cells: usize,
     standing: Vec<Standing>,
+    /// Steps aside before bodies that are taken to stay.
+    steps_aside: u32,
 }
 
 /// A body that has not moved between blockages.
@@ -49,18 +54,46 @@ struct Standing {
 
 /// A rest before a body that is taken to stay.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Rest {
-    pub(super) wake: WakeCondition,
-    pub(super) info: String,
+pub(crate) struct Rest {
+    pub(crate) wake: WakeCondition,
+    pub(crate) info: String,
+}
+
+/// What follows a collision with a body that is taken to stay.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Yield {
+    /// A rest where the body is.
+    Rest(Rest),
+    /// A step aside, from where the next attempt may lead past.
+    StepAside,
+}
+
+impl Rest {
+    /// The command of a body that has been stopped.
+    pub(crate) fn command(self) -> Command {
+        Command::keep(self.wake).with_stage(Stage::Waiting).with_info(self.info)
+    }
 }
 
 impl Blockages {
+    /// [`Blockages::note`] for controllers that find no path around a body but by steps aside, which
+    /// come before the rests.
+    pub(crate) fn note_between_steps(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Yield> {
+        let rest = self.note(observation, ctx)?;
+        if self.steps_aside == STEPS_ASIDE_MAX {
+            return Some(Yield::Rest(rest));
+        }
+        self.steps_aside += 1;
+        Some(Yield::StepAside)
+    }
+
     /// Notes that the bodies nearby block all paths now, or that this body has run into another
     /// one. Returns how it rests if one of them is taken to stay where it is.
-    pub(super) fn note(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Rest> {
+    pub(crate) fn note(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Rest> {
         let known_cells = ctx.map().free() + ctx.map().wall();
         if std::mem::replace(&mut self.known_cells, known_cells) != known_cells {
             self.standing.clear();
+            self.steps_aside = 0;
         }
         let (bodies, radius_m, here) = (&ctx.run_info().bodies, ctx.body().radius_m, ctx.position());
         let near = observation.contacts.iter().filter(|contact| is_near(contact, &here, radius_m, bodies));
