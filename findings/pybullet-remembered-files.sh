@@ -10,7 +10,7 @@ set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 python3 -m venv "$dir/venv"
-"$dir/venv/bin/pip" install -q --no-compile --disable-pip-version-check pybullet==3.2.7
+"$dir/venv/bin/pip" install -q --no-compile --disable-pip-version-check pybullet==3.2.7 numpy==2.4.6
 "$dir/venv/bin/python" - "$dir" <<'PY'
 import sys
 import pybullet as p
