@@ -291,7 +291,7 @@ mod tests {
                 "abb9439c8cf196722a469fb6c68b44b484f198c2a1356ac38849a29c2a20a794",
             ),
             (of(SignedObservation::TYPE), "b418c94394ec1eea415d651a60e58bc591e143e79ee51e116387c2345469340c"),
-            (of(Progress::TYPE), "62d1933ba40f2e8fc0a72ccb904e1e222f11b6410263f35b8ec6000ce7bedd8d"),
+            (of(Progress::TYPE), "7054c40bd979883f7fcb6b088db9aaed0223d4f15d50949de7ec2fdb9b6a81f2"),
             (of(info), "41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45"),
             (of_type(parameters::GetParameters), "bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc"),
             (

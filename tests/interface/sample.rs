@@ -68,6 +68,7 @@ impl<'de> de::Deserializer<'de> for &mut Sampler {
     type Error = NotInMessages;
 
     integers! {
+        deserialize_i8 visit_i8 i8,
         deserialize_i32 visit_i32 i32,
         deserialize_u8 visit_u8 u8,
         deserialize_u16 visit_u16 u16,
@@ -119,7 +120,7 @@ impl<'de> de::Deserializer<'de> for &mut Sampler {
     }
 
     forward_to_deserialize_any! {
-        i8 i16 i64 i128 u128 char str bytes option unit unit_struct newtype_struct tuple_struct map enum identifier
+        i16 i64 i128 u128 char str bytes option unit unit_struct newtype_struct tuple_struct map enum identifier
         ignored_any
     }
 }

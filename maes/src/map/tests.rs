@@ -160,7 +160,7 @@ fn bad_input_is_one_line_and_writes_nothing() {
     for (line, expected) in [
         (
             "generate --size 30 -o @a.vox",
-            "a.vox: files of extension \"vox\" are not written, only .m3dm, .txt, .bt, .obj, .stl and .yaml",
+            "a.vox: files of extension \"vox\" are not written, only .m3dm, .txt, .bt, .obj, .stl, .glb, .pcd and .yaml",
         ),
         (
             "generate --size 30 -o @a",
