@@ -76,8 +76,8 @@ impl Rest {
 }
 
 impl Blockages {
-    /// [`Blockages::note`] for controllers that find no path around a body but by steps aside, which
-    /// come before the rests.
+    /// [`Blockages::note`] for controllers that find no path around a body but by steps aside,
+    /// which come before the rests.
     pub(crate) fn note_between_steps(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Yield> {
         let rest = self.note(observation, ctx)?;
         if self.steps_aside == STEPS_ASIDE_MAX {

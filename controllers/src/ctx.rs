@@ -122,8 +122,8 @@ impl<'a> Ctx<'a> {
         (self.body().kind == BodyKind::Aerial && can_be_told).then(|| Motion::Path(vec![end]))
     }
 
-    /// The motion to the [place](Ctx::place) of a cell: straight if that is known to be clear, else along the
-    /// cheapest path through cells known to be free, with 26 neighbours.
+    /// The motion to the [place](Ctx::place) of a cell: straight if that is known to be clear, else
+    /// along the cheapest path through cells known to be free, with 26 neighbours.
     ///
     /// If the search takes time, the body must stay at rest until the wake-up condition of
     /// [`NavigationStatus::Searching`] fires; then call again with the same cell.
@@ -153,9 +153,9 @@ impl<'a> Ctx<'a> {
     }
 
     /// The motion to the place of a cell nearby that the body has to make before it can follow
-    /// paths, which lead from place to place: a body wider than a cell that was stopped between them
-    /// may not reach that of its own cell, because a wall is too near to it. `None` for all others,
-    /// and if there is no such cell.
+    /// paths, which lead from place to place: a body wider than a cell that was stopped between
+    /// them may not reach that of its own cell, because a wall is too near to it. `None` for all
+    /// others, and if there is no such cell.
     #[must_use]
     pub fn recentring(&self) -> Option<Motion> {
         if !self.is_wide() || self.is_clear_to(self.cell()) {

@@ -282,8 +282,8 @@ impl Lvd {
         })
     }
 
-    /// Waits or moves aside at random, so that two agents do not block each other for ever; rests if
-    /// one of them has not moved for long.
+    /// Waits or moves aside at random, so that two agents do not block each other for ever; rests
+    /// if one of them has not moved for long.
     fn evade(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let destination = self.destination.take();
         let standing = self.blockages.note_between_steps(observation, ctx);

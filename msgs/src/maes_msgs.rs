@@ -1,11 +1,9 @@
 //! The messages of the package `maes_msgs`, exactly as in the `.msg` files under `msgs/msg`.
 //!
 //! The `.msg` files are the source of truth: names, order and types of the fields, the constants
-//! and the comments are theirs. Each struct is one file, and serialises to the same CDR bytes as
-//! the type that ROS 2 builds from it. Numbers are raw here; the receiver of a message checks them
-//! and converts them to types of its own. There is one struct for each file, in their order.
-//!
-//! "Sum of the constants" means a bit set. Sim time is counted in ticks, fixed updates of 20 ms.
+//! and the comments are theirs. Each struct is one file, in their order, and serialises to the CDR
+//! bytes of the type that ROS 2 builds from it. The receiver of a message checks its raw numbers and
+//! converts them. "Sum of the constants" means a bit set. Ticks are fixed updates of 20 ms.
 
 use serde::{Deserialize, Serialize};
 

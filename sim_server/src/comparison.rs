@@ -1,8 +1,9 @@
 //! Comparison of two runs: tick by tick and message by message, up to the first difference.
 //!
 //! **What is ignored.** Visualisation messages (`[views]` of a scenario selects which are recorded)
-//! depend on observers, and so do the transforms that precede them; the refusal counters of a result
-//! depend on foreign traffic; none of them belongs to the run. Everything else is compared bitwise.
+//! depend on observers, and so do the transforms that precede them; the refusal counters of a
+//! result depend on foreign traffic; none of them belongs to the run. Everything else is compared
+//! bitwise.
 //!
 //! **Order.** Tools that rewrite recordings keep the order of times, and of the messages of a
 //! topic, but not always that of topics within a tick. Neither does it belong to the run.

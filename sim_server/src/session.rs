@@ -230,8 +230,8 @@ impl<'c> Session<'c, '_> {
             return Ok(reason);
         }
         loop {
-            // Before anything with the stamp of this tick is published, which may be while the pace is
-            // held.
+            // Before anything with the stamp of this tick is published, which may be while the pace
+            // is held.
             self.transport.clock(self.engine.tick());
             self.hold_pace()?;
             self.end_phase(Phase::Pace);

@@ -281,8 +281,8 @@ impl World {
         state.drift.measured(&state.body.pose().position, self.terrain.extent())
     }
 
-    /// The variance of [`Self::measured_position`] along each axis, m^2: of the drift, spread evenly
-    /// within its bound, which it is in the long run.
+    /// The variance of [`Self::measured_position`] along each axis, m^2: of the drift, spread
+    /// evenly within its bound, which it is in the long run.
     #[must_use]
     pub fn measured_variance_m2(&self) -> f64 {
         self.lidar.noise.pose_bound_m.powi(2) / 3.0

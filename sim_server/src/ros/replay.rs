@@ -3,8 +3,8 @@
 //!
 //! Invariants: messages are published as recorded, with the type and QoS they have in a run;
 //! readers are waited for, in the middle and at the end, but each only while it acknowledges
-//! something (see [`ros_node::BlockingPublisher`]); a late reader of a latched topic receives every message that
-//! still holds. [`crate::replay`] decides when a message is due.
+//! something (see [`ros_node::BlockingPublisher`]); a late reader of a latched topic receives every
+//! message that still holds. [`crate::replay`] decides when a message is due.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};

@@ -8,8 +8,9 @@ use msgs::std_msgs;
 use crate::wire::body_frame;
 use crate::world::World;
 
-/// One robot of all agents: the link `map`, and on it for each agent a sphere `agent_<id>/base_link`
-/// with a LiDAR `agent_<id>/lidar` in its centre. Agents that do not fit into a sample are left out.
+/// One robot of all agents: the link `map`, and on it for each agent a sphere
+/// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` in its centre. Agents that do not fit
+/// into a sample are left out.
 pub(super) fn robots(world: &World) -> std_msgs::String {
     const END: &str = "</robot>\n";
     let mut data = "<?xml version=\"1.0\"?>\n<robot name=\"maes\">\n  <link name=\"map\"/>\n".to_owned();

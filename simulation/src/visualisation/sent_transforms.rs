@@ -1,5 +1,5 @@
-//! The transforms that were sent to one side, live or recorded, and those that have to precede other
-//! messages.
+//! The transforms that were sent to one side, live or recorded, and those that have to precede
+//! other messages.
 //!
 //! Topics are thinned, each at its own time, and tf2 interpolates between the transforms that it
 //! has: without the transform of its stamp, a scan is shown where its body was not. So each message

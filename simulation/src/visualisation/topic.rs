@@ -61,8 +61,8 @@ impl VisualisationTopic {
         of_run.into_iter().chain((0..agents).map(AgentId).flat_map(of_agent))
     }
 
-    /// Whether its messages have the stamp of their tick, and poses are looked up for it. Points have
-    /// that of their scan.
+    /// Whether its messages have the stamp of their tick, and poses are looked up for it. Points
+    /// have that of their scan.
     pub(super) fn needs_present_transforms(self) -> bool {
         match self {
             Self::Odometry(_) | Self::Path(_) | Self::Unexplored | Self::Contacts | Self::Info | Self::Diagnostics => {
