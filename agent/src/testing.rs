@@ -14,8 +14,8 @@ pub const RADIUS_M: f64 = 0.4;
 /// If the drawing is none.
 #[must_use]
 pub fn drawn(text: &str) -> ExplorationMap {
-    let free = Grid::from_text(&text.replace('?', "#")).unwrap();
-    let unexplored = Grid::from_text(&text.replace('#', ".").replace('?', "#")).unwrap();
+    let free = Grid::from_text(&text.replace('?', "#")).expect("a drawing of cells");
+    let unexplored = Grid::from_text(&text.replace('#', ".").replace('?', "#")).expect("a drawing of cells");
     let mut map = ExplorationMap::new(free.extent());
     for (index, (terrain, mark)) in (0..).zip(free.as_slice().iter().zip(unexplored.as_slice())) {
         match (terrain, mark) {

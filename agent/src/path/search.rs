@@ -234,6 +234,9 @@ impl<'a> Search<'a> {
     }
 
     /// Length of the cheapest path to a cell that has been expanded, in cells.
+    ///
+    /// # Panics
+    /// If the cell is outside the map.
     #[must_use]
     pub fn length_cells(&self, cell: Cell) -> f64 {
         let index = self.graph.map().extent().index(cell).expect("cells that were expanded lie in the map");

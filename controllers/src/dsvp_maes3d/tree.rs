@@ -188,25 +188,39 @@ impl Index {
             // All points within this distance along each axis.
             let (low, high) = (bucket_of(to.map(|along| along - reach)), bucket_of(to.map(|along| along + reach)));
             let along = |axis: usize| low[axis].max(lowest[axis])..=high[axis].min(highest[axis]);
-            for (x, y) in along(0).flat_map(|x| along(1).map(move |y| (x, y))) {
-                let column = along(2);
-                if column.is_empty() {
-                    break;
-                }
-                for (_, bucket) in self.buckets.range([x, y, *column.start()]..=[x, y, *column.end()]) {
-                    for &(at, number) in bucket {
-                        let distance_squared = (at - to).norm_squared();
-                        if (distance_squared, number) < best {
-                            best = (distance_squared, number);
-                        }
-                    }
+            let length = |axis: usize| (i64::from(*along(axis).end()) - i64::from(*along(axis).start()) + 1).max(0);
+            // Points far apart: more columns than buckets.
+            let is_wide = length(0).saturating_mul(length(1)) > self.buckets.len() as i64;
+            if is_wide || !f64::is_finite(reach) {
+                take_nearest(self.buckets.values(), to, &mut best);
+                break;
+            }
+            let column = along(2);
+            if !column.is_empty() {
+                for (x, y) in along(0).flat_map(|x| along(1).map(move |y| (x, y))) {
+                    let column = self.buckets.range([x, y, *column.start()]..=[x, y, *column.end()]);
+                    take_nearest(column.map(|(_, bucket)| bucket), to, &mut best);
                 }
             }
             let holds_all = (0..3).all(|axis| low[axis] <= lowest[axis] && high[axis] >= highest[axis]);
             if holds_all || best.0 <= reach * reach {
-                return Some(best.1).filter(|&number| number != NONE);
+                break;
             }
             reach *= 2.0;
+        }
+        Some(best.1).filter(|&number| number != NONE)
+    }
+}
+
+fn take_nearest<'b>(
+    buckets: impl Iterator<Item = &'b Vec<(Point3<f64>, u32)>>,
+    to: Point3<f64>,
+    best: &mut (f64, u32),
+) {
+    for &(at, number) in buckets.flatten() {
+        let distance_squared = (at - to).norm_squared();
+        if (distance_squared, number) < *best {
+            *best = (distance_squared, number);
         }
     }
 }
@@ -284,9 +298,11 @@ mod tests {
         fn index_agrees_with_linear_search(
             places in proptest::collection::vec([-9i32..9, -9..9, -9..9], 0..60),
             to in [-200i32..200, -20..20, -20..20],
+            stretch in 0i32..9,
         ) {
-            // A coarse raster, so that distances tie.
-            let place = |[x, y, z]: [i32; 3]| Point3::new(f64::from(x), f64::from(y), f64::from(z)) * 1.5;
+            // A coarse raster, so that distances tie; also far beyond any map.
+            let spacing = 1.5 * 10.0_f64.powi(stretch);
+            let place = |[x, y, z]: [i32; 3]| Point3::new(f64::from(x), f64::from(y), f64::from(z)) * spacing;
             let mut index = Index::default();
             for (number, &at) in (0..).zip(&places) {
                 index.insert(place(at), number);

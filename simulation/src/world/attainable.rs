@@ -183,7 +183,8 @@ impl Looks<'_> {
         for heading in 0..self.headings {
             let yaw_rad = f64::from(heading) * TAU / f64::from(self.headings);
             let (free, walls) = &mut self.found;
-            (free.clear(), walls.clear());
+            free.clear();
+            walls.clear();
             self.scanner.scan(&mut self.memory, &Pose { position, yaw_rad }, free, walls);
             free.iter().for_each(|&index| self.seen.insert(index as usize));
         }
