@@ -11,7 +11,7 @@ use simulation::world::attainable::{Attainable, Bodies};
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::clearance::REACH_CELLS;
-use voxels::{BodyLattice, Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
+use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
 
 use super::{CheckArgs, MapCliError, Report, by, import, picture};
 
@@ -73,7 +73,9 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, f64::INFINITY, std::f64::consts::TAU);
     let seen = Attainable::of(&terrain, &scanner, &[Bodies { radius_m: args.radius_m, starts: starts_at }]);
     report.line("seen", format_args!("{:.1} % of the free cells, from there", 100.0 * seen.seen_share()))?;
-    let passages = passages(&terrain, ((PART * free as f64) as usize).max(1));
+    // Where bodies of this size are in a cell decides which passages are narrow for them.
+    let clearance = Clearance::for_body(args.radius_m, &terrain);
+    let passages = clearance.passages(((PART * free as f64) as usize).max(1));
     narrow(&mut report, &passages, extent)?;
     if here.reached < ENOUGH {
         let half_m = extent.cell_m() / 2.0;
@@ -188,23 +190,6 @@ fn parts(report: &mut Report<'_>, components: &Components, extent: Extent) -> Re
     report.line("parts", format_args!("{}: {}", order.len(), shown.join(", ")))?;
     let largest = order.first().map_or(0, |&part| components.sizes[part]);
     Ok((largest as f64) < ENOUGH * all as f64)
-}
-
-/// The passages to parts of at least `part` free cells, the narrowest first. One that is an even
-/// number of cells wide is widest between its cells.
-fn passages(terrain: &Grid<Terrain>, part: usize) -> Vec<Passage> {
-    let extent = terrain.extent();
-    let at_corners = Clearance::on(BodyLattice::Corners, terrain);
-    let mut passages = Clearance::of(terrain).passages(part);
-    for passage in &mut passages {
-        for corner in 0..8 {
-            let by = voxels::Cell::new(corner & 1, corner >> 1 & 1, corner >> 2);
-            let radius_cells = extent.index(passage.cell + by).map_or(0.0, |index| at_corners.radius_cells(index));
-            passage.radius_cells = passage.radius_cells.max(radius_cells);
-        }
-    }
-    passages.sort_by(|one, other| one.radius_cells.total_cmp(&other.radius_cells));
-    passages
 }
 
 /// The narrowest passages.

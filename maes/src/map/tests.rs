@@ -165,8 +165,8 @@ fn bad_input_is_one_line_and_writes_nothing() {
         (
             "generate --size 30 -o @a",
             "a: the file's extension is missing, known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, \
-             .gltf, .glb, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, .xyzn, .asc, .pts, .csv, \
-             .las and .laz",
+             .gltf, .glb, .dae, .sdf, .world, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, \
+             .xyzn, .asc, .pts, .csv, .las, .laz and .e57",
         ),
         ("generate --size 2000 -o @a.txt", "map size along x is 2000 cells, allowed are 1 to 1024"),
         ("generate --size 30 --cell-m 0 -o @a.txt", "cell_m is 0, allowed are finite lengths in metres above 0"),
