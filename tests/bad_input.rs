@@ -136,7 +136,7 @@ fn maps() {
     let site = Site::new();
     let legal = site.file("s.toml", LEGAL);
     let refuse = |map: &str, words: &[&str]| assert_no_run(&site, &legal, &["--map", map], words);
-    refuse("nowhere.m3dm", &["s.toml: nowhere.m3dm: No such file"]);
+    refuse("nowhere.m3dm", &["nowhere.m3dm: No such file", "or a map file: --map nowhere.m3dm"]);
 
     let made = site.path("good.m3dm");
     let mut generate = site.binary("maes");
@@ -176,8 +176,8 @@ fn spawns() {
     assert_no_run(
         &site,
         &legal,
-        &["--agents", "1000", "--size", "20", "--seed", "1"],
-        &["spawn: no free cube of 10 x 10 x 10 cells for 1000 agents"],
+        &["--agents", "200", "--size", "16", "--seed", "1", "--set", "map.spheres.radius_max=4"],
+        &["spawn: no free cube of 6 x 6 x 6 cells for 200 agents"],
     );
 }
 

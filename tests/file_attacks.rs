@@ -101,19 +101,20 @@ fn files_and_maps_have_a_largest_size() {
 fn recordings_replace_only_recordings() {
     let site = Site::new();
     site.file("legal.toml", SHORT);
-    let keys = site.file("authorized_keys", "ssh-ed25519 AAAA");
-    symlink("authorized_keys", site.path("link.mcap")).expect("links can be made");
+    let keys = site.file("keys.mcap", "ssh-ed25519 AAAA");
+    symlink("keys.mcap", site.path("link.mcap")).expect("links can be made");
     symlink("nowhere", site.path("dangling.mcap")).expect("links can be made");
     fifo(&site, "pipe.mcap");
     for transport in ["ros2", "memory"] {
         for (file, what) in [
-            ("authorized_keys", "a file that is no recording; nothing was written"),
+            ("keys.mcap", "a file that is no recording; nothing was written"),
             ("link.mcap", "a symbolic link; nothing was written"),
             ("dangling.mcap", "a symbolic link; nothing was written"),
             ("pipe.mcap", "a FIFO; nothing was written"),
             ("/dev/full", "a device; nothing was written"),
         ] {
-            let flags = ["legal.toml", "--transport", transport, "--record", file];
+            let record = format!("execution.record=\"{file}\"");
+            let flags = ["legal.toml", "--transport", transport, "--set", &record];
             let ended = site.start(&mut site.run_sh(&flags)).ended();
             assert_refused(&ended, &format!("recording {file}: {what}"));
         }

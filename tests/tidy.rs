@@ -229,7 +229,7 @@ fn pure_modules_use_no_system_interface() {
         ("statistics", &[""]),
         ("simulation", &[""]),
         ("sim_server", &["control", "replay"]),
-        ("agent", &[""]),
+        ("agent", &["abstract_graph", "bodies", "command", "exploration_map", "map_markers", "observation", "sharing"]),
         ("controllers", &[""]),
         ("agent_node", &["control_loop", "wire"]),
     ];

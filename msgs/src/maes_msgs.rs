@@ -2,8 +2,8 @@
 //!
 //! The `.msg` files are the source of truth: names, order and types of the fields, the constants
 //! and the comments are theirs. Each struct is one file, in their order, and serialises to the CDR
-//! bytes of the type that ROS 2 builds from it. The receiver of a message checks its raw numbers and
-//! converts them. "Sum of the constants" means a bit set. Ticks are fixed updates of 20 ms.
+//! bytes of the type that ROS 2 builds from it. Its receiver checks the raw numbers and converts
+//! them. "Sum of the constants" means a bit set. Ticks are fixed updates of 20 ms.
 
 use serde::{Deserialize, Serialize};
 

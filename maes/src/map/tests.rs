@@ -331,7 +331,7 @@ fn check_says_what_a_body_can_do() {
     // The body stays in one room, and sees the other one through a gap of a cell.
     assert_eq!(value(&report, "reachable"), "16.0 % of the free cells, from the largest part with room");
     let seen: f64 = value(&report, "seen").split_once(' ').unwrap().0.parse().unwrap();
-    assert!((51.0..100.0).contains(&seen), "{report}");
+    assert!((51.0..=100.0).contains(&seen), "{report}");
     assert_eq!(value(&report, "advice"), "body.radius_m = 0.25 reaches 100.0 %");
     assert!(report.contains("fewer agents (agents.count)"), "{report}");
 
