@@ -134,7 +134,7 @@ pub struct Acknowledgements {
 
 impl Acknowledgements {
     /// Whether some reader still has to acknowledge something, and has acknowledged something in
-    /// the last [`READER_TIMEOUT`].
+    /// the last two seconds.
     pub fn are_awaited(&mut self) -> bool {
         let Some((writer, progress)) = &mut self.progress else { return false };
         progress.update(unacknowledged(*writer), now());

@@ -61,7 +61,7 @@ pub(super) fn in_parts(transforms: Vec<TransformStamped>) -> impl Iterator<Item 
 
 /// The true pose of an agent at the start of this tick (metres, frame `map`), and its velocity in
 /// the last fixed update (m/s and rad/s, frame of the body). Both are exact, which the covariances
-/// say with [`EXACT_VARIANCE`] on their diagonals: zeros would mean that they are not known.
+/// say with 1e-9 (m^2, rad^2) on their diagonals: zeros would mean that they are not known.
 #[must_use]
 pub fn odometry(world: &World, agent: AgentId) -> Odometry {
     let body = world.body(agent);
