@@ -375,12 +375,10 @@ fn cut_recording_verifies_up_to_the_cut() {
     record(&site, "run.mcap", &[]);
     let whole = site.recording("run.mcap");
     let bytes = std::fs::read(site.path("run.mcap")).expect("there is a recording");
-    for share in [3, 4] {
-        site.file("cut.mcap", &bytes[..bytes.len() * share / 10]);
-        assert_verifies_in_part(&site, "cut.mcap", "cut off behind byte ");
-        let same = diff(&site, "cut.mcap", "run.mcap").with_code(1);
-        assert!(same.stdout.starts_with("the same as far as cut.mcap goes, "), "{same}");
-    }
+    site.file("cut.mcap", &bytes[..bytes.len() * 2 / 5]);
+    assert_verifies_in_part(&site, "cut.mcap", "cut off behind byte ");
+    let same = diff(&site, "cut.mcap", "run.mcap").with_code(1);
+    assert!(same.stdout.starts_with("the same as far as cut.mcap goes, "), "{same}");
     assert_eq!(whole.result().tick, 1500);
     // All messages are there, but not the end of the file.
     site.file("summary.mcap", &bytes[..bytes.len() - 20]);
