@@ -30,7 +30,7 @@ use simulation::lockstep::SourceId;
 
 use crate::support::domains::Domain;
 use crate::support::interceptor::{Interceptor, intercepted};
-use crate::support::memory::{Play, honest};
+use crate::support::memory::{FinishedRun, Play, honest};
 use crate::support::processes::signal;
 use crate::support::recordings::{Recording, refusals};
 use crate::support::runs::{Run, Site};
@@ -328,13 +328,12 @@ fn flooding_member_does_not_affect_others() {
     assert_eq!(count(&flooded, "messages_sent"), count(&quiet, "messages_sent") + quiet.tick);
 }
 
-/// A stream of messages delays neither the timeout nor the end of a run.
-#[test]
-fn flooding_without_reply_times_out() {
+/// A run in which agent 1 joins and then sends the commands for its run number, over and over.
+fn with_commands_of_agent_1(commands: impl Fn(u64) -> Vec<Command> + Send + Sync + 'static) -> FinishedRun {
     let mut play = Play::of_two(DURATION_S);
     play.scenario.execution.decision_timeout_s = 2.0;
     play.scenario.execution.join_timeout_s = 2.0;
-    let played = play.with(move |mut end, ids, is_over| {
+    play.with(move |mut end, ids, is_over| {
         if ids[0] == AgentId(0) {
             agent_node::host::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
             return;
@@ -343,14 +342,19 @@ fn flooding_without_reply_times_out() {
             panic!("the scenario comes first")
         };
         end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+        let commands = commands(run);
         while !is_over.load(Ordering::Relaxed) {
-            for _ in 0..100 {
-                end.send_command(&Command { tick: u64::MAX, run, agent: 1, ..Command::default() });
-            }
+            commands.iter().for_each(|command| end.send_command(command));
             end.receive(Duration::from_millis(1));
         }
-    });
-    match played.outcome {
+    })
+}
+
+/// A stream of messages delays neither the timeout nor the end of a run.
+#[test]
+fn flooding_without_reply_times_out() {
+    let flood = |run| vec![Command { tick: u64::MAX, run, agent: 1, ..Command::default() }; 100];
+    match with_commands_of_agent_1(flood).outcome {
         Err(RunError::AgentsLost { lost, tick: Tick(0), .. }) => assert_eq!(lost, [AgentId(1)]),
         other => panic!("{other:?}"),
     }
@@ -358,26 +362,9 @@ fn flooding_without_reply_times_out() {
 
 #[test]
 fn agent_with_illegal_replies_is_lost_for_that_reason() {
-    let mut play = Play::of_two(DURATION_S);
-    play.scenario.execution.decision_timeout_s = 2.0;
-    play.scenario.execution.join_timeout_s = 2.0;
-    let played = play.with(move |mut end, ids, is_over| {
-        if ids[0] == AgentId(0) {
-            agent_node::host::run(&mut end, &honest(0, ids), is_over).expect("agent 0 is welcome");
-            return;
-        }
-        let Some(ToAgents::Scenario(Scenario { run, .. })) = end.receive(HANG) else {
-            panic!("the scenario comes first")
-        };
-        end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
-        let motion = Motion { kind: Motion::MOVE, distance_m: f64::NAN, ..Motion::default() };
-        let reply = Command { tick: 0, run, agent: 1, motion, ..Command::default() };
-        while !is_over.load(Ordering::Relaxed) {
-            end.send_command(&reply);
-            end.receive(Duration::from_millis(1));
-        }
-    });
-    let error = played.outcome.expect_err("agent 1 never replies");
+    let motion = Motion { kind: Motion::MOVE, distance_m: f64::NAN, ..Motion::default() };
+    let reply = move |run| vec![Command { tick: 0, run, agent: 1, motion: motion.clone(), ..Command::default() }];
+    let error = with_commands_of_agent_1(reply).outcome.expect_err("agent 1 never replies");
     let text = error.to_string();
     assert!(text.contains("from: 1; the answer of agent 1 was refused: ") && text.contains("NaN"), "{text}");
 }

@@ -331,16 +331,15 @@ impl Lvd {
             }
             Poll::Pending => self.request_view(observation),
             Poll::Ready(None) if ctx.is_wide() => self.look_from_afar(observation, ctx),
-            Poll::Ready(None) => {
-                self.destination = None;
-                let wake = WakeCondition {
-                    at: observation.tick.after(WAIT_TICKS),
-                    events: EventMask::CONTACTS | EventMask::MESSAGE,
-                };
-                let command = Command::keep(wake).with_stage(Stage::Waiting);
-                self.with_new_info(command, "nothing left to do, waiting for news".to_owned())
-            }
+            Poll::Ready(None) => self.wait(observation.tick, "nothing left to do, waiting for news"),
         }
+    }
+
+    /// Waits for what others bring, and looks again after a while.
+    fn wait(&mut self, now: Tick, info: &str) -> Command {
+        self.destination = None;
+        let wake = WakeCondition { at: now.after(WAIT_TICKS), events: EventMask::CONTACTS | EventMask::MESSAGE };
+        self.with_new_info(Command::keep(wake).with_stage(Stage::Waiting), info.to_owned())
     }
 
     /// A body wider than a cell goes where it sees something unexplored, if there is such a place.
@@ -350,15 +349,7 @@ impl Lvd {
         match wide.viewpoints.next(ctx) {
             Poll::Ready(Some(viewpoint)) => self.pursue(observation, ctx, viewpoint.cell, Purpose::Viewpoint),
             Poll::Pending => self.request_view(observation),
-            Poll::Ready(None) => {
-                self.destination = None;
-                let wake = WakeCondition {
-                    at: observation.tick.after(WAIT_TICKS),
-                    events: EventMask::CONTACTS | EventMask::MESSAGE,
-                };
-                let command = Command::keep(wake).with_stage(Stage::Waiting);
-                self.with_new_info(command, NOTHING_TO_SEE.to_owned())
-            }
+            Poll::Ready(None) => self.wait(observation.tick, NOTHING_TO_SEE),
         }
     }
 

@@ -17,6 +17,7 @@ use std::cmp::Ordering;
 use nalgebra::Point3;
 use voxels::{Extent, Terrain};
 
+use super::formats::joined;
 use super::frame::{Bounds, Frame, Units};
 use super::options::Kind;
 use super::work::Work;
@@ -29,7 +30,10 @@ use strays::Strays;
 use trajectory::Trajectory;
 
 /// The import options of point clouds.
-pub(super) const OPTIONS: &[&str] = &[
+pub(super) const OPTIONS: &[&str] = &joined::<{ POINTS.len() + LIMITS.len() }>(&[POINTS, LIMITS]);
+
+/// Those of them about the points: where they lie, from where they were seen, and which count.
+pub(super) const POINTS: &[&str] = &[
     "up",
     "scale",
     "margin_cells",
@@ -41,10 +45,10 @@ pub(super) const OPTIONS: &[&str] = &[
     "trajectory",
     "voxel_min_points",
     "outliers",
-    "unknown",
-    "cells_max",
-    "steps_max",
 ];
+
+/// Those of them about the map that is made of the points.
+pub(super) const LIMITS: &[&str] = &["unknown", "cells_max", "steps_max"];
 
 /// Share of rays through cells with points, and of cells that no place of the sensor sees, in
 /// percent, from which on these places are probably wrong.

@@ -311,6 +311,25 @@ impl MapReader {
     }
 }
 
+/// Lists of options, one behind the other. `N` is the sum of their lengths.
+///
+/// # Panics
+/// If it is another number; since this is for constants, when it is compiled.
+pub(super) const fn joined<const N: usize>(lists: &[&[&'static str]]) -> [&'static str; N] {
+    let mut all = [""; N];
+    let (mut list, mut count) = (0, 0);
+    while list < lists.len() {
+        let mut place = 0;
+        while place < lists[list].len() {
+            all[count] = lists[list][place];
+            (place, count) = (place + 1, count + 1);
+        }
+        list += 1;
+    }
+    assert!(count == N, "N is the sum of the lengths");
+    all
+}
+
 /// Extensions as a text.
 fn listed(extensions: impl Iterator<Item = &'static str>) -> String {
     let mut known: Vec<String> = extensions.map(|extension| format!(".{extension}")).collect();

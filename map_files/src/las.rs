@@ -5,35 +5,17 @@
 
 use super::bytes::Bytes;
 use super::cloud::{self, Cloud};
+use super::formats::joined;
 use super::laz::Compressed;
 use super::options::PointFlag;
 use super::work::Work;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// Points of a laser scanner, plain or compressed.
-pub(super) const READER: MapReader = MapReader::new(
-    "points of a laser scanner",
-    &["las", "laz"],
-    &[
-        "up",
-        "scale",
-        "margin_cells",
-        "crop",
-        "free_from",
-        "gap_cells",
-        "sensor",
-        "stations",
-        "trajectory",
-        "voxel_min_points",
-        "outliers",
-        "classes",
-        "drop_flags",
-        "unknown",
-        "cells_max",
-        "steps_max",
-    ],
-    read,
-);
+pub(super) const READER: MapReader = MapReader::new("points of a laser scanner", &["las", "laz"], OPTIONS, read);
+
+const OPTIONS: &[&str] = &joined::<{ cloud::OPTIONS.len() + OF_LAS.len() }>(&[cloud::POINTS, OF_LAS, cloud::LIMITS]);
+const OF_LAS: &[&str] = &["classes", "drop_flags"];
 
 /// Classes of low and high noise.
 const NOISE: [u8; 2] = [7, 18];

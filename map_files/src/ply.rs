@@ -12,44 +12,22 @@ use voxels::Extent;
 
 use super::bytes::{Bytes, float, number, shown, words};
 use super::cloud::{self, Cloud, Sensors};
+use super::formats::joined;
 use super::mesh::{self, Mesh};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// A mesh or a point cloud in the Polygon File Format.
 pub(super) const READER: MapReader = MapReader {
     stored_cell_m: Some(|bytes| voxel_grid(bytes).map(|grid| grid.size)),
-    ..MapReader::new(
-        "polygon file",
-        &["ply"],
-        &[
-            "fill",
-            "inside",
-            "up",
-            "scale",
-            "margin_cells",
-            "crop",
-            "free_from",
-            "gap_cells",
-            "sensor",
-            "stations",
-            "trajectory",
-            "voxel_min_points",
-            "outliers",
-            "unknown",
-            "cells_max",
-            "steps_max",
-        ],
-        read,
-    )
+    ..MapReader::new("polygon file", &["ply"], OPTIONS, read)
 };
 
 /// Part of a voxel by which its centre is moved upwards, so that all voxels of a grid fall into
 /// cells of their own whose boundaries are exactly where the centres are.
 const NUDGE: f64 = 1e-6;
 
-/// Import options for clouds alone, and for meshes alone.
-const OF_POINTS: [&str; 6] = ["sensor", "stations", "trajectory", "voxel_min_points", "outliers", "unknown"];
-const OF_FACES: [&str; 2] = ["fill", "inside"];
+/// The options of a cloud, and those that only meshes have.
+const OPTIONS: &[&str] = &joined::<{ 2 + cloud::OPTIONS.len() }>(&[&["fill", "inside"], cloud::OPTIONS]);
 
 /// Names of the property with the time of a point, seconds.
 const TIMES: [&str; 4] = ["timestamp", "time", "gps_time", "scalar_GpsTime"];
@@ -166,14 +144,15 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         Note::new("ignored", text)
     });
     let mut notes: Vec<Note> = notes.chain(mesh::note_of_skipped(skipped)).collect();
-    let given = |names: &[&str]| spec.options.given().find(|name| names.contains(name));
+    let given_only_for =
+        |one: &[&str], other: &[&str]| spec.options.given().find(|name| one.contains(name) && !other.contains(name));
     if !faces.is_empty() {
-        if let Some(name) = given(&OF_POINTS) {
+        if let Some(name) = given_only_for(cloud::OPTIONS, mesh::OPTIONS) {
             return Err(FormatError::HasFaces { name });
         }
         return mesh::map(spec, &mesh, notes);
     }
-    if let Some(name) = given(&OF_FACES) {
+    if let Some(name) = given_only_for(mesh::OPTIONS, cloud::OPTIONS) {
         return Err(FormatError::NoFaces { name });
     }
     if let Some(VoxelGrid { origin, size }) = grid {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::recorder::bag_folder;
 use msgs::ids::Tick;
 use simulation::scenario::{MapKind, Override, RecordedView, keys};
 
@@ -334,7 +335,7 @@ pub fn assignment(text: &str) -> Result<(String, toml::Value), String> {
 /// programs.
 fn recording_file(text: &str) -> Result<String, String> {
     let is_mcap = Path::new(text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap"));
-    if is_mcap || text.ends_with('/') {
+    if is_mcap || bag_folder(Path::new(text)).is_some() {
         Ok(text.to_owned())
     } else {
         Err("expected a name that ends in .mcap, or in / for a rosbag2 folder".to_owned())

@@ -30,6 +30,7 @@ use thiserror::Error;
 
 use crate::bag::{self, BagTopic};
 use destination::Destination;
+pub(crate) use destination::bag_folder;
 pub use queue::{RecorderQueue, RunRecorder};
 use sink::Sink;
 pub use sink::Store;

@@ -208,7 +208,7 @@ fn dismissal_ends_no_other_replay() {
 }
 
 #[test]
-fn time_in_which_the_server_was_stopped_loses_nobody() {
+fn suspension_of_the_server_loses_no_agent() {
     let mut driven = Driven::of(&[&[0]]);
     driven.ask(0, &[0]);
     driven.now += Duration::from_secs(3600);

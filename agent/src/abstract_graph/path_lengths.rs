@@ -39,7 +39,7 @@ const UNREACHED: u32 = u32::MAX;
 /// Most lengths kept in all: 8 MiB.
 const KEPT_MAX: usize = 1 << 21;
 
-/// Calls of [`PathLengths::renew`] for which lengths are kept that nobody asks for.
+/// Calls of [`PathLengths::renew`] for which lengths are kept without being asked for.
 const UNUSED_MAX: u32 = 3;
 
 /// The lengths of the paths from the cell of the last call of [`PathLengths::begin`]. They are

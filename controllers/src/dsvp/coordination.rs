@@ -29,13 +29,16 @@ pub(super) trait Coordination: fmt::Debug + Send + Sized {
     /// Processes the messages of an observation. `agents` is the team size.
     fn receive(&mut self, observation: &Observation, agents: u32);
 
-    /// The first stage of a plan; with [`Plan::Nothing`] the planner relocates.
+    /// The first stage of a plan; with [`Plan::Nothing`] the planner relocates. By
+    /// default it explores nearby.
     fn first_stage(
         planner: &mut Dsvp<Self>,
         observation: &Observation,
         ctx: &mut Ctx<'_>,
         obstacles: &Obstacles,
-    ) -> Plan;
+    ) -> Plan {
+        planner.explore(observation, ctx, obstacles)
+    }
 
     /// Whether another agent has the better claim to the goal last claimed.
     fn is_outbid(&self, now: Tick) -> bool;
@@ -67,15 +70,6 @@ impl Coordination for Alone {
 
     fn receive(&mut self, _observation: &Observation, _agents: u32) {}
 
-    fn first_stage(
-        planner: &mut Dsvp<Self>,
-        observation: &Observation,
-        ctx: &mut Ctx<'_>,
-        obstacles: &Obstacles,
-    ) -> Plan {
-        planner.explore(observation, ctx, obstacles)
-    }
-
     fn is_outbid(&self, _now: Tick) -> bool {
         false
     }
@@ -104,15 +98,6 @@ impl Coordination for Auction {
 
     fn receive(&mut self, observation: &Observation, agents: u32) {
         Auction::receive(self, &observation.messages, observation.tick, agents);
-    }
-
-    fn first_stage(
-        planner: &mut Dsvp<Self>,
-        observation: &Observation,
-        ctx: &mut Ctx<'_>,
-        obstacles: &Obstacles,
-    ) -> Plan {
-        planner.explore(observation, ctx, obstacles)
     }
 
     fn is_outbid(&self, now: Tick) -> bool {

@@ -64,8 +64,10 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let terrain = repair(&spec.file, imported.terrain, 0)?.terrain;
     let free = mapgen::free_cells(&terrain);
     report.cells(extent, free)?;
-    let body = |radius_m: f64| Body::new(&terrain, radius_m, free);
-    let here = body(args.radius_m);
+    let body_on = |clearance: &Clearance, radius_m: f64| Body::new(clearance, radius_m / extent.cell_m(), free);
+    let body = |radius_m: f64| body_on(&Clearance::for_body(radius_m, &terrain), radius_m);
+    let clearance = Clearance::for_body(args.radius_m, &terrain);
+    let here = body_on(&clearance, args.radius_m);
     let (room, reached) = (100.0 * here.room, 100.0 * here.reached);
     report.line("body", format_args!("radius {} m: fits in {room:.1} % of the free cells", args.radius_m))?;
     report.line("reachable", format_args!("{reached:.1} % of the free cells, from the largest part with room"))?;
@@ -74,7 +76,6 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let seen = Attainable::of(&terrain, &scanner, &[Bodies { radius_m: args.radius_m, starts: starts_at }]);
     report.line("seen", format_args!("{:.1} % of the free cells, from there", 100.0 * seen.seen_share()))?;
     // Where bodies of this size are in a cell decides which passages are narrow for them.
-    let clearance = Clearance::for_body(args.radius_m, &terrain);
     let passages = clearance.passages(((PART * free as f64) as usize).max(1));
     narrow(&mut report, &passages, extent)?;
     if here.reached < ENOUGH {
@@ -130,9 +131,8 @@ struct Body {
 }
 
 impl Body {
-    fn new(terrain: &Grid<Terrain>, radius_m: f64, free: u64) -> Self {
-        let clearance = Clearance::for_body(radius_m, terrain);
-        let parts = free_components(&clearance.room(radius_m / terrain.extent().cell_m()));
+    fn new(clearance: &Clearance, radius_cells: f64, free: u64) -> Self {
+        let parts = free_components(&clearance.room(radius_cells));
         let share = |cells: usize| cells as f64 / free as f64;
         let largest = parts.largest().map(|part| part as usize);
         Self {

@@ -142,7 +142,7 @@ impl Destination {
 const METADATA_TEMPORARY: &str = ".metadata.yaml.tmp";
 
 /// The folder of a name that ends in a slash.
-fn bag_folder(file: &Path) -> Option<&Path> {
+pub(crate) fn bag_folder(file: &Path) -> Option<&Path> {
     let ends_in_slash = file.as_os_str().as_encoded_bytes().last().is_some_and(|&byte| byte == b'/');
     ends_in_slash.then_some(file)
 }
