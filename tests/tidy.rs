@@ -47,7 +47,7 @@ const USES: [(&str, &[&str]); 18] = [
     ("agent", &["msgs", "voxels"]),
     ("controllers", &["agent", "msgs", "voxels"]),
     ("agent_node", &["agent", "controllers", "msgs", "ros_node", "voxels"]),
-    ("in_memory", &["agent_node", "msgs", "sim_server", "simulation"]),
+    ("in_memory", &["agent", "agent_node", "msgs", "sim_server", "simulation"]),
     ("supervisor", &["msgs", "simulation", "system"]),
     ("statistics", &["voxels"]),
     (

@@ -390,7 +390,9 @@ impl<T: ServerTransport> Host<T> {
                 self.answer(id, acknowledgement);
                 self.publish_rest(id);
                 self.transport.log(id, Level::Info, "the run is over");
-                self.agents.remove(&id);
+                if let Some(hosted) = self.agents.remove(&id) {
+                    self.transport.ended(id, hosted.agent.map());
+                }
             }
         }
         Ok(())

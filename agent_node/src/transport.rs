@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use agent::exploration_map::ExplorationMap;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
 use msgs::parameters::Parameter;
@@ -55,6 +56,8 @@ pub trait ServerTransport {
     fn publish_map(&mut self, _agent: AgentId, _part: &Marker) {}
     /// Logs a text for an agent.
     fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
+    /// Called with the map of an agent whose run is over, for those that evaluate it.
+    fn ended(&mut self, _agent: AgentId, _map: &ExplorationMap) {}
     /// Declares parameters of an agent's node.
     fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
     /// The time by which joins are repeated and a silent server is given up; a simulated network
@@ -103,6 +106,10 @@ impl<T: ServerTransport + ?Sized> ServerTransport for &mut T {
 
     fn log(&mut self, agent: AgentId, level: Level, text: &str) {
         (**self).log(agent, level, text);
+    }
+
+    fn ended(&mut self, agent: AgentId, map: &ExplorationMap) {
+        (**self).ended(agent, map);
     }
 
     fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<Parameter>) {

@@ -7,7 +7,6 @@ use msgs::ids::{AgentId, Tick};
 
 use crate::{Controller, Ctx, Failure};
 use agent::command::Command;
-use agent::exploration_map::{Change, Finding};
 use agent::observation::Observation;
 
 /// The wall time of each decision of some agents, in no order. Clones share it.
@@ -25,16 +24,13 @@ pub struct Decision {
     pub start: Instant,
     /// How long it took, wall time.
     pub duration: Duration,
-    /// Free cells that the agent has seen itself since its last decision, and that other agents had
-    /// put on its map before.
-    pub seen_again: u32,
 }
 
 impl DecisionTimes {
     /// Wraps a controller to time its decisions.
     #[must_use]
     pub fn of(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
-        Box::new(Timed { controller, times: self.clone(), read: 0 })
+        Box::new(Timed { controller, times: self.clone() })
     }
 
     /// All times, ascending.
@@ -55,22 +51,15 @@ impl DecisionTimes {
 struct Timed {
     controller: Box<dyn Controller>,
     times: DecisionTimes,
-    /// Position in the journal of the map up to which changes are counted.
-    read: usize,
 }
 
 impl Controller for Timed {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let map = ctx.map();
-        let own = |change: &Change| change.from.is_none() && change.finding == Finding::Free;
-        let first = map.changes_since(self.read).filter(own).count();
-        self.read = map.journal_len();
-        let seen_again = observation.seen.free.len().saturating_sub(first) as u32;
         let start = now();
         let command = self.controller.decide(observation, ctx);
         let (agent, tick, duration) = (ctx.agent(), observation.tick, start.elapsed());
         let mut times = self.times.0.lock().unwrap_or_else(PoisonError::into_inner);
-        times.push(Decision { agent, tick, start, duration, seen_again });
+        times.push(Decision { agent, tick, start, duration });
         command
     }
 

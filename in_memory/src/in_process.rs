@@ -8,7 +8,6 @@ use agent_node::controllers::Registry;
 use agent_node::host::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::Progress;
 use sim_server::playback::Playback;
 use sim_server::recorder::{RecordError, RunRecorder};
 use sim_server::recording::Recording;
@@ -20,8 +19,7 @@ use simulation::workers::Workers;
 use simulation::world::World;
 use thiserror::Error;
 
-use crate::Team;
-use crate::stages::StageTimes;
+use crate::{Course, Team};
 
 /// Why a run has no result.
 #[derive(Debug, Error)]
@@ -87,10 +85,7 @@ pub struct CompletedRun {
     pub outcome: Outcome,
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
-    /// Progress from the start on, every ten seconds of sim time, and at the end.
-    pub progress: Vec<Progress>,
-    /// The stages that its agents have named.
-    pub stages: StageTimes,
+    pub course: Course,
 }
 
 /// Runs a scenario, and records it to the file that the scenario names. `stop` ends the run early;
@@ -197,8 +192,8 @@ fn run_mode<'a>(
     let mut team = Team::new(processes, workers, stop);
     let config = RunConfig::new(scenario, mode)?;
     let outcome = sim_server::session::run(config, world, &mut team, recorder, observer, stop);
-    let (progress, stages) = team.into_course()?;
-    Ok(CompletedRun { outcome: outcome?, size, progress, stages })
+    let course = team.into_course()?;
+    Ok(CompletedRun { outcome: outcome?, size, course })
 }
 
 /// The options of a process of some agents.
@@ -260,8 +255,7 @@ fn run_on_threads<'a>(
         }
         Ok(outcome?)
     })?;
-    let (progress, stages) = server_end.into_course();
-    Ok(CompletedRun { outcome, size, progress, stages })
+    Ok(CompletedRun { outcome, size, course: server_end.into_course() })
 }
 
 /// Sets a flag at the end of a scope, also when the scope panics.

@@ -13,9 +13,12 @@ pub mod stages;
 mod team;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
+use agent::exploration_map::ExplorationMap;
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{
@@ -34,8 +37,20 @@ pub struct ServerEnd {
     groups: Vec<Sender<ToAgents>>,
     /// The groups that subscribe to the topics of an agent, by index.
     groups_of: BTreeMap<AgentId, Vec<usize>>,
-    progress: Vec<Progress>,
-    stages: StageTimes,
+    course: Course,
+    seen_again: Arc<AtomicU64>,
+}
+
+/// The course of a run: what its evaluation needs beside the result.
+#[derive(Debug, Clone, Default)]
+pub struct Course {
+    /// Progress from the start on, every ten seconds of sim time, and at the end.
+    pub progress: Vec<Progress>,
+    /// The stages that its agents have named.
+    pub stages: StageTimes,
+    /// Cells that agents found free with their own sensors and had on their maps before, summed
+    /// over the agents.
+    pub seen_again: u64,
 }
 
 /// The end of one group of agents, which corresponds to one agent process.
@@ -43,6 +58,7 @@ pub struct AgentsEnd {
     inbox: Receiver<ToAgents>,
     server: Sender<Incoming>,
     source: SourceId,
+    seen_again: Arc<AtomicU64>,
 }
 
 /// Connects a server with groups of agents. An agent may be in several groups, as it may run in
@@ -52,31 +68,23 @@ pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
     let (to_server, server_inbox) = channel();
     let mut senders = Vec::new();
     let mut ends = Vec::new();
+    let seen_again = Arc::new(AtomicU64::new(0));
     let mut groups_of: BTreeMap<AgentId, Vec<usize>> = BTreeMap::new();
     for (number, agents) in groups.iter().enumerate() {
         let (to_agents, inbox) = channel();
         senders.push(to_agents);
         agents.iter().for_each(|&agent| groups_of.entry(agent).or_default().push(number));
         let source = SourceId((number as u128).to_le_bytes());
-        ends.push(AgentsEnd { inbox, server: to_server.clone(), source });
+        ends.push(AgentsEnd { inbox, server: to_server.clone(), source, seen_again: Arc::clone(&seen_again) });
     }
-    (
-        ServerEnd {
-            inbox: server_inbox,
-            groups: senders,
-            groups_of,
-            progress: Vec::new(),
-            stages: StageTimes::default(),
-        },
-        ends,
-    )
+    (ServerEnd { inbox: server_inbox, groups: senders, groups_of, course: Course::default(), seen_again }, ends)
 }
 
 impl ServerEnd {
-    /// All progress messages that the server has published, and the stages that agents have named.
+    /// The course of the run, complete once all agents have ended.
     #[must_use]
-    pub fn into_course(self) -> (Vec<Progress>, StageTimes) {
-        (self.progress, self.stages)
+    pub fn into_course(self) -> Course {
+        Course { seen_again: self.seen_again.load(Ordering::Relaxed), ..self.course }
     }
 
     fn send_to_all(&self, message: &ToAgents) {
@@ -102,7 +110,7 @@ impl ServerEnd {
 
     /// The next message, if one has arrived.
     fn receive_now(&mut self) -> Option<Incoming> {
-        self.inbox.try_recv().ok().inspect(|incoming| note(&mut self.stages, incoming))
+        self.inbox.try_recv().ok().inspect(|incoming| note(&mut self.course.stages, incoming))
     }
 }
 
@@ -137,13 +145,13 @@ impl AgentTransport for ServerEnd {
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.inbox.recv_timeout(timeout).ok().inspect(|incoming| note(&mut self.stages, incoming))
+        self.inbox.recv_timeout(timeout).ok().inspect(|incoming| note(&mut self.course.stages, incoming))
     }
 }
 
 impl ObserverOutput for ServerEnd {
     fn progress(&mut self, progress: &Progress) {
-        self.progress.push(progress.clone());
+        self.course.progress.push(progress.clone());
     }
 }
 
@@ -183,6 +191,10 @@ impl agent_node::transport::ServerTransport for AgentsEnd {
 
     fn source(&self) -> [u8; 16] {
         self.source.0
+    }
+
+    fn ended(&mut self, _agent: AgentId, map: &ExplorationMap) {
+        self.seen_again.fetch_add(map.seen_again(), Ordering::Relaxed);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {

@@ -45,7 +45,7 @@ pub mod tf2_msgs;
 pub mod visualization_msgs;
 
 pub mod cdr;
-mod counter_names;
+pub mod counters;
 pub mod message;
 pub mod parameters;
 pub mod printable;

@@ -33,10 +33,10 @@ fn completed(scenario: &Scenario, done: in_process::CompletedRun) -> PyResult<Py
     let wall = measure::wall_row(Tick(result.tick), done.outcome.wall, &[], &execute::machine());
     let trace = Trace {
         size: done.size,
-        progress: &done.progress,
+        progress: &done.course.progress,
         result: &result,
-        stages: &done.stages,
-        seen_again: None,
+        stages: &done.course.stages,
+        seen_again: Some(done.course.seen_again),
         wall,
     };
     let record = measure::record(&planned, trace);

@@ -66,14 +66,6 @@ const REPORT_PERIOD: Duration = Duration::from_millis(500);
 /// Wall time that agents have to acknowledge the shutdown message.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Prefix of the counter of the tick in which the team had explored a share of the free cells, in
-/// thousandths.
-pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
-
-/// Counter of the share of the free cells that the team can see from where its bodies can be, in
-/// millionths; only of teams whose bodies are all wider than a cell.
-pub const ATTAINABLE_COUNTER: &str = "attainable_ppm";
-
 /// The outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {

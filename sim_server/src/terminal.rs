@@ -12,11 +12,12 @@ use std::time::{Duration, Instant};
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 use comfy_table::{Cell, CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use msgs::counters::CounterName;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Counter};
 use msgs::printable;
 
-use crate::session::{self, Outcome, RunObserver};
+use crate::session::{Outcome, RunObserver};
 use crate::wall_clock::now;
 use simulation::lockstep::listed;
 use simulation::world::World;
@@ -108,7 +109,7 @@ impl Terminal {
                 self.line_written = Some(now());
                 self.say(&text);
             }
-            None => {}
+            _ => {}
         }
     }
 
@@ -196,15 +197,16 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
     let mut attainable = String::new();
     let mut counted = Vec::new();
     for Counter { name, value } in &result.counters {
-        let permille = name.strip_prefix(session::MILESTONE_COUNTER).and_then(|permille| permille.parse::<u32>().ok());
-        match permille {
-            _ if name == session::ATTAINABLE_COUNTER => {
+        match CounterName::parse(name) {
+            Some(CounterName::AttainablePpm) => {
                 let percent = *value as f64 / 1e4;
                 attainable = format!("bodies of the team can see {percent:.2} % of the free cells\n");
             }
-            Some(permille) => times.push(format!("{} % {}", f64::from(permille) / 10.0, clock(Tick(*value)))),
-            None if *value > 0 => counted.push(format!("{} {value}", printable::line(name))),
-            None => {}
+            Some(CounterName::TickExplored { permille }) => {
+                times.push(format!("{} % {}", permille as f64 / 10.0, clock(Tick(*value))))
+            }
+            _ if *value > 0 => counted.push(format!("{} {value}", printable::line(name))),
+            _ => {}
         }
     }
     let times = if times.is_empty() { String::new() } else { format!("time to see {}\n", times.join(", ")) };

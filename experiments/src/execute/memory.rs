@@ -44,10 +44,10 @@ pub(super) fn carry_out(
     let wall = measure::wall_row(Tick(result.tick), completed.outcome.wall, &times.sorted(), &machine());
     let trace = Trace {
         size: completed.size,
-        progress: &completed.progress,
+        progress: &completed.course.progress,
         result,
-        stages: &completed.stages,
-        seen_again: Some(times.all().iter().map(|decision| u64::from(decision.seen_again)).sum()),
+        stages: &completed.course.stages,
+        seen_again: Some(completed.course.seen_again),
         wall,
     };
     Ok(measure::record(run, trace))

@@ -56,7 +56,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         let decisions: Vec<Decision> = times
             .all()
             .into_iter()
-            .map(|stopwatch::Decision { agent, tick, start, duration, .. }| Decision { agent, tick, start, duration })
+            .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
             .collect();
         say(&profile.table(&scenario.agents.controllers_label(), &decisions));
         if !file.as_os_str().is_empty() {

@@ -22,6 +22,7 @@ use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
+use msgs::counters::CounterName;
 use msgs::ids::{AgentId, Tick};
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, JoinReply, Observation as Fragment, Scenario, SignedObservation};
@@ -142,7 +143,7 @@ pub struct AgentSessions {
     resends: ResendEstimator,
     outgoing: VecDeque<Outgoing>,
     pub(super) events: VecDeque<Event>,
-    pub(super) refusals: BTreeMap<&'static str, u64>,
+    pub(super) refusals: BTreeMap<CounterName, u64>,
     /// The last illegal command of each agent that has sent one: its tick, and what was wrong.
     pub(super) illegal_commands: BTreeMap<AgentId, (Tick, String)>,
     /// The instances of processes that have started themselves again: they stalled.
@@ -164,7 +165,7 @@ impl AgentSessions {
             resends: ResendEstimator::default(),
             outgoing: VecDeque::new(),
             events: VecDeque::new(),
-            refusals: Refusal::COUNTERS.into_iter().map(|name| (name, 0)).collect(),
+            refusals: BTreeMap::new(),
             illegal_commands: BTreeMap::new(),
             restarted: BTreeSet::new(),
         }
@@ -345,11 +346,11 @@ impl AgentSessions {
         })
     }
 
-    /// Counters of refusals by name.
-    pub fn refusals(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
-        let count = |name| (name, self.refusals.get(name).copied().unwrap_or_default());
-        let always = Refusal::COUNTERS.into_iter().map(count);
-        always.chain(Refusal::COUNTERS_IF_ANY.into_iter().map(count).filter(|(_, count)| *count > 0))
+    /// The counters of refusals that a result names.
+    pub fn refusals(&self) -> impl Iterator<Item = (CounterName, u64)> + '_ {
+        let refusals = CounterName::PLAIN.iter().copied().filter(|counter| counter.is_refusal());
+        let counted = refusals.map(|counter| (counter, self.refusals.get(&counter).copied().unwrap_or_default()));
+        counted.filter(|(counter, count)| *count > 0 || !counter.is_left_out_at_zero())
     }
 
     /// The state as bytes, for a model checker: two sessions with the same bytes and logs behave

@@ -1,5 +1,6 @@
 //! Why a message is refused: one kind for each counter in the result of a run.
 
+use msgs::counters::CounterName;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::JoinReply;
 use thiserror::Error;
@@ -116,23 +117,23 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// Name of the counter of this kind.
+    /// The counter of this kind.
     #[must_use]
-    pub fn counter(&self) -> &'static str {
+    pub fn counter(&self) -> CounterName {
         match self {
-            Self::OtherRun { .. } => "refused_other_run",
-            Self::UnknownAgent { .. } => "refused_unknown_agent",
-            Self::WrongTopic { .. } => "refused_wrong_topic",
-            Self::IdTaken { .. } => "refused_id_taken",
-            Self::OtherController { .. } => "refused_other_controller",
-            Self::WrongProtocol { .. } => "refused_wrong_protocol",
-            Self::NotJoined { .. } => "refused_not_joined",
-            Self::UnprovenJoin { .. } => "refused_unproven_join",
-            Self::ForgedCommand { .. } => "refused_forged_command",
-            Self::WrongTick { .. } => "refused_wrong_tick",
-            Self::SecondAnswer { .. } => "refused_second_answer",
-            Self::IllegalCommand { .. } => "refused_illegal_command",
-            Self::Undecodable { .. } => "refused_undecodable",
+            Self::OtherRun { .. } => CounterName::RefusedOtherRun,
+            Self::UnknownAgent { .. } => CounterName::RefusedUnknownAgent,
+            Self::WrongTopic { .. } => CounterName::RefusedWrongTopic,
+            Self::IdTaken { .. } => CounterName::RefusedIdTaken,
+            Self::OtherController { .. } => CounterName::RefusedOtherController,
+            Self::WrongProtocol { .. } => CounterName::RefusedWrongProtocol,
+            Self::NotJoined { .. } => CounterName::RefusedNotJoined,
+            Self::UnprovenJoin { .. } => CounterName::RefusedUnprovenJoin,
+            Self::ForgedCommand { .. } => CounterName::RefusedForgedCommand,
+            Self::WrongTick { .. } => CounterName::RefusedWrongTick,
+            Self::SecondAnswer { .. } => CounterName::RefusedSecondAnswer,
+            Self::IllegalCommand { .. } => CounterName::RefusedIllegalCommand,
+            Self::Undecodable { .. } => CounterName::RefusedUndecodable,
         }
     }
 
@@ -155,23 +156,4 @@ impl Refusal {
             | Self::Undecodable { .. } => JoinReply::REFUSED,
         }
     }
-
-    /// Counters that a result names only if they are not zero, so that the recording of an
-    /// undisturbed run is that of earlier versions.
-    pub const COUNTERS_IF_ANY: [&'static str; 2] = ["refused_unproven_join", "refused_forged_command"];
-
-    /// The counters of refusals that every result names.
-    pub const COUNTERS: [&'static str; 11] = [
-        "refused_other_run",
-        "refused_unknown_agent",
-        "refused_wrong_topic",
-        "refused_id_taken",
-        "refused_other_controller",
-        "refused_wrong_protocol",
-        "refused_not_joined",
-        "refused_wrong_tick",
-        "refused_second_answer",
-        "refused_illegal_command",
-        "refused_undecodable",
-    ];
 }
