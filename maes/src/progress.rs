@@ -1,13 +1,14 @@
 //! The progress of a plan on stderr: a bar on a terminal, plain lines otherwise.
 
-use std::io::{IsTerminal, Write};
-use std::time::{Duration, Instant};
+use std::io::Write;
+use std::time::Instant;
 
 use experiments::execute::PlanObserver;
 use experiments::plan::PlannedRun;
 use experiments::rows::RunRow;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use msgs::printable;
+use system::progress_bar::{self, clock};
 
 /// Shows how far a plan has come.
 pub(crate) struct ProgressDisplay {
@@ -31,12 +32,7 @@ impl Default for ProgressDisplay {
 
 impl PlanObserver for ProgressDisplay {
     fn started(&mut self, runs: &[&PlannedRun], pending: &[&PlannedRun]) {
-        self.bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::with_draw_target(Some(runs.len() as u64), ProgressDrawTarget::stderr());
-            let style = ProgressStyle::with_template("{bar:30} {msg}").expect("the template is right");
-            bar.set_style(style);
-            bar
-        });
+        self.bar = progress_bar::on_stderr(runs.len() as u64);
         self.started = now();
         self.runs = runs.len();
         self.ended = runs.len() - pending.len();
@@ -113,15 +109,6 @@ impl ProgressDisplay {
 fn name(run: &PlannedRun) -> String {
     let axes = run.axes.iter().map(|(key, value)| format!("{key} = {value}, "));
     format!("{}seed {}", axes.collect::<String>(), run.scenario.seed)
-}
-
-/// Hours, minutes and seconds.
-fn clock(time: Duration) -> String {
-    let seconds = time.as_secs();
-    match (seconds / 3600, seconds / 60 % 60) {
-        (0, minutes) => format!("{minutes}:{:02}", seconds % 60),
-        (hours, minutes) => format!("{hours}:{minutes:02}:{:02}", seconds % 60),
-    }
 }
 
 #[expect(clippy::disallowed_methods, reason = "the display shows a rate and an estimate; no result depends on it")]

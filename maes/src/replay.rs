@@ -67,7 +67,7 @@ pub(crate) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let schedule = PlaybackSchedule::new(&recording, &options)?;
     let timing = PlaybackTiming { rate: args.rate, is_loop: args.is_loop, is_paused: args.paused };
     let stop = signals::stop_flag()?;
-    let mut terminal = Terminal::new(schedule.ticks().1, 0);
+    let mut terminal = Terminal::new(schedule.ticks().1);
     schedule.notes().iter().for_each(|note| terminal.say(&printable::line(&format!("warning: {note}"))));
     let played = ros::replay::play(&recording, &schedule, timing, &env, &mut terminal, &stop);
     terminal.clear();

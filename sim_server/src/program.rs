@@ -173,7 +173,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
             ready()?;
             let log =
                 args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
-            let mut terminal = Terminal::new(scenario.last_duration_ticks(), scenario.agents.count).with_log(log);
+            let mut terminal = Terminal::of(&scenario).with_log(log);
             tell_address(viewing.as_ref(), &mut terminal);
             let ended = job.carry_out(begun, playback, &mut terminal, &stop, || guard.shutting_down());
             ended.map(|code| if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
@@ -227,7 +227,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     };
     let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
     let log_of_one = || log.as_ref().map(File::try_clone).transpose().context("--log");
-    let mut waiting = Terminal::new(Tick::ZERO, 0).with_log(log_of_one()?);
+    let mut waiting = Terminal::new(Tick::ZERO).with_log(log_of_one()?);
     tell_address(Some(&viewing), &mut waiting);
     guard.started();
     let mut code = ExitCode::SUCCESS;
@@ -258,7 +258,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
         };
         runs += 1;
         request.answer(Ok(recording.as_deref()));
-        let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log_of_one()?);
+        let mut terminal = Terminal::of(&scenario).with_log(log_of_one()?);
         code = job.carry_out(begun, None, &mut terminal, &stop, || ())?;
     }
     guard.shutting_down();

@@ -28,7 +28,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     }
     let stop = signals::stop_flag()?;
     let log = file.map(|file| File::create(&file).context(file.display().to_string())).transpose()?;
-    let mut terminal = Terminal::new(scenario.last_duration_ticks(), scenario.agents.count).with_log(log);
+    let mut terminal = Terminal::of(scenario).with_log(log);
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms.unwrap_or(0));
     let threads = match args.together {
         true => ThreadLayout::Together,

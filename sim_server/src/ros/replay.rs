@@ -82,7 +82,8 @@ pub fn play(
         node.poll(&mut player, Duration::ZERO);
         if reported.is_none_or(|reported: Instant| reported.elapsed() >= REPORT_PERIOD) {
             reported = Some(now());
-            terminal.status(player.position(), node.status(&player));
+            let done = player.position().0 as f64 / schedule.ticks().1.0.max(1) as f64;
+            terminal.status(done, &node.status(&player));
         }
         match player.next_action(node.wall_ns()) {
             PlayerAction::Play(tick) => {
