@@ -2,7 +2,8 @@
 //!
 //! In reading order: [`control_loop`] merges observations into the map of an agent, calls its
 //! controller and replies; [`host`] runs the agents of a process over a [`transport`]; [`wire`]
-//! converts messages; `ros` is the transport over ROS 2; [`program`] is the whole program
+//! converts messages; `ros` is the transport over ROS 2, `pipe` that of programs
+//! which a run in memory starts; [`program`] is the whole program
 //! `agent_node`. What an agent knows is in the crate `agent`, what it decides in `controllers`.
 //!
 //! A program elsewhere that depends on this crate registers controllers of its own and is an
@@ -17,6 +18,8 @@ pub mod cli;
 pub mod control_loop;
 pub mod host;
 pub mod parameters;
+#[cfg(unix)]
+pub mod pipe;
 pub mod program;
 #[cfg(feature = "ros")]
 pub mod ros;

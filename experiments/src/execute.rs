@@ -170,13 +170,16 @@ impl PlanObserver for () {}
 /// Names the key and the remedy.
 pub fn check(plan: &Plan, transport: &Transport) -> Result<(), ExecuteError> {
     match transport {
-        Transport::Memory => match plan.runs.iter().find_map(|run| run.scenario.agents.of_ros_only()) {
-            None => Ok(()),
-            Some((key, value)) => {
-                let reason = "expected [] over memory, which has no other programs; use --transport ros2";
-                Err(ExecuteError::Transport { key, value, reason })
+        Transport::Memory => {
+            let of_ros_only = |run: &PlannedRun| run.scenario.agents.of_ros_only(cfg!(feature = "ros"));
+            if let Some((key, value)) = plan.runs.iter().find_map(of_ros_only) {
+                let reason = "expected [] over memory, which has no other nodes; use --transport ros2";
+                return Err(ExecuteError::Transport { key, value, reason });
             }
-        },
+            #[cfg(feature = "ros")]
+            ros::check(plan)?;
+            Ok(())
+        }
         #[cfg(feature = "ros")]
         Transport::Ros2(_) => ros::check(plan),
     }

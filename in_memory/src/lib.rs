@@ -9,6 +9,8 @@
 //! private to the process, so that nothing needs to be signed; but it carries signatures.
 
 pub mod in_process;
+#[cfg(unix)]
+pub mod own_program;
 pub mod stages;
 mod team;
 
@@ -38,7 +40,7 @@ pub struct ServerEnd {
     /// The groups that subscribe to the topics of an agent, by index.
     groups_of: BTreeMap<AgentId, Vec<usize>>,
     course: Course,
-    seen_again: Arc<AtomicU64>,
+    ended: Arc<Ended>,
 }
 
 /// The course of a run: what its evaluation needs beside the result.
@@ -49,8 +51,15 @@ pub struct Course {
     /// The stages that its agents have named.
     pub stages: StageTimes,
     /// Cells that agents found free with their own sensors and had on their maps before, summed
-    /// over the agents.
-    pub seen_again: u64,
+    /// over the agents; `None` if some of them are in other processes, where their maps are not read.
+    pub seen_again: Option<u64>,
+}
+
+/// What the agents of this process have found at their end.
+#[derive(Debug, Default)]
+struct Ended {
+    agents: AtomicU64,
+    seen_again: AtomicU64,
 }
 
 /// The end of one group of agents, which corresponds to one agent process.
@@ -58,7 +67,7 @@ pub struct AgentsEnd {
     inbox: Receiver<ToAgents>,
     server: Sender<Incoming>,
     source: SourceId,
-    seen_again: Arc<AtomicU64>,
+    ended: Arc<Ended>,
 }
 
 /// Connects a server with groups of agents. An agent may be in several groups, as it may run in
@@ -68,23 +77,25 @@ pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
     let (to_server, server_inbox) = channel();
     let mut senders = Vec::new();
     let mut ends = Vec::new();
-    let seen_again = Arc::new(AtomicU64::new(0));
+    let ended = Arc::new(Ended::default());
     let mut groups_of: BTreeMap<AgentId, Vec<usize>> = BTreeMap::new();
     for (number, agents) in groups.iter().enumerate() {
         let (to_agents, inbox) = channel();
         senders.push(to_agents);
         agents.iter().for_each(|&agent| groups_of.entry(agent).or_default().push(number));
         let source = SourceId((number as u128).to_le_bytes());
-        ends.push(AgentsEnd { inbox, server: to_server.clone(), source, seen_again: Arc::clone(&seen_again) });
+        ends.push(AgentsEnd { inbox, server: to_server.clone(), source, ended: Arc::clone(&ended) });
     }
-    (ServerEnd { inbox: server_inbox, groups: senders, groups_of, course: Course::default(), seen_again }, ends)
+    (ServerEnd { inbox: server_inbox, groups: senders, groups_of, course: Course::default(), ended }, ends)
 }
 
 impl ServerEnd {
     /// The course of the run, complete once all agents have ended.
     #[must_use]
     pub fn into_course(self) -> Course {
-        Course { seen_again: self.seen_again.load(Ordering::Relaxed), ..self.course }
+        let has_all = self.ended.agents.load(Ordering::Relaxed) == self.groups_of.len() as u64;
+        let seen_again = has_all.then(|| self.ended.seen_again.load(Ordering::Relaxed));
+        Course { seen_again, ..self.course }
     }
 
     fn send_to_all(&self, message: &ToAgents) {
@@ -164,9 +175,14 @@ impl AgentsEnd {
     }
 
     fn send(&self, agent: u32, message: ToServer) {
-        // A send fails only if the server has ended.
-        let _ = self.server.send(Incoming { topic_agent: AgentId(agent), source: self.source, message });
+        send(&self.server, self.source, agent, message);
     }
+}
+
+/// Sends a message of an agent to the server.
+fn send(server: &Sender<Incoming>, source: SourceId, agent: u32, message: ToServer) {
+    // A send fails only if the server has ended.
+    let _ = server.send(Incoming { topic_agent: AgentId(agent), source, message });
 }
 
 impl agent_node::transport::ServerTransport for AgentsEnd {
@@ -194,7 +210,8 @@ impl agent_node::transport::ServerTransport for AgentsEnd {
     }
 
     fn ended(&mut self, _agent: AgentId, map: &ExplorationMap) {
-        self.seen_again.fetch_add(map.seen_again(), Ordering::Relaxed);
+        self.ended.seen_again.fetch_add(map.seen_again(), Ordering::Relaxed);
+        self.ended.agents.fetch_add(1, Ordering::Relaxed);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {

@@ -139,10 +139,4 @@ mod tests {
         display.failed(runs[0], "in this plan");
         assert!(display.state().ends_with("0:00 left"), "{}", display.state());
     }
-
-    #[test]
-    fn clock_has_hours_only_if_needed() {
-        assert_eq!(clock(Duration::from_secs(59)), "0:59");
-        assert_eq!(clock(Duration::from_secs(3_725)), "1:02:05");
-    }
 }

@@ -36,7 +36,7 @@ fn completed(scenario: &Scenario, done: in_process::CompletedRun) -> PyResult<Py
         progress: &done.course.progress,
         result: &result,
         stages: &done.course.stages,
-        seen_again: Some(done.course.seen_again),
+        seen_again: done.course.seen_again,
         wall,
     };
     let record = measure::record(&planned, trace);

@@ -130,7 +130,7 @@ impl Environment {
                 "agents.reserve: expected [] in an environment, which has no service that lets agents join".to_owned()
             );
         }
-        if let Some((key, value)) = scenario.agents.of_ros_only() {
+        if let Some((key, value)) = scenario.agents.of_ros_only(false) {
             return Err(format!("{key} = {value}: expected [] in an environment"));
         }
         let resolved = setup::resolve(scenario, &Origins::new("the scenario", "", &[]));

@@ -31,6 +31,7 @@ pub(super) fn carry_out(
         threads: ThreadLayout::Together,
         decision_times: Some(times.clone()),
         registry,
+        programs_from: Some(run.folder.clone()),
         ..AgentOptions::default()
     };
     let own_stop = AtomicBool::new(stop.load(Ordering::Relaxed));
@@ -47,7 +48,7 @@ pub(super) fn carry_out(
         progress: &completed.course.progress,
         result,
         stages: &completed.course.stages,
-        seen_again: Some(completed.course.seen_again),
+        seen_again: completed.course.seen_again,
         wall,
     };
     Ok(measure::record(run, trace))

@@ -1,6 +1,9 @@
 //! A run in this process: the server and its agents on threads, and no network.
 
 use std::fs::{self, File};
+#[cfg(feature = "ros")]
+use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -26,6 +29,11 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         }
         file.get_or_insert_with(|| folder.join("server.log"));
     }
+    #[cfg(feature = "ros")]
+    if !scenario.agents.command.is_empty() {
+        args.check_command(scenario)?;
+        supervisor::outside::check(scenario, Path::new("")).with_context(|| args.name())?;
+    }
     let stop = signals::stop_flag()?;
     let log = file.map(|file| File::create(&file).context(file.display().to_string())).transpose()?;
     let mut terminal = Terminal::of(scenario).with_log(log);
@@ -38,8 +46,14 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     };
     let decision_times = (args.decision_times || args.profile.is_some()).then(DecisionTimes::default);
     let mut profile = args.profile.as_ref().map(|_| Profile::default());
-    let options =
-        AgentOptions { threads, chaos_delay, decision_times: decision_times.clone(), ..AgentOptions::default() };
+    let options = AgentOptions {
+        threads,
+        chaos_delay,
+        decision_times: decision_times.clone(),
+        // Without ROS 2, nothing has checked it.
+        programs_from: cfg!(feature = "ros").then(PathBuf::new),
+        ..AgentOptions::default()
+    };
     let mut observer = Profiled { inner: &mut terminal, profile: profile.as_mut() };
     let finished = match args.fork.point() {
         Some((file, at)) => {

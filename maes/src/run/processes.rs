@@ -58,7 +58,7 @@ impl RunArgs {
     }
 
     /// Refuses to start a program because a recording, which may come from anywhere, names it.
-    fn check_command(&self, scenario: &Scenario) -> anyhow::Result<()> {
+    pub(super) fn check_command(&self, scenario: &Scenario) -> anyhow::Result<()> {
         let command = &scenario.agents.command;
         let is_recording = |file: &&PathBuf| file.extension().is_some_and(|extension| extension == "mcap");
         let source = self.resume.as_ref().or(self.scenario.as_ref()).filter(is_recording);
