@@ -15,10 +15,10 @@ use anyhow::{anyhow, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, ValueEnum};
 use mapgen::MapError;
+use recording::Recording;
 use sim_server::cli::{ForkArgs, KeyArgs, assignment, trace_file};
 use sim_server::foxglove::PageOrigin;
 use sim_server::input_file::{self, TEXT_BYTES_MAX};
-use sim_server::recording::Recording;
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Override, Scenario};
 

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::recorder::bag_folder;
 use msgs::ids::Tick;
+use recording::recorder::bag_folder;
 use simulation::scenario::{MapKind, Override, RecordedView, keys};
 
 /// The word of `--record-topics` for all topics that can be recorded.

@@ -2,7 +2,7 @@
 //! visualisation topics, services, parameters and the live stream.
 //!
 //! Foxglove and Lichtblick connect to it unchanged. The project's own page (`viewer/`) reads the
-//! [live stream](crate::live_stream) in chunks as an *asset* of the same connection, so that it
+//! [live stream](recording::live_stream) in chunks as an *asset* of the same connection, so that it
 //! misses nothing and delays nothing.
 //!
 //! ```text
@@ -12,7 +12,7 @@
 //!
 //! Invariants: the gateway is the only way in, and it serves nothing without the token of this
 //! start ([`Token`]); an observer never delays the run; its requests reach the run like those over
-//! ROS ([`crate::control`]) and are answered between two ticks; a client that is too slow loses
+//! ROS ([`transport::control`]) and are answered between two ticks; a client that is too slow loses
 //! messages, or its connection.
 //!
 //! This module does not know what the page draws.
@@ -39,8 +39,8 @@ use std::time::Duration;
 use thiserror::Error;
 use tokio::runtime::Runtime;
 
-use crate::live_stream::LiveStream;
-use crate::recorder::Document;
+use recording::live_stream::LiveStream;
+use recording::recorder::Document;
 
 use access::Access;
 pub use access::{PageOrigin, TOKEN_VARIABLE, Token};

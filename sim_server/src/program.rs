@@ -14,19 +14,18 @@ use std::sync::atomic::AtomicBool;
 use crate::cli::{Cli, Command as CliCommand, RunArgs};
 #[cfg(feature = "view")]
 use crate::foxglove::{self, FoxgloveServer, ObservedTransport, RequestedRuns, RunFolders, Token};
-use crate::playback::{Horizon, Playback};
 use crate::profile::{Profile, Profiled};
-use crate::recording::Recording;
 use crate::ros::RosTransport;
 use crate::session::{self, JoinPolicy, Mode, Outcome, RecordingSinks, RunConfig, RunError};
 use crate::terminal::{self, Terminal};
-use crate::transport::Transport;
 use crate::{exit, os, renamed, setup};
 use anyhow::Context;
 use clap::Parser;
 use mapgen::MapReport;
 use msgs::ids::{AgentId, Tick};
 use msgs::printable;
+use recording::Recording;
+use recording::playback::{Horizon, Playback};
 use ros_node::join_secret;
 use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
@@ -34,6 +33,7 @@ use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
 use system::results;
 use system::summary::Summary;
+use transport::Transport;
 
 /// Wall time between two looks at whether an idle server is to end.
 #[cfg(feature = "view")]

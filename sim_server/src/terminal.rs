@@ -17,9 +17,9 @@ use msgs::maes_msgs::{self, Counter};
 use msgs::printable;
 
 use crate::session::{self, Outcome, RunObserver};
-use crate::wall_clock::now;
 use simulation::lockstep::listed;
 use simulation::world::World;
+use system::wall_clock::now;
 
 /// Minimum wall time between two plain progress lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);

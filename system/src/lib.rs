@@ -2,7 +2,8 @@
 //!
 //! [`input_file`] reads the files that a user names; [`os`] has what operating systems name
 //! differently; [`exit_code`] and [`summary`] are what the server tells the program that has
-//! started it, which therefore need not link the server; [`results`] go to stdout.
+//! started it, which therefore need not link the server; [`results`] go to stdout; [`wall_clock`] is
+//! the only clock.
 
 #![warn(missing_docs)]
 
@@ -11,3 +12,4 @@ pub mod input_file;
 pub mod os;
 pub mod results;
 pub mod summary;
+pub mod wall_clock;

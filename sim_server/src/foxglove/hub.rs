@@ -23,7 +23,7 @@ use tokio_tungstenite::tungstenite::Message;
 
 use super::outbox::Outbox;
 use super::services::{ClientRequest, Services, enqueue};
-use crate::live_stream::{LiveStreamReader, StreamChunk};
+use recording::live_stream::{LiveStreamReader, StreamChunk};
 use simulation::parameters;
 use simulation::scenario::{Rtf, Scenario};
 

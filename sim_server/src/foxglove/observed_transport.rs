@@ -16,11 +16,11 @@ use msgs::{cdr, topics};
 
 use super::FoxgloveServer;
 use super::services;
-use crate::control::Request;
-use crate::transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
-use crate::wall_clock::{now, system_time};
 use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+use system::wall_clock::{now, since_epoch};
+use transport::control::Request;
+use transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
 
 /// The node in log messages.
 const NODE: &str = "sim_server";
@@ -225,7 +225,7 @@ impl<L: Transport> ObserverOutput for ObservedTransport<'_, L> {
     }
 
     fn log(&mut self, level: Level, text: &str) {
-        let log = cdr::encode(&Log::of_node(NODE, level, text, system_time()));
+        let log = cdr::encode(&Log::of_node(NODE, level, text, since_epoch().into()));
         self.foxglove.hub.publish_latched(&topics::rosout().name, log, self.tick);
         self.link.log(level, text);
     }

@@ -11,8 +11,8 @@ use msgs::service::{Ask, Reply};
 use serde::{Deserialize, Serialize};
 
 use super::outbox::{CALLS_MAX, Outbox};
-use crate::control::Request;
 use simulation::scenario::Rtf;
+use transport::control::Request;
 
 /// A request of a client.
 pub(super) enum ClientRequest {

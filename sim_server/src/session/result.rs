@@ -9,11 +9,11 @@ use super::agents::WaitContext;
 use super::engine::counter;
 use super::log::EntryKind;
 use super::{EndReason, Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
-use crate::transport::Level;
 use simulation::digest::Digest;
 use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use simulation::world::RequestKind;
+use transport::Level;
 
 impl Session<'_, '_> {
     /// Shuts the agents down, and completes the recording.
