@@ -8,6 +8,7 @@ use experiments::plan::PlannedRun;
 use experiments::rows::RunRow;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use msgs::printable;
+use system::wall_clock::now;
 
 /// Shows how far a plan has come.
 pub(crate) struct ProgressDisplay {
@@ -122,11 +123,6 @@ fn clock(time: Duration) -> String {
         (0, minutes) => format!("{minutes}:{:02}", seconds % 60),
         (hours, minutes) => format!("{hours}:{minutes:02}:{:02}", seconds % 60),
     }
-}
-
-#[expect(clippy::disallowed_methods, reason = "the display shows a rate and an estimate; no result depends on it")]
-fn now() -> Instant {
-    Instant::now()
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use std::time::SystemTime;
 
 use sim_server::foxglove::FoxgloveServerError;
 use sim_server::{exit, foxglove};
+use system::wall_clock;
 use thiserror::Error;
 
 use super::browser::in_path;
@@ -170,9 +171,8 @@ fn newest(folder: &Path) -> Option<SystemTime> {
 }
 
 /// npm leaves the time of the folder as it was if there is nothing to change.
-#[expect(clippy::disallowed_methods, reason = "the time of a folder is compared with that of the lock file")]
 fn touch(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.set_modified(SystemTime::now())
+    File::open(folder)?.set_modified(wall_clock::system_time())
 }
 
 #[cfg(test)]
