@@ -13,7 +13,7 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The folders of the crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 20] = [
+pub(crate) const CRATES: [&str; 21] = [
     "voxels",
     "msgs",
     "system",
@@ -23,6 +23,7 @@ pub(crate) const CRATES: [&str; 20] = [
     "simulation",
     "transport",
     "recording",
+    "foxglove_server",
     "sim_server",
     "agent",
     "controllers",
@@ -37,7 +38,7 @@ pub(crate) const CRATES: [&str; 20] = [
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 20] = [
+const USES: [(&str, &[&str]); 21] = [
     ("voxels", &[]),
     ("msgs", &[]),
     ("system", &[]),
@@ -47,9 +48,21 @@ const USES: [(&str, &[&str]); 20] = [
     ("simulation", &["mapgen", "msgs", "voxels"]),
     ("transport", &["msgs", "simulation", "system"]),
     ("recording", &["map_files", "msgs", "simulation", "system", "transport", "voxels"]),
+    ("foxglove_server", &["msgs", "recording", "simulation", "system", "transport"]),
     (
         "sim_server",
-        &["map_files", "mapgen", "msgs", "recording", "ros_node", "simulation", "system", "transport", "voxels"],
+        &[
+            "foxglove_server",
+            "map_files",
+            "mapgen",
+            "msgs",
+            "recording",
+            "ros_node",
+            "simulation",
+            "system",
+            "transport",
+            "voxels",
+        ],
     ),
     ("agent", &["msgs", "voxels"]),
     ("controllers", &["agent", "msgs", "voxels"]),
@@ -97,6 +110,7 @@ const USES: [(&str, &[&str]); 20] = [
             "agent_node",
             "experiments",
             "fault_injection",
+            "foxglove_server",
             "in_memory",
             "map_files",
             "mapgen",

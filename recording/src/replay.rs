@@ -9,7 +9,7 @@
 //! the run is refused, and long gaps are skipped, so that no stamp can make a replay endless.
 //!
 //! This module knows no transport and no clock: wall time is an argument, in nanoseconds since an
-//! arbitrary epoch. `ros/replay.rs` publishes.
+//! arbitrary epoch. The crate `sim_server` publishes what is due.
 
 mod cursor;
 mod latched_cache;

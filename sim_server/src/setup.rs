@@ -11,7 +11,6 @@ use msgs::{maes_msgs, topics};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, m3dm, packed};
 
-use crate::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
 use crate::map_file;
 use map_files::{ImportError, ImportSpec, MapReader};
 use mapgen::{self, GeneratedMap, MapError, MapReport, MapSpec};
@@ -22,6 +21,7 @@ use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Overri
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnError};
 use simulation::world::{ScanSchedule, World, WorldParams};
+use system::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
 
 /// Memory of a world per cell of the map, and of each agent in it per cell; bytes, rounded up.
 const WORLD_CELL_BYTES: usize = 2;

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::SystemTime;
 
-use sim_server::foxglove::FoxgloveServerError;
-use sim_server::{exit, foxglove};
+use foxglove_server::FoxgloveServerError;
+use sim_server::exit;
 use system::wall_clock;
 use thiserror::Error;
 
@@ -79,7 +79,7 @@ pub(super) fn folder(named: Option<&Path>) -> Result<PageFolder, PageError> {
         build(&sources, false)?;
         return Ok(sources.join("dist").into());
     }
-    match foxglove::page(named)? {
+    match foxglove_server::page(named)? {
         Some(folder) => Ok(folder.into()),
         None => embedded(),
     }

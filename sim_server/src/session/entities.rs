@@ -223,7 +223,7 @@ impl Team<'_> {
     /// # Errors
     /// The result that explains the refusal. Free space is not checked here.
     pub(super) fn to_spawn(
-        &self,
+        self,
         request: &SpawnEntityRequest,
         waiting: &[AgentId],
     ) -> Result<(AgentId, Pose), Outcome> {

@@ -12,9 +12,12 @@ use std::path::{Path, PathBuf};
 use simulation::scenario::{Override, Scenario};
 use thiserror::Error;
 
-use super::StartRequest;
 use crate::map_file;
 use crate::setup::{self, SetupError};
+use foxglove_server::StartRequest;
+
+/// The default folder of the recordings of requested runs.
+pub const RECORD_DIR: &str = "out/recordings";
 
 /// What the scenario is called in errors.
 const NAME: &str = "the scenario";

@@ -15,7 +15,7 @@
 //! ROS ([`transport::control`]) and are answered between two ticks; a client that is too slow loses
 //! messages, or its connection.
 //!
-//! This module does not know what the page draws.
+//! This crate does not know what the page draws.
 
 mod access;
 pub mod capture;
@@ -23,7 +23,6 @@ mod http_gateway;
 mod hub;
 mod observed_transport;
 mod outbox;
-mod requested_run;
 mod server_address;
 mod services;
 mod static_files;
@@ -48,7 +47,6 @@ use http_gateway::GatewayContent;
 pub use http_gateway::page;
 use hub::Hub;
 pub use observed_transport::ObservedTransport;
-pub use requested_run::{RequestError, RequestedRun, RequestedRuns, RunFolders};
 pub use server_address::ServerAddress;
 use services::ClientRequest;
 pub use services::StartRequest;
@@ -56,9 +54,6 @@ pub use static_files::{RecordingPaths, StaticFileServer};
 
 /// The default address, with the port that Foxglove expects.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
-
-/// The default folder of the recordings of requested runs.
-pub const RECORD_DIR: &str = "out/recordings";
 
 /// Error text for a page that was not built.
 pub const NO_PAGE_HERE: &str = "there is no page beside this program; in a checkout, `maes view --build-only` builds it; --page names the folder of another one";

@@ -13,7 +13,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::{FoxgloveServerError, NO_PAGE_HERE, StaticFileServer, Token, http_gateway};
-use crate::exit;
+use system::exit_code::{BAD_INPUT, FAILED};
 
 /// The environment variable with the order for the browser driver.
 const ORDER_VARIABLE: &str = "MAES_CAPTURE";
@@ -176,7 +176,7 @@ fn render(
     let status = driver.stdin(Stdio::null()).status();
     match status.map_err(CaptureError::Node)?.code() {
         Some(0) => Ok(()),
-        code => Err(CaptureError::Driver { is_bad_input: code == Some(exit::BAD_INPUT.into()) }),
+        code => Err(CaptureError::Driver { is_bad_input: code == Some(BAD_INPUT.into()) }),
     }
 }
 
@@ -185,8 +185,8 @@ fn render(
 pub fn exit_code(error: &CaptureError) -> u8 {
     match error {
         CaptureError::Driver { is_bad_input: true }
-        | CaptureError::FoxgloveServer(FoxgloveServerError::Page { .. }) => exit::BAD_INPUT,
-        _ => exit::FAILED,
+        | CaptureError::FoxgloveServer(FoxgloveServerError::Page { .. }) => BAD_INPUT,
+        _ => FAILED,
     }
 }
 
