@@ -11,8 +11,8 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Motion, SignedCommand, SignedJoin};
 use msgs::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::JoinPolicy;
-use sim_server::transport::{AgentTransport, Inbound, Incoming, Transport};
 use simulation::lockstep::SourceId;
+use transport::{AgentTransport, Inbound, Incoming, Transport};
 
 use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{FinishedRun, Play, honest};

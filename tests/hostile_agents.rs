@@ -25,8 +25,8 @@ use rustdds::DomainParticipantBuilder;
 use serde::de::DeserializeOwned;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 use sim_server::session::RunError;
-use sim_server::transport::{AgentTransport, Inbound as ToServer, Incoming};
 use simulation::lockstep::SourceId;
+use transport::{AgentTransport, Inbound as ToServer, Incoming};
 
 use crate::support::domains::Domain;
 use crate::support::interceptor::{Interceptor, intercepted};

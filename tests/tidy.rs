@@ -13,7 +13,7 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The folders of the crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 18] = [
+pub(crate) const CRATES: [&str; 21] = [
     "voxels",
     "msgs",
     "system",
@@ -21,6 +21,9 @@ pub(crate) const CRATES: [&str; 18] = [
     "mapgen",
     "map_files",
     "simulation",
+    "transport",
+    "recording",
+    "foxglove_server",
     "sim_server",
     "agent",
     "controllers",
@@ -35,19 +38,36 @@ pub(crate) const CRATES: [&str; 18] = [
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 18] = [
+const USES: [(&str, &[&str]); 21] = [
     ("voxels", &[]),
     ("msgs", &[]),
     ("system", &[]),
-    ("ros_node", &["msgs"]),
+    ("ros_node", &["msgs", "system"]),
     ("mapgen", &["voxels"]),
     ("map_files", &["mapgen", "voxels"]),
     ("simulation", &["mapgen", "msgs", "voxels"]),
-    ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "system", "voxels"]),
+    ("transport", &["msgs", "simulation", "system"]),
+    ("recording", &["map_files", "msgs", "simulation", "system", "transport", "voxels"]),
+    ("foxglove_server", &["msgs", "recording", "simulation", "system", "transport"]),
+    (
+        "sim_server",
+        &[
+            "foxglove_server",
+            "map_files",
+            "mapgen",
+            "msgs",
+            "recording",
+            "ros_node",
+            "simulation",
+            "system",
+            "transport",
+            "voxels",
+        ],
+    ),
     ("agent", &["msgs", "voxels"]),
     ("controllers", &["agent", "msgs", "voxels"]),
-    ("agent_node", &["agent", "controllers", "msgs", "ros_node", "voxels"]),
-    ("in_memory", &["agent", "agent_node", "msgs", "sim_server", "simulation"]),
+    ("agent_node", &["agent", "controllers", "msgs", "ros_node", "system", "voxels"]),
+    ("in_memory", &["agent", "agent_node", "msgs", "recording", "sim_server", "simulation", "transport"]),
     ("supervisor", &["msgs", "simulation", "system"]),
     ("statistics", &["voxels"]),
     (
@@ -58,17 +78,31 @@ const USES: [(&str, &[&str]); 18] = [
             "map_files",
             "mapgen",
             "msgs",
+            "recording",
             "sim_server",
             "simulation",
             "statistics",
             "supervisor",
+            "system",
             "voxels",
         ],
     ),
     ("report", &["agent_node", "experiments", "msgs", "statistics"]),
     (
         "testing/fault_injection",
-        &["agent_node", "in_memory", "msgs", "ros_node", "sim_server", "simulation", "supervisor", "voxels"],
+        &[
+            "agent_node",
+            "in_memory",
+            "msgs",
+            "recording",
+            "ros_node",
+            "sim_server",
+            "simulation",
+            "supervisor",
+            "system",
+            "transport",
+            "voxels",
+        ],
     ),
     (
         "maes",
@@ -76,10 +110,12 @@ const USES: [(&str, &[&str]); 18] = [
             "agent_node",
             "experiments",
             "fault_injection",
+            "foxglove_server",
             "in_memory",
             "map_files",
             "mapgen",
             "msgs",
+            "recording",
             "report",
             "ros_node",
             "sim_server",
@@ -193,7 +229,9 @@ fn only_binaries_depend_on_the_ros_client() {
         assert!(knows(binary, &[]), "{binary} talks ROS 2");
         assert!(!knows(binary, &["--no-default-features"]), "the feature `ros` of {binary} can be left out");
     }
-    for pure in ["voxels", "msgs", "mapgen", "map_files", "simulation", "agent", "controllers"] {
+    for pure in
+        ["voxels", "msgs", "mapgen", "map_files", "simulation", "transport", "recording", "agent", "controllers"]
+    {
         assert!(!knows(pure, &[]), "{pure} has no ROS client");
     }
     assert!(knows("ros_node", &[]));
@@ -228,7 +266,9 @@ fn pure_modules_use_no_system_interface() {
         ("map_files", &[""]),
         ("statistics", &[""]),
         ("simulation", &[""]),
-        ("sim_server", &["control", "replay"]),
+        ("transport", &["control"]),
+        ("recording", &["bag", "comparison", "difference", "map", "playback", "replay"]),
+        ("sim_server", &["session/entities"]),
         ("agent", &["abstract_graph", "bodies", "command", "exploration_map", "map_markers", "observation", "sharing"]),
         ("controllers", &[""]),
         ("agent_node", &["control_loop", "wire"]),
@@ -250,6 +290,20 @@ fn pure_modules_use_no_system_interface() {
             }
         }
     }
+}
+
+#[test]
+fn wall_clock_is_read_in_one_place() {
+    let reads = |code: &str| code.contains("Instant::now") || code.contains("SystemTime::now");
+    // The timers of tokio have a clock of their own.
+    let is_of_tokio = |code: &str| code.contains("tokio::time::");
+    let reading: Vec<String> = CRATES
+        .into_iter()
+        .flat_map(sources)
+        .filter(|(_, code)| reads(code) && !is_of_tokio(code))
+        .map(|(file, _)| file)
+        .collect();
+    assert_eq!(reading, ["system/src/wall_clock.rs"]);
 }
 
 #[test]

@@ -25,8 +25,8 @@ use msgs::simulation_interfaces::{
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use sim_server::control::Request;
 use simulation::scenario::OnAgentLoss;
+use transport::control::Request;
 
 use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{Play, honest, serve};
@@ -82,7 +82,7 @@ fn assert_refused(ended: &Ended, reason: &str) {
 /// A recording with changed messages and correct checksums.
 fn rewritten(file: &Path, change: impl Fn(&Message) -> Option<Vec<u8>>) -> Vec<u8> {
     let bytes = std::fs::read(file).expect("there is a recording");
-    let recording = sim_server::recording::Recording::open(file).expect("it is one");
+    let recording = recording::Recording::open(file).expect("it is one");
     let mut writer =
         WriteOptions::new().profile("ros2").create(Cursor::new(Vec::new())).expect("memory can be written");
     for (name, data) in recording.attachments() {
@@ -415,8 +415,7 @@ struct Rewriting {
 }
 
 fn rewritten_as(bytes: &[u8], rewriting: Rewriting) -> Vec<u8> {
-    let recording =
-        sim_server::recording::Recording::from_bytes("run.mcap".to_owned(), bytes.to_vec()).expect("it is a recording");
+    let recording = recording::Recording::from_bytes("run.mcap".to_owned(), bytes.to_vec()).expect("it is a recording");
     let mut writer = rewriting.options.create(Cursor::new(Vec::new())).expect("memory can be written");
     let attach = |writer: &mut mcap::Writer<_>| {
         for (name, data) in recording.attachments() {

@@ -22,9 +22,10 @@ use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{
     Connected, Context, Inbox, MessageKind, Node, Publisher, RosError, Sample, SharedParameters, SocketSample, Sockets,
-    SubscriptionTracker, ThrottledWarning, linger, now, own_source,
+    SubscriptionTracker, ThrottledWarning, linger, own_source,
 };
 use serde::Serialize;
+use system::wall_clock::now;
 
 use crate::parameters;
 use crate::transport::{Inbound, Level, ServerTransport};

@@ -63,15 +63,10 @@ pub trait ServerTransport {
     /// The time by which joins are repeated and a silent server is given up; a simulated network
     /// has its own.
     fn now(&self) -> Instant {
-        wall_clock()
+        system::wall_clock::now()
     }
     /// The next message, or `None` after the timeout.
     fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
-}
-
-#[expect(clippy::disallowed_methods, reason = "joining again is a matter of wall time; no result hangs on it")]
-fn wall_clock() -> Instant {
-    Instant::now()
 }
 
 /// A borrowed transport is a transport.

@@ -10,8 +10,12 @@ use agent::command::Command;
 use agent::observation::Observation;
 
 /// The wall time of each decision of some agents, in no order. Clones share it.
-#[derive(Debug, Clone, Default)]
-pub struct DecisionTimes(Arc<Mutex<Vec<Decision>>>);
+#[derive(Debug, Clone)]
+pub struct DecisionTimes {
+    /// The wall clock.
+    now: fn() -> Instant,
+    decisions: Arc<Mutex<Vec<Decision>>>,
+}
 
 /// A decision of an agent.
 #[derive(Debug, Clone, Copy)]
@@ -27,6 +31,12 @@ pub struct Decision {
 }
 
 impl DecisionTimes {
+    /// No decisions yet; later ones are timed by this wall clock.
+    #[must_use]
+    pub fn new(now: fn() -> Instant) -> Self {
+        Self { now, decisions: Arc::default() }
+    }
+
     /// Wraps a controller to time its decisions.
     #[must_use]
     pub fn of(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
@@ -44,7 +54,7 @@ impl DecisionTimes {
     /// All decisions so far.
     #[must_use]
     pub fn all(&self) -> Vec<Decision> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.decisions.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -55,10 +65,11 @@ struct Timed {
 
 impl Controller for Timed {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let now = self.times.now;
         let start = now();
         let command = self.controller.decide(observation, ctx);
-        let (agent, tick, duration) = (ctx.agent(), observation.tick, start.elapsed());
-        let mut times = self.times.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (agent, tick, duration) = (ctx.agent(), observation.tick, now().duration_since(start));
+        let mut times = self.times.decisions.lock().unwrap_or_else(PoisonError::into_inner);
         times.push(Decision { agent, tick, start, duration });
         command
     }
@@ -72,11 +83,6 @@ impl Controller for Timed {
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "measuring the wall time is what this is for")]
-fn now() -> Instant {
-    Instant::now()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,7 +92,7 @@ mod tests {
 
     #[test]
     fn decisions_are_timed_and_unchanged() {
-        let times = DecisionTimes::default();
+        let times = DecisionTimes::new(system::wall_clock::now);
         let walk = || build("rbw", &[], AgentId(0), &RunInfo::smallest()).unwrap();
         let (mut plain, mut timed) = (walk(), times.of(walk()));
         let mut world = World::empty();

@@ -27,8 +27,8 @@ use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
 use msgs::signing::NONE;
-use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
+use transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 
 use crate::stages::StageTimes;
 pub use team::Team;

@@ -18,8 +18,8 @@ use std::time::Duration;
 use agent_node::pipe::Frame;
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
-use sim_server::transport::Inbound as ToServer;
 use thiserror::Error;
+use transport::Inbound as ToServer;
 
 use crate::{AgentsEnd, send};
 

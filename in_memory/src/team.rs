@@ -18,8 +18,8 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
-use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 use simulation::workers::{TaskQueue, Workers};
+use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 
 use super::{AgentsEnd, ServerEnd};
 use crate::Course;

@@ -6,7 +6,7 @@ use agent_node::controllers::{self, Registry};
 use agent_node::wire;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Observation, Scenario};
-use sim_server::recording::Recording;
+use recording::Recording;
 use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 use simulation::scenario::AgentsSection;
 

@@ -49,11 +49,12 @@ use recordings::{DiffArgs, InfoArgs, RecoverArgs, SnapshotArgs, VerifyArgs};
 use replay::ReplayArgs;
 use run::RunArgs;
 use scenario::ScenarioArgs;
-use sim_server::{exit, os};
+use sim_server::exit;
 #[cfg(feature = "ros")]
 use supervisor::SupervisorError;
 #[cfg(feature = "ros")]
 use supervisor::hosts::serve;
+use system::os;
 use view::ViewArgs;
 
 /// A deterministic simulator of multi-robot exploration for ROS 2.

@@ -9,6 +9,7 @@ use experiments::rows::RunRow;
 use indicatif::ProgressBar;
 use msgs::printable;
 use system::progress_bar::{self, clock};
+use system::wall_clock::now;
 
 /// Shows how far a plan has come.
 pub(crate) struct ProgressDisplay {
@@ -109,11 +110,6 @@ impl ProgressDisplay {
 fn name(run: &PlannedRun) -> String {
     let axes = run.axes.iter().map(|(key, value)| format!("{key} = {value}, "));
     format!("{}seed {}", axes.collect::<String>(), run.scenario.seed)
-}
-
-#[expect(clippy::disallowed_methods, reason = "the display shows a rate and an estimate; no result depends on it")]
-fn now() -> Instant {
-    Instant::now()
 }
 
 #[cfg(test)]

@@ -14,9 +14,9 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::{ArgMatches, Args};
+use foxglove_server::{DEFAULT_ADDRESS, PageOrigin, StaticFileServer, Token};
+use recording::Recording;
 use sim_server::exit;
-use sim_server::foxglove::{DEFAULT_ADDRESS, PageOrigin, StaticFileServer, Token};
-use sim_server::recording::Recording;
 
 use crate::output::{print, say};
 use crate::run::RunArgs;

@@ -24,6 +24,14 @@ impl From<Tick> for Time {
     }
 }
 
+impl From<std::time::Duration> for Time {
+    /// What has passed since an epoch. Seconds beyond the range of the field (68 years) stay at its
+    /// largest value.
+    fn from(passed: std::time::Duration) -> Self {
+        Time { sec: i32::try_from(passed.as_secs()).unwrap_or(i32::MAX), nanosec: passed.subsec_nanos() }
+    }
+}
+
 /// A span of time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Duration {

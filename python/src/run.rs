@@ -8,7 +8,7 @@ use experiments::plan::Plan;
 use in_memory::in_process::{self, AgentOptions, ThreadLayout};
 use msgs::ids::Tick;
 use pyo3::prelude::*;
-use sim_server::recording::Recording;
+use recording::Recording;
 use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::{Origins, Override, Scenario};

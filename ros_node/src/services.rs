@@ -27,9 +27,10 @@ use serde::{Deserialize, Serialize};
 use super::dds::qos_profile;
 use super::network::Network;
 use super::ros_env::RMW_IMPLEMENTATION;
-use super::{EndpointFactory, Inbox, Node, RosError, ThrottledWarning, now};
+use super::{EndpointFactory, Inbox, Node, RosError, ThrottledWarning};
 use msgs::service::{Ask, Reply, Service};
 use msgs::topics::Qos;
+use system::wall_clock::now;
 
 /// Queue depth of requests and responses; deeper than the ROS default, because several callers may
 /// ask at once.

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use map_files::{Companion, ImportSpec, Search};
 use mapgen::ImportOptions;
 
-use crate::input_file::{self, MAP_BYTES_MAX};
+use system::input_file::{self, MAP_BYTES_MAX};
 
 /// Most pictures of a folder, one for each layer of the highest map.
 const LAYERS_MAX: usize = 1024;

@@ -33,13 +33,13 @@ use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{Connected, Context, Inbox, Node, Publisher, RosError, Sample, linger, own_source};
 
-use crate::control::Request;
-use crate::transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
-use crate::wall_clock::now;
 use simulation::lockstep::SourceId;
 use simulation::parameters;
 use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+use system::wall_clock::now;
+use transport::control::Request;
+use transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
 
 use join::JoinOfAnyVersion;
 use links::Links;

@@ -1,4 +1,4 @@
-//! The session: executes the run of a scenario over a [transport](crate::transport).
+//! The session: executes the run of a scenario over a [transport](transport).
 //!
 //! A run admits its agents, and then repeats per tick: look, request commands from the agents that
 //! are due, commit their replies, communicate and move, record. In reading order: [`RunConfig`]
@@ -19,6 +19,7 @@ mod agents;
 mod config;
 mod control;
 mod engine;
+mod entities;
 mod error;
 mod events;
 mod log;
@@ -37,10 +38,7 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Fragment};
 
-use crate::control::{Request, Reset, SimulationControl};
-use crate::playback::{Playback, RecordedTick};
-use crate::transport::{Level, Transport};
-use crate::wall_clock::nanoseconds;
+use recording::playback::{Playback, RecordedTick};
 use simulation::digest::Digest;
 pub use simulation::end_reason::EndReason;
 pub use simulation::lockstep::JoinPolicy;
@@ -48,6 +46,9 @@ use simulation::lockstep::{AgentSessions, MissingReplies, ObservationRequest, Re
 use simulation::scenario::{OnAgentLoss, Scenario};
 use simulation::wire;
 use simulation::world::World;
+use system::wall_clock::nanoseconds;
+use transport::control::{Request, Reset, SimulationControl};
+use transport::{Level, Transport};
 
 use agents::{Agents, Awaited, WaitContext};
 use engine::Engine;
@@ -56,7 +57,7 @@ use observers::Observers;
 
 pub use config::{Mode, RunConfig, RunStart};
 pub use error::RunError;
-pub use log::{Checker, RecordingSinks};
+pub use log::RecordingSinks;
 pub use null::{NullObserver, NullTransport};
 pub use phase::{Phase, PhaseTimes};
 
@@ -147,7 +148,7 @@ pub fn run(
         control: SimulationControl::new(
             start.is_paused,
             start.rtf,
-            crate::control::features(!scenario.agents.reserve.is_empty()),
+            transport::control::features(!scenario.agents.reserve.is_empty()),
         ),
         pending_request: None,
         log: SessionLog::new(sinks.into(), checker, agents, begun),

@@ -18,12 +18,12 @@ use msgs::maes_msgs::{self, Counter};
 use msgs::printable;
 
 use crate::session::{Outcome, RunObserver};
-use crate::wall_clock::now;
 use simulation::lockstep::listed;
 use simulation::scenario::Scenario;
 use simulation::world::World;
 use simulation::world::attainable::Attainable;
 use system::progress_bar::{self, TimeLeft};
+use system::wall_clock::now;
 
 /// Minimum wall time between two plain progress lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);

@@ -4,8 +4,8 @@
 //! which agent is due and when the replies of a tick are complete; [`wire`] converts to and from
 //! messages; [`digest`] proves that two runs are equal; [`end_reason`] says why a run has ended;
 //! [`visualisation`] makes the standard
-//! messages of visualisation tools, [`twist`] the commands of externally controlled agents,
-//! [`parameters`] the ROS parameters of a scenario, and [`pacer`] limits the real-time factor.
+//! messages of visualisation tools, [`twist`] the commands of externally controlled agents, and
+//! [`parameters`] the ROS parameters of a scenario.
 //!
 //! Invariants: no file, no network, no wall clock and no environment. No dependency provides them,
 //! and `tests/tidy.rs` finds whoever names those of the standard library.
@@ -15,7 +15,6 @@
 pub mod digest;
 pub mod end_reason;
 pub mod lockstep;
-pub mod pacer;
 pub mod parameters;
 pub mod scenario;
 pub mod twist;

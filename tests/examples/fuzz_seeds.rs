@@ -15,7 +15,7 @@ use msgs::parameters::{ListRequest, Named, NamesRequest, SetRequest, Value};
 use msgs::simulation_interfaces::{
     EntityRequest, EntityState, FilterRequest, SetEntityStateRequest, SpawnEntityRequest, StepRequest,
 };
-use sim_server::recording::Recording;
+use recording::Recording;
 use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::Scenario;

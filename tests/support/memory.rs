@@ -16,13 +16,13 @@ use in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply};
-use sim_server::playback::Playback;
-use sim_server::recording::Recording;
+use recording::Recording;
+use recording::playback::Playback;
 use sim_server::session::{self, JoinPolicy, Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup;
-use sim_server::transport::Transport;
 use simulation::scenario::Scenario;
 use simulation::world::World;
+use transport::Transport;
 
 use super::{HANG, bounded};
 

@@ -8,6 +8,7 @@ use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
 use sim_server::session::{EndReason, Phase, RunObserver};
 use simulation::world::World;
+use system::wall_clock;
 
 use super::{RunFailure, machine};
 use crate::measure::{self, Trace};
@@ -26,7 +27,7 @@ pub(super) fn carry_out(
     let mut scenario = run.scenario.clone();
     scenario.execution.threads = 1;
     scenario.execution.record = recording;
-    let times = DecisionTimes::default();
+    let times = DecisionTimes::new(wall_clock::now);
     let options = AgentOptions {
         threads: ThreadLayout::Together,
         decision_times: Some(times.clone()),

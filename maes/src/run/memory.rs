@@ -10,11 +10,12 @@ use std::time::Duration;
 use agent_node::stopwatch::{self, DecisionTimes};
 use anyhow::Context;
 use in_memory::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
+use recording::Recording;
 use sim_server::exit;
 use sim_server::profile::{Decision, Profile, Profiled};
-use sim_server::recording::Recording;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
+use system::wall_clock;
 
 use super::RunArgs;
 use crate::output::{print, say};
@@ -44,7 +45,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         false if !chaos_delay.is_zero() => ThreadLayout::PerAgent,
         false => ThreadLayout::Team,
     };
-    let decision_times = (args.decision_times || args.profile.is_some()).then(DecisionTimes::default);
+    let decision_times = (args.decision_times || args.profile.is_some()).then(|| DecisionTimes::new(wall_clock::now));
     let mut profile = args.profile.as_ref().map(|_| Profile::default());
     let options = AgentOptions {
         threads,

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use anyhow::bail;
 use clap::ArgMatches;
-use sim_server::foxglove::{ServerAddress, Token};
+use foxglove_server::{ServerAddress, Token};
 use supervisor::idle::IdleServer;
 use supervisor::{binaries, logs};
 

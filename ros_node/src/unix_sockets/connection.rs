@@ -16,7 +16,7 @@ use msgs::limits::OBSERVATION_BYTES_MAX;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use serde::Serialize;
 
-use crate::now;
+use system::wall_clock::now;
 
 /// Longest content of a frame, bytes: a message, and what signs it.
 const CONTENT_BYTES_MAX: usize = OBSERVATION_BYTES_MAX + 1024;

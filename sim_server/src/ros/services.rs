@@ -12,9 +12,9 @@ use msgs::simulation_interfaces::Result as Outcome;
 use msgs::topics;
 use ros_node::{EndpointFactory, Goal, Inbox, Node, Publisher, RosError, StepsEvent, ThrottledWarning};
 
-use crate::control::{Request, Steps};
 use simulation::parameters;
 use simulation::scenario::Rtf;
+use transport::control::{Request, Steps};
 
 /// Maximum queued requests; a further one is not answered.
 const REQUESTS_MAX: usize = 256;

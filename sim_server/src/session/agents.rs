@@ -13,12 +13,12 @@ use msgs::maes_msgs::{Join, Scenario};
 
 use super::log::SessionLog;
 use super::{Phase, PhaseTimes, RunError, RunObserver};
-use crate::difference;
-use crate::recorder::RecordError;
-use crate::transport::{Level, Transport};
+use recording::difference;
+use recording::recorder::RecordError;
 use simulation::lockstep::{
     AgentSessions, Event, MissingReplies, ObservationRequest, Replies, TimeoutPolicy, Transmit, listed,
 };
+use transport::{Level, Transport};
 
 /// Wall time for which the session waits for a message before it attends to its other duties.
 pub(super) const POLL_PERIOD: Duration = Duration::from_millis(50);

@@ -4,8 +4,9 @@
 use simulation::lockstep::{JoinPolicy, RunIdentity};
 use simulation::scenario::{Rtf, Scenario};
 
-use super::{Checker, RunError};
-use crate::playback::Playback;
+use super::RunError;
+use recording::comparison::Checker;
+use recording::playback::Playback;
 
 /// What a session runs.
 pub struct RunConfig<'a> {

@@ -15,9 +15,9 @@ use msgs::simulation_interfaces::{
 };
 
 use super::agents::POLL_PERIOD;
+use super::entities::{self, Team};
 use super::{RunError, Session};
-use crate::control::Request;
-use crate::control::entities::{self, Team};
+use transport::control::Request;
 
 /// Most requests that are answered between two ticks, so that a flood does not stop the clock.
 const REQUESTS_MAX: usize = 32;

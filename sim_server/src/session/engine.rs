@@ -22,10 +22,10 @@ use msgs::shared_bytes::SharedBytes;
 
 use super::RunError;
 use super::log::{EntryKind, SessionLog};
-use crate::playback::RecordedTick;
 use crate::setup;
 use msgs::stage::Stage;
 use msgs::wake_condition::WakeCondition;
+use recording::playback::RecordedTick;
 use simulation::digest::{Chain, Digest};
 use simulation::lockstep::{CommandReply, ObservationRequest, Replies};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent};

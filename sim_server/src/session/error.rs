@@ -4,8 +4,8 @@ use msgs::ids::{AgentId, Tick};
 use thiserror::Error;
 
 use super::RunStart;
-use crate::playback::PlaybackError;
-use crate::recorder::RecordError;
+use recording::playback::PlaybackError;
+use recording::recorder::RecordError;
 use simulation::lockstep::listed;
 
 /// The reason why a run has no complete result.

@@ -12,13 +12,13 @@ use msgs::maes_msgs::{Intervention, Observation as Fragment};
 use super::agents::{Awaited, recorded_join};
 use super::log::EntryKind;
 use super::{EndReason, RunError, Session, timeout_policy};
-use crate::playback::{Ending, Playback, RecordedTick};
-use crate::transport::Level;
+use recording::playback::{Ending, Playback, RecordedTick};
 use simulation::digest::Digest;
 use simulation::lockstep::{CommandReply, MissingReplies, ObservationRequest, Replies};
 use simulation::scenario::OnAgentLoss;
 use simulation::wire::{self, Change};
 use simulation::world::{Presence, RequestKind};
+use transport::Level;
 
 /// What a recording says of the present tick.
 enum NextTick {

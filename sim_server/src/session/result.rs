@@ -8,11 +8,11 @@ use msgs::maes_msgs::{self, Counter, Observation as Fragment};
 use super::agents::WaitContext;
 use super::log::EntryKind;
 use super::{EndReason, Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
-use crate::transport::Level;
 use simulation::digest::Digest;
 use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use simulation::world::RequestKind;
+use transport::Level;
 
 impl Session<'_, '_> {
     /// Shuts the agents down, and completes the recording.

@@ -24,11 +24,11 @@ use msgs::maes_msgs::{
 use msgs::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::{JoinPolicy, RunConfig, RunObserver};
 use sim_server::setup;
-use sim_server::transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
 use simulation::lockstep::SourceId;
 use simulation::scenario::Scenario;
 use simulation::wire;
 use simulation::world::World;
+use transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
 
 use crate::hostile_messages::{self, Known};
 
