@@ -1,8 +1,8 @@
 //! Pages of reference that say the same as the code: the list of messages, the tables of topics, of
 //! counters and of columns.
 //!
-//! With the environment variable `UPDATE_DOCS` the generated parts are written: `UPDATE_DOCS=1 cargo
-//! test --release -p tests reference_pages`.
+//! With the environment variable `UPDATE_DOCS` the generated parts are written: `UPDATE_DOCS=1
+//! cargo test --release -p tests reference_pages`.
 
 use std::collections::BTreeSet;
 use std::fs;

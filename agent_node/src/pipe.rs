@@ -1,8 +1,8 @@
 //! The transport over a socket that a program inherits as its standard input, from a run in memory
 //! that has started it.
 //!
-//! A message is a byte for its type, its length as a little-endian `u32`, and its CDR. The socket is
-//! private to the two processes, so that nothing is signed.
+//! A message is a byte for its type, its length as a little-endian `u32`, and its CDR. The socket
+//! is private to the two processes, so that nothing is signed.
 
 use std::io::{self, Read, Write};
 use std::os::fd::AsFd;

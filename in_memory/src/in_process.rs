@@ -71,8 +71,8 @@ pub struct AgentOptions {
     /// The controller that runs in place of the one that the scenario names, with the same
     /// settings. The scenario, and with it recording and digest, keeps the name.
     pub substitute: Option<String>,
-    /// Whether the program that the scenario names may be started: the folder from which it is looked
-    /// for, the present one if that is empty. It has to be based on `agent_node`.
+    /// Whether the program that the scenario names may be started: the folder from which it is
+    /// looked for, the present one if that is empty. It has to be based on `agent_node`.
     pub programs_from: Option<PathBuf>,
 }
 

@@ -51,7 +51,8 @@ pub struct Course {
     /// The stages that its agents have named.
     pub stages: StageTimes,
     /// Cells that agents found free with their own sensors and had on their maps before, summed
-    /// over the agents; `None` if some of them are in other processes, where their maps are not read.
+    /// over the agents; `None` if some of them are in other processes, where their maps are not
+    /// read.
     pub seen_again: Option<u64>,
 }
 

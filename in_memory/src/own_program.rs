@@ -46,8 +46,8 @@ pub(crate) struct OwnProgram {
 }
 
 impl OwnProgram {
-    /// `words` are the program and its arguments; a program with a `/` in its name is looked for from
-    /// `folder`.
+    /// `words` are the program and its arguments; a program with a `/` in its name is looked for
+    /// from `folder`.
     pub(crate) fn new(words: &[String], folder: &Path, agents: Vec<AgentId>) -> Self {
         Self { words: words.to_vec(), folder: folder.to_owned(), agents }
     }

@@ -98,8 +98,8 @@ fn named(text: &str, name: &str) -> String {
     text.replace("Zigzag", &title).replace(TEMPLATE, name)
 }
 
-/// The folder of the sources: the one that was named, or that of the checkout two folders above this
-/// program.
+/// The folder of the sources: the one that was named, or that of the checkout two folders above
+/// this program.
 fn sources(given: Option<&Path>) -> anyhow::Result<PathBuf> {
     let has_sources = |folder: &Path| folder.join("agent_node/Cargo.toml").is_file();
     let found = match given {

@@ -11,7 +11,8 @@ macro_rules! counters {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         pub enum CounterName {
             $(#[doc = $meaning] $counter,)*
-            /// Payload of the delivered messages of a type of [`crate::maes_msgs::AgentMessage`], bytes.
+            /// Payload of the delivered messages of a type of [`crate::maes_msgs::AgentMessage`],
+            /// bytes.
             MessageBytesOfType(u8),
             /// Tick in which the team had seen this share of the free cells, in thousandths.
             TickExplored {
@@ -107,8 +108,8 @@ impl CounterName {
         matches!(self, Self::Interventions | Self::RefusedUnprovenJoin | Self::RefusedForgedCommand)
     }
 
-    /// The counter with this name, also if a build with protocol 6 or earlier wrote it, which called
-    /// messages of agents parcels.
+    /// The counter with this name, also if a build with protocol 6 or earlier wrote it, which
+    /// called messages of agents parcels.
     #[must_use]
     pub fn parse(name: &str) -> Option<Self> {
         let name = &*present_name(name);

@@ -167,8 +167,8 @@ impl Sample<'_> {
     }
 }
 
-/// The table for a paper: of each variant the time to 99 %, and its ratio to that of the fastest one,
-/// with the p-value of their comparison; none for a study of one variant.
+/// The table for a paper: of each variant the time to 99 %, and its ratio to that of the fastest
+/// one, with the p-value of their comparison; none for a study of one variant.
 pub(super) fn summary(study: &Study) -> Result<Option<Table>, StatisticsError> {
     const PLACE: usize = 1;
     if study.variants.len() < 2 {

@@ -33,8 +33,8 @@ pub struct TimeLeft {
 const SAMPLES_MAX: usize = 256;
 
 impl TimeLeft {
-    /// Adds how much is done at a time, 0 to 1, and estimates the time until it is 1; `None` without
-    /// progress.
+    /// Adds how much is done at a time, 0 to 1, and estimates the time until it is 1; `None`
+    /// without progress.
     pub fn estimate(&mut self, now: Instant, done: f64) -> Option<Duration> {
         if self.samples.len() == SAMPLES_MAX {
             // Every other one, so that a long run keeps its beginning.

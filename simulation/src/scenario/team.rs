@@ -33,8 +33,8 @@ impl AgentsSection {
         self.command_signs && !self.command.is_empty() && !self.command.iter().any(|word| word.contains(ID_MARK))
     }
 
-    /// The first key that needs ROS 2, and its value; a program based on `agent_node` does not, where
-    /// programs may be started.
+    /// The first key that needs ROS 2, and its value; a program based on `agent_node` does not,
+    /// where programs may be started.
     #[must_use]
     pub fn of_ros_only(&self, starts_programs: bool) -> Option<(&'static str, String)> {
         if !(self.command.is_empty() || starts_programs && self.is_command_a_node()) {
