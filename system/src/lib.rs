@@ -2,8 +2,8 @@
 //!
 //! [`input_file`] reads the files that a user names; [`os`] has what operating systems name
 //! differently; [`exit_code`] and [`summary`] are what the server tells the program that has
-//! started it, which therefore need not link the server; [`results`] go to stdout; [`wall_clock`] is
-//! the only clock.
+//! started it, which therefore need not link the server; [`results`] go to stdout; [`wall_clock`]
+//! is the only clock.
 
 #![warn(missing_docs)]
 
