@@ -109,9 +109,9 @@ impl RosEnv {
     /// ```
     /// use ros_node::ros_env::{DiscoveryRange, RosEnv};
     ///
-    /// let env = RosEnv::from_vars(|name| (name == "ROS_DOMAIN_ID").then(||
-    /// "7".to_owned())).unwrap(); assert_eq!(env.domain_id, 7); assert_eq!(env.range,
-    /// DiscoveryRange::Localhost);
+    /// let env = RosEnv::from_vars(|name| (name == "ROS_DOMAIN_ID").then(|| "7".to_owned())).unwrap();
+    /// assert_eq!(env.domain_id, 7);
+    /// assert_eq!(env.range, DiscoveryRange::Localhost);
     /// ```
     pub fn from_vars(variable: impl Fn(&str) -> Option<String>) -> Result<Self, RosEnvError> {
         let set = |name| variable(name).filter(|value| !value.is_empty());
