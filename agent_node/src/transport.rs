@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
-use msgs::parameters::Parameter;
+use msgs::parameters::DeclaredParameter;
 pub use msgs::rcl_interfaces::Level;
 use msgs::visualization_msgs::Marker;
 
@@ -56,7 +56,7 @@ pub trait ServerTransport {
     /// Logs a text for an agent.
     fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
     /// Declares parameters of an agent's node.
-    fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
+    fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<DeclaredParameter>) {}
     /// The time by which joins are repeated and a silent server is given up; a simulated network
     /// has its own.
     fn now(&self) -> Instant {
@@ -105,7 +105,7 @@ impl<T: ServerTransport + ?Sized> ServerTransport for &mut T {
         (**self).log(agent, level, text);
     }
 
-    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<DeclaredParameter>) {
         (**self).declare_parameters(agent, parameters);
     }
 

@@ -7,14 +7,16 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{
     Body, Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
-use msgs::parameters::{
-    DescribeParameters, GetParameterTypes, GetParameters, ListParameters, ListRequest, Named, NamesRequest, Parameters,
-    SetParameters, SetParametersAtomically, SetRequest,
+use msgs::parameters::Parameters;
+use msgs::rcl_interfaces::{
+    DescribeParameters, DescribeParametersRequest, GetParameterTypes, GetParameterTypesRequest, GetParameters,
+    GetParametersRequest, ListParameters, ListParametersRequest, Parameter, SetParameters, SetParametersAtomically,
+    SetParametersAtomicallyRequest, SetParametersRequest,
 };
 use msgs::service::Service;
 use msgs::simulation_interfaces::{
     DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds, GetEntityInfo, GetEntityState, GetSimulationState,
-    GetSimulatorFeatures, ResetSimulation, SetEntityState, SetSimulationState, SpawnEntity, StepRequest,
+    GetSimulatorFeatures, ResetSimulation, SetEntityState, SetSimulationState, SimulateStepsGoal, SpawnEntity,
     StepSimulation,
 };
 use serde::Serialize;
@@ -85,28 +87,35 @@ fn requests(bytes: &[u8]) {
     request::<DeleteEntity>(bytes);
     request::<SpawnEntity>(bytes);
     // The goal of the action `SimulateSteps`.
-    decoded::<StepRequest>(bytes);
+    decoded::<SimulateStepsGoal>(bytes);
     let mut known = Parameters::default();
     known.declare(parameters::of(&run()));
-    for NamesRequest { names } in
-        [request::<GetParameters>(bytes), request::<GetParameterTypes>(bytes), request::<DescribeParameters>(bytes)]
-            .into_iter()
-            .flatten()
+    for names in [
+        request::<GetParameters>(bytes).map(|GetParametersRequest { names }| names),
+        request::<GetParameterTypes>(bytes).map(|GetParameterTypesRequest { names }| names),
+        request::<DescribeParameters>(bytes).map(|DescribeParametersRequest { names }| names),
+    ]
+    .into_iter()
+    .flatten()
     {
         let _values = (known.values(&names), known.descriptors(&names));
     }
-    if let Some(ListRequest { prefixes, depth }) = request::<ListParameters>(bytes) {
+    if let Some(ListParametersRequest { prefixes, depth }) = request::<ListParameters>(bytes) {
         let _listed = known.list(&prefixes, depth);
     }
-    for SetRequest { parameters } in
-        [request::<SetParameters>(bytes), request::<SetParametersAtomically>(bytes)].into_iter().flatten()
+    for parameters in [
+        request::<SetParameters>(bytes).map(|SetParametersRequest { parameters }| parameters),
+        request::<SetParametersAtomically>(bytes).map(|SetParametersAtomicallyRequest { parameters }| parameters),
+    ]
+    .into_iter()
+    .flatten()
     {
         let before = known.clone();
         if known.set_all(&parameters).is_err() {
             assert_eq!(known, before, "what is refused changes nothing");
         }
         for named in &parameters {
-            let Named { name, .. } = named;
+            let Parameter { name, .. } = named;
             let _set = known.set(named);
             let _values = known.values(std::slice::from_ref(name));
         }
