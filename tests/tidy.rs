@@ -13,9 +13,10 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The folders of the crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 18] = [
+pub(crate) const CRATES: [&str; 19] = [
     "voxels",
     "msgs",
+    "protocol",
     "system",
     "ros_node",
     "mapgen",
@@ -35,20 +36,21 @@ pub(crate) const CRATES: [&str; 18] = [
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 18] = [
+const USES: [(&str, &[&str]); 19] = [
     ("voxels", &[]),
     ("msgs", &[]),
+    ("protocol", &["msgs", "voxels"]),
     ("system", &[]),
-    ("ros_node", &["msgs"]),
+    ("ros_node", &["msgs", "protocol"]),
     ("mapgen", &["voxels"]),
     ("map_files", &["mapgen", "voxels"]),
-    ("simulation", &["mapgen", "msgs", "voxels"]),
-    ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "system", "voxels"]),
-    ("agent", &["msgs", "voxels"]),
-    ("controllers", &["agent", "msgs", "voxels"]),
-    ("agent_node", &["agent", "controllers", "msgs", "ros_node", "voxels"]),
-    ("in_memory", &["agent_node", "msgs", "sim_server", "simulation"]),
-    ("supervisor", &["msgs", "simulation", "system"]),
+    ("simulation", &["mapgen", "msgs", "protocol", "voxels"]),
+    ("sim_server", &["map_files", "mapgen", "msgs", "protocol", "ros_node", "simulation", "system", "voxels"]),
+    ("agent", &["msgs", "protocol", "voxels"]),
+    ("controllers", &["agent", "msgs", "protocol", "voxels"]),
+    ("agent_node", &["agent", "controllers", "msgs", "protocol", "ros_node", "voxels"]),
+    ("in_memory", &["agent_node", "msgs", "protocol", "sim_server", "simulation"]),
+    ("supervisor", &["protocol", "simulation", "system"]),
     ("statistics", &["voxels"]),
     (
         "experiments",
@@ -58,6 +60,7 @@ const USES: [(&str, &[&str]); 18] = [
             "map_files",
             "mapgen",
             "msgs",
+            "protocol",
             "sim_server",
             "simulation",
             "statistics",
@@ -68,7 +71,17 @@ const USES: [(&str, &[&str]); 18] = [
     ("report", &["agent_node", "experiments", "msgs", "statistics"]),
     (
         "testing/fault_injection",
-        &["agent_node", "in_memory", "msgs", "ros_node", "sim_server", "simulation", "supervisor", "voxels"],
+        &[
+            "agent_node",
+            "in_memory",
+            "msgs",
+            "protocol",
+            "ros_node",
+            "sim_server",
+            "simulation",
+            "supervisor",
+            "voxels",
+        ],
     ),
     (
         "maes",
@@ -80,6 +93,7 @@ const USES: [(&str, &[&str]); 18] = [
             "map_files",
             "mapgen",
             "msgs",
+            "protocol",
             "report",
             "ros_node",
             "sim_server",
@@ -170,7 +184,7 @@ fn dependencies_point_one_way() {
 
 #[test]
 fn pure_core_links_no_decoder() {
-    for of in ["mapgen", "simulation"] {
+    for of in ["mapgen", "protocol", "simulation"] {
         let linked = dependencies(of, &[]);
         for decoder in ["png", "laz", "serde_json", "mcap", "map_files"] {
             assert!(!linked.contains(decoder), "{of} links {decoder}");
@@ -193,7 +207,7 @@ fn only_binaries_depend_on_the_ros_client() {
         assert!(knows(binary, &[]), "{binary} talks ROS 2");
         assert!(!knows(binary, &["--no-default-features"]), "the feature `ros` of {binary} can be left out");
     }
-    for pure in ["voxels", "msgs", "mapgen", "map_files", "simulation", "agent", "controllers"] {
+    for pure in ["voxels", "msgs", "protocol", "mapgen", "map_files", "simulation", "agent", "controllers"] {
         assert!(!knows(pure, &[]), "{pure} has no ROS client");
     }
     assert!(knows("ros_node", &[]));
@@ -224,14 +238,15 @@ fn only_ros_node_names_the_ros_client() {
 fn pure_modules_use_no_system_interface() {
     let pure = [
         ("voxels", &[""][..]),
+        ("protocol", &[""]),
         ("mapgen", &[""]),
         ("map_files", &[""]),
         ("statistics", &[""]),
         ("simulation", &[""]),
         ("sim_server", &["control", "replay"]),
-        ("agent", &["abstract_graph", "bodies", "command", "exploration_map", "map_markers", "observation", "sharing"]),
+        ("agent", &["abstract_graph", "bodies", "exploration_map", "map_markers", "sharing"]),
         ("controllers", &[""]),
-        ("agent_node", &["control_loop", "wire"]),
+        ("agent_node", &["control_loop"]),
     ];
     for (of, modules) in pure {
         for module in modules {

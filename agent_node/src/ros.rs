@@ -16,9 +16,9 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Scenario, SignedCommand, SignedJoin, SignedObservation};
 use msgs::parameters::DeclaredParameter;
 use msgs::rcl_interfaces::Parameter;
-use msgs::signing::NONE;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
+use protocol::signing::NONE;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{

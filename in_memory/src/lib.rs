@@ -21,9 +21,9 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
-use msgs::signing::NONE;
+use protocol::lockstep::SourceId;
+use protocol::signing::NONE;
 use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
-use simulation::lockstep::SourceId;
 
 use crate::stages::StageTimes;
 pub use team::Team;

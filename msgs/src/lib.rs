@@ -1,9 +1,6 @@
 //! What goes over the wire: the messages of the ROS 2 package `maes_msgs`, and those of the
 //! packages that come with ROS 2, as serde structs, and the topics that carry them.
 //!
-//! With them come what both sides compute alike from their fields: signatures, and how a body moves
-//! ([`kinematics`]).
-//!
 //! The list of topics is in [`topics`], and in words in `docs/topics.md` and `docs/ros2.md`.
 //!
 //! The folder of this crate is also the interface package itself: `package.xml`, `CMakeLists.txt`
@@ -17,20 +14,11 @@
 #![warn(missing_docs)]
 
 pub mod ids;
-pub mod limits;
 pub mod topics;
 
 pub mod maes_msgs;
-pub mod relay_id;
 
-pub mod body_model;
-pub mod event_mask;
-pub mod kinematics;
-pub mod message_type;
-pub mod scan_request;
-pub mod stage;
 pub mod type_hash;
-pub mod wake_condition;
 
 pub mod builtin_interfaces;
 pub mod geometry_msgs;
@@ -61,4 +49,3 @@ pub mod printable;
 pub mod schema;
 pub mod service;
 pub mod shared_bytes;
-pub mod signing;

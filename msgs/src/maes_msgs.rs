@@ -12,3 +12,9 @@ impl Observation {
         u32::from(self.part) + 1 == u32::from(self.parts)
     }
 }
+
+impl Command {
+    /// The bytes at the end of the CDR encoding that the digest leaves out: the stage, on which no
+    /// run depends.
+    pub const UNDIGESTED_BYTES: usize = 1;
+}

@@ -9,11 +9,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 
 use crate::cdr;
-use crate::limits::ANSWER_BYTES_MAX;
 use crate::rcl_interfaces::{
     FloatingPointRange, IntegerRange, ListParametersResult, Parameter, ParameterDescriptor, ParameterType,
     ParameterValue, SetParametersResponse, SetParametersResult,
 };
+use crate::service::ANSWER_BYTES_MAX;
 
 /// Most names of one request that are answered.
 const NAMES_MAX: usize = 64;

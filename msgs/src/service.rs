@@ -9,6 +9,11 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+/// Longest answer of a service, bytes. A longer one is sent in parts, and RustDDS 0.15.1 writes the
+/// parameters of such a part, which say whose answer it is, with the tag of an `Option` before
+/// them: others drop it, and the caller would wait for ever.
+pub const ANSWER_BYTES_MAX: usize = 1_200;
+
 /// A ROS service type.
 pub trait Service {
     /// The package it belongs to.

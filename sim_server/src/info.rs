@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::stage::Stage;
 use msgs::{maes_msgs, printable, topics};
+use protocol::stage::Stage;
 
 use crate::recording::index::IndexedRecording;
 use crate::recording::{End, Recording, RecordingError, SCENARIO_ATTACHMENT};

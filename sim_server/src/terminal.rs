@@ -18,7 +18,7 @@ use msgs::printable;
 
 use crate::session::{self, Outcome, RunObserver};
 use crate::wall_clock::now;
-use simulation::lockstep::listed;
+use protocol::lockstep::listed;
 use simulation::world::World;
 
 /// Minimum wall time between two plain progress lines.

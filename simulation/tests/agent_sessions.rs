@@ -4,13 +4,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
-use simulation::lockstep::{
+use protocol::limits::PROTOCOL;
+use protocol::lockstep::{
     AgentSessions, Event, Inbound, Incoming, JoinPolicy, Notice, ObservationRequest, ReplayPolicy, Replies,
     RunIdentity, SourceId, TimeoutPolicy, Transmit,
 };
-use simulation::world::RequestKind;
+use protocol::observation::RequestKind;
 
 const TIMEOUT: Duration = Duration::from_millis(500);
 

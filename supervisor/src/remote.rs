@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use msgs::signing;
+use protocol::signing;
 
 use crate::child::Signal;
 use crate::hosts::connection::Connection;

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use msgs::maes_msgs::{Command, Observation};
-use msgs::signing::{SessionKey, is_equal};
+use protocol::signing::{SessionKey, is_equal};
 use sim_server::recording::Recording;
 
 #[expect(clippy::disallowed_methods, reason = "wall time is what is measured")]

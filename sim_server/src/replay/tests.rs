@@ -7,7 +7,8 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::Progress;
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
-    Result as Outcome, SetSimulationStateRequest, SimulationState, StepSimulationRequest,
+    Result as Outcome, SetSimulationStateRequest, SetSimulationStateResponse, SimulationState, StepSimulationRequest,
+    StepSimulationResponse,
 };
 use msgs::std_msgs::{ColorRGBA, Header};
 use msgs::topics::{self, Topic};
@@ -232,7 +233,12 @@ fn ask<R: 'static>(
 
 fn set_state(player: &mut Player, state: u8, wall_ns: u64) -> Option<u8> {
     let request = SetSimulationStateRequest { state: SimulationState { state } };
-    let code = ask(player, wall_ns, |response| response.result, |reply| Request::SetState(Ask { request, reply }));
+    let code = ask(
+        player,
+        wall_ns,
+        |response: SetSimulationStateResponse| response.result,
+        |reply| Request::SetState(Ask { request, reply }),
+    );
     code.take()
 }
 
@@ -240,7 +246,7 @@ fn step(player: &mut Player, steps: u64) -> Rc<RefCell<Option<u8>>> {
     ask(
         player,
         0,
-        |response| response.result,
+        |response: StepSimulationResponse| response.result,
         |reply| Request::Step(Ask { request: StepSimulationRequest { steps }, reply }),
     )
 }

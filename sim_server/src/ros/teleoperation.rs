@@ -22,7 +22,7 @@ use super::Item;
 use super::visualisation::VisualisationPublishers;
 use crate::transport::{Inbound, Incoming};
 use crate::wall_clock::now;
-use simulation::lockstep::SourceId;
+use protocol::lockstep::SourceId;
 use simulation::twist;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 

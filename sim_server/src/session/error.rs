@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::RunStart;
 use crate::playback::PlaybackError;
 use crate::recorder::RecordError;
-use simulation::lockstep::listed;
+use protocol::lockstep::listed;
 
 /// The reason why a run has no complete result.
 #[derive(Debug, Error)]

@@ -10,10 +10,10 @@ use super::engine::counter;
 use super::log::EntryKind;
 use super::{EndReason, Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
 use crate::transport::Level;
+use protocol::lockstep::ObservationRequest;
+use protocol::observation::RequestKind;
 use simulation::digest::Digest;
-use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
-use simulation::world::RequestKind;
 
 impl Session<'_, '_> {
     /// Shuts the agents down, and completes the recording.

@@ -1,6 +1,5 @@
 //! Target `messages`: decoding and validation of all messages and requests, on both sides.
 
-use agent_node::wire as agent_wire;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::AgentId;
@@ -19,9 +18,12 @@ use msgs::simulation_interfaces::{
     GetSimulatorFeatures, ResetSimulation, SetEntityState, SetSimulationState, SimulateStepsGoal, SpawnEntity,
     StepSimulation,
 };
+use protocol::command;
+use protocol::observation::fragments::FragmentReassembler;
+use protocol::run_info::RunInfo;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use simulation::{parameters, scenario, twist, wire};
+use simulation::{parameters, scenario, twist};
 
 /// Number of agents of the run.
 const AGENTS: u32 = 4;
@@ -51,8 +53,8 @@ fn to_the_server(bytes: &[u8]) {
     let twist = decoded::<TwistStamped>(bytes);
     let of_twist = twist.and_then(|twist| twist::command(1, AgentId(0), &twist).ok());
     for command in command.into_iter().chain(of_twist) {
-        if let Ok((_, wake)) = wire::command(&command, AGENTS) {
-            assert!(wake.at.0 > command.tick || command.tick == u64::MAX, "an agent is due in a later tick");
+        if let Ok(legal) = command::Command::from_message(&command, AGENTS) {
+            assert!(legal.wake.at.0 > command.tick || command.tick == u64::MAX, "an agent is due in a later tick");
         }
     }
 }
@@ -61,14 +63,14 @@ fn to_an_agent(bytes: &[u8]) {
     decoded::<JoinReply>(bytes);
     decoded::<SignedObservation>(bytes);
     if let Some(scenario) = decoded::<Scenario>(bytes) {
-        let _briefing = agent_wire::run_info(&scenario, AgentId(0));
+        let _briefing = RunInfo::from_message(&scenario, AgentId(0));
     }
     if let Some(part) = decoded::<Observation>(bytes) {
         let (bodies, body_of) = (vec![Body::default()], vec![0; AGENTS as usize]);
         let scenario = Scenario { size: [40; 3], cell_m: 1.0, agents: AGENTS, bodies, body_of, ..Scenario::default() };
-        let run_info = agent_wire::run_info(&Scenario { duration_ticks: u64::MAX, ..scenario }, AgentId(0));
+        let run_info = RunInfo::from_message(&Scenario { duration_ticks: u64::MAX, ..scenario }, AgentId(0));
         let run_info = run_info.expect("a legal one");
-        let _collected = agent_wire::FragmentReassembler::default().take(part, &run_info);
+        let _collected = FragmentReassembler::default().take(part, &run_info);
     }
 }
 

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
-use msgs::body_model::BodyModel;
 use msgs::std_msgs::Header;
+use protocol::body_model::BodyModel;
 use voxels::{Grid, Terrain};
 
 use super::*;

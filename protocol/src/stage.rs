@@ -5,7 +5,7 @@
 
 use thiserror::Error;
 
-use crate::maes_msgs::Command;
+use msgs::maes_msgs::Command;
 
 /// What an agent is busy with; it stays so until a command names another stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,16 +68,10 @@ impl Stage {
     }
 }
 
-impl Command {
-    /// The bytes at the end of the CDR encoding that the digest leaves out: the stage, on which no
-    /// run depends.
-    pub const UNDIGESTED_BYTES: usize = 1;
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cdr;
+    use msgs::cdr;
 
     #[test]
     fn numbers_round_trip_and_others_are_refused() {

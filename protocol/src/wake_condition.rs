@@ -3,8 +3,8 @@
 //! The message is `maes_msgs/WakeCondition`.
 
 use crate::event_mask::EventMask;
-use crate::ids::Tick;
-use crate::maes_msgs;
+use msgs::ids::Tick;
+use msgs::maes_msgs;
 
 /// A tick and a set of events, whichever comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,7 +4,7 @@
 
 use thiserror::Error;
 
-use crate::maes_msgs;
+use msgs::maes_msgs;
 
 /// When the LiDAR of an agent scans from now on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

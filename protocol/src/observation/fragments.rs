@@ -1,23 +1,129 @@
-//! Observations from messages: fragments are checked and reassembled.
+//! Observations as messages: fragments of bounded size, and observations reassembled from them.
 //!
-//! Invariant: a complete observation is consistent with the run, whatever was received; a fragment
-//! that is rejected leaves no trace in one.
+//! Invariants: no fragment is larger than [`OBSERVATION_BYTES_MAX`] on the wire; a complete
+//! observation is consistent with the run, whatever was received: cells and points lie inside the
+//! map, numbers are finite, agents are part of the run; a fragment that is rejected leaves no trace
+//! in one.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use msgs::cdr;
-use msgs::event_mask::EventMask;
-use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, CellRuns, Observation as Part};
-use msgs::relay_id::RelayId;
-use nalgebra::{Point3, Vector3};
+use msgs::{cdr, geometry_msgs};
+use nalgebra::Vector3;
 
-use super::{WireError, run_info};
-use agent::observation::{
-    Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
-};
+use super::{AgentMessage, Cells, Collision, Contact, Observation, Peer, Pose, Relay, RunInfo, Surface};
+use crate::event_mask::EventMask;
+use crate::geometry::{header, point, point_of, vector};
+use crate::limits::{AGENT_MESSAGE_BYTES_BARE, MESSAGE_BYTES_BARE, OBSERVATION_BYTES_MAX};
+use crate::relay_id::RelayId;
+use crate::wire_error::WireError;
+
+/// Bytes on the wire of a contact, with padding.
+const CONTACT_BYTES: usize = 32;
+/// Bytes on the wire of a run of cells.
+const RUN_BYTES: usize = 6;
+
+/// An observation as fragments, in order; the caller sets the number of the run. `phase` is
+/// [`RUNNING`](Part::RUNNING) or [`ENDED`](Part::ENDED).
+#[must_use]
+pub fn split(observation: Observation, phase: u8) -> Vec<Part> {
+    let first = Part {
+        header: header(observation.tick),
+        tick: observation.tick.0,
+        run: 0,
+        agent: observation.agent.0,
+        part: 0,
+        parts: 1,
+        phase,
+        position: point(&observation.pose.position),
+        yaw_rad: observation.pose.yaw_rad,
+        velocity_m_s: vector(&observation.velocity_in_map_m_s),
+        yaw_rate_rad_s: observation.yaw_rate_rad_s,
+        task_status: if observation.is_active { Part::ACTIVE } else { Part::IDLE },
+        collision: match observation.collision.map(|collision| collision.surface) {
+            None => Part::NONE,
+            Some(Surface::Wall) => Part::WALL,
+            Some(Surface::Floor) => Part::FLOOR,
+            Some(Surface::Ceiling) => Part::CEILING,
+        },
+        collision_with_agent: observation.collision.is_some_and(|collision| collision.with_agent),
+        events: observation.events.bits(),
+        contacts: Vec::new(),
+        messages: Vec::new(),
+        scan_tick: observation.scan_tick.map_or(Part::NEVER, |tick| tick.0),
+        seen_free: CellRuns::default(),
+        seen_wall: CellRuns::default(),
+        has_view: observation.view.is_some(),
+        view_free: CellRuns::default(),
+        view_wall: CellRuns::default(),
+    };
+    let mut parts = Parts {
+        bare: first.clone(),
+        left: OBSERVATION_BYTES_MAX
+            - MESSAGE_BYTES_BARE
+            - CONTACT_BYTES * (observation.contacts.len() + observation.relays.len()),
+        done: Vec::new(),
+        filling: first,
+    };
+    parts.filling.contacts = observation
+        .contacts
+        .iter()
+        .map(|contact| (contact.agent.0, contact.position))
+        .chain(observation.relays.iter().map(|relay| (relay.id.on_wire(), relay.position)))
+        .map(|(agent, position)| maes_msgs::Contact { agent, position: point(&position) })
+        .collect();
+    for message in observation.messages {
+        parts.make_room(AGENT_MESSAGE_BYTES_BARE + message.data.len());
+        parts.filling.messages.push(message.into());
+    }
+    parts.add_runs(&observation.seen.free, |part| &mut part.seen_free);
+    parts.add_runs(&observation.seen.wall, |part| &mut part.seen_wall);
+    if let Some(view) = &observation.view {
+        parts.add_runs(&view.free, |part| &mut part.view_free);
+        parts.add_runs(&view.wall, |part| &mut part.view_wall);
+    }
+    parts.finish()
+}
+
+/// Splits an observation into fragments of bounded size.
+struct Parts {
+    bare: Part,
+    left: usize,
+    done: Vec<Part>,
+    filling: Part,
+}
+
+impl Parts {
+    fn make_room(&mut self, bytes: usize) {
+        if bytes > self.left {
+            self.done.push(std::mem::replace(&mut self.filling, self.bare.clone()));
+            self.left = OBSERVATION_BYTES_MAX - MESSAGE_BYTES_BARE;
+        }
+        self.left -= bytes;
+    }
+
+    fn add_runs(&mut self, cells: &[u32], list: impl Fn(&mut Part) -> &mut CellRuns) {
+        let (starts, lengths) = voxels::runs(cells.iter().copied());
+        for (start, length) in starts.into_iter().zip(lengths) {
+            self.make_room(RUN_BYTES);
+            let list = list(&mut self.filling);
+            list.start.push(start);
+            list.length.push(length);
+        }
+    }
+
+    fn finish(mut self) -> Vec<Part> {
+        self.done.push(self.filling);
+        let parts = u16::try_from(self.done.len()).expect("an inbox and a map fit into 65535 parts");
+        for (number, part) in (0..).zip(&mut self.done) {
+            part.part = number;
+            part.parts = parts;
+        }
+        self.done
+    }
+}
 
 /// The last tick of the longest run.
 const TICK_MAX: Tick = Tick(10_000_000_000);
@@ -77,7 +183,7 @@ fn check(part: &Part, run_info: &RunInfo) -> Result<(), WireError> {
     let extent = &run_info.extent;
     let is_inside = |place: &geometry_msgs::Point| {
         [place.x, place.y, place.z].iter().all(|along| along.is_finite())
-            && extent.contains(extent.cell_of(&point(place)))
+            && extent.contains(extent.cell_of(&point_of(place)))
     };
     let takes_part = |agent: u32| {
         agent < run_info.agents || RelayId::from_wire(agent).is_some_and(|relay| relay.owner.0 < run_info.agents)
@@ -119,8 +225,9 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
     };
     let mut observation = Observation {
         tick,
-        pose: Pose { position: point(&first.position), yaw_rad: first.yaw_rad },
-        velocity_m_s: Vector3::new(first.velocity_m_s.x, first.velocity_m_s.y, first.velocity_m_s.z),
+        agent: AgentId(first.agent),
+        pose: Pose { position: point_of(&first.position), yaw_rad: first.yaw_rad },
+        velocity_in_map_m_s: Vector3::new(first.velocity_m_s.x, first.velocity_m_s.y, first.velocity_m_s.z),
         yaw_rate_rad_s: first.yaw_rate_rad_s,
         is_active: first.task_status == Part::ACTIVE,
         collision: surface.map(|surface| Collision { surface, with_agent: first.collision_with_agent }),
@@ -128,14 +235,13 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
         contacts: Vec::with_capacity(first.contacts.len()),
         relays: Vec::new(),
         messages: Vec::new(),
-        readings: Vec::new(),
         scan_tick: (first.scan_tick != Part::NEVER).then_some(Tick(first.scan_tick)),
         seen: Cells::default(),
         view: first.has_view.then(Cells::default),
         change: None,
     };
     for contact in &first.contacts {
-        let position = point(&contact.position);
+        let position = point_of(&contact.position);
         match RelayId::from_wire(contact.agent) {
             Some(id) => observation.relays.push(Relay { id, position }),
             None => observation.contacts.push(Contact { agent: AgentId(contact.agent), position }),
@@ -156,14 +262,12 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
             add(&mut view.wall, &part.view_wall)?;
         }
         for maes_msgs::AgentMessage { agent, kind, data } in part.messages {
-            if agent == maes_msgs::AgentMessage::SERVER {
-                observation.change =
-                    Some(Box::new(changed_run_info(&data, run_info_before, AgentId(part.agent), tick)?));
-                continue;
-            }
-            match RelayId::from_wire(agent) {
-                Some(relay) => observation.readings.push(Reading { relay, kind, data }),
-                None => observation.messages.push(ReceivedMessage { from: AgentId(agent), kind, data }),
+            match Peer::sender(agent) {
+                Peer::Server => {
+                    let change = changed_run_info(&data, run_info_before, AgentId(part.agent), tick)?;
+                    observation.change = Some(Box::new(change));
+                }
+                peer => observation.messages.push(AgentMessage { peer, kind, data }),
             }
         }
     }
@@ -177,108 +281,12 @@ fn changed_run_info(data: &[u8], before: &RunInfo, agent: AgentId, tick: Tick) -
         WireError::Value { tick, field: "messages", value, allowed }
     };
     let scenario: maes_msgs::Scenario = cdr::decode(data).map_err(|error| wrong(error.to_string()))?;
-    let now = run_info(&scenario, agent)?;
+    let now = RunInfo::from_message(&scenario, agent)?;
     if (now.extent, now.agents, &now.bodies) != (before.extent, before.agents, &before.bodies) {
         return Err(wrong(format!("{} agents in a map of {:?} cells", now.agents, now.extent.size())));
     }
     Ok(now)
 }
 
-fn point(point: &geometry_msgs::Point) -> Point3<f64> {
-    Point3::new(point.x, point.y, point.z)
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn part(tick: u64, part: u16, parts: u16, start: u32) -> Part {
-        let seen_free = CellRuns { start: vec![start], length: vec![2] };
-        Part { tick, part, parts, seen_free, ..Part::default() }
-    }
-
-    fn run() -> RunInfo {
-        let size = [4, 4, 4];
-        let (bodies, body_of) = (vec![maes_msgs::Body::default()], vec![0; 2]);
-        let (cell_m, duration_ticks) = (1.0, 9);
-        let scenario =
-            maes_msgs::Scenario { size, cell_m, agents: 2, duration_ticks, bodies, body_of, ..Default::default() };
-        run_info(&scenario, AgentId(0)).unwrap()
-    }
-
-    #[test]
-    fn fragments_reassemble_in_any_order_and_repeated() {
-        let mut reassembler = FragmentReassembler::default();
-        let run = run();
-        assert_eq!(reassembler.take(part(5, 1, 3, 10), &run), Ok(None));
-        assert_eq!(reassembler.take(part(5, 1, 3, 10), &run), Ok(None));
-        assert_eq!(reassembler.take(part(5, 2, 3, 20), &run), Ok(None));
-        let whole = reassembler.take(part(5, 0, 3, 0), &run).unwrap().unwrap();
-        assert_eq!(whole.observation.seen.free, [0, 1, 10, 11, 20, 21]);
-        assert!(!whole.has_ended);
-    }
-
-    #[test]
-    fn new_tick_drops_incomplete_fragments() {
-        let mut reassembler = FragmentReassembler::default();
-        let run = run();
-        assert_eq!(reassembler.take(part(5, 0, 2, 0), &run), Ok(None));
-        assert_eq!(reassembler.take(part(6, 1, 2, 10), &run), Ok(None));
-        let whole = reassembler.take(part(6, 0, 2, 4), &run).unwrap().unwrap();
-        assert_eq!(whole.observation.seen.free, [4, 5, 10, 11]);
-    }
-
-    #[test]
-    fn inconsistent_fragments_and_cells_are_refused() {
-        let run = run();
-        assert!(matches!(FragmentReassembler::default().take(part(5, 1, 1, 0), &run), Err(WireError::Part { .. })));
-        assert!(matches!(FragmentReassembler::default().take(part(5, 0, 1, 63), &run), Err(WireError::Cells { .. })));
-        let scenario = maes_msgs::Scenario { size: [0, 1, 1], cell_m: 1.0, ..Default::default() };
-        assert!(run_info(&scenario, AgentId(0)).is_err());
-    }
-
-    #[test]
-    fn illegal_values_are_refused() {
-        let refused = |change: &dyn Fn(&mut Part)| {
-            let mut wrong = part(5, 0, 1, 0);
-            change(&mut wrong);
-            FragmentReassembler::default().take(wrong, &run()).unwrap_err().to_string()
-        };
-        let place = |x| geometry_msgs::Point { x, y: 1.0, z: 1.0 };
-        let contact = |agent, x| maes_msgs::Contact { agent, position: place(x) };
-        assert_eq!(
-            refused(&|part| part.yaw_rad = f64::NAN),
-            "observation of tick 5: yaw_rad = NaN: expected -2 pi to 2 pi"
-        );
-        for x in [f64::NAN, f64::INFINITY, -0.5, 4.0] {
-            assert!(refused(&|part| part.position = place(x)).contains("position = Point"), "{x}");
-            assert!(
-                refused(&|part| part.contacts = vec![contact(0, x)]).contains("expected a place in the map"),
-                "{x}"
-            );
-        }
-        assert!(refused(&|part| part.velocity_m_s.z = f64::INFINITY).contains("velocity_m_s.z = inf"));
-        assert!(refused(&|part| part.yaw_rate_rad_s = f64::NAN).contains("yaw_rate_rad_s = NaN"));
-        assert!(
-            refused(&|part| part.contacts = vec![contact(2, 1.0)])
-                .contains("contacts = 2: expected agents, 0 to 1, and their relays")
-        );
-        assert!(refused(&|part| part.contacts = vec![contact(1, 1.0); 2]).contains("each agent once, ascending"));
-        let message = maes_msgs::AgentMessage { agent: 2, ..Default::default() };
-        assert!(
-            refused(&|part| part.messages = vec![message.clone()])
-                .contains("messages = 2: expected agents, 0 to 1, and their relays")
-        );
-        assert!(refused(&|part| part.tick = u64::MAX).contains("expected a tick of a run, 0 to 10000000000"));
-    }
-
-    #[test]
-    fn fragments_must_agree_on_their_count() {
-        let mut reassembler = FragmentReassembler::default();
-        assert_eq!(reassembler.take(part(5, 1, 2, 10), &run()), Ok(None));
-        assert_eq!(
-            reassembler.take(part(5, 0, 1, 0), &run()),
-            Err(WireError::Part { tick: Tick(5), part: 0, parts: 1 })
-        );
-    }
-}
+mod tests;

@@ -22,8 +22,8 @@ use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
+use crate::limits::PROTOCOL;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, JoinReply, Observation as Fragment, Scenario, SignedObservation};
 
 use super::agent_session::State;

@@ -13,8 +13,8 @@ use std::fmt;
 
 use thiserror::Error;
 
-use crate::cdr;
-use crate::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedJoin};
+use msgs::cdr;
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedJoin};
 
 /// A nonce, a proof or a message authentication code.
 pub type Bytes = [u8; 32];

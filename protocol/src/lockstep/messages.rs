@@ -10,12 +10,10 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation as Fragment, SignedCommand, SignedJoin, SignedObservation,
 };
-use msgs::scan_request::ScanRequest;
-use msgs::wake_condition::WakeCondition;
 
 use super::{Refusal, SourceId, listed};
-use crate::world::body::Motion;
-use crate::world::{Action, RequestKind};
+use crate::command;
+use crate::observation::RequestKind;
 
 /// A message from an agent process.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,23 +70,24 @@ pub struct ObservationRequest {
 pub struct CommandReply {
     /// As received, without the number of the run.
     pub message: Command,
-    /// What it asks of the world.
-    pub action: Action,
-    /// When the agent is due next.
-    pub wake: WakeCondition,
+    /// The command that it is.
+    pub command: command::Command,
 }
 
 impl CommandReply {
+    /// The reply that a message is, which has no number of the run.
+    ///
+    /// # Errors
+    /// If the command is not legal for a team of `agents`.
+    pub fn new(message: Command, agents: u32) -> Result<Self, String> {
+        let command = command::Command::from_message(&message, agents)?;
+        Ok(Self { message, command })
+    }
+
     /// Whether the run would be the same without it.
     #[must_use]
     pub fn is_no_op(&self) -> bool {
-        let Action { motion, lidar, want_view, messages } = &self.action;
-        *motion == Motion::Keep
-            && *lidar == ScanRequest::Keep
-            && !want_view
-            && messages.is_empty()
-            && self.message.stage == Command::SAME
-            && self.message.info.is_empty()
+        self.command.is_noop()
     }
 }
 

@@ -2,7 +2,7 @@
 //! with the agents of a small team, over a network that loses, repeats and reorders messages, while
 //! processes and the server crash.
 //!
-//! The server is the real one: [`AgentSessions`](simulation::lockstep::AgentSessions) with its
+//! The server is the real one: [`AgentSessions`](protocol::lockstep::AgentSessions) with its
 //! membership and barriers, driven by a loop as in the session. Messages stay in the network, so
 //! that each may arrive late, again, or never.
 //!

@@ -6,16 +6,16 @@ use std::hash::Hash;
 use std::sync::Arc;
 use std::time::Duration;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, Observation, Scenario, WakeCondition as WireWakeCondition};
-use msgs::wake_condition::WakeCondition;
-use simulation::lockstep::{
+use protocol::event_mask::EventMask;
+use protocol::limits::PROTOCOL;
+use protocol::lockstep::{
     AgentSessions, Event, Inbound, Incoming, JoinPolicy, Notice, ObservationRequest, ReplayPolicy, Replies,
     RunIdentity, SourceId, TimeoutPolicy, Transmit,
 };
-use simulation::world::RequestKind;
+use protocol::observation::RequestKind;
+use protocol::wake_condition::WakeCondition;
 
 use crate::Mutant;
 use crate::process::{Message, Network, undisturbed};
@@ -342,7 +342,7 @@ impl Server {
             if reply.message.info != undisturbed(agent.0, self.tick) {
                 self.violate(format!("agent {agent} has told {:?} in tick {}", reply.message.info, self.tick));
             }
-            self.wake_conditions[agent.index()] = reply.wake;
+            self.wake_conditions[agent.index()] = reply.command.wake;
             self.sessions.append(agent, Arc::clone(&fragments), &reply.message, true);
             self.recording.push(Exchange { agent: agent.0, fragments, command: reply.message });
         }

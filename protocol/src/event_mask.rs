@@ -5,7 +5,7 @@
 
 use bitflags::bitflags;
 
-use crate::maes_msgs::WakeCondition;
+use msgs::maes_msgs::WakeCondition;
 
 bitflags! {
     /// Events between two observations of an agent.

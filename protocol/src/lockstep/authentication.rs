@@ -7,9 +7,9 @@
 //! Invariant: a process keeps the key that it was granted.
 
 use super::{JoinPolicy, Refusal, RunIdentity, SourceId};
+use crate::signing::{self, Bytes, JoinContext, NONE, SessionKey, is_equal};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, JoinReply, Observation as Fragment, Scenario, SignedJoin};
-use msgs::signing::{self, Bytes, JoinContext, NONE, SessionKey, is_equal};
 
 const UNPROVEN: &str = "does not prove the join secret of this run; expected the same MAES_JOIN_SECRET or \
                         --join-secret-file on both sides";

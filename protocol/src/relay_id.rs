@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use crate::ids::AgentId;
 use crate::limits::RELAYS_PER_AGENT_MAX;
-use crate::maes_msgs::AgentMessage;
+use msgs::ids::AgentId;
+use msgs::maes_msgs::AgentMessage;
 
 /// A relay that an agent has deployed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -16,14 +16,13 @@
 
 use core::time::Duration;
 
+use crate::signing::NONE;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Join, JoinReply, SignedCommand, SignedJoin};
-use msgs::signing::NONE;
 
 use super::agent_session::{Recall, Rival};
 use super::membership::{JoinRequest, Lease};
 use super::{AgentSessions, CommandReply, Event, Inbound, Incoming, Notice, Refusal, SourceId};
-use crate::wire;
 
 /// Wall time in which a process that repeats its join is not answered again: the reply is on its
 /// way, to all processes. A large team that is answered more often than they can receive never
@@ -243,11 +242,14 @@ impl AgentSessions {
             let expected = &mut self.membership.session_mut(agent).expected;
             return if expected.excuses(&command, &refusal) { Ok(()) } else { Err(refusal) };
         }
-        let (action, wake) = wire::command(&command, self.membership.agents())
-            .map_err(|reason| Refusal::IllegalCommand { agent, tick, reason })?;
-        self.membership.session_mut(agent).expected.note_command(&command);
+        let reply = CommandReply::new(command, self.membership.agents()).map_err(|reason| Refusal::IllegalCommand {
+            agent,
+            tick,
+            reason,
+        })?;
+        self.membership.session_mut(agent).expected.note_command(&reply.message);
         self.note_alive(agent);
         self.refuse_rival(agent, tick, now);
-        self.accept(agent, tick, CommandReply { message: command, action, wake })
+        self.accept(agent, tick, reply)
     }
 }

@@ -54,18 +54,13 @@ pub const MESSAGE_BYTES_BARE: usize = 512;
 /// one sample of [`OBSERVATION_BYTES_MAX`] beside the information text and the rest.
 pub const LIST_BYTES_MAX: usize = OBSERVATION_BYTES_MAX - INFO_BYTES_MAX - MESSAGE_BYTES_BARE;
 
-/// Longest answer of a service, bytes. A longer one is sent in parts, and RustDDS 0.15.1 writes the
-/// parameters of such a part, which say whose answer it is, with the tag of an `Option` before
-/// them: others drop it, and the caller would wait for ever.
-pub const ANSWER_BYTES_MAX: usize = 1_200;
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cdr;
-    use crate::geometry_msgs::Point;
-    use crate::maes_msgs::{AgentMessage, Body, Command, Motion, Observation, Scenario};
-    use crate::message::Message;
+    use msgs::cdr;
+    use msgs::geometry_msgs::Point;
+    use msgs::maes_msgs::{AgentMessage, Body, Command, Motion, Observation, Scenario};
+    use msgs::message::Message;
 
     #[test]
     fn the_msg_files_state_the_same_limits() {

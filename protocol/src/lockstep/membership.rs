@@ -4,8 +4,8 @@
 //! up with all its ids, because a process ends as a whole; a refused request changes nothing. When
 //! a process counts as lost is not decided here.
 
+use crate::limits::PROTOCOL;
 use msgs::ids::AgentId;
-use msgs::limits::PROTOCOL;
 
 use super::agent_session::{AgentSession, Holder, State, numbered};
 use super::authentication::Grant;

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::maes_msgs;
+use msgs::maes_msgs;
 
 /// The kinematics of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
+use crate::signing::{Bytes, JoinSecret, SessionKey};
 use msgs::ids::AgentId;
-use msgs::signing::{Bytes, JoinSecret, SessionKey};
 
 /// Which processes may join over an open transport.
 #[derive(Debug, Clone, Default)]
