@@ -1,10 +1,10 @@
 //! Makes the structs of the messages of their `.msg`, `.srv` and `.action` files: one file for each
 //! package, and the list of all types.
 //!
-//! Crates that make structs of such files were tried on ours. The structs of `roslibrust_codegen` 0.26
-//! need its run-time crate, have no comments, and pass arrays of bytes to serde as sequences with a
-//! length, which CDR does not have there; `ros2msg` 0.5 parses only, and `ros2-interfaces-jazzy-serde`
-//! 0.0.7 has the structs of published packages alone.
+//! Crates that make structs of such files were tried on ours. The structs of `roslibrust_codegen`
+//! 0.26 need its run-time crate, have no comments, and pass arrays of bytes to serde as sequences
+//! with a length, which CDR does not have there; `ros2msg` 0.5 parses only, and
+//! `ros2-interfaces-jazzy-serde` 0.0.7 has the structs of published packages alone.
 
 #[path = "src/definition.rs"]
 mod definition;

@@ -4,8 +4,8 @@
 //! map gives the blocks that may have changed; a change can turn neighbouring cells into frontiers
 //! or back, so the blocks of the neighbours count as changed, too.
 //!
-//! Invariants: the map is only read; no message is larger than [`protocol::limits::VIEW_BYTES_MAX`].
-//! This module knows no transport and no clock.
+//! Invariants: the map is only read; no message is larger than
+//! [`protocol::limits::VIEW_BYTES_MAX`]. This module knows no transport and no clock.
 
 use std::collections::BTreeSet;
 

@@ -101,8 +101,8 @@ pub struct Observation {
     pub seen: Cells,
     /// All cells of the last scan, if the last command requested them.
     pub view: Option<Cells>,
-    /// The run info that holds from now on, if it has changed: a message of [`Peer::Server`] that has
-    /// reached the agent. Controllers never see it: the agent adopts it before.
+    /// The run info that holds from now on, if it has changed: a message of [`Peer::Server`] that
+    /// has reached the agent. Controllers never see it: the agent adopts it before.
     pub change: Option<Box<RunInfo>>,
 }
 
