@@ -8,8 +8,8 @@ use std::time::Duration;
 use agent_node::transport::{Inbound, ServerTransport};
 use in_memory::AgentsEnd;
 use msgs::ids::AgentId;
-use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};
+use protocol::limits::PROTOCOL;
 use simulation::scenario::OnAgentLoss;
 use system::wall_clock::now;
 

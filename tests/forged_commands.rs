@@ -9,9 +9,9 @@ use agent_node::host::{Credentials, Options};
 use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Motion, SignedCommand, SignedJoin};
-use msgs::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
+use protocol::lockstep::SourceId;
+use protocol::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::JoinPolicy;
-use simulation::lockstep::SourceId;
 use transport::{AgentTransport, Inbound, Incoming, Transport};
 
 use crate::support::interceptor::{Interceptor, intercepted};

@@ -13,9 +13,10 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The folders of the crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 21] = [
+pub(crate) const CRATES: [&str; 22] = [
     "voxels",
     "msgs",
+    "protocol",
     "system",
     "ros_node",
     "mapgen",
@@ -38,9 +39,10 @@ pub(crate) const CRATES: [&str; 21] = [
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 21] = [
+const USES: [(&str, &[&str]); 22] = [
     ("voxels", &[]),
     ("msgs", &[]),
+    ("protocol", &["msgs", "voxels"]),
     ("system", &[]),
     ("ros_node", &["msgs", "system"]),
     ("mapgen", &["voxels"]),
@@ -78,7 +80,7 @@ const USES: [(&str, &[&str]); 21] = [
             "map_files",
             "mapgen",
             "msgs",
-            "recording",
+            "protocol",
             "sim_server",
             "simulation",
             "statistics",
@@ -90,19 +92,7 @@ const USES: [(&str, &[&str]); 21] = [
     ("report", &["agent_node", "experiments", "msgs", "statistics"]),
     (
         "testing/fault_injection",
-        &[
-            "agent_node",
-            "in_memory",
-            "msgs",
-            "recording",
-            "ros_node",
-            "sim_server",
-            "simulation",
-            "supervisor",
-            "system",
-            "transport",
-            "voxels",
-        ],
+        &["agent_node", "in_memory", "msgs", "ros_node", "sim_server", "simulation", "supervisor", "voxels"],
     ),
     (
         "maes",
@@ -115,7 +105,6 @@ const USES: [(&str, &[&str]); 21] = [
             "map_files",
             "mapgen",
             "msgs",
-            "recording",
             "report",
             "ros_node",
             "sim_server",
@@ -206,7 +195,7 @@ fn dependencies_point_one_way() {
 
 #[test]
 fn pure_core_links_no_decoder() {
-    for of in ["mapgen", "simulation"] {
+    for of in ["mapgen", "protocol", "simulation"] {
         let linked = dependencies(of, &[]);
         for decoder in ["png", "laz", "serde_json", "mcap", "map_files"] {
             assert!(!linked.contains(decoder), "{of} links {decoder}");
@@ -229,9 +218,8 @@ fn only_binaries_depend_on_the_ros_client() {
         assert!(knows(binary, &[]), "{binary} talks ROS 2");
         assert!(!knows(binary, &["--no-default-features"]), "the feature `ros` of {binary} can be left out");
     }
-    for pure in
-        ["voxels", "msgs", "mapgen", "map_files", "simulation", "transport", "recording", "agent", "controllers"]
-    {
+    let pure = ["voxels", "msgs", "protocol", "mapgen", "map_files", "simulation", "transport", "recording", "agent"];
+    for pure in pure.into_iter().chain(["controllers"]) {
         assert!(!knows(pure, &[]), "{pure} has no ROS client");
     }
     assert!(knows("ros_node", &[]));
@@ -262,6 +250,7 @@ fn only_ros_node_names_the_ros_client() {
 fn pure_modules_use_no_system_interface() {
     let pure = [
         ("voxels", &[""][..]),
+        ("protocol", &[""]),
         ("mapgen", &[""]),
         ("map_files", &[""]),
         ("statistics", &[""]),
@@ -270,8 +259,10 @@ fn pure_modules_use_no_system_interface() {
         ("recording", &["bag", "comparison", "difference", "map", "playback", "replay"]),
         ("sim_server", &["session/entities"]),
         ("agent", &["abstract_graph", "bodies", "command", "exploration_map", "map_markers", "observation", "sharing"]),
+        ("sim_server", &["control", "replay"]),
+        ("agent", &["abstract_graph", "bodies", "exploration_map", "map_markers", "sharing"]),
         ("controllers", &[""]),
-        ("agent_node", &["control_loop", "wire"]),
+        ("agent_node", &["control_loop"]),
     ];
     for (of, modules) in pure {
         for module in modules {

@@ -21,7 +21,8 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Intervention, Join, Motion, Observation};
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
-    EntityRequest, EntityState, SetEntityStateRequest, SetSimulationStateRequest, SimulationState,
+    DeleteEntityRequest, EntityState, GetEntityStateRequest, GetEntityStateResponse, SetEntityStateRequest,
+    SetSimulationStateRequest, SimulationState,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -207,19 +208,23 @@ impl Intervening {
 
 impl Interceptor for Intervening {
     fn clock(&mut self, tick: Tick) {
-        let entity = |agent: u32| EntityRequest { entity: format!("agent_{agent}") };
+        let entity = |agent: u32| format!("agent_{agent}");
         match tick.0 {
             100 => {
-                self.state(SimulationState::PAUSED);
+                self.state(SimulationState::STATE_PAUSED);
                 let place = Rc::clone(&self.place);
-                let reply = Reply::new(move |response: msgs::simulation_interfaces::EntityStateResponse| {
+                let reply = Reply::new(move |response: GetEntityStateResponse| {
                     *place.borrow_mut() = Some(response.state);
                 });
-                self.requests.push_back(Request::EntityState(Ask { request: entity(1), reply }));
+                self.requests.push_back(Request::EntityState(Ask {
+                    request: GetEntityStateRequest { entity: entity(1) },
+                    reply,
+                }));
             }
             150 => {
                 let reply = Reply::new(|_| {});
-                self.requests.push_back(Request::Delete(Ask { request: entity(0), reply }));
+                self.requests
+                    .push_back(Request::Delete(Ask { request: DeleteEntityRequest { entity: entity(0) }, reply }));
             }
             _ => {}
         }
@@ -236,7 +241,7 @@ impl Interceptor for Intervening {
         }
         let request = self.requests.pop_front();
         if matches!(request, Some(Request::SetEntityState(_))) {
-            self.state(SimulationState::PLAYING);
+            self.state(SimulationState::STATE_PLAYING);
         }
         request
     }

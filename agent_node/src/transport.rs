@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use agent::exploration_map::ExplorationMap;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
-use msgs::parameters::Parameter;
+use msgs::parameters::DeclaredParameter;
 pub use msgs::rcl_interfaces::Level;
 use msgs::visualization_msgs::Marker;
 
@@ -59,7 +59,7 @@ pub trait ServerTransport {
     /// Called with the map of an agent whose run is over, for those that evaluate it.
     fn ended(&mut self, _agent: AgentId, _map: &ExplorationMap) {}
     /// Declares parameters of an agent's node.
-    fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
+    fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<DeclaredParameter>) {}
     /// The time by which joins are repeated and a silent server is given up; a simulated network
     /// has its own.
     fn now(&self) -> Instant {
@@ -107,7 +107,7 @@ impl<T: ServerTransport + ?Sized> ServerTransport for &mut T {
         (**self).ended(agent, map);
     }
 
-    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<DeclaredParameter>) {
         (**self).declare_parameters(agent, parameters);
     }
 

@@ -16,7 +16,7 @@ use foxglove::websocket::ws_protocol::server::{
 };
 use foxglove::websocket::{Parameter, ParameterType, ParameterValue};
 use msgs::ids::Tick;
-use msgs::parameters::Value;
+use msgs::rcl_interfaces::{ParameterType as DeclaredType, ParameterValue as DeclaredValue};
 use msgs::schema;
 use msgs::topics::Topic;
 use tokio_tungstenite::tungstenite::Message;
@@ -431,17 +431,17 @@ fn rtf_parameter(rtf: Rtf) -> Parameter {
 }
 
 /// A scenario key as a parameter of the WebSocket.
-fn parameter(name: String, value: &Value) -> Option<Parameter> {
-    let (kind, value) = match value.kind {
-        Value::BOOL => (None, ParameterValue::Bool(value.bool_value)),
-        Value::INTEGER => (None, ParameterValue::Integer(value.integer_value)),
+fn parameter(name: String, value: &DeclaredValue) -> Option<Parameter> {
+    let (kind, value) = match value.r#type {
+        DeclaredType::PARAMETER_BOOL => (None, ParameterValue::Bool(value.bool_value)),
+        DeclaredType::PARAMETER_INTEGER => (None, ParameterValue::Integer(value.integer_value)),
         // JSON has no infinity.
-        Value::DOUBLE if !value.double_value.is_finite() => {
+        DeclaredType::PARAMETER_DOUBLE if !value.double_value.is_finite() => {
             (None, ParameterValue::String(value.double_value.to_string()))
         }
-        Value::DOUBLE => (Some(ParameterType::Float64), ParameterValue::Float64(value.double_value)),
-        Value::STRING => (None, ParameterValue::String(value.string_value.clone())),
-        Value::INTEGER_ARRAY => {
+        DeclaredType::PARAMETER_DOUBLE => (Some(ParameterType::Float64), ParameterValue::Float64(value.double_value)),
+        DeclaredType::PARAMETER_STRING => (None, ParameterValue::String(value.string_value.clone())),
+        DeclaredType::PARAMETER_INTEGER_ARRAY => {
             let numbers = value.integer_array_value.iter().map(|number| ParameterValue::Integer(*number));
             (None, ParameterValue::Array(numbers.collect()))
         }

@@ -26,8 +26,8 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
-use msgs::signing::NONE;
-use simulation::lockstep::SourceId;
+use protocol::lockstep::SourceId;
+use protocol::signing::NONE;
 use transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 
 use crate::stages::StageTimes;

@@ -44,14 +44,16 @@ pub struct PlaybackTiming {
 #[must_use]
 pub fn features() -> SimulatorFeatures {
     SimulatorFeatures {
-        features: vec![
+        features: [
             SimulatorFeatures::SIMULATION_STATE_GETTING,
             SimulatorFeatures::SIMULATION_STATE_SETTING,
             SimulatorFeatures::SIMULATION_STATE_PAUSE,
             SimulatorFeatures::STEP_SIMULATION_SINGLE,
             SimulatorFeatures::STEP_SIMULATION_MULTIPLE,
             SimulatorFeatures::STEP_SIMULATION_ACTION,
-        ],
+        ]
+        .map(u16::from)
+        .to_vec(),
         spawn_formats: Vec::new(),
         custom_info: "replay of a recording: a step is a tick of 20 ms of sim time, and nothing can be changed"
             .to_owned(),

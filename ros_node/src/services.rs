@@ -5,7 +5,7 @@
 //! caller's response reader is discovered, for at most [`CALLER_TIMEOUT`]; undecodable bytes are an
 //! error without a response.
 //!
-//! Responses must stay below [`msgs::limits::ANSWER_BYTES_MAX`].
+//! Responses must stay below [`msgs::service::ANSWER_BYTES_MAX`].
 //!
 //! DDS-RPC leaves the correlation of request and response to the vendor: Fast DDS and Connext send
 //! it beside the message, Cyclone inside it. A server supports one mapping, which follows

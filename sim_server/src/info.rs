@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::stage::Stage;
 use msgs::{maes_msgs, printable, topics};
+use protocol::stage::Stage;
 
 use recording::index::IndexedRecording;
 use recording::{End, Recording, RecordingError, SCENARIO_ATTACHMENT};

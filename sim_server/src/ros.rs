@@ -21,19 +21,20 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{ANSWER_BYTES_MAX, OBSERVATION_BYTES_MAX};
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedCommand, SignedObservation};
 use msgs::nav_msgs::Odometry;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
-use msgs::signing::NONE;
+use msgs::service::ANSWER_BYTES_MAX;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
+use protocol::limits::OBSERVATION_BYTES_MAX;
+use protocol::signing::NONE;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{Connected, Context, Inbox, Node, Publisher, RosError, Sample, linger, own_source};
 
-use simulation::lockstep::SourceId;
+use protocol::lockstep::SourceId;
 use simulation::parameters;
 use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};

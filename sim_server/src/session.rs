@@ -3,7 +3,7 @@
 //! A run admits its agents, and then repeats per tick: look, request commands from the agents that
 //! are due, commit their replies, communicate and move, record. In reading order: [`RunConfig`]
 //! says what is run; this file has the loop; `admission` its start and `result` its end; `engine`
-//! executes a tick; `agents` speaks the [protocol](simulation::lockstep) over the transport;
+//! executes a tick; `agents` speaks the [protocol](protocol::lockstep) over the transport;
 //! `re_execution` takes the place of the agents for ticks that a recording already has; `control`
 //! answers requests; `log` and `observers` write and publish; `phase` names the parts of the loop.
 //!
@@ -38,11 +38,11 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Fragment};
 
+pub use protocol::lockstep::JoinPolicy;
+use protocol::lockstep::{AgentSessions, MissingReplies, ObservationRequest, ReplayPolicy, Replies, TimeoutPolicy};
 use recording::playback::{Playback, RecordedTick};
 use simulation::digest::Digest;
 pub use simulation::end_reason::EndReason;
-pub use simulation::lockstep::JoinPolicy;
-use simulation::lockstep::{AgentSessions, MissingReplies, ObservationRequest, ReplayPolicy, Replies, TimeoutPolicy};
 use simulation::scenario::{OnAgentLoss, Scenario};
 use simulation::wire;
 use simulation::world::World;

@@ -18,7 +18,7 @@ use msgs::maes_msgs::{self, Counter};
 use msgs::printable;
 
 use crate::session::{Outcome, RunObserver};
-use simulation::lockstep::listed;
+use protocol::lockstep::listed;
 use simulation::scenario::Scenario;
 use simulation::world::World;
 use simulation::world::attainable::Attainable;

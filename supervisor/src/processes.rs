@@ -8,9 +8,9 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use msgs::signing;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use protocol::signing;
 use signal_hook::SigId;
 use signal_hook::consts::SIGCHLD;
 use system::wall_clock::now;

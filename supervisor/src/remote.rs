@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use msgs::signing;
+use protocol::signing;
 use system::wall_clock::now;
 
 use crate::child::Signal;

@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 
 use msgs::maes_msgs::{Command, Observation};
-use msgs::signing::{SessionKey, is_equal};
+use protocol::signing::{SessionKey, is_equal};
 use recording::Recording;
 use system::wall_clock::now;
 

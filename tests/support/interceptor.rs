@@ -5,7 +5,7 @@ use std::time::Duration;
 use in_memory::ServerEnd;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
-use msgs::signing::NONE;
+use protocol::signing::NONE;
 use transport::control::Request;
 use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput, Transport};
 

@@ -23,10 +23,9 @@ mod simulation_control;
 
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
-    ALREADY_IN_TARGET_STATE, DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds, GetEntityInfo,
-    GetEntityState, GetSimulationState, GetSimulatorFeatures, INCORRECT_TRANSITION, ResetRequest, ResetSimulation,
-    Result as Outcome, SetEntityState, SetSimulationState, SimulationState, SimulatorFeatures, SpawnEntity,
-    StepSimulation,
+    DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds, GetEntityInfo, GetEntityState, GetSimulationState,
+    GetSimulatorFeatures, ResetSimulation, ResetSimulationRequest, Result as Outcome, SetEntityState,
+    SetSimulationState, SetSimulationStateResponse, SimulationState, SimulatorFeatures, SpawnEntity, StepSimulation,
 };
 
 use simulation::scenario::Rtf;
@@ -90,6 +89,7 @@ pub fn features(has_reserve: bool) -> SimulatorFeatures {
                 SimulatorFeatures::STEP_SIMULATION_MULTIPLE,
                 SimulatorFeatures::STEP_SIMULATION_ACTION,
             ])
+            .map(u16::from)
             .collect(),
         spawn_formats: Vec::new(),
         custom_info:
@@ -115,10 +115,10 @@ impl State {
     #[must_use]
     pub fn number(self) -> u8 {
         match self {
-            Self::Stopped => SimulationState::STOPPED,
-            Self::Playing => SimulationState::PLAYING,
-            Self::Paused => SimulationState::PAUSED,
-            Self::Quitting => SimulationState::QUITTING,
+            Self::Stopped => SimulationState::STATE_STOPPED,
+            Self::Playing => SimulationState::STATE_PLAYING,
+            Self::Paused => SimulationState::STATE_PAUSED,
+            Self::Quitting => SimulationState::STATE_QUITTING,
         }
     }
 }
@@ -172,18 +172,18 @@ impl StateMachine {
             return Err(reset_unsupported());
         }
         if self.state == State::Quitting {
-            return Err(Outcome::failure(Outcome::INCORRECT_STATE, "the simulation is about to end"));
+            return Err(Outcome::failure(Outcome::RESULT_INCORRECT_STATE, "the simulation is about to end"));
         }
-        let time_and_state = ResetRequest::SCOPE_TIME | ResetRequest::SCOPE_STATE;
-        if scope == ResetRequest::SCOPE_DEFAULT || scope & time_and_state == time_and_state {
+        let time_and_state = ResetSimulationRequest::SCOPE_TIME | ResetSimulationRequest::SCOPE_STATE;
+        if scope == ResetSimulationRequest::SCOPE_DEFAULT || scope & time_and_state == time_and_state {
             self.pending_reset = Some(Reset { is_paused: !self.may_tick() });
-        } else if scope == ResetRequest::SCOPE_SPAWNED && self.can_spawn {
+        } else if scope == ResetSimulationRequest::SCOPE_SPAWNED && self.can_spawn {
             let reason = "scope = 4: agents that have joined stay; take them out by delete_entity";
-            return Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason));
-        } else if scope != ResetRequest::SCOPE_SPAWNED {
+            return Err(Outcome::failure(Outcome::RESULT_FEATURE_UNSUPPORTED, reason));
+        } else if scope != ResetSimulationRequest::SCOPE_SPAWNED {
             // Nothing can be spawned, so there is nothing to remove.
             let reason = format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together");
-            return Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason));
+            return Err(Outcome::failure(Outcome::RESULT_FEATURE_UNSUPPORTED, reason));
         }
         Ok(())
     }
@@ -220,23 +220,29 @@ impl StateMachine {
         let state = self.state();
         // Steps end in a pause: to play is another state than to step.
         if number == state.number() && !self.is_stepping() {
-            return Err(Outcome::failure(ALREADY_IN_TARGET_STATE, format!("the simulation is {state:?} already")));
+            return Err(Outcome::failure(
+                SetSimulationStateResponse::ALREADY_IN_TARGET_STATE,
+                format!("the simulation is {state:?} already"),
+            ));
         }
         if state == State::Quitting {
-            return Err(Outcome::failure(INCORRECT_TRANSITION, "the simulation is about to end"));
+            return Err(Outcome::failure(
+                SetSimulationStateResponse::INCORRECT_TRANSITION,
+                "the simulation is about to end",
+            ));
         }
         self.state = match number {
-            SimulationState::PLAYING => State::Playing,
-            SimulationState::PAUSED => State::Paused,
-            SimulationState::QUITTING => State::Quitting,
-            SimulationState::STOPPED if self.can_reset => {
+            SimulationState::STATE_PLAYING => State::Playing,
+            SimulationState::STATE_PAUSED => State::Paused,
+            SimulationState::STATE_QUITTING => State::Quitting,
+            SimulationState::STATE_STOPPED if self.can_reset => {
                 self.pending_reset = Some(Reset { is_paused: true });
                 return Ok(());
             }
-            SimulationState::STOPPED => return Err(reset_unsupported()),
+            SimulationState::STATE_STOPPED => return Err(reset_unsupported()),
             other => {
                 return Err(Outcome::failure(
-                    INCORRECT_TRANSITION,
+                    SetSimulationStateResponse::INCORRECT_TRANSITION,
                     format!("state = {other}: expected 0 (STOPPED), 1 (PLAYING), 2 (PAUSED) or 3 (QUITTING)"),
                 ));
             }
@@ -252,10 +258,10 @@ impl StateMachine {
     pub fn step(&mut self, steps: u64) -> Result<(), Outcome> {
         if !self.is_at_rest() {
             let reason = format!("the simulation is {:?}: pause it before steps", self.state());
-            return Err(Outcome::failure(Outcome::INCORRECT_STATE, reason));
+            return Err(Outcome::failure(Outcome::RESULT_INCORRECT_STATE, reason));
         }
         if steps == 0 {
-            return Err(Outcome::failure(Outcome::OPERATION_FAILED, "steps = 0: expected at least 1"));
+            return Err(Outcome::failure(Outcome::RESULT_OPERATION_FAILED, "steps = 0: expected at least 1"));
         }
         self.state = State::Paused;
         self.stepping = Some(Stepping { done: 0, left: steps });
@@ -282,7 +288,7 @@ impl StateMachine {
 
 fn reset_unsupported() -> Outcome {
     Outcome::failure(
-        Outcome::FEATURE_UNSUPPORTED,
+        Outcome::RESULT_FEATURE_UNSUPPORTED,
         "a reset is not supported: set state 3 (QUITTING) and start it again",
     )
 }
@@ -296,13 +302,17 @@ mod tests {
     }
 
     fn code(done: Result<(), Outcome>) -> u8 {
-        done.map_or_else(|outcome| outcome.result, |()| Outcome::OK)
+        done.map_or_else(|outcome| outcome.result, |()| Outcome::RESULT_OK)
     }
 
     #[test]
     fn transitions_between_all_states() {
-        let to =
-            [SimulationState::STOPPED, SimulationState::PLAYING, SimulationState::PAUSED, SimulationState::QUITTING];
+        let to = [
+            SimulationState::STATE_STOPPED,
+            SimulationState::STATE_PLAYING,
+            SimulationState::STATE_PAUSED,
+            SimulationState::STATE_QUITTING,
+        ];
         for (from, codes) in [
             (State::Stopped, [101, 1, 1, 1]),
             (State::Playing, [1, 101, 1, 1]),
@@ -312,7 +322,7 @@ mod tests {
             for (target, expected) in to.into_iter().zip(codes) {
                 let mut control = in_state(from);
                 assert_eq!(code(control.set_state(target)), expected, "{from:?} to {target}");
-                let is_reset = expected == 1 && target == SimulationState::STOPPED;
+                let is_reset = expected == 1 && target == SimulationState::STATE_STOPPED;
                 assert_eq!(control.pending_reset(), is_reset.then_some(Reset { is_paused: true }));
                 let reached = if expected == 1 && !is_reset { target } else { from.number() };
                 assert_eq!(control.state().number(), reached, "{from:?} to {target}");
@@ -330,22 +340,22 @@ mod tests {
             assert!(!control.may_tick());
             control.step(2).unwrap();
             assert!(control.may_tick() && control.is_stepping() && !control.is_at_rest());
-            assert_eq!(code(control.step(1)), Outcome::INCORRECT_STATE);
+            assert_eq!(code(control.step(1)), Outcome::RESULT_INCORRECT_STATE);
             assert_eq!(control.ticked(), Some((1, 1)));
             assert_eq!(control.ticked(), Some((2, 0)));
             assert_eq!((control.state(), control.may_tick()), (State::Paused, false));
         }
-        assert_eq!(code(in_state(State::Playing).step(1)), Outcome::INCORRECT_STATE);
-        assert_eq!(code(in_state(State::Paused).step(0)), Outcome::OPERATION_FAILED);
+        assert_eq!(code(in_state(State::Playing).step(1)), Outcome::RESULT_INCORRECT_STATE);
+        assert_eq!(code(in_state(State::Paused).step(0)), Outcome::RESULT_OPERATION_FAILED);
         assert_eq!(in_state(State::Playing).ticked(), None);
     }
 
     #[test]
     fn stepping_can_be_cancelled() {
         for (target, reached) in [
-            (SimulationState::PLAYING, State::Playing),
-            (SimulationState::PAUSED, State::Paused),
-            (SimulationState::QUITTING, State::Quitting),
+            (SimulationState::STATE_PLAYING, State::Playing),
+            (SimulationState::STATE_PAUSED, State::Paused),
+            (SimulationState::STATE_QUITTING, State::Quitting),
         ] {
             let mut control = in_state(State::Paused);
             control.step(u64::MAX).unwrap();
@@ -371,16 +381,19 @@ mod tests {
             }
             for scope in [1, 2, 5, 6, 8] {
                 let mut control = in_state(from);
-                assert_eq!((code(control.reset(scope)), control.pending_reset()), (Outcome::FEATURE_UNSUPPORTED, None));
+                assert_eq!(
+                    (code(control.reset(scope)), control.pending_reset()),
+                    (Outcome::RESULT_FEATURE_UNSUPPORTED, None)
+                );
             }
             let mut control = in_state(from);
             assert_eq!((control.reset(4), control.pending_reset()), (Ok(()), None), "nothing was spawned");
         }
-        assert_eq!(code(in_state(State::Quitting).reset(0)), Outcome::INCORRECT_STATE);
+        assert_eq!(code(in_state(State::Quitting).reset(0)), Outcome::RESULT_INCORRECT_STATE);
         let mut once = StateMachine::new(true, false, false);
         once.step(1).unwrap();
-        assert_eq!(code(once.reset(0)), Outcome::FEATURE_UNSUPPORTED);
-        assert_eq!(code(once.set_state(SimulationState::STOPPED)), Outcome::FEATURE_UNSUPPORTED);
+        assert_eq!(code(once.reset(0)), Outcome::RESULT_FEATURE_UNSUPPORTED);
+        assert_eq!(code(once.set_state(SimulationState::STATE_STOPPED)), Outcome::RESULT_FEATURE_UNSUPPORTED);
         assert_eq!(once.pending_reset(), None);
     }
 }

@@ -16,13 +16,13 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::ANSWER_BYTES_MAX;
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
 use msgs::nav_msgs::Odometry;
 pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
+use msgs::service::ANSWER_BYTES_MAX;
 use msgs::visualization_msgs::Marker;
-pub use simulation::lockstep::{Inbound, Incoming};
+pub use protocol::lockstep::{Inbound, Incoming};
 use simulation::scenario::Rtf;
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 

@@ -7,7 +7,8 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::Progress;
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
-    Result as Outcome, ResultResponse, SetSimulationStateRequest, SimulationState, StepRequest,
+    Result as Outcome, SetSimulationStateRequest, SetSimulationStateResponse, SimulationState, StepSimulationRequest,
+    StepSimulationResponse,
 };
 use msgs::std_msgs::{ColorRGBA, Header};
 use msgs::topics::{self, Topic};
@@ -217,26 +218,37 @@ fn player(is_loop: bool, is_paused: bool) -> Player {
 const TICK_NS: u64 = Tick::TICK_NS;
 
 /// Sends a request; the cell holds the result code once it is answered.
-fn ask(
+fn ask<R: 'static>(
     player: &mut Player,
     wall_ns: u64,
-    request: impl FnOnce(Reply<ResultResponse>) -> Request,
+    outcome: fn(R) -> Outcome,
+    request: impl FnOnce(Reply<R>) -> Request,
 ) -> Rc<RefCell<Option<u8>>> {
     let code = Rc::new(RefCell::new(None));
     let answered = Rc::clone(&code);
-    let reply = Reply::new(move |response: ResultResponse| *answered.borrow_mut() = Some(response.result.result));
+    let reply = Reply::new(move |response| *answered.borrow_mut() = Some(outcome(response).result));
     player.answer(request(reply), wall_ns);
     code
 }
 
 fn set_state(player: &mut Player, state: u8, wall_ns: u64) -> Option<u8> {
     let request = SetSimulationStateRequest { state: SimulationState { state } };
-    let code = ask(player, wall_ns, |reply| Request::SetState(Ask { request, reply }));
+    let code = ask(
+        player,
+        wall_ns,
+        |response: SetSimulationStateResponse| response.result,
+        |reply| Request::SetState(Ask { request, reply }),
+    );
     code.take()
 }
 
 fn step(player: &mut Player, steps: u64) -> Rc<RefCell<Option<u8>>> {
-    ask(player, 0, |reply| Request::Step(Ask { request: StepRequest { steps }, reply }))
+    ask(
+        player,
+        0,
+        |response: StepSimulationResponse| response.result,
+        |reply| Request::Step(Ask { request: StepSimulationRequest { steps }, reply }),
+    )
 }
 
 #[test]
@@ -275,15 +287,15 @@ fn loop_rewinds_after_the_last_tick() {
 fn pause_and_rate_change_take_effect_at_once() {
     let mut player = player(false, false);
     player.played();
-    assert_eq!(set_state(&mut player, SimulationState::PAUSED, 6), Some(Outcome::OK));
+    assert_eq!(set_state(&mut player, SimulationState::STATE_PAUSED, 6), Some(Outcome::RESULT_OK));
     assert_eq!(player.next_action(100 * TICK_NS), PlayerAction::Idle);
-    assert_eq!(set_state(&mut player, SimulationState::PLAYING, 200 * TICK_NS), Some(Outcome::OK));
+    assert_eq!(set_state(&mut player, SimulationState::STATE_PLAYING, 200 * TICK_NS), Some(Outcome::RESULT_OK));
     assert_eq!(player.next_action(200 * TICK_NS), PlayerAction::Play(Tick(11)));
     player.played();
     assert_eq!(player.next_action(200 * TICK_NS), PlayerAction::Wait(TICK_NS));
     player.answer(Request::Rtf(Rtf::MAX), 200 * TICK_NS);
     assert_eq!(player.next_action(200 * TICK_NS), PlayerAction::Play(Tick(12)));
-    assert_eq!(set_state(&mut player, SimulationState::QUITTING, 0), Some(Outcome::OK));
+    assert_eq!(set_state(&mut player, SimulationState::STATE_QUITTING, 0), Some(Outcome::RESULT_OK));
     assert_eq!((player.next_action(0), player.is_quitting()), (PlayerAction::End, true));
 }
 
@@ -296,17 +308,17 @@ fn steps_are_answered_after_the_last_or_at_the_end() {
         assert_eq!((player.next_action(0), answer.take()), (PlayerAction::Play(Tick(tick)), None));
         player.played();
     }
-    assert_eq!((player.next_action(0), answer.take()), (PlayerAction::Idle, Some(Outcome::OK)));
+    assert_eq!((player.next_action(0), answer.take()), (PlayerAction::Idle, Some(Outcome::RESULT_OK)));
     let answer = step(&mut player, 2);
     assert_eq!(player.next_action(0), PlayerAction::Play(Tick(12)));
     player.played();
-    assert_eq!((player.next_action(0), answer.take()), (PlayerAction::Idle, Some(Outcome::OPERATION_FAILED)));
+    assert_eq!((player.next_action(0), answer.take()), (PlayerAction::Idle, Some(Outcome::RESULT_OPERATION_FAILED)));
     // It stays at its end until it is set to play or quit.
     assert_eq!(player.next_action(0), PlayerAction::Idle);
     let answer = step(&mut player, 1);
     player.end();
-    assert_eq!(answer.take(), Some(Outcome::OPERATION_FAILED));
-    assert_eq!(set_state(&mut player, SimulationState::PLAYING, 0), Some(Outcome::OK));
+    assert_eq!(answer.take(), Some(Outcome::RESULT_OPERATION_FAILED));
+    assert_eq!(set_state(&mut player, SimulationState::STATE_PLAYING, 0), Some(Outcome::RESULT_OK));
     assert_eq!(player.next_action(0), PlayerAction::End);
 }
 

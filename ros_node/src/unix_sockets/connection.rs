@@ -12,8 +12,8 @@ use std::os::unix::net::UnixStream;
 use std::time::{Duration, Instant};
 
 use msgs::cdr;
-use msgs::limits::OBSERVATION_BYTES_MAX;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use protocol::limits::OBSERVATION_BYTES_MAX;
 use serde::Serialize;
 
 use system::wall_clock::now;

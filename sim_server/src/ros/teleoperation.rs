@@ -20,7 +20,7 @@ use ros_node::{Context, EndpointFactory, Inbox, Node, Publisher, RosError, Sampl
 
 use super::Item;
 use super::visualisation::VisualisationPublishers;
-use simulation::lockstep::SourceId;
+use protocol::lockstep::SourceId;
 use simulation::twist;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use system::wall_clock::now;

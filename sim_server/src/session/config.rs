@@ -1,7 +1,7 @@
 //! The configuration of a run: its scenario, its mode, and the identity that distinguishes it from
 //! other runs.
 
-use simulation::lockstep::{JoinPolicy, RunIdentity};
+use protocol::lockstep::{JoinPolicy, RunIdentity};
 use simulation::scenario::{Rtf, Scenario};
 
 use super::RunError;

@@ -23,17 +23,19 @@ use msgs::shared_bytes::SharedBytes;
 use super::RunError;
 use super::log::{EntryKind, SessionLog};
 use crate::setup;
-use msgs::stage::Stage;
-use msgs::wake_condition::WakeCondition;
+use protocol::command::Command;
+use protocol::lockstep::{CommandReply, ObservationRequest, Replies};
+use protocol::observation::{RequestKind, fragments};
+use protocol::stage::Stage;
+use protocol::wake_condition::WakeCondition;
 use recording::playback::RecordedTick;
 use simulation::digest::{Chain, Digest};
-use simulation::lockstep::{CommandReply, ObservationRequest, Replies};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent};
 use simulation::wire::{self, Change};
 use simulation::workers::Workers;
 use simulation::world::attainable::Attainable;
 use simulation::world::body::Pose;
-use simulation::world::{Action, Presence, RequestKind, World};
+use simulation::world::{Presence, World};
 
 /// A committed exchange with an agent.
 pub(super) struct CommittedReply {
@@ -250,7 +252,7 @@ impl<'a> Engine<'a> {
     /// The observation of an agent as a request.
     pub(super) fn request(&mut self, agent: AgentId, kind: RequestKind, phase: u8) -> ObservationRequest {
         let observation = self.world.observe(agent, kind);
-        ObservationRequest { agent, kind, fragments: Arc::new(wire::observation_parts(observation, phase)) }
+        ObservationRequest { agent, kind, fragments: Arc::new(fragments::split(observation, phase)) }
     }
 
     /// Commits and logs the exchanges of a tick. Returns them, and the actions for
@@ -260,13 +262,13 @@ impl<'a> Engine<'a> {
         requests: Vec<ObservationRequest>,
         mut replies: Replies,
         log: &mut SessionLog<'_>,
-    ) -> Result<(Vec<CommittedReply>, BTreeMap<AgentId, Action>), RunError> {
+    ) -> Result<(Vec<CommittedReply>, BTreeMap<AgentId, Command>), RunError> {
         let tick = self.tick();
         let mut committed = Vec::new();
         let mut actions = BTreeMap::new();
         for ObservationRequest { agent, kind, fragments } in requests {
             let Some(reply) = replies.remove(&agent) else {
-                actions.insert(agent, Action::LOST);
+                actions.insert(agent, Command::LOST);
                 continue;
             };
             let fragments = match kind {
@@ -281,7 +283,7 @@ impl<'a> Engine<'a> {
                 }
             }
             log.write_digested(EntryKind::Command(agent), tick, &reply.message, &mut self.chain)?;
-            self.wake_conditions[agent.index()] = reply.wake;
+            self.wake_conditions[agent.index()] = reply.command.wake;
             self.decisions += 1;
             self.world.note_belief(agent, reply.message.known_free);
             self.failed_searches[agent.index()] = reply.message.failed_searches;
@@ -291,15 +293,15 @@ impl<'a> Engine<'a> {
             if !reply.message.info.is_empty() {
                 self.infos[agent.index()].clone_from(&reply.message.info);
             }
-            actions.insert(agent, reply.action.clone());
+            actions.insert(agent, reply.command.clone());
             committed.push(CommittedReply { agent, fragments, reply });
         }
         Ok((committed, actions))
     }
 
     /// Advances the world by one tick.
-    pub(super) fn step(&mut self, mut actions: BTreeMap<AgentId, Action>) {
-        actions.extend(std::mem::take(&mut self.removed).into_iter().map(|agent| (agent, Action::LOST)));
+    pub(super) fn step(&mut self, mut actions: BTreeMap<AgentId, Command>) {
+        actions.extend(std::mem::take(&mut self.removed).into_iter().map(|agent| (agent, Command::LOST)));
         self.world.step(actions);
         self.world.cast_ahead(&self.workers);
         self.chain.close(&self.world);

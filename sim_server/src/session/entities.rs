@@ -9,10 +9,9 @@ use msgs::cdr;
 use msgs::geometry_msgs::{Accel, Point, PoseStamped, Quaternion, Twist, Vector3 as Triple};
 use msgs::ids::AgentId;
 use msgs::simulation_interfaces::{
-    Bounds, EntitiesResponse, EntitiesStatesResponse, EntityBoundsResponse, EntityCategory, EntityFilters, EntityInfo,
-    EntityInfoResponse, EntityState, EntityStateResponse, INVALID_POSE, INVALID_SPAWN_POSE, NAME_INVALID,
-    NAME_NOT_UNIQUE, NAMESPACE_INVALID, Resource, Result as Outcome, SetEntityStateRequest, SpawnEntityRequest,
-    TagsFilter, UNSUPPORTED_FORMAT,
+    Bounds, EntityCategory, EntityFilters, EntityInfo, EntityState, GetEntitiesResponse, GetEntitiesStatesResponse,
+    GetEntityBoundsResponse, GetEntityInfoResponse, GetEntityStateResponse, Resource, Result as Outcome,
+    SetEntityStateRequest, SetEntityStateResponse, SpawnEntityRequest, SpawnEntityResponse, TagsFilter,
 };
 use nalgebra::{Point3, Vector3};
 use regex_lite::{Regex, RegexBuilder};
@@ -66,7 +65,7 @@ impl Team<'_> {
         self.agents().find(|&agent| name(agent) == entity).ok_or_else(|| {
             let shown: String = entity.chars().take(64).collect();
             Outcome::failure(
-                Outcome::NOT_FOUND,
+                Outcome::RESULT_NOT_FOUND,
                 format!("there is no entity `{shown}`; agents are agent_0, agent_1 ..."),
             )
         })
@@ -80,16 +79,16 @@ impl Team<'_> {
         let EntityFilters { filter, categories, tags, bounds } = filters;
         let pattern = pattern(filter)?;
         let region = Region::new(bounds)?;
-        if tags.filter_mode > TagsFilter::ALL {
+        if tags.filter_mode > TagsFilter::FILTER_MODE_ALL {
             return Err(failed(format!("filters.tags.filter_mode = {}: expected 0 or 1", tags.filter_mode)));
         }
         let is_meant = |&agent: &AgentId| {
             let has = |tag: &String| self.tags(agent).contains(tag);
             let are_there = match tags.filter_mode {
-                TagsFilter::ALL => tags.tags.iter().all(has),
+                TagsFilter::FILTER_MODE_ALL => tags.tags.iter().all(has),
                 _ => tags.tags.is_empty() || tags.tags.iter().any(has),
             };
-            (categories.is_empty() || categories.contains(&EntityCategory { category: EntityCategory::ROBOT }))
+            (categories.is_empty() || categories.contains(&EntityCategory { category: EntityCategory::CATEGORY_ROBOT }))
                 && are_there
                 && pattern.as_ref().is_none_or(|pattern| pattern.is_match(&name(agent)))
                 && region.touches(&self.world.body(agent).sphere())
@@ -114,28 +113,28 @@ impl Team<'_> {
 
     /// The answer to `GetEntities`.
     #[must_use]
-    pub(super) fn entities(&self, filters: &EntityFilters) -> EntitiesResponse {
+    pub(super) fn entities(&self, filters: &EntityFilters) -> GetEntitiesResponse {
         match self.filtered(filters) {
             Ok(agents) => {
                 let count = agents.len();
                 let entities = agents.into_iter().map(name).collect();
-                let response = EntitiesResponse { result: Outcome::ok(), entities };
-                let refused = || EntitiesResponse { result: self.too_many("names", count), entities: Vec::new() };
+                let response = GetEntitiesResponse { result: Outcome::ok(), entities };
+                let refused = || GetEntitiesResponse { result: self.too_many("names", count), entities: Vec::new() };
                 if self.fits(&response) { response } else { refused() }
             }
-            Err(result) => EntitiesResponse { result, entities: Vec::new() },
+            Err(result) => GetEntitiesResponse { result, entities: Vec::new() },
         }
     }
 
     /// The answer to `GetEntitiesStates`.
     #[must_use]
-    pub(super) fn states(&self, filters: &EntityFilters) -> EntitiesStatesResponse {
-        let refused = |result| EntitiesStatesResponse { result, ..EntitiesStatesResponse::default() };
+    pub(super) fn states(&self, filters: &EntityFilters) -> GetEntitiesStatesResponse {
+        let refused = |result| GetEntitiesStatesResponse { result, ..GetEntitiesStatesResponse::default() };
         match self.filtered(filters) {
             Ok(agents) => {
                 let states = agents.iter().map(|&agent| self.state_of(agent)).collect();
                 let entities = agents.into_iter().map(name).collect();
-                let response = EntitiesStatesResponse { result: Outcome::ok(), entities, states };
+                let response = GetEntitiesStatesResponse { result: Outcome::ok(), entities, states };
                 let count = response.entities.len();
                 if self.fits(&response) { response } else { refused(self.too_many("states", count)) }
             }
@@ -145,10 +144,10 @@ impl Team<'_> {
 
     /// The answer to `GetEntityState`.
     #[must_use]
-    pub(super) fn state(&self, entity: &str) -> EntityStateResponse {
+    pub(super) fn state(&self, entity: &str) -> GetEntityStateResponse {
         match self.find(entity) {
-            Ok(agent) => EntityStateResponse { result: Outcome::ok(), state: self.state_of(agent) },
-            Err(result) => EntityStateResponse { result, state: EntityState::default() },
+            Ok(agent) => GetEntityStateResponse { result: Outcome::ok(), state: self.state_of(agent) },
+            Err(result) => GetEntityStateResponse { result, state: EntityState::default() },
         }
     }
 
@@ -167,32 +166,35 @@ impl Team<'_> {
 
     /// The answer to `GetEntityInfo`.
     #[must_use]
-    pub(super) fn info(&self, entity: &str) -> EntityInfoResponse {
+    pub(super) fn info(&self, entity: &str) -> GetEntityInfoResponse {
         match self.find(entity) {
             Ok(agent) => {
                 let tags = self.tags(agent);
                 let label = self.controllers.get(agent.index()).map_or("", String::as_str);
                 let controller: String = label.chars().take(TEXT_CHARS_MAX).collect();
                 let description = format!("agent {agent}, controller {controller}");
-                let info =
-                    EntityInfo { category: EntityCategory { category: EntityCategory::ROBOT }, description, tags };
-                EntityInfoResponse { result: Outcome::ok(), info }
+                let info = EntityInfo {
+                    category: EntityCategory { category: EntityCategory::CATEGORY_ROBOT },
+                    description,
+                    tags,
+                };
+                GetEntityInfoResponse { result: Outcome::ok(), info }
             }
-            Err(result) => EntityInfoResponse { result, info: EntityInfo::default() },
+            Err(result) => GetEntityInfoResponse { result, info: EntityInfo::default() },
         }
     }
 
     /// The answer to `GetEntityBounds`: the bounding box of a spherical body.
     #[must_use]
-    pub(super) fn bounds(&self, entity: &str) -> EntityBoundsResponse {
+    pub(super) fn bounds(&self, entity: &str) -> GetEntityBoundsResponse {
         match self.find(entity) {
             Ok(agent) => {
                 let radius_m = self.world.body(agent).model().radius_m;
                 let corner = |length| Triple { x: length, y: length, z: length };
                 let points = vec![corner(radius_m), corner(-radius_m)];
-                EntityBoundsResponse { result: Outcome::ok(), bounds: Bounds { r#type: Bounds::BOX, points } }
+                GetEntityBoundsResponse { result: Outcome::ok(), bounds: Bounds { r#type: Bounds::TYPE_BOX, points } }
             }
-            Err(result) => EntityBoundsResponse { result, bounds: Bounds::default() },
+            Err(result) => GetEntityBoundsResponse { result, bounds: Bounds::default() },
         }
     }
 
@@ -205,14 +207,14 @@ impl Team<'_> {
         let agent = self.find(entity)?;
         if *set_twist || *set_acceleration {
             return Err(Outcome::failure(
-                Outcome::FEATURE_UNSUPPORTED,
+                Outcome::RESULT_FEATURE_UNSUPPORTED,
                 "the agent's task moves its body: only the pose can be set",
             ));
         }
         if !set_pose {
             return Err(failed("nothing is to be set: expected set_pose = true"));
         }
-        let invalid = |reason: String| Outcome::failure(INVALID_POSE, reason);
+        let invalid = |reason: String| Outcome::failure(SetEntityStateResponse::INVALID_POSE, reason);
         let pose = pose("state.", &state.header.frame_id, &state.pose).map_err(invalid)?;
         Ok((agent, pose))
     }
@@ -231,33 +233,38 @@ impl Team<'_> {
             request;
         let Some(&first) = waiting.first() else {
             let reason = "no agent waits; a scenario lists those that may join in agents.reserve";
-            return Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, reason));
+            return Err(Outcome::failure(Outcome::RESULT_FEATURE_UNSUPPORTED, reason));
         };
         let is_taken = self.find(wanted).is_ok();
         let agent = match waiting.iter().find(|&&agent| name(agent) == *wanted) {
             Some(&agent) => agent,
             None if *allow_renaming => first,
-            None if is_taken => return Err(Outcome::failure(NAME_NOT_UNIQUE, format!("{wanted} is in the world"))),
+            None if is_taken => {
+                return Err(Outcome::failure(
+                    SpawnEntityResponse::NAME_NOT_UNIQUE,
+                    format!("{wanted} is in the world"),
+                ));
+            }
             None => {
                 let names: Vec<String> = waiting.iter().take(NAMES_MAX).map(|&agent| name(agent)).collect();
                 let more = if waiting.len() > NAMES_MAX { " ..." } else { "" };
                 let expected = format!("name: expected one of {}{more}, or allow_renaming", names.join(", "));
-                return Err(Outcome::failure(NAME_INVALID, expected));
+                return Err(Outcome::failure(SpawnEntityResponse::NAME_INVALID, expected));
             }
         };
         if *entity_resource != Resource::default() {
             let reason = "entity_resource: expected nothing, because an agent of the scenario joins";
-            return Err(Outcome::failure(UNSUPPORTED_FORMAT, reason));
+            return Err(Outcome::failure(SpawnEntityResponse::UNSUPPORTED_FORMAT, reason));
         }
         if !["".to_owned(), name(agent), format!("/{}", name(agent))].contains(entity_namespace) {
             let reason = format!("entity_namespace: expected {} or nothing", name(agent));
-            return Err(Outcome::failure(NAMESPACE_INVALID, reason));
+            return Err(Outcome::failure(SpawnEntityResponse::NAMESPACE_INVALID, reason));
         }
         let PoseStamped { header, pose: wished } = initial_pose;
         if wished.position == Point::default() {
             return Ok((agent, *self.world.body(agent).pose()));
         }
-        let invalid = |reason: String| Outcome::failure(INVALID_SPAWN_POSE, reason);
+        let invalid = |reason: String| Outcome::failure(SpawnEntityResponse::INVALID_POSE, reason);
         Ok((agent, pose("initial_pose.", &header.frame_id, wished).map_err(invalid)?))
     }
 }
@@ -311,18 +318,19 @@ impl Region {
         let is_finite = |point: &Triple| [point.x, point.y, point.z].iter().all(|number| number.is_finite());
         let legal = |expected: &str| failed(format!("filters.bounds: expected {expected}"));
         match (bounds.r#type, &bounds.points[..]) {
-            (Bounds::EMPTY, _) => Ok(Self::Everywhere),
-            (Bounds::SPHERE, [centre, radius]) if is_finite(centre) && radius.x >= 0.0 => {
+            (Bounds::TYPE_EMPTY, _) => Ok(Self::Everywhere),
+            (Bounds::TYPE_SPHERE, [centre, radius]) if is_finite(centre) && radius.x >= 0.0 => {
                 Ok(Self::Sphere { centre: point(centre), radius_m: radius.x })
             }
-            (Bounds::SPHERE, _) => Err(legal("a centre and a point whose x is a radius of at least 0")),
-            (Bounds::BOX, [one, other]) if is_finite(one) && is_finite(other) => {
+            (Bounds::TYPE_SPHERE, _) => Err(legal("a centre and a point whose x is a radius of at least 0")),
+            (Bounds::TYPE_BOX, [one, other]) if is_finite(one) && is_finite(other) => {
                 Ok(Self::Box { low: point(one).inf(&point(other)), high: point(one).sup(&point(other)) })
             }
-            (Bounds::BOX, _) => Err(legal("two opposite corners")),
-            (Bounds::CONVEX_HULL, _) => {
-                Err(Outcome::failure(Outcome::FEATURE_UNSUPPORTED, "filters.bounds: a box or a sphere is understood"))
-            }
+            (Bounds::TYPE_BOX, _) => Err(legal("two opposite corners")),
+            (Bounds::TYPE_CONVEX_HULL, _) => Err(Outcome::failure(
+                Outcome::RESULT_FEATURE_UNSUPPORTED,
+                "filters.bounds: a box or a sphere is understood",
+            )),
             (other, _) => Err(legal(&format!("type 0, 1 or 3, got {other}"))),
         }
     }
@@ -341,7 +349,7 @@ impl Region {
 }
 
 fn failed(reason: impl Into<String>) -> Outcome {
-    Outcome::failure(Outcome::OPERATION_FAILED, reason)
+    Outcome::failure(Outcome::RESULT_OPERATION_FAILED, reason)
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@ use msgs::ids::{AgentId, Tick};
 use thiserror::Error;
 
 use super::RunStart;
+use protocol::lockstep::listed;
 use recording::playback::PlaybackError;
 use recording::recorder::RecordError;
-use simulation::lockstep::listed;
 
 /// The reason why a run has no complete result.
 #[derive(Debug, Error)]

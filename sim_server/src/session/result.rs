@@ -8,10 +8,10 @@ use msgs::maes_msgs::{self, Counter, Observation as Fragment};
 use super::agents::WaitContext;
 use super::log::EntryKind;
 use super::{EndReason, Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
+use protocol::lockstep::ObservationRequest;
+use protocol::observation::RequestKind;
 use simulation::digest::Digest;
-use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
-use simulation::world::RequestKind;
 use transport::Level;
 
 impl Session<'_, '_> {

@@ -9,7 +9,8 @@
 use msgs::ids::Tick;
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
-    FeaturesResponse, Result as Outcome, ResultResponse, SimulationState, SimulatorFeatures, StateResponse,
+    GetSimulationStateResponse, GetSimulatorFeaturesResponse, ResetSimulationResponse, Result as Outcome,
+    SetSimulationStateResponse, SimulationState, SimulatorFeatures, StepSimulationResponse,
 };
 
 use super::pacer::Pacer;
@@ -28,14 +29,14 @@ pub struct SimulationControl {
 
 /// The caller that waits for steps.
 enum StepCaller {
-    Service(Reply<ResultResponse>),
+    Service(Reply<StepSimulationResponse>),
     Action(Box<dyn Steps>),
 }
 
 impl StepCaller {
     fn end(self, outcome: Outcome) {
         match self {
-            Self::Service(reply) => reply.send(ResultResponse { result: outcome }),
+            Self::Service(reply) => reply.send(StepSimulationResponse { result: outcome }),
             Self::Action(steps) => steps.finish(outcome),
         }
     }
@@ -45,7 +46,7 @@ impl SimulationControl {
     /// A simulation that starts at this real-time factor, or paused, with these features.
     #[must_use]
     pub fn new(is_paused: bool, rtf: Rtf, features: SimulatorFeatures) -> Self {
-        let has = |feature| features.features.contains(&feature);
+        let has = |feature| features.features.contains(&u16::from(feature));
         let (can_reset, can_spawn) = (has(SimulatorFeatures::SIMULATION_RESET), has(SimulatorFeatures::SPAWNING));
         let machine = StateMachine::new(is_paused, can_reset, can_spawn);
         Self { features, machine, pace: Pacer::new(rtf), step_caller: None, unreported: None }
@@ -105,20 +106,23 @@ impl SimulationControl {
     pub fn end_steps(&mut self, reason: &str) {
         self.machine.end_steps();
         if let Some(step_caller) = self.step_caller.take() {
-            step_caller.end(Outcome::failure(Outcome::OPERATION_FAILED, format!("not all steps were made: {reason}")));
+            step_caller
+                .end(Outcome::failure(Outcome::RESULT_OPERATION_FAILED, format!("not all steps were made: {reason}")));
         }
     }
 
     /// Answers a request before `tick`, or returns it if it is not about time alone.
     pub fn answer(&mut self, request: Request, tick: Tick, wall_ns: u64) -> Option<Request> {
         match request {
-            Request::Features(ask) => ask.answer(|_| FeaturesResponse { features: self.features.clone() }),
+            Request::Features(ask) => ask.answer(|_| GetSimulatorFeaturesResponse { features: self.features.clone() }),
             Request::State(ask) => {
                 let state = SimulationState { state: self.machine.state().number() };
-                ask.answer(|_| StateResponse { state, result: Outcome::ok() });
+                ask.answer(|_| GetSimulationStateResponse { state, result: Outcome::ok() });
             }
             Request::SetState(ask) => {
-                ask.answer(|request| ResultResponse { result: self.set_state(request.state.state, tick, wall_ns) });
+                ask.answer(|request| SetSimulationStateResponse {
+                    result: self.set_state(request.state.state, tick, wall_ns),
+                });
             }
             Request::Step(Ask { request, reply }) => self.begin_steps(request.steps, StepCaller::Service(reply)),
             Request::Steps(steps) => self.begin_steps(steps.steps(), StepCaller::Action(steps)),
@@ -129,7 +133,7 @@ impl SimulationControl {
             }
             Request::Reset(ask) => ask.answer(|request| {
                 let result = self.machine.reset(request.scope).err().unwrap_or_else(Outcome::ok);
-                ResultResponse { result }
+                ResetSimulationResponse { result }
             }),
             Request::Rtf(rtf) => self.pace.set_rtf(rtf, tick, wall_ns),
             other => return Some(other),

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
-use msgs::body_model::BodyModel;
 use msgs::std_msgs::Header;
+use protocol::body_model::BodyModel;
 use voxels::{Grid, Terrain};
 
 use super::*;
@@ -47,7 +47,7 @@ fn responses_that_are_too_long_are_refused() {
         assert_eq!(team.states(&all).states.len(), 3);
         let short = Team { answer_bytes_max: 200, ..*team };
         let refused = short.states(&all);
-        assert_eq!((refused.states.len(), refused.result.result), (0, Outcome::OPERATION_FAILED));
+        assert_eq!((refused.states.len(), refused.result.result), (0, Outcome::RESULT_OPERATION_FAILED));
         assert!(refused.result.error_message.contains("states of 3 entities do not fit"), "{:?}", refused.result);
         assert_eq!(short.entities(&all).entities.len(), 3);
     });
@@ -72,9 +72,9 @@ fn names_match_regular_expressions() {
     assert_eq!(named("agent_[12]"), Ok(vec![1, 2]));
     assert_eq!(named("^agent_1$|_0"), Ok(vec![0, 1]));
     assert_eq!(named("agent_x"), Ok(vec![]));
-    assert_eq!(named("("), Err(Outcome::OPERATION_FAILED));
-    assert_eq!(named(&"a".repeat(FILTER_BYTES_MAX + 1)), Err(Outcome::OPERATION_FAILED));
-    assert_eq!(named("((a{99}){99}){99}"), Err(Outcome::OPERATION_FAILED));
+    assert_eq!(named("("), Err(Outcome::RESULT_OPERATION_FAILED));
+    assert_eq!(named(&"a".repeat(FILTER_BYTES_MAX + 1)), Err(Outcome::RESULT_OPERATION_FAILED));
+    assert_eq!(named("((a{99}){99}){99}"), Err(Outcome::RESULT_OPERATION_FAILED));
 }
 
 #[test]
@@ -83,10 +83,10 @@ fn tags_and_categories_are_filtered() {
         let tags = TagsFilter { tags: tags.iter().map(ToString::to_string).collect(), filter_mode };
         found(&EntityFilters { tags, ..EntityFilters::default() })
     };
-    assert_eq!(tagged(&["rbw", "dsvp"], TagsFilter::ANY), Ok(vec![0, 2]));
-    assert_eq!(tagged(&["rbw", "dsvp"], TagsFilter::ALL), Ok(vec![]));
-    assert_eq!(tagged(&[], TagsFilter::ALL), Ok(vec![0, 1, 2]));
-    assert_eq!(tagged(&[], 2), Err(Outcome::OPERATION_FAILED));
+    assert_eq!(tagged(&["rbw", "dsvp"], TagsFilter::FILTER_MODE_ANY), Ok(vec![0, 2]));
+    assert_eq!(tagged(&["rbw", "dsvp"], TagsFilter::FILTER_MODE_ALL), Ok(vec![]));
+    assert_eq!(tagged(&[], TagsFilter::FILTER_MODE_ALL), Ok(vec![0, 1, 2]));
+    assert_eq!(tagged(&[], 2), Err(Outcome::RESULT_OPERATION_FAILED));
     let of = |categories: &[u8]| {
         let categories = categories.iter().map(|&category| EntityCategory { category }).collect();
         found(&EntityFilters { categories, ..EntityFilters::default() })
@@ -97,19 +97,19 @@ fn tags_and_categories_are_filtered() {
 
 #[test]
 fn bounds_select_touching_bodies() {
-    assert_eq!(found(&bounds(Bounds::SPHERE, &[[1.5, 1.5, 1.5], [1.7, 0.0, 0.0]])), Ok(vec![0, 1]));
-    assert_eq!(found(&bounds(Bounds::SPHERE, &[[1.5, 1.5, 1.5], [1.5, 0.0, 0.0]])), Ok(vec![0]));
-    assert_eq!(found(&bounds(Bounds::BOX, &[[9.0, 9.0, 9.0], [3.8, 0.0, 0.0]])), Ok(vec![1, 2]));
-    assert_eq!(found(&bounds(Bounds::BOX, &[[4.0, 0.0, 0.0], [5.0, 9.0, 9.0]])), Ok(vec![]));
-    assert_eq!(found(&bounds(Bounds::CONVEX_HULL, &[])), Err(Outcome::FEATURE_UNSUPPORTED));
+    assert_eq!(found(&bounds(Bounds::TYPE_SPHERE, &[[1.5, 1.5, 1.5], [1.7, 0.0, 0.0]])), Ok(vec![0, 1]));
+    assert_eq!(found(&bounds(Bounds::TYPE_SPHERE, &[[1.5, 1.5, 1.5], [1.5, 0.0, 0.0]])), Ok(vec![0]));
+    assert_eq!(found(&bounds(Bounds::TYPE_BOX, &[[9.0, 9.0, 9.0], [3.8, 0.0, 0.0]])), Ok(vec![1, 2]));
+    assert_eq!(found(&bounds(Bounds::TYPE_BOX, &[[4.0, 0.0, 0.0], [5.0, 9.0, 9.0]])), Ok(vec![]));
+    assert_eq!(found(&bounds(Bounds::TYPE_CONVEX_HULL, &[])), Err(Outcome::RESULT_FEATURE_UNSUPPORTED));
     for wrong in [
-        bounds(Bounds::BOX, &[[0.0; 3]]),
-        bounds(Bounds::SPHERE, &[]),
-        bounds(Bounds::SPHERE, &[[f64::NAN; 3], [1.0; 3]]),
-        bounds(Bounds::SPHERE, &[[0.0; 3], [f64::NAN; 3]]),
+        bounds(Bounds::TYPE_BOX, &[[0.0; 3]]),
+        bounds(Bounds::TYPE_SPHERE, &[]),
+        bounds(Bounds::TYPE_SPHERE, &[[f64::NAN; 3], [1.0; 3]]),
+        bounds(Bounds::TYPE_SPHERE, &[[0.0; 3], [f64::NAN; 3]]),
         bounds(9, &[]),
     ] {
-        assert_eq!(found(&wrong), Err(Outcome::OPERATION_FAILED), "{wrong:?}");
+        assert_eq!(found(&wrong), Err(Outcome::RESULT_OPERATION_FAILED), "{wrong:?}");
     }
 }
 
@@ -117,8 +117,8 @@ fn bounds_select_touching_bodies() {
 fn removed_agents_are_no_entities() {
     with_team([false, true, false], |team| {
         assert_eq!(team.entities(&EntityFilters::default()).entities, ["agent_0", "agent_2"]);
-        assert_eq!(team.state("agent_1").result.result, Outcome::NOT_FOUND);
-        assert_eq!(team.info("agent_1").result.result, Outcome::NOT_FOUND);
+        assert_eq!(team.state("agent_1").result.result, Outcome::RESULT_NOT_FOUND);
+        assert_eq!(team.info("agent_1").result.result, Outcome::RESULT_NOT_FOUND);
         assert_eq!(team.info("agent_2").info.tags, ["rbw"]);
         assert_eq!(team.bounds("agent_2").bounds.points[1].z, -RADIUS_M);
         let state = team.state("agent_2").state;
@@ -150,19 +150,25 @@ fn agents_of_the_reserve_join_under_their_names() {
     assert_eq!(of(&|_| {}), Ok((2, 7.5)));
     assert_eq!(of(&|request| request.initial_pose = PoseStamped::default()), Ok((2, 5.5)), "its start pose");
     assert_eq!(of(&|request| request.entity_namespace = "/agent_2".to_owned()), Ok((2, 7.5)));
-    assert_eq!(of(&|request| request.name = "robot".to_owned()), Err(NAME_INVALID));
-    assert_eq!(of(&|request| request.name = "agent_0".to_owned()), Err(NAME_NOT_UNIQUE));
+    assert_eq!(of(&|request| request.name = "robot".to_owned()), Err(SpawnEntityResponse::NAME_INVALID));
+    assert_eq!(of(&|request| request.name = "agent_0".to_owned()), Err(SpawnEntityResponse::NAME_NOT_UNIQUE));
     let renamed = |request: &mut SpawnEntityRequest| {
         (request.name, request.allow_renaming) = ("robot".to_owned(), true);
     };
     assert_eq!(of(&renamed), Ok((1, 7.5)), "the first that waits");
-    assert_eq!(found(&[], &renamed), Err(Outcome::FEATURE_UNSUPPORTED));
-    assert_eq!(of(&|request| request.entity_resource.uri = "a.urdf".to_owned()), Err(UNSUPPORTED_FORMAT));
-    assert_eq!(of(&|request| request.entity_namespace = "other".to_owned()), Err(NAMESPACE_INVALID));
+    assert_eq!(found(&[], &renamed), Err(Outcome::RESULT_FEATURE_UNSUPPORTED));
+    assert_eq!(
+        of(&|request| request.entity_resource.uri = "a.urdf".to_owned()),
+        Err(SpawnEntityResponse::UNSUPPORTED_FORMAT)
+    );
+    assert_eq!(
+        of(&|request| request.entity_namespace = "other".to_owned()),
+        Err(SpawnEntityResponse::NAMESPACE_INVALID)
+    );
     let wrong = |request: &mut SpawnEntityRequest| request.initial_pose.header.frame_id = "odom".to_owned();
-    assert_eq!(of(&wrong), Err(INVALID_SPAWN_POSE));
+    assert_eq!(of(&wrong), Err(SpawnEntityResponse::INVALID_POSE));
     let wrong = |request: &mut SpawnEntityRequest| request.initial_pose.pose.position.y = f64::NAN;
-    assert_eq!(of(&wrong), Err(INVALID_SPAWN_POSE));
+    assert_eq!(of(&wrong), Err(SpawnEntityResponse::INVALID_POSE));
 }
 
 #[test]
@@ -187,13 +193,16 @@ fn only_finite_upright_poses_are_accepted() {
         placed(&|request| request.state.header = Header { frame_id: "map".to_owned(), ..Header::default() }).is_ok()
     );
     let code = |change: &dyn Fn(&mut SetEntityStateRequest)| placed(change).unwrap_err();
-    assert_eq!(code(&|request| request.entity = "agent_9".to_owned()), Outcome::NOT_FOUND);
-    assert_eq!(code(&|request| request.set_pose = false), Outcome::OPERATION_FAILED);
-    assert_eq!(code(&|request| request.set_twist = true), Outcome::FEATURE_UNSUPPORTED);
-    assert_eq!(code(&|request| request.state.header.frame_id = "odom".to_owned()), INVALID_POSE);
-    assert_eq!(code(&|request| request.state.pose.position.z = f64::NAN), INVALID_POSE);
-    assert_eq!(code(&|request| request.state.pose.orientation.w = f64::NAN), INVALID_POSE);
-    assert_eq!(code(&|request| request.state.pose.orientation.w = 0.0), INVALID_POSE);
+    assert_eq!(code(&|request| request.entity = "agent_9".to_owned()), Outcome::RESULT_NOT_FOUND);
+    assert_eq!(code(&|request| request.set_pose = false), Outcome::RESULT_OPERATION_FAILED);
+    assert_eq!(code(&|request| request.set_twist = true), Outcome::RESULT_FEATURE_UNSUPPORTED);
+    assert_eq!(
+        code(&|request| request.state.header.frame_id = "odom".to_owned()),
+        SetEntityStateResponse::INVALID_POSE
+    );
+    assert_eq!(code(&|request| request.state.pose.position.z = f64::NAN), SetEntityStateResponse::INVALID_POSE);
+    assert_eq!(code(&|request| request.state.pose.orientation.w = f64::NAN), SetEntityStateResponse::INVALID_POSE);
+    assert_eq!(code(&|request| request.state.pose.orientation.w = 0.0), SetEntityStateResponse::INVALID_POSE);
     let lying = Quaternion { x: 0.6, y: 0.0, z: 0.0, w: 0.8 };
-    assert_eq!(code(&|request| request.state.pose.orientation = lying), INVALID_POSE);
+    assert_eq!(code(&|request| request.state.pose.orientation = lying), SetEntityStateResponse::INVALID_POSE);
 }

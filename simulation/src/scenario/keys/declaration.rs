@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
+use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
 
 use crate::scenario::{AGENTS_MAX, RecordedView};
 

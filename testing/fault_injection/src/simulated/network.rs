@@ -18,9 +18,9 @@ use std::time::{Duration, Instant};
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Scenario};
+use protocol::lockstep::SourceId;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use simulation::lockstep::SourceId;
 use system::wall_clock;
 use transport::{Inbound as ToServer, Incoming};
 
