@@ -99,7 +99,7 @@ impl Command {
         Self { stage: Some(stage), ..self }
     }
 
-    /// Sets the text for people, cut at [`INFO_BYTES_MAX`](crate::limits::INFO_BYTES_MAX).
+    /// Sets the text for people, cut at [`INFO_BYTES_MAX`].
     #[must_use]
     pub fn with_info(mut self, info: impl Into<String>) -> Self {
         self.info = info.into();

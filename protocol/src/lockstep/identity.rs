@@ -12,8 +12,7 @@ pub struct JoinPolicy {
     /// What a process must know; `None`: nothing.
     pub secret: Option<JoinSecret>,
     /// Ids whose processes need not sign their commands, because foreign nodes run them. The
-    /// [third-party agents of the scenario](crate::scenario::Scenario::third_party) are always
-    /// among them.
+    /// third-party agents of the scenario are always among them.
     pub third_party: BTreeSet<AgentId>,
 }
 
