@@ -200,7 +200,7 @@ impl RunArgs {
         overrides
     }
 
-    fn scenario(&self) -> anyhow::Result<Scenario> {
+    pub(crate) fn scenario(&self) -> anyhow::Result<Scenario> {
         let overrides = self.overrides();
         if let Some((file, at)) = self.fork.point() {
             return Ok(setup::fork(&Recording::open(file)?, at, &overrides)?);
