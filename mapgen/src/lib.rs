@@ -28,7 +28,7 @@ pub use building::{BuildingSpec, Built, Entrance};
 pub use import_options::{Fill, ImportOptions, Kind};
 pub use mine::MineSpec;
 pub use noise::NoiseSpec;
-pub use spheres::SpheresSpec;
+pub use spheres::{SphereRandom, SpheresSpec};
 
 /// The shortest side of a generated map, in cells: one cell between two solid layers on either
 /// side.
@@ -185,7 +185,8 @@ pub enum MapError {
 ///
 /// # Errors
 /// The errors of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`];
-/// [`MapError::Empty`] if nothing free is left.
+/// [`MapError::OutOfRange`] of a seed that the generator cannot take; [`MapError::Empty`] if nothing
+/// free is left.
 pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMap, MapError> {
     check_memory(extent, GENERATION_CELL_BYTES)?;
     let (draft, built, entrances) = match spec {

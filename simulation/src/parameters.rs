@@ -165,7 +165,7 @@ mod tests {
                 "{ kind = \"scattered\", seed = 3 }",
             ),
             (
-                "{ kind = \"building\", size = 30 }".to_owned(),
+                "{ kind = \"building\", size = 30, spheres = { random = \"unity\" } }".to_owned(),
                 "{ kind = \"box\", low = [1.0, 1.0, 1.0], high = [9.0, 9.0, 9.0] }",
             ),
             ("{ kind = \"mine\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),

@@ -18,6 +18,7 @@ pub(super) fn of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
                 radius_max: args.radius_max.unwrap_or(default.radius_max),
                 connections: args.connections.unwrap_or(default.connections),
                 smoothing: args.smoothing.unwrap_or(default.smoothing),
+                random: default.random,
             };
             changed(spec, &args.set).map(MapSpec::Spheres)
         }

@@ -133,6 +133,9 @@ pub const TABLES: [Table; 22] = [
             "number of its nearest spheres to which each sphere is joined", "reference: 1 to 10, 3"),
         key("smoothing", Integer(""), Is("5"), between(0.0, 1000.0),
             "smoothing passes", "reference: 0 to 20, 5"),
+        key("random", Word(&["chacha", "unity", "unity-named"]), Is("\"chacha\""), NONE,
+            "the random numbers; with those of the reference's engine, a seed of 32 bits makes \
+             [the reference's map](maps.md#maps-of-maes3d)", "reference: unity"),
     ]).checked_by_mapgen(),
     Table::new("map.noise", &[
         key("fill", Number(""), Is("0.53"), between(0.0, 1.0),
