@@ -20,6 +20,7 @@ pub mod dsvp_maes3d;
 mod failed_goals;
 pub mod lvd;
 pub mod lvd_maes3d;
+mod maes3d_legs;
 pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
