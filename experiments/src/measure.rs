@@ -26,6 +26,8 @@ const BYTES_OF_KIND: &str = "message_bytes_delivered_kind_";
 pub struct Trace<'a> {
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
+    /// Edge of a cell, metres.
+    pub cell_m: f64,
     /// From the start on, every ten seconds of sim time, and at the end.
     pub progress: &'a [Progress],
     pub result: &'a RunResult,
@@ -39,7 +41,7 @@ pub struct Trace<'a> {
 /// The record of a planned run.
 #[must_use]
 pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
-    let Trace { size, progress, result, stages, seen_again, wall } = trace;
+    let Trace { size, cell_m, progress, result, stages, seen_again, wall } = trace;
     let scenario = &run.scenario;
     let counters = Counters(result.counters.iter().map(|counter| (counter.name.as_str(), counter.value)).collect());
     let reached = |permille: u32| {
@@ -65,6 +67,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         reason: EndReason::from(result.reason.as_str()),
         free_cells,
         explored: result.explored,
+        explored_m3: Some(result.explored * free_cells as f64 * cell_m.powi(3)),
         attainable: counters.0.get(ATTAINABLE_COUNTER).map(|&millionths| millionths as f64 / 1e6),
         covered: result.covered,
         believed_mean: mean_and_deviation(&result.believed_by).0,

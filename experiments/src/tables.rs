@@ -80,6 +80,7 @@ pub fn runs(records: &[RunRecord]) -> Table {
     table.text("reason", |record| record.row.reason.to_string());
     table.whole("free_cells", |record| record.row.free_cells);
     table.number("explored", |record| record.row.explored);
+    table.some_number("explored_m3", |record| record.row.explored_m3);
     table.some_number("attainable", |record| record.row.attainable);
     table.number("covered", |record| record.row.covered);
     table.number("believed_mean", |record| record.row.believed_mean);

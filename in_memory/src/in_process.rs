@@ -87,6 +87,8 @@ pub struct CompletedRun {
     pub outcome: Outcome,
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
+    /// Edge of a cell, metres.
+    pub cell_m: f64,
     /// Progress from the start on, every ten seconds of sim time, and at the end.
     pub progress: Vec<Progress>,
     /// The stages that its agents have named.
@@ -181,7 +183,7 @@ fn run_mode<'a>(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    let size = world.terrain().extent().size();
+    let (size, cell_m) = (world.terrain().extent().size(), world.terrain().extent().cell_m());
     let agents = (0..scenario.agents.count).map(AgentId);
     let groups: Vec<Vec<AgentId>> = match options.threads {
         ThreadLayout::PerAgent | ThreadLayout::Team => agents.map(|agent| vec![agent]).collect(),
@@ -198,7 +200,7 @@ fn run_mode<'a>(
     let config = RunConfig::new(scenario, mode)?;
     let outcome = sim_server::session::run(config, world, &mut team, recorder, observer, stop);
     let (progress, stages) = team.into_course()?;
-    Ok(CompletedRun { outcome: outcome?, size, progress, stages })
+    Ok(CompletedRun { outcome: outcome?, size, cell_m, progress, stages })
 }
 
 /// The options of a process of some agents.
@@ -232,7 +234,7 @@ fn run_on_threads<'a>(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    let size = world.terrain().extent().size();
+    let (size, cell_m) = (world.terrain().extent().size(), world.terrain().extent().cell_m());
     let groups: Vec<Vec<AgentId>> = processes.iter().map(|options| options.agents.clone()).collect();
     let (mut server_end, agents_ends) = crate::link(&groups);
     let agents_stop = AtomicBool::new(false);
@@ -261,7 +263,7 @@ fn run_on_threads<'a>(
         Ok(outcome?)
     })?;
     let (progress, stages) = server_end.into_course();
-    Ok(CompletedRun { outcome, size, progress, stages })
+    Ok(CompletedRun { outcome, size, cell_m, progress, stages })
 }
 
 /// Sets a flag at the end of a scope, also when the scope panics.

@@ -11,6 +11,7 @@
 
 pub mod bag;
 pub mod cli;
+pub mod cmu_metrics;
 pub mod comparison;
 pub mod control;
 pub mod difference;

@@ -44,6 +44,9 @@ const PLACES_MAX: usize = 40;
 /// Within this distance of the place an agent waits, metres: bodies cannot all be at it.
 const AT_PLACE_M: f64 = 5.0;
 
+/// Longest time to a meeting that is taken over: ten hours.
+const INTERVAL_TICKS_MAX: u64 = 1_800_000;
+
 /// A planned meeting.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Meeting {
@@ -82,7 +85,7 @@ struct Rendezvous {
 /// If a setting is out of range.
 pub fn rendezvous(settings: &mut Settings, setup: Setup<'_>) -> Result<impl Controller + use<>, SettingError> {
     let Setup { agent, run_info, .. } = &setup;
-    let interval_ticks = ticks(settings.number("interval_s", 120.0, 1.0, 36_000.0)?);
+    let interval_ticks = ticks(settings.number("interval_s", 120.0, 1.0, INTERVAL_TICKS_MAX as f64 * Tick::TICK_S)?);
     let wait_ticks = ticks(settings.number("wait_s", 30.0, 0.0, 3600.0)?);
     let auction = Auction::new(AuctionParams::from_settings(settings)?, &run_info.bodies, *agent, run_info.extent);
     let rendezvous = Rendezvous {
@@ -184,7 +187,10 @@ impl Coordination for Rendezvous {
         for message in messages.iter().filter(|message| message.kind == MessageType::Meeting.number()) {
             let Some(meeting) = decode(&message.data, self.extent, agents) else { continue };
             let is_later = self.meeting.as_ref().is_none_or(|known| known.made < meeting.made);
-            if is_later && meeting.made <= *tick && meeting.members.contains(&self.own) {
+            let is_ahead = meeting.made <= *tick
+                && *tick < meeting.at.after(self.wait_ticks)
+                && meeting.at <= tick.after(INTERVAL_TICKS_MAX);
+            if is_later && is_ahead && meeting.members.contains(&self.own) {
                 self.meeting = Some(meeting);
             }
         }
