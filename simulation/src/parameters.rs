@@ -169,6 +169,7 @@ mod tests {
                 "{ kind = \"box\", low = [1.0, 1.0, 1.0], high = [9.0, 9.0, 9.0] }",
             ),
             ("{ kind = \"mine\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),
+            ("{ kind = \"scene\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),
             (
                 format!("{{ kind = \"file\", file = \"a.pcd\", import = {{ {} }} }}", places[0]),
                 "{ kind = \"scattered\" }",
@@ -217,7 +218,7 @@ mod tests {
         assert_eq!((loss.from_value, loss.to_value), (0.0, 1.0));
         assert_eq!(
             named("map.kind").additional_constraints,
-            "\"spheres\", \"noise\", \"building\", \"mine\", \"file\""
+            "\"spheres\", \"noise\", \"building\", \"mine\", \"scene\", \"file\""
         );
     }
 

@@ -27,11 +27,7 @@ impl Unity {
     /// # Errors
     /// If the seed has more than 32 bits.
     pub(super) fn of_seed(seed: u64) -> Result<Self, MapError> {
-        let seed = u32::try_from(seed).map_err(|_| MapError::OutOfRange {
-            key: "seed",
-            value: seed.to_string(),
-            allowed: format!("0 to {} where random is that of Unity", u32::MAX),
-        })?;
+        let seed = u32::try_from(seed).map_err(|_| MapError::SeedTooLong { seed })?;
         let next = |word: u32| word.wrapping_mul(SEED_MULTIPLIER).wrapping_add(1);
         let (second, third) = (next(seed), next(next(seed)));
         Ok(Self { words: [seed, second, third, next(third)] })
@@ -86,6 +82,6 @@ mod tests {
     #[test]
     fn longer_seeds_are_refused() {
         let error = Unity::of_seed(1 << 32).unwrap_err().to_string();
-        assert_eq!(error, "seed is 4294967296, allowed is 0 to 4294967295 where random is that of Unity");
+        assert_eq!(error, "seed is 4294967296, allowed is 0 to 4294967295 where `random` is that of Unity");
     }
 }

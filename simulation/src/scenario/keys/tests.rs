@@ -107,6 +107,9 @@ fn defaults_are_those_of_the_structs() {
             if table.path == "map.mine" {
                 without = with(without, "map.kind", "mine".into());
             }
+            if table.path == "map.scene" {
+                without = with(without, "map.kind", "scene".into());
+            }
             let path = table.path_of(key.name);
             match key.default {
                 DefaultValue::Is(value) => {
@@ -178,6 +181,7 @@ fn generators_refuse_numbers_out_of_range() {
                     MapKind::Spheres => MapSpec::Spheres(map.spheres),
                     MapKind::Noise => MapSpec::Noise(map.noise),
                     MapKind::Mine => MapSpec::Mine(map.mine.unwrap()),
+                    MapKind::Scene => MapSpec::Scene(map.scene.unwrap()),
                     _ => MapSpec::Building(map.building.unwrap()),
                 };
                 let error = mapgen::generate(&spec, Extent::new([30; 3], 1.0).unwrap(), 1).unwrap_err().to_string();
