@@ -72,6 +72,8 @@ pub(crate) struct World {
     /// The next observation. Agents in contact are obstacles when it moves in ticks.
     pub(crate) observation: Observation,
     waypoints: VecDeque<Point3<f64>>,
+    /// The turn that it makes in the next tick.
+    turn_rad: Option<f64>,
     /// The velocity that the body holds, if it does.
     held: Option<HeldVelocity>,
     wake: WakeCondition,
@@ -133,6 +135,7 @@ impl World {
             map: ExplorationMap::new(extent),
             observation: Observation { pose, ..idle() },
             waypoints: VecDeque::new(),
+            turn_rad: None,
             held: None,
             wake: WakeCondition::NEXT_TICK,
             wants_view: false,
@@ -206,6 +209,7 @@ impl World {
                 self.observation.is_active = true;
                 match motion {
                     Motion::Path(points) => self.waypoints = points.iter().copied().collect(),
+                    &Motion::Turn { angle_rad } => self.turn_rad = Some(angle_rad),
                     &Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s, .. } => {
                         self.held = Some(HeldVelocity { linear_in_body_m_s, yaw_rate_rad_s });
                     }
@@ -236,18 +240,15 @@ impl World {
         command
     }
 
-    /// Runs for this many ticks, with decisions whenever the wake-up condition is met. Only paths
-    /// and velocities are supported.
+    /// Runs for this many ticks, with decisions whenever the wake-up condition is met. Only paths,
+    /// turns and velocities are supported.
     pub(crate) fn run(&mut self, controller: &mut dyn Controller, ticks: u64) {
         let end = self.observation.tick.after(ticks);
         while self.observation.tick < end {
             if self.wake.is_met(self.observation.tick, self.observation.events) {
                 self.sense();
                 let motion = self.ask(controller).motion;
-                assert!(
-                    matches!(motion, Motion::Keep | Motion::Stop | Motion::Path(_) | Motion::Velocity { .. }),
-                    "this world has no {motion:?}"
-                );
+                assert!(!matches!(motion, Motion::Move { .. }), "this world has no {motion:?}");
             }
             self.advance();
             self.wait(1);
@@ -255,6 +256,12 @@ impl World {
     }
 
     fn advance(&mut self) {
+        if let Some(turn_rad) = self.turn_rad.take() {
+            self.observation.pose.yaw_rad += turn_rad;
+            self.observation.is_active = false;
+            self.observation.events |= EventMask::TASK_DONE;
+            return;
+        }
         let here = self.observation.pose.position;
         let target = self.waypoints.front().copied();
         let next = match (&self.held, target) {
@@ -284,6 +291,9 @@ impl World {
         }
         self.observation.collision = None;
         self.observation.pose.position = next;
+        if self.held.is_none() && (next.x, next.y) != (here.x, here.y) {
+            self.observation.pose.yaw_rad = libm::atan2(next.y - here.y, next.x - here.x);
+        }
         let cell = self.terrain.extent().cell_of(&next);
         assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "the agent ran into a wall");
         if self.been.last() != Some(&cell) {
@@ -311,7 +321,7 @@ impl World {
     }
 
     fn ends(&mut self) {
-        self.held = None;
+        (self.held, self.turn_rad) = (None, None);
         self.observation.velocity_in_map_m_s = Vector3::zeros();
         self.observation.yaw_rate_rad_s = 0.0;
         self.waypoints.clear();

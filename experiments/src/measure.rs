@@ -23,6 +23,8 @@ use in_memory::stages::StageTimes;
 pub struct Trace<'a> {
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
+    /// Edge of a cell, metres.
+    pub cell_m: f64,
     /// From the start on, every ten seconds of sim time, and at the end.
     pub progress: &'a [Progress],
     pub result: &'a RunResult,
@@ -36,7 +38,7 @@ pub struct Trace<'a> {
 /// The record of a planned run.
 #[must_use]
 pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
-    let Trace { size, progress, result, stages, seen_again, wall } = trace;
+    let Trace { size, cell_m, progress, result, stages, seen_again, wall } = trace;
     let scenario = &run.scenario;
     let counters: BTreeMap<CounterName, u64> = result.known_counters().collect();
     let count = |name| counters.get(&name).copied().unwrap_or(0);
@@ -64,6 +66,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         reason: EndReason::from(result.reason.as_str()),
         free_cells,
         explored: result.explored,
+        explored_m3: Some(result.explored * free_cells as f64 * cell_m.powi(3)),
         attainable: counters.get(&CounterName::AttainablePpm).map(|&millionths| millionths as f64 / 1e6),
         covered: result.covered,
         believed_mean: mean_and_deviation(&result.believed_by).0,

@@ -96,6 +96,8 @@ pub struct CompletedRun {
     pub outcome: Outcome,
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
+    /// Edge of a cell, metres.
+    pub cell_m: f64,
     pub course: Course,
 }
 
@@ -188,7 +190,7 @@ fn run_mode<'a>(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    let size = world.terrain().extent().size();
+    let (size, cell_m) = (world.terrain().extent().size(), world.terrain().extent().cell_m());
     let agents = (0..scenario.agents.count).map(AgentId);
     let groups: Vec<Vec<AgentId>> = match options.threads {
         ThreadLayout::PerAgent | ThreadLayout::Team => agents.map(|agent| vec![agent]).collect(),
@@ -220,7 +222,7 @@ fn run_mode<'a>(
     let config = RunConfig::new(scenario, mode)?;
     let outcome = sim_server::session::run(config, world, &mut team, recorder, observer, stop);
     let course = team.into_course()?;
-    Ok(CompletedRun { outcome: outcome?, size, course })
+    Ok(CompletedRun { outcome: outcome?, size, cell_m, course })
 }
 
 /// The options of a process of some agents.
@@ -273,7 +275,7 @@ fn run_on_threads<'a>(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    let size = world.terrain().extent().size();
+    let (size, cell_m) = (world.terrain().extent().size(), world.terrain().extent().cell_m());
     let groups: Vec<Vec<AgentId>> = nodes.iter().map(|node| node.agents().to_vec()).collect();
     let (mut server_end, agents_ends) = crate::link(&groups);
     let agents_stop = AtomicBool::new(false);
@@ -307,7 +309,7 @@ fn run_on_threads<'a>(
         }
         Ok(outcome?)
     })?;
-    Ok(CompletedRun { outcome, size, course: server_end.into_course() })
+    Ok(CompletedRun { outcome, size, cell_m, course: server_end.into_course() })
 }
 
 /// Sets a flag at the end of a scope, also when the scope panics.

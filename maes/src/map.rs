@@ -95,6 +95,8 @@ pub(crate) enum MapKind {
     Building,
     /// Levels of drifts with crosscuts, stopes and a ramp; its parameters are set with --set.
     Mine,
+    /// A place of the literature at true scale; which one is set with --set name=NAME.
+    Scene,
 }
 
 /// Options of `map info`.

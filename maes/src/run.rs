@@ -228,7 +228,7 @@ impl RunArgs {
         match overrides.iter().rfind(is_of_map) {
             // The name of the file is in both.
             Some(change) if change.key == "map.file" => {
-                bail!("{error}; expected spheres, noise, building, mine, or a map file: {}", change.origin)
+                bail!("{error}; expected spheres, noise, building, mine, scene, or a map file: {}", change.origin)
             }
             Some(change) => {
                 let remedy = match &error {

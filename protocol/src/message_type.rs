@@ -13,6 +13,10 @@ pub enum MessageType {
     Claims = 2,
     /// Agents that have nothing left to explore.
     Finished = 4,
+    /// Planned meetings.
+    Meeting = 5,
+    /// Who explores which part of the unexplored space.
+    Parts = 6,
 }
 
 impl MessageType {
@@ -25,7 +29,9 @@ impl MessageType {
     /// The type of a number; `None` if it is another controller's.
     #[must_use]
     pub fn of(number: u8) -> Option<Self> {
-        [Self::Map, Self::Claims, Self::Finished].into_iter().find(|one| one.number() == number)
+        [Self::Map, Self::Claims, Self::Finished, Self::Meeting, Self::Parts]
+            .into_iter()
+            .find(|one| one.number() == number)
     }
 }
 
@@ -36,7 +42,7 @@ mod tests {
     #[test]
     fn number_round_trips() {
         for number in 0..=u8::MAX {
-            let is_ours = [1, 2, 4].contains(&number);
+            let is_ours = [1, 2, 4, 5, 6].contains(&number);
             assert_eq!(MessageType::of(number).map(MessageType::number), is_ours.then_some(number));
         }
     }

@@ -33,6 +33,7 @@ fn completed(scenario: &Scenario, done: in_process::CompletedRun) -> PyResult<Py
     let wall = measure::wall_row(Tick(result.tick), done.outcome.wall, &[], &execute::machine());
     let trace = Trace {
         size: done.size,
+        cell_m: done.cell_m,
         progress: &done.course.progress,
         result: &result,
         stages: &done.course.stages,

@@ -139,8 +139,8 @@ pub struct KeyArgs {
     pub controller: Option<String>,
     #[arg(long, value_name = "TICKS", allow_negative_numbers = true, help = meaning("agents.share_period_ticks"))]
     pub share_period: Option<u32>,
-    /// map.kind and map.file: spheres, noise, building, mine, or a map file (docs/maps.md)
-    #[arg(long, value_name = "spheres|noise|building|mine|FILE")]
+    /// map.kind and map.file: spheres, noise, building, mine, scene, or a map file (docs/maps.md)
+    #[arg(long, value_name = "spheres|noise|building|mine|scene|FILE")]
     pub map: Option<String>,
     /// map.size: cells along each axis, for example 100 or 100x80x30
     #[arg(long, value_name = "S|XxYxZ", value_parser = size, allow_negative_numbers = true)]
@@ -267,9 +267,10 @@ fn map_overrides(map: &str) -> Vec<Override> {
     if is_generator {
         return vec![change("map.kind", Some(map)), change("map.file", None), change("map.import", None)];
     }
-    let mut overrides: Vec<_> = ["map.size", "map.spheres", "map.noise", "map.building", "map.mine", "map.import"]
-        .map(|key| change(key, None))
-        .into();
+    let mut overrides: Vec<_> =
+        ["map.size", "map.spheres", "map.noise", "map.building", "map.mine", "map.scene", "map.import"]
+            .map(|key| change(key, None))
+            .into();
     overrides.extend([change("map.kind", Some("file")), change("map.file", Some(map))]);
     overrides
 }

@@ -8,6 +8,7 @@
 //! This crate does not know what agents believe or how they decide.
 
 pub mod cli;
+pub mod cmu_metrics;
 pub mod exit;
 pub mod info;
 pub mod map_file;

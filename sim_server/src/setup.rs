@@ -382,6 +382,7 @@ fn generator(scenario: &Scenario) -> Option<MapSpec> {
         MapKind::Noise => Some(MapSpec::Noise(section.noise.clone())),
         MapKind::Building => Some(MapSpec::Building(section.building.clone().unwrap_or_default())),
         MapKind::Mine => Some(MapSpec::Mine(section.mine.clone().unwrap_or_default())),
+        MapKind::Scene => Some(MapSpec::Scene(section.scene.unwrap_or_default())),
         MapKind::File => None,
     }
 }
@@ -401,8 +402,12 @@ fn imported(import: ImportSpec, scenario: &Scenario) -> Result<GeneratedMap, Set
 fn map_error(scenario: &Scenario) -> impl Fn(MapError) -> SetupError {
     let table = table(scenario);
     move |source| {
-        let is_about_size = matches!(source, MapError::SideTooShort { .. } | MapError::Memory { .. });
-        SetupError::Map { table: if is_about_size { "map.size" } else { table }, source }
+        let table = match source {
+            MapError::SideTooShort { .. } | MapError::SceneTooSmall { .. } | MapError::Memory { .. } => "map.size",
+            MapError::SeedTooLong { .. } => "map.seed",
+            _ => table,
+        };
+        SetupError::Map { table, source }
     }
 }
 
@@ -413,6 +418,7 @@ fn table(scenario: &Scenario) -> &'static str {
         MapKind::Noise => "map.noise",
         MapKind::Building => "map.building",
         MapKind::Mine => "map.mine",
+        MapKind::Scene => "map.scene",
         MapKind::File => "map.file",
     }
 }

@@ -167,10 +167,11 @@ mod tests {
                 "{ kind = \"scattered\", seed = 3 }",
             ),
             (
-                "{ kind = \"building\", size = 30 }".to_owned(),
+                "{ kind = \"building\", size = 30, spheres = { random = \"unity\" } }".to_owned(),
                 "{ kind = \"box\", low = [1.0, 1.0, 1.0], high = [9.0, 9.0, 9.0] }",
             ),
             ("{ kind = \"mine\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),
+            ("{ kind = \"scene\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),
             (
                 format!("{{ kind = \"file\", file = \"a.pcd\", import = {{ {} }} }}", places[0]),
                 "{ kind = \"scattered\" }",
@@ -219,7 +220,7 @@ mod tests {
         assert_eq!((loss.from_value, loss.to_value), (0.0, 1.0));
         assert_eq!(
             named("map.kind").additional_constraints,
-            "\"spheres\", \"noise\", \"building\", \"mine\", \"file\""
+            "\"spheres\", \"noise\", \"building\", \"mine\", \"scene\", \"file\""
         );
     }
 

@@ -46,6 +46,7 @@ pub(super) fn carry_out(
     let wall = measure::wall_row(Tick(result.tick), completed.outcome.wall, &times.sorted(), &machine());
     let trace = Trace {
         size: completed.size,
+        cell_m: completed.cell_m,
         progress: &completed.course.progress,
         result,
         stages: &completed.course.stages,

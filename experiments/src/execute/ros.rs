@@ -116,7 +116,8 @@ impl Launcher {
         let mut stages = StageTimes::default();
         named.into_iter().for_each(|(agent, tick, stage)| stages.enter(agent, tick, stage));
         let (stages, progress, result) = (&stages, &progress, &result);
-        Ok(measure::record(run, Trace { size: scenario.size, progress, result, stages, seen_again: None, wall }))
+        let (size, cell_m) = (scenario.size, scenario.cell_m);
+        Ok(measure::record(run, Trace { size, cell_m, progress, result, stages, seen_again: None, wall }))
     }
 }
 

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Deserializer, Serialize, de};
 
 use crate::visualisation::VisualisationTopic;
-use mapgen::{BuildingSpec, ImportOptions, MineSpec, NoiseSpec, SpheresSpec};
+use mapgen::{BuildingSpec, ImportOptions, MineSpec, NoiseSpec, SceneSpec, SpheresSpec};
 
 /// `[map]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -50,6 +50,9 @@ pub struct MapSection {
     /// Parameters of `kind = "mine"`; a checked scenario of that kind has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mine: Option<MineSpec>,
+    /// Parameters of `kind = "scene"`; a checked scenario of that kind has them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<SceneSpec>,
 }
 
 impl MapSection {
@@ -72,6 +75,8 @@ pub enum MapKind {
     Building,
     /// Levels of drifts with crosscuts, stopes and a ramp.
     Mine,
+    /// A place of the literature at true scale.
+    Scene,
     /// A map file.
     File,
 }

@@ -11,9 +11,10 @@ use nalgebra::{Point3, Vector3};
 use protocol::observation::Surface;
 use voxels::{Cell, Grid, Terrain};
 
-/// Cosine of 45 degrees: a surface whose normal is closer to the vertical is a floor or a ceiling
-/// (as in MAES3D).
-const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Cosine of 45 degrees: a surface whose normal is closer to the vertical is a floor or a ceiling,
+/// and one at 45 degrees a wall (as in MAES3D). The margin holds rounding off: bodies that start at
+/// cell centres and rise at 45 degrees meet edges at exactly this angle.
+const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2 + 1e-6;
 
 /// A body that is farther away than this after a motion is not touched, whatever the rounding,
 /// metres.

@@ -47,6 +47,30 @@ fn edges_and_corners_are_round() {
 }
 
 #[test]
+fn edge_at_exactly_45_degrees_is_a_wall() {
+    let terrain = one_block();
+    // Bodies move along one diagonal towards the lower and the upper edges of the block.
+    for (from_m, by) in [(0.5, 1.0), (0.7, 1.0), (4.3, -1.0), (4.5, -1.0)] {
+        for along in 0..2 {
+            let mut from = [2.5; 3];
+            from[along] = from_m;
+            from[2] = from_m;
+            let mut towards = [0.0; 3];
+            towards[along] = 2.0 * by;
+            towards[2] = 2.0 * by;
+            let contact = contact(&terrain, from, towards).unwrap();
+            let slope = contact.normal.z.abs();
+            assert!((slope - std::f64::consts::FRAC_1_SQRT_2).abs() < 1e-9, "{contact:?}");
+            assert_eq!(surface_of(&contact.normal), Surface::Wall, "{contact:?}");
+        }
+    }
+    let steeper = |by: f64| Vector3::new(libm::cos(by), 0.0, libm::sin(by));
+    let limit = std::f64::consts::FRAC_PI_4;
+    assert_eq!(surface_of(&steeper(limit + 1e-5)), Surface::Floor);
+    assert_eq!(surface_of(&steeper(-limit - 1e-5)), Surface::Ceiling);
+}
+
+#[test]
 fn body_that_fits_exactly_slides_along_walls() {
     // A corridor of three cells of 0.2 m, and a body of 0.6 m: its centre is where rounding takes
     // it.

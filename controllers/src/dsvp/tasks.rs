@@ -13,15 +13,20 @@
 //! kept between two plans is memory to use again. This module plans no tours.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 use std::ops::Range;
 
 use voxels::{Cell, CellSet, Extent};
 
-use super::super::expectation::{Expectation, Place};
-use super::super::gain::{GainEstimator, WHOLE};
-use super::super::relocation::nearest_viewpoint;
-use agent::abstract_graph::{AbstractGraph, Region, RegionId};
+use super::avoidance::motion_to;
+use super::expectation::{Expectation, Place};
+use super::gain::{GainEstimator, WHOLE};
+use super::goal::Goal;
+use super::obstacles::Obstacles;
+use super::relocation::nearest_viewpoint;
+use super::{ATTEMPTS, Dsvp, Params, Plan, has_gain_left};
+use crate::Ctx;
+use agent::abstract_graph::{AbstractGraph, PathLengths, Region, RegionId, ShortestPaths};
 use agent::exploration_map::{CellState, ExplorationMap};
 
 /// A viewpoint to visit.
@@ -34,6 +39,134 @@ pub(super) struct Task {
     pub(super) frontier: Cell,
     /// Expected number of free cells that it adds to those of the tasks chosen before.
     pub(super) expected_cells: f64,
+}
+
+/// A task with the length of the path to it from here, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ReachedTask {
+    pub(super) task: Task,
+    pub(super) own_m: f64,
+}
+
+/// What the planner has beside the state of its coordination.
+pub(super) struct Surroundings<'p> {
+    pub(super) graph: &'p AbstractGraph,
+    pub(super) params: &'p Params,
+    pub(super) paths: &'p mut ShortestPaths,
+    gain_estimator: &'p mut GainEstimator,
+    goal: Option<Goal>,
+    abandoned: &'p mut BTreeSet<Cell>,
+    unproductive: &'p mut BTreeSet<Cell>,
+}
+
+impl Surroundings<'_> {
+    /// Finds the paths from a cell to all regions.
+    pub(super) fn reach_all(&mut self, here: Cell) {
+        self.paths.begin(self.graph, here);
+        while self.paths.next(self.graph).is_some() {}
+    }
+}
+
+impl<C> Dsvp<C> {
+    /// What is around the agent, and its coordination.
+    pub(super) fn split(&mut self) -> (Surroundings<'_>, &mut C) {
+        let Self { params, graph, paths, gain_estimator, goal, abandoned, unproductive, coordination, .. } = self;
+        (Surroundings { graph, params, paths, gain_estimator, goal: *goal, abandoned, unproductive }, coordination)
+    }
+}
+
+/// Finds the tasks of an agent at each of its plans.
+#[derive(Debug)]
+pub(super) struct TaskSearch {
+    viewpoints: Viewpoints,
+    /// Most regions with frontiers, the nearest ones.
+    regions: usize,
+    /// Expected free cells from which on a viewpoint is a task.
+    expected_min: f64,
+}
+
+impl TaskSearch {
+    pub(super) fn new(extent: Extent, regions: usize, expected_min: f64) -> Self {
+        Self { viewpoints: Viewpoints::new(extent), regions, expected_min }
+    }
+
+    /// The tasks of the nearest regions with frontiers, those that add most first.
+    pub(super) fn tasks(&mut self, at: &mut Surroundings<'_>, ctx: &Ctx<'_>) -> Vec<ReachedTask> {
+        let Surroundings { graph, params, paths, gain_estimator, goal, abandoned, unproductive } = at;
+        let (map, here) = (ctx.map(), ctx.cell());
+        if has_gain_left(*goal, here, map, gain_estimator, params.gain_min) {
+            unproductive.insert(here);
+        }
+        let cell_m = map.extent().cell_m();
+        let mut candidates = Vec::new();
+        let mut own_m = BTreeMap::new();
+        paths.begin(graph, here);
+        while candidates.len() < self.regions
+            && paths.has_frontiers_left()
+            && let Some((id, region, length)) = paths.next(graph)
+        {
+            let Some(candidate) = Candidate::new(graph, id, region, here, abandoned) else { continue };
+            if candidate.cell == here {
+                abandoned.insert(candidate.frontier);
+                continue;
+            }
+            candidates.push(candidate);
+            own_m.insert(id, length * cell_m);
+        }
+        let is_unproductive = |cell: Cell| cell == here || unproductive.contains(&cell);
+        let tasks = self.viewpoints.tasks(map, gain_estimator, &candidates, &is_unproductive, self.expected_min);
+        tasks.into_iter().map(|task| ReachedTask { task, own_m: own_m[&task.region] }).collect()
+    }
+
+    /// The plan to go to the first of some tasks to which a path avoids the other agents.
+    pub(super) fn go<'t>(
+        &self,
+        tasks: impl IntoIterator<Item = &'t Task>,
+        at: &mut Surroundings<'_>,
+        ctx: &mut Ctx<'_>,
+        obstacles: &Obstacles,
+    ) -> Plan {
+        for task in tasks.into_iter().take(ATTEMPTS) {
+            if let Some(motion) = motion_to(ctx, at.graph, at.paths, task.cell, obstacles, at.params.waypoints) {
+                return Plan::Go(self.goal(task, at, ctx), motion);
+            }
+        }
+        Plan::Blocked
+    }
+
+    /// The goal of a task: its viewpoint, if that has a gain, or else its frontier.
+    fn goal(&self, task: &Task, at: &mut Surroundings<'_>, ctx: &Ctx<'_>) -> Goal {
+        let gain = at.gain_estimator.gain(ctx.map(), task.cell);
+        if gain >= at.params.gain_min && task.expected_cells >= self.expected_min {
+            Goal::Viewpoint { cell: task.cell, gain }
+        } else {
+            Goal::Frontier { cell: task.cell, frontier: task.frontier }
+        }
+    }
+}
+
+/// Lengths of the paths from task to task, cells; `None` where there is none.
+///
+/// A path is as long as the way back. The searches from the tasks that come first in `order` cover
+/// the map, and those that are left stay among the tasks that come later: those farthest from here
+/// come first.
+pub(super) fn lengths_between(
+    lengths: &mut PathLengths,
+    graph: &AbstractGraph,
+    tasks: &[Task],
+    order: &[usize],
+) -> Vec<Vec<Option<f64>>> {
+    let mut between = vec![vec![None; tasks.len()]; tasks.len()];
+    for (done, &from) in order.iter().enumerate() {
+        let left = &order[done..];
+        lengths.begin(graph, tasks[from].cell, left.iter().map(|&to| tasks[to].region));
+        for &to in left {
+            let length = lengths.to(graph, tasks[to].region);
+            between[from][to] = length;
+            between[to][from] = length;
+        }
+    }
+    between
 }
 
 /// A region with frontiers.

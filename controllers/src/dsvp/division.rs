@@ -9,6 +9,8 @@
 //! Sources: B. Zhou, H. Xu, S. Shen, "RACER", IEEE T-RO 2023, and C. Cao, H. Zhu, H. Choset, J.
 //! Zhang, "TARE", RSS 2021 (tours over viewpoints); Blum et al., STOC 1994 (minimum latency).
 //!
+//! A tour may have a limit of weight. Then tasks go where they add least among the tours with room.
+//!
 //! Invariants: every task is in exactly one tour; the result depends on the numbers alone. A time
 //! before now counts as now: what an agent has reached in the meantime costs it nothing.
 
@@ -31,6 +33,8 @@ pub(super) struct Division<'l> {
     pub(super) weights: &'l [f64],
     /// What the weighted mean of the times counts beside the mean duration.
     pub(super) latency_weight: f64,
+    /// Most weight of one tour, unless all have as much.
+    pub(super) load_max: f64,
 }
 
 /// The tour of one agent, with what has to be known to insert a task.
@@ -43,6 +47,13 @@ struct Tour {
     weights_from: Vec<f64>,
     /// The part of the tour in the cost.
     cost: f64,
+}
+
+impl Tour {
+    /// The weight of its tasks.
+    fn load(&self) -> f64 {
+        self.weights_from.first().copied().unwrap_or_default()
+    }
 }
 
 impl Division<'_> {
@@ -69,6 +80,11 @@ impl Division<'_> {
         tours.into_iter().map(|tour| tour.tasks).collect()
     }
 
+    /// When an agent would be at the last task of a tour, seconds from now; 0 without tasks.
+    pub(super) fn end_s(&self, agent: usize, tour: &[usize]) -> f64 {
+        self.timed(agent, tour.iter().copied()).last().map_or(0.0, |(_, end_s)| end_s)
+    }
+
     /// Moves a task to its cheapest place, and whether that is another one.
     fn move_if_cheaper(&self, task: usize, tours: &mut [Tour], holders: &mut [usize]) -> bool {
         let holder = holders[task];
@@ -84,10 +100,16 @@ impl Division<'_> {
         is_cheaper
     }
 
-    /// The cheapest place of a task in all tours: added cost, agent, place.
+    /// The cheapest place of a task in all tours with room for it: added cost, agent, place.
     fn cheapest_place(&self, tours: &[Tour], task: usize) -> (f64, usize, usize) {
+        let has_room = |tour: &Tour| tour.load() + self.weights[task] <= self.load_max;
+        let is_any = tours.iter().any(has_room);
+        let least = tours.iter().map(Tour::load).fold(f64::INFINITY, f64::min);
         let mut best = (f64::INFINITY, 0, 0);
         for (agent, tour) in tours.iter().enumerate() {
+            if !(if is_any { has_room(tour) } else { tour.load() <= least }) {
+                continue;
+            }
             for place in 0..=tour.tasks.len() {
                 let added = self.added(tour, agent, place, task);
                 if added < best.0 {
@@ -186,7 +208,7 @@ mod tests {
         let whole: f64 = weights.iter().sum();
         let weights: Vec<f64> = weights.iter().map(|weight| weight / whole).collect();
         let first_s = agents.iter().map(|&agent| to(agent)).collect();
-        Division { first_s, between_s: &between_s, weights: &weights, latency_weight }.tours()
+        Division { first_s, between_s: &between_s, weights: &weights, latency_weight, load_max: f64::INFINITY }.tours()
     }
 
     #[test]
@@ -217,8 +239,29 @@ mod tests {
             between_s: &[vec![0.0, 100.0], vec![100.0, 0.0]],
             weights: &[0.5, 0.5],
             latency_weight: 5.0,
+            load_max: f64::INFINITY,
         };
         assert_eq!(division.tours(), [[1], [0]]);
+    }
+
+    #[test]
+    fn limit_of_weight_divides_what_one_agent_is_nearer_to() {
+        let (first_s, line) = (vec![vec![1.0, 2.0, 3.0, 4.0], vec![9.0, 8.0, 7.0, 6.0]], [0.0_f64, 1.0, 2.0, 3.0]);
+        let between_s: Vec<Vec<f64>> = line.map(|from| line.map(|to| (to - from).abs()).into()).into();
+        let tours = |load_max: f64| {
+            let division = Division {
+                first_s: first_s.clone(),
+                between_s: &between_s,
+                weights: &[0.25; 4],
+                latency_weight: 0.0,
+                load_max,
+            };
+            let tours = division.tours();
+            assert!((division.end_s(0, &tours[0]) - if load_max < 1.0 { 2.0 } else { 4.0 }).abs() < 1e-9);
+            tours
+        };
+        assert_eq!(tours(f64::INFINITY), [vec![0, 1, 2, 3], vec![]]);
+        assert_eq!(tours(0.5), [[0, 1], [3, 2]]);
     }
 
     proptest! {
@@ -229,7 +272,13 @@ mod tests {
             weights in prop::collection::vec(0.0..1.0, 6),
             count in 0..6_usize,
         ) {
-            let division = Division { first_s: vec![first_s; 2], between_s: &between_s, weights: &weights, latency_weight: 5.0 };
+            let division = Division {
+                first_s: vec![first_s; 2],
+                between_s: &between_s,
+                weights: &weights,
+                latency_weight: 5.0,
+                load_max: f64::INFINITY,
+            };
             let mut tour = Tour { tasks: (0..count).collect(), ..Tour::default() };
             division.time(&mut tour, 1);
             for place in 0..=count {
