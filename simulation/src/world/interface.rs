@@ -12,7 +12,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::body::{Collision, Motion, Pose};
 use super::comms::AgentMessage;
-use super::lidar::ScanView;
+use super::lidar::{CastCount, ScanView};
 
 /// What an agent does in one tick: its command without the wake-up condition.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,10 +83,9 @@ pub enum RequestKind {
 /// agent messages are called messages.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Totals {
-    /// Scans that were due.
-    pub scans: u64,
-    /// Scans that were cast; scans of a body that has not moved are skipped.
-    pub scans_cast: u64,
+    /// Scans that were due, and those of them that were not cast as the body has not moved
+    /// ([`super::lidar::NotCast::SamePose`]).
+    pub scans: CastCount,
     /// Motions refused because of a collision.
     pub collisions: u64,
     /// Messages sent, counted once per receiver.

@@ -41,7 +41,7 @@ pub(super) struct Field<'a> {
     pub(super) seen: &'a mut [u8],
 }
 
-/// Slots (see [`super::SensorMemory`]) of cells that a scan sees for the first time.
+/// Slots (see [`super::memory`]) of cells that a scan sees for the first time.
 pub(super) struct CellLists<'a> {
     pub(super) free: &'a mut Vec<u32>,
     pub(super) wall: &'a mut Vec<u32>,
@@ -212,7 +212,8 @@ impl Kernel {
         }
     }
 
-    /// Casts all rays of a scan, marks the cells they hit and adds the new ones to `found`.
+    /// Casts the rays of these bundles that are in the field of view, marks the cells they hit and
+    /// adds the new ones to `found`; returns the number of rays.
     #[cfg_attr(
         target_arch = "x86_64",
         expect(
@@ -220,7 +221,13 @@ impl Kernel {
             reason = "vector code is two to three times as fast; only the caller can know that it may run"
         )
     )]
-    pub(super) fn scan(self, field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
+    pub(super) fn scan(
+        self,
+        field: &mut Field<'_>,
+        start: &Start,
+        bundles: &[Bundle],
+        found: &mut CellLists<'_>,
+    ) -> u64 {
         assert!(self.is_available(), "{self:?} is for another processor");
         match self {
             Kernel::Single => scan_singly(field, start, bundles, found),
@@ -235,10 +242,13 @@ impl Kernel {
     }
 }
 
-fn scan_singly(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
+fn scan_singly(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) -> u64 {
+    let mut rays = 0;
     for bundle in bundles {
         for lane in bundle.lanes(start.cone()) {
+            rays += 1;
             cast_ray(start, bundle, lane, |slot| field.seen[slot] == FREE || !is_stop(found.mark(field, slot)));
         }
     }
+    rays
 }

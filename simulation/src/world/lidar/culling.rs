@@ -1,5 +1,5 @@
 //! Which rays of a scan can reach a cell that its memory has not seen. The others find nothing new,
-//! so [`super::Scanner::scan`] does not cast them.
+//! so [`CullingEngine`] does not cast them.
 //!
 //! **Why it is exact.** The cells that a ray visits before the first unseen one are seen and free,
 //! and the last of them belongs to the frontier. So it is enough to follow the rays through seen
@@ -29,9 +29,12 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::Pattern;
-use super::cast::Start;
+use super::cast::{CellLists, Kernel, Start};
+use super::engine::{CastCount, Engine, NewCells, NotCast};
+use super::memory::Parts;
 use super::pattern::Bundle;
+use super::{Pattern, Scanner, SensorMemory};
+use crate::world::body::Pose;
 pub(super) use frontier::Frontier;
 use passing::Passing;
 
@@ -48,6 +51,60 @@ const SLACK_CELLS: f64 = 1e-6;
 
 /// A set of groups of rays of one octant, one bit each.
 type Groups = u64;
+
+/// Casts the rays that can find something new, in bundles.
+#[derive(Debug)]
+pub(in crate::world) struct CullingEngine;
+
+impl Engine for CullingEngine {
+    fn cast(&mut self, scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose, new: NewCells<'_>) -> CastCount {
+        self.cast_undoable(scanner, memory, pose, new).0
+    }
+}
+
+impl CullingEngine {
+    /// As [`Engine::cast`]; also returns what the scan has replaced of what the memory knew about
+    /// rays.
+    pub(super) fn cast_undoable(
+        &self,
+        scanner: &Scanner,
+        memory: &mut SensorMemory,
+        pose: &Pose,
+        new: NewCells<'_>,
+    ) -> (CastCount, Option<UndoEntry>) {
+        let due = u64::from(scanner.rays());
+        let Some(start) = scanner.start(memory, pose) else {
+            return (CastCount::without(due, NotCast::OutsideMap), None);
+        };
+        let extent = memory.extent();
+        let Parts { mut field, culling } = memory.parts();
+        let first = [new.free.len(), new.wall.len()];
+        let mut found = CellLists { free: new.free, wall: new.wall };
+        found.mark(&mut field, start.slot());
+        let kernel = Kernel::best();
+        let bundles = scanner.bundles();
+        let (active, undo) = match &scanner.rays.culling {
+            Some(rays) => {
+                let active = rays.active_bundles(&start, scanner.unit_range_cells(extent), field.seen, culling);
+                (active.bundles, active.undo)
+            }
+            None => (vec![0..bundles.len()], None),
+        };
+        let mut count = CastCount::of(due);
+        let (mut followed, mut cast) = (0, 0);
+        for active in active {
+            followed += bundles[active.clone()].iter().map(Bundle::rays).sum::<u64>();
+            cast += kernel.scan(&mut field, &start, &bundles[active], &mut found);
+        }
+        count.leave_out(due - followed, NotCast::NothingUnseen);
+        count.leave_out(followed - cast, NotCast::OutsideView);
+        found.free[first[0]..].iter().for_each(|&slot| culling.note_free(slot as usize));
+        for slot in new.free[first[0]..].iter_mut().chain(&mut new.wall[first[1]..]) {
+            *slot = memory.index_of(*slot);
+        }
+        (count, undo)
+    }
+}
 
 /// The rays of a scanner, in groups that are followed together.
 pub(super) struct Culling {

@@ -18,27 +18,30 @@ type LaneMarks = [u64; LANES / WORD];
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-pub(super) fn scan_avx2(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
-    scan(field, start, bundles, found);
+pub(super) fn scan_avx2(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) -> u64 {
+    scan(field, start, bundles, found)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,avx512f,avx512vl,avx512dq,avx512bw")]
-pub(super) fn scan_avx512(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
-    scan(field, start, bundles, found);
+pub(super) fn scan_avx512(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) -> u64 {
+    scan(field, start, bundles, found)
 }
 
 #[inline(always)]
-fn scan(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
+fn scan(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) -> u64 {
     let is_limited = start.limit < f64::INFINITY;
+    let mut rays = 0;
     for bundle in bundles {
         let on = lanes_on(bundle, start.cone());
+        rays += on.iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
         if is_limited {
             cast::<true>(field, start, bundle, on, found);
         } else {
             cast::<false>(field, start, bundle, on, found);
         }
     }
+    rays
 }
 
 /// The lanes whose rays are within the field of view.
