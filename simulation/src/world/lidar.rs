@@ -10,7 +10,8 @@
 //!
 //! Layers, each of which knows only those above it:
 //!
-//! - this file, `pattern` and `memory`: what a scan is, its rays, and what a sensor has seen;
+//! - this file, `pattern`, `slots`, `marks` and `memory`: what a scan is, its rays, and what a sensor
+//!   has seen;
 //! - `engine`: the trait of all that casts scans, and [`NotCast`], the reasons why a scan or a ray
 //!   is not cast;
 //! - `cast`: how one ray, or a bundle of them, is followed;
@@ -26,10 +27,12 @@
 mod cast;
 mod culling;
 mod engine;
+mod marks;
 mod memory;
 mod naive;
 mod noisy;
 mod pattern;
+mod slots;
 mod speculation;
 
 use std::f64::consts::TAU;
@@ -192,7 +195,9 @@ impl Scanner {
     fn start(&self, memory: &SensorMemory, pose: &Pose) -> Option<Start> {
         let extent = memory.extent();
         let cell = extent.cell_of(&pose.position);
-        let slot = extent.contains(cell).then(|| memory.slot_of(cell))?;
+        if !extent.contains(cell) {
+            return None;
+        }
         let position = extent.in_cells(&pose.position);
         let limit = match self.rays.pattern {
             Pattern::Lattice { .. } => self.range_m / extent.cell_m(),
@@ -201,7 +206,7 @@ impl Scanner {
         let cone = self
             .cone_cos
             .map(|cone_cos| (Vector3::new(libm::cos(pose.yaw_rad), libm::sin(pose.yaw_rad), 0.0), cone_cos));
-        Some(Start::new(cell, slot, memory.strides(), position, limit, cone))
+        Some(Start::new(*memory.marks().slots(), cell, position, limit, cone))
     }
 }
 

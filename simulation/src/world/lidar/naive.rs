@@ -31,9 +31,10 @@ impl Engine for NaiveEngine {
     fn cast(&mut self, scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose, mut new: NewCells<'_>) -> CastCount {
         let due = u64::from(scanner.rays());
         let Some(start) = scanner.start(memory, pose) else { return CastCount::without(due, NotCast::OutsideMap) };
-        memory.see(start.slot(), &mut new);
+        let marks = memory.parts().marks;
+        marks.see(start.slot(), &mut new);
         let mut ends = Vec::new();
-        let enter = |slot| !cast::is_stop(memory.see(slot, &mut new));
+        let enter = |slot| marks.see(slot, &mut new);
         let in_view = follow(scanner, &start, enter, |end| ends.push(end));
         self.hits.extend(ends.iter().filter_map(|end| end.hit(memory, pose)));
         let mut count = CastCount::of(due);
@@ -60,7 +61,7 @@ impl Scanner {
     pub fn hits(&self, memory: &SensorMemory, pose: &Pose) -> Vec<Point3<f64>> {
         let mut hits = Vec::new();
         let Some(start) = self.start(memory, pose) else { return hits };
-        let enter = |slot| !cast::is_stop(memory.kind(slot));
+        let enter = |slot| memory.marks().is_free(slot);
         follow(self, &start, enter, |end| hits.extend(end.hit(memory, pose)));
         hits
     }
@@ -68,23 +69,24 @@ impl Scanner {
 
 /// The end of a ray in a wall or at the edge of the map.
 struct RayEnd {
-    slot: usize,
+    slot: u64,
     /// In cells if the direction has length 1, otherwise in lengths of the direction.
     distance: f64,
     direction: Vector3<f64>,
 }
 
 impl RayEnd {
-    /// Where the ray meets the wall, metres, frame `map`; `None` at the edge of the map.
+    /// Where the ray meets a wall, metres, frame `map`; `None` at the edge of the map.
     fn hit(&self, memory: &SensorMemory, pose: &Pose) -> Option<Point3<f64>> {
-        let is_wall = cast::is_wall(memory.kind(self.slot));
-        is_wall.then(|| pose.position + self.direction * (self.distance * memory.extent().cell_m()))
+        let extent = memory.extent();
+        let is_inside = extent.contains(memory.marks().slots().cell(self.slot));
+        is_inside.then(|| pose.position + self.direction * (self.distance * extent.cell_m()))
     }
 }
 
 /// Follows all rays in the field of view, in their fixed order, each until `enter` returns false
 /// for a slot or its range ends; `end` gets where it returned false. Returns the number of rays.
-fn follow(scanner: &Scanner, start: &Start, mut enter: impl FnMut(usize) -> bool, mut end: impl FnMut(RayEnd)) -> u64 {
+fn follow(scanner: &Scanner, start: &Start, mut enter: impl FnMut(u64) -> bool, mut end: impl FnMut(RayEnd)) -> u64 {
     let mut rays = 0;
     for bundle in scanner.bundles() {
         for lane in bundle.lanes(start.cone()) {

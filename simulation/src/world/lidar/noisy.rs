@@ -16,7 +16,6 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 use voxels::{Cell, walk};
 
-use super::cast;
 use super::engine::{CastCount, Engine, NewCells, NotCast};
 use super::{Pattern, ScanView, Scanner, SensorMemory};
 use crate::world::body::Pose;
@@ -60,7 +59,7 @@ impl Engine for NoisyScan<'_> {
         let in_view = scanner.follow(memory, pose, *self, |ray| {
             let mut vote = |cell: Cell, vote: i8| {
                 if let Some(index) = extent.index(cell)
-                    && !memory.has_seen(memory.slot_of(cell))
+                    && !memory.has_seen(cell)
                 {
                     votes[index] = votes[index].saturating_add(vote);
                     touched.push(index);
@@ -71,12 +70,12 @@ impl Engine for NoisyScan<'_> {
         });
         let mut of_true_kinds = (Vec::new(), Vec::new());
         for index in touched {
-            let slot = memory.slot_of(extent.cell_at(index));
+            let cell = extent.cell_at(index);
             let leads = votes[index];
-            if leads.unsigned_abs() < VOTES.unsigned_abs() || memory.has_seen(slot) {
+            if leads.unsigned_abs() < VOTES.unsigned_abs() || memory.has_seen(cell) {
                 continue;
             }
-            memory.see(slot, &mut NewCells { free: &mut of_true_kinds.0, wall: &mut of_true_kinds.1 });
+            memory.see(cell, &mut NewCells { free: &mut of_true_kinds.0, wall: &mut of_true_kinds.1 });
             if leads > 0 { new.free.push(index as u32) } else { new.wall.push(index as u32) }
         }
         memory.put_votes(votes);
@@ -135,7 +134,7 @@ impl Scanner {
         let mut rays = 0;
         let Some(start) = self.start(memory, pose) else { return rays };
         let extent = memory.extent();
-        let is_wall = |cell: Cell| cast::is_wall(memory.kind(memory.slot_of(cell)));
+        let is_wall = |cell: Cell| memory.is_wall(cell);
         // In lengths of a ray's direction; that of a shell's ray is as long as the ray.
         let reach = match self.rays.pattern {
             Pattern::Lattice { .. } => self.range_m,

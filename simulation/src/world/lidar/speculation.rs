@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 
 use super::culling::{CullingEngine, UndoEntry};
 use super::engine::{CastCount, Engine, NewCells, NotCast};
+use super::memory::Parts;
 use super::{Scanner, SensorMemory};
 use crate::world::body::Pose;
 
@@ -81,8 +82,10 @@ impl SpeculativeEngine {
     /// Takes back the scans that were cast ahead, from this place on, the latest first.
     fn take_back(&mut self, memory: &mut SensorMemory, place: usize) {
         for ScanAhead { free, wall, undo, .. } in self.ahead.drain(place..).rev() {
-            memory.forget(&free, &wall);
-            memory.parts().culling.restore(undo);
+            let Parts { marks, culling } = memory.parts();
+            // Marks of the outside may stay: no cell is there.
+            marks.forget(free.iter().chain(&wall).copied());
+            culling.restore(undo);
         }
     }
 }

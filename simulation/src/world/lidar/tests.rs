@@ -6,7 +6,7 @@ use nalgebra::Point3;
 use proptest::prelude::*;
 use voxels::{Cell, Grid, Terrain, is_wall_at, walk};
 
-use super::cast::{CellLists, Kernel};
+use super::cast::Kernel;
 use super::naive::NaiveEngine;
 use super::*;
 use crate::world::lidar::pattern::LANES;
@@ -219,8 +219,7 @@ type Cast = ([Vec<u32>; 2], CastCount);
 fn see(memory: &mut SensorMemory, cells: &[bool]) {
     let (mut free, mut wall) = (Vec::new(), Vec::new());
     for index in (0..memory.extent().volume()).filter(|&index| cells[index]) {
-        let slot = memory.slot_of(memory.extent().cell_at(index));
-        memory.see(slot, &mut NewCells { free: &mut free, wall: &mut wall });
+        memory.see(memory.extent().cell_at(index), &mut NewCells { free: &mut free, wall: &mut wall });
     }
 }
 
@@ -331,10 +330,10 @@ proptest! {
             let mut memory = fresh.clone();
             let start = scanner.start(&fresh, &body).unwrap();
             let (mut free, mut wall) = (Vec::new(), Vec::new());
-            let mut found = CellLists { free: &mut free, wall: &mut wall };
-            let mut field = memory.parts().field;
-            found.mark(&mut field, start.slot());
-            let rays = kernel.scan(&mut field, &start, scanner.bundles(), &mut found);
+            let mut new = NewCells { free: &mut free, wall: &mut wall };
+            let marks = memory.parts().marks;
+            marks.see(start.slot(), &mut new);
+            let rays = kernel.scan(marks, &start, scanner.bundles(), &mut new);
             prop_assert_eq!(rays, used(pattern, yaw_rad, fov_rad).count() as u64);
             prop_assert_eq!((free.len(), wall.len()), (expected.0.len(), expected.1.len()));
             let seen: Vec<usize> = memory.seen_cells().collect();
