@@ -47,7 +47,7 @@ use body::{Body, Motion, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
-use lidar::{NoisyScan, Scanner, SensorMemory};
+use lidar::{CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
@@ -376,16 +376,17 @@ impl World {
             if state.next_scan != Some(tick) {
                 continue;
             }
-            self.totals.scans += 1;
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
             let pose = *state.body.pose();
             let Lidar { scanner, noise, .. } = &*self.lidar;
-            let sees_the_same = state.last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
+            let last = state.last_scan.map(|(last, _)| last);
             state.last_scan = Some((pose, tick));
-            // With noise, a repeated scan from the same pose differs from the first.
-            if noise.affects_scans() || !sees_the_same {
-                self.totals.scans_cast += 1;
-                self.request_scan(index, workers);
+            match NotCast::of_scan(scanner, noise.affects_scans(), last.as_ref(), &pose) {
+                Some(reason) => self.totals.scans.add(&CastCount::without(1, reason)),
+                None => {
+                    self.totals.scans.add(&CastCount::of(1));
+                    self.request_scan(index, workers);
+                }
             }
         }
         if !workers.has_helpers() && !self.has_no_pending_scans() {

@@ -277,11 +277,14 @@ proptest! {
             }
             by_blocks.merge(&delta, AgentId(from));
             for (cell, finding) in delta.findings(extent) {
-                by_cells.learn_at(&Place::of(cell, extent.size()), finding, from);
+                by_cells.learn(by_cells.layout.place_of(cell), cell as usize, finding, from);
             }
+            by_cells.update_frontiers();
             prop_assert!(by_blocks.changes_since(0).eq(by_cells.changes_since(0)));
-            prop_assert_eq!(by_blocks.cells.as_slice(), by_cells.cells.as_slice());
-            prop_assert_eq!(&by_blocks.blocks, &by_cells.blocks);
+            prop_assert_eq!(states(&by_blocks), states(&by_cells));
+            let words = |map: &ExplorationMap| (0..=map.layout.count()).map(|block| map.blocks.get(block)).collect();
+            let [one, other]: [Vec<Option<Words>>; 2] = [words(&by_blocks), words(&by_cells)];
+            prop_assert_eq!(one, other);
             let counts = |map: &ExplorationMap| (map.contradictions(), map.corrections(), map.free(), map.covered());
             prop_assert_eq!(counts(&by_blocks), counts(&by_cells));
             prop_assert!(by_blocks.frontiers().eq(by_cells.frontiers()));

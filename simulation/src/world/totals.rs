@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use super::lidar::CastCount;
+
 /// Running totals of a world. The names are those of the counters in the result of a run, where
 /// agent messages are called messages.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Totals {
-    /// Scans that were due.
-    pub scans: u64,
-    /// Scans that were cast; scans of a body that has not moved are skipped.
-    pub scans_cast: u64,
+    /// Scans that were due, and those of them that were not cast as the body has not moved
+    /// ([`super::lidar::NotCast::SamePose`]).
+    pub scans: CastCount,
     /// Motions refused because of a collision.
     pub collisions: u64,
     /// Messages sent, counted once per receiver.
