@@ -62,6 +62,7 @@ messages! {
         Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
     }
     "standard/nav_msgs/": nav_msgs { MapMetaData OccupancyGrid Odometry Path }
+    "standard/octomap_msgs/": octomap_msgs { Octomap }
     "standard/rcl_interfaces/": rcl_interfaces { Log }
     "standard/rosgraph_msgs/": rosgraph_msgs { Clock }
     "standard/sensor_msgs/": sensor_msgs { CompressedImage PointCloud2 PointField }

@@ -11,7 +11,7 @@ use msgs::{maes_msgs, topics};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
-use crate::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
+use crate::input_file::{self, TEXT_BYTES_MAX};
 use crate::map_file;
 use crate::recorder::{self, Document, RecordError, RecorderQueue, RunRecorder};
 use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
@@ -148,8 +148,7 @@ pub fn resolve(mut scenario: Scenario, origins: &Origins<'_>) -> Result<Scenario
     if scenario.map.cell_m.is_none() {
         let stored = scenario.map.path().and_then(|map| {
             let stores = MapReader::of(&map).is_ok_and(MapReader::may_store_cell_m);
-            let bytes = if stores { input_file::read(&map, MAP_BYTES_MAX).ok()? } else { return None };
-            ImportSpec::new(map.display().to_string(), bytes).stored_cell_m()
+            if stores { map_file::stored_cell_m(&map) } else { None }
         });
         scenario.map.cell_m = Some(stored.unwrap_or(1.0));
         scenario.check(origins)?;

@@ -25,6 +25,7 @@ pub mod grid;
 pub mod lattice;
 pub mod m3dm;
 pub mod open_space;
+pub mod octree;
 pub mod packed;
 pub mod projection;
 pub mod random_streams;
