@@ -93,7 +93,8 @@ fn address(text: &str) -> Result<String, String> {
 
 /// Shows something in a browser until it ends or is interrupted.
 pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
-    let ViewArgs { run, address, beside, export, rerun, rerun_save, browser, build_only, record_dir, map_dir, .. } = args;
+    let ViewArgs { run, address, beside, export, rerun, rerun_save, browser, build_only, record_dir, map_dir, .. } =
+        args;
     let ViewArgs { cell_m, import, .. } = args;
     let file = run.scenario.clone();
     let is_recording = file.as_deref().is_some_and(is_recording);

@@ -115,7 +115,11 @@ impl Mesh {
         names.dedup();
         let more = if names.len() > PARTS_SHOWN { ", ..." } else { "" };
         names.truncate(PARTS_SHOWN);
-        Err(if names.is_empty() { "it names no parts".to_owned() } else { format!("it has {}{more}", names.join(", ")) })
+        Err(if names.is_empty() {
+            "it names no parts".to_owned()
+        } else {
+            format!("it has {}{more}", names.join(", "))
+        })
     }
 
     /// Moves the middle of the box around all triangles to the origin.

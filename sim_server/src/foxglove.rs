@@ -125,7 +125,13 @@ impl FoxgloveServer {
         let access = Access::new(token, allowed, local);
         let query = access.query();
         let hub_of_run = Some(Arc::clone(&hub));
-        let content = GatewayContent { page: page.map(Path::to_owned), hub: hub_of_run, recording: None, beside: None, map: None };
+        let content = GatewayContent {
+            page: page.map(Path::to_owned),
+            hub: hub_of_run,
+            recording: None,
+            beside: None,
+            map: None,
+        };
         http_gateway::serve(&runtime, listener, access, content);
         Ok(Self { hub, requests, address: local.into(), query, _runtime: runtime })
     }

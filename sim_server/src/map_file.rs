@@ -228,7 +228,8 @@ mod tests {
     #[test]
     fn long_clouds_are_read_in_pieces() {
         let folder = tempfile::tempdir().unwrap();
-        let corners: Vec<[f32; 3]> = (0..6).flat_map(|y| [[0.5, y as f32 + 0.5, 0.5], [7.5, y as f32 + 0.5, 2.5]]).collect();
+        let corners: Vec<[f32; 3]> =
+            (0..6).flat_map(|y| [[0.5, y as f32 + 0.5, 0.5], [7.5, y as f32 + 0.5, 2.5]]).collect();
         let data: Vec<u8> = corners.iter().flatten().flat_map(|along| along.to_le_bytes()).collect();
         let copies = 1000;
         let read = |name: &str, header: &str, data: &[u8]| {

@@ -157,8 +157,9 @@ mod tests {
         let coarse = binary_tree_within(whole.nodes.len() - 1, size, known);
         assert!(coarse.step == 2 && coarse.nodes.len() < whole.nodes.len());
         // The hole is closed: walls count more than free cells.
-        let closed = |cell: Cell| within(size, cell, if cell.x / 2 == 4 { Terrain::Wall } else { Terrain::Free });
-        assert_eq!(coarse.nodes, binary_tree_within(whole.nodes.len() - 1, size, closed).nodes);
+        let half = extent([8, 8, 2]);
+        let closed = |cell: Cell| within(half, cell, if cell.x == 4 { Terrain::Wall } else { Terrain::Free });
+        assert_eq!(coarse.nodes, binary_tree(half, [0; 3], closed).nodes);
         assert_eq!(binary_tree_within(3, size, known).step, 16);
     }
 }

@@ -192,7 +192,8 @@ fn parts_of_meshes_are_chosen_by_name() {
     assert_eq!(sub("a.obj", "one", "<center>false</center>"), ([12, 12, 6], 16, [-2.0; 3]), "all of the name");
     assert_eq!(sub("a.dae", "far", ""), ([6, 6, 6], 8, [4.0, 4.0, -2.0]), "the name of the node above");
     assert_eq!(sub("a.dae", "one", "<center>true</center>"), ([6, 6, 6], 8, [-3.0; 3]));
-    let scaled = read("<uri>a.obj</uri><submesh><name>two big</name><center>true</center></submesh><scale>2 1 1</scale>");
+    let scaled =
+        read("<uri>a.obj</uri><submesh><name>two big</name><center>true</center></submesh><scale>2 1 1</scale>");
     assert_eq!(scaled.unwrap(), ([8, 6, 6], 16, [-4.0, -3.0, -3.0]), "scaled about its middle");
     let refused = read("<uri>a.obj</uri><submesh><name>three</name></submesh>").unwrap_err().to_string();
     assert!(refused.contains("a.obj: submesh \"three\" is no part of it; it has \"one\", \"two big\""), "{refused}");
@@ -259,7 +260,9 @@ fn what_is_not_read_is_named() {
     assert!(refuse("<mesh><uri>a.dae</uri></mesh>").starts_with("a.world: a.dae: is not found below the folder"));
     let centred = "<mesh><uri>a.dae</uri><submesh><center>true</center></submesh></mesh>";
     assert!(refuse(centred).contains("<submesh>: it has no name"));
-    assert!(refuse("<polyline><point>0 0</point><point>1 0</point><point>0 0</point></polyline>").contains("at least 3"));
+    assert!(
+        refuse("<polyline><point>0 0</point><point>1 0</point><point>0 0</point></polyline>").contains("at least 3")
+    );
     assert!(refuse("<image/>").contains("geometries of kind image are not read"));
     assert!(refuse("<box><size>0 1 1</size></box>").contains("size is not above 0"));
     let text = world(&format!("<actor name=\"a\"/>{}", model("a", "0 0 0 0 0 0", BOX)));

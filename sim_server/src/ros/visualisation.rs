@@ -66,9 +66,9 @@ impl VisualisationPublishers {
                     TopicPublisher::Transforms(endpoints.publisher(node, &topic)?)
                 }
                 VisualisationTopic::Odometry(_) => TopicPublisher::Odometry(endpoints.publisher(node, &topic)?),
-                VisualisationTopic::Points(_)
-                | VisualisationTopic::MapPoints
-                | VisualisationTopic::ExploredPoints => TopicPublisher::Points(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Points(_) | VisualisationTopic::MapPoints | VisualisationTopic::ExploredPoints => {
+                    TopicPublisher::Points(endpoints.publisher(node, &topic)?)
+                }
                 VisualisationTopic::Path(_) => TopicPublisher::Path(endpoints.publisher(node, &topic)?),
                 VisualisationTopic::Map | VisualisationTopic::Unexplored | VisualisationTopic::Contacts => {
                     TopicPublisher::Marker(endpoints.publisher(node, &topic)?)
