@@ -103,7 +103,8 @@ fn is_inside(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
 
 /// A ground plan of loops between two heights. The triangles of its floor and its ceiling lie
 /// between the first corner of all and each edge: outside of the plan they overlap, and their turns
-/// cancel. Those of a plan that goes round clockwise face inwards, which the import of meshes mends.
+/// cancel. Those of a plan that goes round clockwise face inwards, which the import of meshes
+/// mends.
 fn prism(loops: &[Vec<[f64; 2]>], low: f64, high: f64) -> Mesh {
     let count = loops.iter().map(Vec::len).sum::<usize>() as u32;
     let mut mesh = Mesh::default();
