@@ -140,6 +140,7 @@ pub struct ExplorationMap {
     covered: usize,
     contradictions: u64,
     corrections: u64,
+    seen_again: u64,
 }
 
 impl ExplorationMap {
@@ -160,6 +161,7 @@ impl ExplorationMap {
             covered: 0,
             contradictions: 0,
             corrections: 0,
+            seen_again: 0,
         }
     }
 
@@ -216,6 +218,12 @@ impl ExplorationMap {
     #[must_use]
     pub fn corrections(&self) -> u64 {
         self.corrections
+    }
+
+    /// Number of cells that the own sensor found free after other agents had reported so.
+    #[must_use]
+    pub fn seen_again(&self) -> u64 {
+        self.seen_again
     }
 
     /// Whether a cell is a frontier.
@@ -357,7 +365,11 @@ impl ExplorationMap {
             self.contradictions += 1;
             return;
         }
-        *packed |= if from == OWN { IS_OWN } else { 0 };
+        if from == OWN {
+            let is_first = *packed & IS_OWN == 0;
+            self.seen_again += u64::from(is_first && !is_new && !is_at_odds && finding != Finding::Wall);
+            *packed |= IS_OWN;
+        }
         let is_corrected = is_at_odds && (from == OWN || known == CellState::Wall);
         let is_visited = known == CellState::Free && finding == Finding::Covered;
         if !(is_new || is_corrected || is_visited) {

@@ -44,9 +44,9 @@ mod variants;
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::Vector3;
+use protocol::event_mask::EventMask;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;

@@ -38,9 +38,9 @@ mod tree;
 use std::collections::{BTreeMap, BTreeSet};
 use std::task::Poll;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::{Point3, Vector3};
+use protocol::event_mask::EventMask;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, FACES};

@@ -31,9 +31,9 @@
 use std::collections::BTreeMap;
 use std::task::Poll;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::Point3;
+use protocol::event_mask::EventMask;
 use voxels::{Cell, Extent};
 
 use super::blockage::Blockages;

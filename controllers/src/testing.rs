@@ -12,10 +12,10 @@ mod legal;
 
 use std::collections::VecDeque;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
-use msgs::kinematics::turned;
 use nalgebra::{Point3, Vector3};
+use protocol::event_mask::EventMask;
+use protocol::kinematics::turned;
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx, Setup};
@@ -41,8 +41,9 @@ const NEAR_M: f64 = 2.0 * RADIUS_M;
 pub(crate) fn idle() -> Observation {
     Observation {
         tick: Tick::ZERO,
+        agent: AGENT,
         pose: Pose { position: Point3::new(5.5, 5.5, 5.5), yaw_rad: 0.0 },
-        velocity_m_s: Vector3::zeros(),
+        velocity_in_map_m_s: Vector3::zeros(),
         yaw_rate_rad_s: 0.0,
         is_active: false,
         collision: None,
@@ -50,7 +51,6 @@ pub(crate) fn idle() -> Observation {
         contacts: Vec::new(),
         relays: Vec::new(),
         messages: Vec::new(),
-        readings: Vec::new(),
         scan_tick: None,
         seen: Cells::default(),
         view: None,
@@ -262,7 +262,7 @@ impl World {
                 let mut state = self.state();
                 state.advance(self.run_info.bodies.of(AGENT), held);
                 self.observation.pose.yaw_rad = state.yaw_rad;
-                self.observation.velocity_m_s = turned(&state.velocity_in_body_m_s, state.yaw_rad);
+                self.observation.velocity_in_map_m_s = turned(&state.velocity_in_body_m_s, state.yaw_rad);
                 self.observation.yaw_rate_rad_s = state.yaw_rate_rad_s;
                 state.position
             }
@@ -301,8 +301,8 @@ impl World {
 
     /// The body in motion.
     fn state(&self) -> BodyState {
-        let Observation { pose, velocity_m_s, yaw_rate_rad_s, .. } = &self.observation;
-        let velocity_in_body_m_s = turned(velocity_m_s, -pose.yaw_rad);
+        let Observation { pose, velocity_in_map_m_s, yaw_rate_rad_s, .. } = &self.observation;
+        let velocity_in_body_m_s = turned(velocity_in_map_m_s, -pose.yaw_rad);
         BodyState {
             velocity_in_body_m_s,
             yaw_rate_rad_s: *yaw_rate_rad_s,
@@ -312,7 +312,7 @@ impl World {
 
     fn ends(&mut self) {
         self.held = None;
-        self.observation.velocity_m_s = Vector3::zeros();
+        self.observation.velocity_in_map_m_s = Vector3::zeros();
         self.observation.yaw_rate_rad_s = 0.0;
         self.waypoints.clear();
         self.observation.is_active = false;

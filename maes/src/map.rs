@@ -23,9 +23,9 @@ use map_files::{ImportSpec, Imported, Note};
 use mapgen::{self, Built, ImportOptions, MapReport};
 
 pub(crate) use error::MapCliError;
+use foxglove_server::capture;
 use output::{Encoding, Output, write_file};
 use sim_server::cli::assignment;
-use sim_server::foxglove::capture;
 use sim_server::map_file;
 use slices::Slice;
 

@@ -5,13 +5,14 @@ use std::process::ExitCode;
 
 use clap::Args;
 use experiments::diff;
+use foxglove_server::capture::{self, CaptureArgs, CaptureError, CaptureTime};
 use msgs::ids::Tick;
 use msgs::printable;
+use recording::Recording;
+use recording::bag;
+use recording::recovery::{self, RecoverError};
 use sim_server::cli::time_s;
-use sim_server::foxglove::capture::{self, CaptureArgs, CaptureError, CaptureTime};
-use sim_server::recording::Recording;
-use sim_server::recording::recovery::{self, RecoverError};
-use sim_server::{bag, exit, info, verify};
+use sim_server::{exit, info, verify};
 
 use crate::controllers::BuiltInControllers;
 use crate::output::{print, say};

@@ -15,11 +15,11 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::{ArgMatches, Args};
+use foxglove_server::{DEFAULT_ADDRESS, FoxgloveServerError, PageOrigin, StaticFileServer, Token};
 use map_files::MapReader;
 use mapgen::ImportOptions;
+use recording::Recording;
 use sim_server::exit;
-use sim_server::foxglove::{DEFAULT_ADDRESS, FoxgloveServerError, PageOrigin, StaticFileServer, Token};
-use sim_server::recording::Recording;
 
 use crate::map::{self, MapCliError};
 use crate::output::{print, say};

@@ -18,8 +18,7 @@ use crate::maes_msgs::{
 use crate::message::{Message, MessageType};
 use crate::nav_msgs::{OccupancyGrid, Odometry, Path};
 use crate::octomap_msgs::Octomap;
-use crate::parameters::ParameterEvent;
-use crate::rcl_interfaces::Log;
+use crate::rcl_interfaces::{Log, ParameterEvent};
 use crate::rosgraph_msgs::Clock;
 use crate::sensor_msgs::PointCloud2;
 use crate::std_msgs;

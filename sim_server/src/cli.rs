@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::recorder::bag_folder;
 use msgs::ids::Tick;
+use recording::recorder::bag_folder;
 use simulation::scenario::{MapKind, Override, RecordedView, keys};
 
 /// The word of `--record-topics` for all topics that can be recorded.
@@ -43,7 +43,7 @@ pub struct RunArgs {
     pub scenario: Option<PathBuf>,
     /// Show the run in a browser or in Foxglove: a page and a Foxglove WebSocket at this address
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = crate::foxglove::DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = foxglove_server::DEFAULT_ADDRESS)]
     pub view: Option<String>,
     /// The folder of the page, if it is not the one that was built here
     #[cfg(feature = "view")]
@@ -53,7 +53,7 @@ pub struct RunArgs {
     /// repeated
     #[cfg(feature = "view")]
     #[arg(long, value_name = "ORIGIN", requires = "view")]
-    pub view_allow_origin: Vec<crate::foxglove::PageOrigin>,
+    pub view_allow_origin: Vec<foxglove_server::PageOrigin>,
     /// Serve the runs that are started on the page, one after the other
     #[cfg(feature = "view")]
     #[arg(long, requires = "view", conflicts_with_all = ["resume", "fork", "scenario"])]
@@ -66,7 +66,7 @@ pub struct RunArgs {
     pub check_agents: Vec<PathBuf>,
     /// With --idle: the folder of the recordings of requested runs, which the server names
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "DIR", requires = "idle", default_value = crate::foxglove::RECORD_DIR)]
+    #[arg(long, value_name = "DIR", requires = "idle", default_value = crate::requested_run::RECORD_DIR)]
     pub record_dir: PathBuf,
     /// With --idle: the folder of the map files that requested runs may name [default: the folder
     /// of the project's scenarios, if it is here]

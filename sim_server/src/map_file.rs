@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use map_files::{Companion, ImportSpec, PieceReader, Pieces, Search};
 use mapgen::ImportOptions;
 
-use crate::input_file::{self, MAP_BYTES_MAX};
+use system::input_file::{self, MAP_BYTES_MAX};
 
 /// A point cloud of plain records that is longer than this is read in pieces, bytes.
 const WHOLE_BYTES_MAX: u64 = 1 << 27;

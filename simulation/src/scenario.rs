@@ -23,9 +23,9 @@ pub mod team;
 use std::collections::{BTreeMap, BTreeSet};
 
 use mapgen::import_options::OptionError;
-use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::BODIES_MAX;
+use protocol::body_model::BodyModel;
+use protocol::limits::BODIES_MAX;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

@@ -7,8 +7,8 @@
 //! without subscribers are not computed, and a new subscriber gets everything from the start.
 //!
 //! Invariants: the world does not change; no message is larger than
-//! [`msgs::limits::VIEW_BYTES_MAX`]; every stamp is sim time; a message with a stamp comes after
-//! the transforms of that stamp, to whoever receives both. Frames: `map` is the world,
+//! [`protocol::limits::VIEW_BYTES_MAX`]; every stamp is sim time; a message with a stamp comes
+//! after the transforms of that stamp, to whoever receives both. Frames: `map` is the world,
 //! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` coincides with the body, and
 //! `agent_<id>/odom` with `map`, because poses are known.
 //!

@@ -89,6 +89,23 @@ fn own_sensor_overrides_reports() {
 }
 
 #[test]
+fn cells_are_seen_again_once_and_only_after_reports() {
+    let extent = Extent::new([6, 1, 1], 1.0).unwrap();
+    let mut map = ExplorationMap::new(extent);
+    map.note_free(&[0]);
+    map.merge(&report(extent, &[0, 1, 2], Finding::Free), A);
+    map.merge(&report(extent, &[3, 4], Finding::Wall), A);
+    assert_eq!(map.seen_again(), 0, "reports of others, and a cell that nobody had reported before");
+    for _ in 0..2 {
+        map.note_free(&[0, 1, 3]);
+        map.note_wall(&[4]);
+        assert_eq!(map.seen_again(), 1, "3 was reported as a wall, 4 is one");
+    }
+    map.note_covered(extent.cell_at(2));
+    assert_eq!(map.seen_again(), 2);
+}
+
+#[test]
 fn free_overrides_wall_among_reports_in_any_order() {
     let extent = Extent::new([3, 1, 1], 1.0).unwrap();
     let (free, wall) = (report(extent, &[1], Finding::Free), report(extent, &[1], Finding::Wall));

@@ -6,9 +6,9 @@
 
 use std::fmt;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
-use msgs::message_type::MessageType;
+use protocol::event_mask::EventMask;
+use protocol::message_type::MessageType;
 use voxels::Cell;
 
 use super::obstacles::Obstacles;

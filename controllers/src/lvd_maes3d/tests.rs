@@ -1,5 +1,5 @@
-use msgs::event_mask::EventMask;
 use msgs::ids::AgentId;
+use protocol::event_mask::EventMask;
 
 use super::*;
 use crate::testing::World;

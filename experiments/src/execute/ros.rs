@@ -38,7 +38,7 @@ pub(super) fn check(plan: &Plan) -> Result<(), ExecuteError> {
     let mut checked = BTreeSet::new();
     for run in &plan.runs {
         let agents = &run.scenario.agents;
-        if agents.of_ros_only().is_none() {
+        if agents.of_ros_only(false).is_none() {
             continue;
         }
         if let Some(agent) = agents.cmd_vel.iter().find(|&&agent| !agents.is_commanded(agent)) {

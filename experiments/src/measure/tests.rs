@@ -1,6 +1,6 @@
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Counter;
-use msgs::stage::Stage;
+use protocol::stage::Stage;
 use std::path::Path;
 
 use super::*;

@@ -7,11 +7,11 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use foxglove_server::MapAnswers;
 use map_files::ImportSpec;
 use mapgen::ImportOptions;
 use nalgebra::Point3;
 use serde::Serialize;
-use sim_server::foxglove::MapAnswers;
 use sim_server::setup;
 use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::{BodyLattice, Cell, Clearance, Grid, Terrain, line_of_sight};

@@ -1,10 +1,10 @@
 //! Point clouds of LiDAR scans.
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use msgs::sensor_msgs::{PointCloud2, PointField};
 use msgs::std_msgs::Header;
 use nalgebra::Point3;
+use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use voxels::{Cell, Extent, Terrain};
 
 use crate::wire::{body_frame, header};

@@ -2,8 +2,8 @@
 
 use msgs::geometry_msgs::Pose;
 use msgs::ids::Tick;
-use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use msgs::nav_msgs::{MapMetaData, OccupancyGrid};
+use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use voxels::projection::project;
 use voxels::{Cell, Extent, Terrain};
 

@@ -1,8 +1,8 @@
 //! Maps as trees of OctoMap.
 
 use msgs::ids::Tick;
-use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use msgs::octomap_msgs::Octomap;
+use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use voxels::octree::binary_tree_within;
 use voxels::{Cell, Extent, Terrain};
 

@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
+use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
 
 use crate::scenario::{AGENTS_MAX, RecordedView};
 
@@ -230,7 +230,7 @@ pub const TABLES: [Table; 22] = [
             .limits("0 to `count` - 1, each once, and without `[[event]]`").see("ros2.md#services"),
         key("command", Texts, Is("[]"), NONE,
             "program of one's own, with its arguments, that runs agents; empty: agent_node", "ours")
-            .limits("a program, then its arguments, in which `{id}` is the id of the agent; over ROS 2 only")
+            .limits("a program, then its arguments, in which `{id}` is the id of the agent; over memory only without it")
             .see("controllers.md#in-a-program-of-your-own"),
         key("command_ids", Ids, Is("[]"), NONE,
             "agents that the program runs; empty: all", "ours")

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use mapgen::MapSpec;
-use msgs::body_model::{BodyKind, BodyModel};
+use protocol::body_model::{BodyKind, BodyModel};
 use voxels::Extent;
 
 use super::*;

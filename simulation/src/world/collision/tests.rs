@@ -29,7 +29,7 @@ fn faces_are_met_at_the_radius() {
         let contact = contact(&terrain, from, by).unwrap();
         assert!((contact.time - 0.6).abs() < 1e-11, "{contact:?}");
         assert!((contact.normal - Vector3::from(normal)).norm() < 1e-12, "{contact:?}");
-        assert_eq!(Surface::of_normal(&contact.normal), surface);
+        assert_eq!(surface_of(&contact.normal), surface);
         assert!(!contact.with_agent);
     }
 }

@@ -301,8 +301,8 @@ impl State {
 mod tests {
     use std::f64::consts::TAU;
 
-    use msgs::body_model::BodyModel;
     use nalgebra::Point3;
+    use protocol::body_model::BodyModel;
     use voxels::{Extent, Grid, Terrain};
 
     use super::*;
