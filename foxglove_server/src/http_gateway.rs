@@ -30,7 +30,7 @@ use tower_http::services::{ServeDir, ServeFile};
 use super::FoxgloveServerError;
 use super::access::{Access, Admission, Refusal, TOKEN_SUBPROTOCOL, subprotocols, without_token};
 use super::hub::Hub;
-use super::static_files::{BESIDE, RECORDING};
+use super::static_files::{BESIDE, MAP_ROOM, RECORDING};
 use super::timed_stream::TimedStream;
 use super::websocket;
 
@@ -89,7 +89,13 @@ pub(super) struct GatewayContent {
     pub(super) recording: Option<PathBuf>,
     /// A recording to be shown beside it.
     pub(super) beside: Option<PathBuf>,
+    /// What answers questions about a map, which is served as the recording.
+    pub(super) map: Option<MapAnswers>,
 }
+
+/// Answers questions about a map, each the query of a request, with JSON; an error is a text for
+/// the user.
+pub type MapAnswers = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
 
 /// The body of a response.
 type Body = UnsyncBoxBody<Bytes, Box<dyn std::error::Error + Send + Sync>>;
@@ -253,6 +259,9 @@ impl Gateway {
             let Ok(response) = ServeFile::new(recording).oneshot(request).await;
             return response.map(|body| body.map_err(Into::into).boxed_unsync());
         }
+        if let (Some(answers), MAP_ROOM) = (&self.content.map, request.uri().path().trim_start_matches('/')) {
+            return answered(Arc::clone(answers), request.uri().query().unwrap_or_default().to_owned()).await;
+        }
         let Some(folder) = &self.content.page else {
             let mut response = text(StatusCode::OK, NO_PAGE);
             response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/html; charset=utf-8"));
@@ -262,6 +271,19 @@ impl Gateway {
         // A rebuilt page must not come from the cache.
         response.headers_mut().insert(CACHE_CONTROL, HeaderValue::from_static("no-cache"));
         response.map(|body| body.map_err(Into::into).boxed_unsync())
+    }
+}
+
+/// Answers a question about the map, on a thread that may take its time.
+async fn answered(answers: MapAnswers, query: String) -> Response<Body> {
+    match tokio::task::spawn_blocking(move || answers(&query)).await {
+        Ok(Ok(answer)) => {
+            let mut response = text(StatusCode::OK, &answer);
+            response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("application/json"));
+            response
+        }
+        Ok(Err(reason)) => text(StatusCode::BAD_REQUEST, &reason),
+        Err(_) => text(StatusCode::INTERNAL_SERVER_ERROR, "the question has no answer"),
     }
 }
 

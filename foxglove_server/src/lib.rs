@@ -44,7 +44,7 @@ use recording::recorder::Document;
 use access::Access;
 pub use access::{PageOrigin, TOKEN_VARIABLE, Token};
 use http_gateway::GatewayContent;
-pub use http_gateway::page;
+pub use http_gateway::{MapAnswers, page};
 use hub::Hub;
 pub use observed_transport::ObservedTransport;
 pub use server_address::ServerAddress;
@@ -120,7 +120,13 @@ impl FoxgloveServer {
         let access = Access::new(token, allowed, local);
         let query = access.query();
         let hub_of_run = Some(Arc::clone(&hub));
-        let content = GatewayContent { page: page.map(Path::to_owned), hub: hub_of_run, recording: None, beside: None };
+        let content = GatewayContent {
+            page: page.map(Path::to_owned),
+            hub: hub_of_run,
+            recording: None,
+            beside: None,
+            map: None,
+        };
         http_gateway::serve(&runtime, listener, access, content);
         Ok(Self { hub, requests, address: local.into(), query, _runtime: runtime })
     }

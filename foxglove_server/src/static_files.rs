@@ -1,11 +1,11 @@
-//! A static file server for the page and one or two recordings, without a run.
+//! A static file server for the page and one or two recordings or a map, without a run.
 
 use std::path::Path;
 
 use tokio::runtime::Runtime;
 
 use super::access::{Access, PageOrigin, Token};
-use super::http_gateway::{self, GatewayContent};
+use super::http_gateway::{self, GatewayContent, MapAnswers};
 use super::{FoxgloveServerError, ServerAddress};
 
 /// Path of the recording beside the page; its file name may follow, for display.
@@ -13,6 +13,9 @@ pub(super) const RECORDING: &str = "recording";
 
 /// Path of a second recording, which the page shows beside the first one.
 pub(super) const BESIDE: &str = "beside";
+
+/// Path of the answers to questions about a map; the query of the page names it.
+pub(super) const MAP_ROOM: &str = "map-room";
 
 /// Where recordings are beside the page: paths relative to it. A name that would need escaping is
 /// left out.
@@ -69,15 +72,49 @@ impl StaticFileServer {
         token: Token,
         allowed: &[PageOrigin],
     ) -> Result<Self, FoxgloveServerError> {
-        let (runtime, listener) = http_gateway::open(address)?;
-        let local = listener.local_addr()?;
-        let recordings = RecordingPaths::of(recording, beside).query();
         let content = GatewayContent {
             page: Some(page.to_owned()),
             hub: None,
             recording: Some(recording.to_owned()),
             beside: beside.map(Path::to_owned),
+            map: None,
         };
+        Self::serve(address, content, RecordingPaths::of(recording, beside).query(), token, allowed)
+    }
+
+    /// Serves a map in a M3DM format, and the answers to questions about it, as
+    /// [`open`](Self::open) serves a recording.
+    ///
+    /// # Errors
+    /// If the address cannot be bound.
+    pub fn open_map(
+        address: &str,
+        page: &Path,
+        map: &Path,
+        answers: MapAnswers,
+        token: Token,
+        allowed: &[PageOrigin],
+    ) -> Result<Self, FoxgloveServerError> {
+        let content = GatewayContent {
+            page: Some(page.to_owned()),
+            hub: None,
+            recording: Some(map.to_owned()),
+            beside: None,
+            map: Some(answers),
+        };
+        let query = format!("{}&room={MAP_ROOM}", RecordingPaths::of(map, None).query());
+        Self::serve(address, content, query, token, allowed)
+    }
+
+    fn serve(
+        address: &str,
+        content: GatewayContent,
+        recordings: String,
+        token: Token,
+        allowed: &[PageOrigin],
+    ) -> Result<Self, FoxgloveServerError> {
+        let (runtime, listener) = http_gateway::open(address)?;
+        let local = listener.local_addr()?;
         let access = Access::new(token, allowed, local);
         let query = access.query();
         http_gateway::serve(&runtime, listener, access, content);

@@ -8,6 +8,7 @@ mod check;
 mod error;
 mod output;
 mod picture;
+pub(crate) mod reach;
 mod slices;
 mod spec;
 
@@ -261,7 +262,7 @@ fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<
 }
 
 /// A map file to read.
-fn import(file: &Path, options: &ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
+pub(crate) fn import(file: &Path, options: &ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
     let spec = map_file::load(file, options);
     let spec = spec.map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })?;
     Ok(ImportSpec { cell_m, ..spec })

@@ -23,6 +23,7 @@ pub mod type_hash;
 pub mod builtin_interfaces;
 pub mod geometry_msgs;
 pub mod nav_msgs;
+pub mod octomap_msgs;
 pub mod rcl_interfaces;
 pub mod simulation_interfaces;
 pub mod visualization_msgs;

@@ -17,6 +17,7 @@ use crate::maes_msgs::{
 };
 use crate::message::{Message, MessageType};
 use crate::nav_msgs::{OccupancyGrid, Odometry, Path};
+use crate::octomap_msgs::Octomap;
 use crate::rcl_interfaces::{Log, ParameterEvent};
 use crate::rosgraph_msgs::Clock;
 use crate::sensor_msgs::PointCloud2;
@@ -279,6 +280,26 @@ pub fn map_points() -> Topic {
     Topic::new::<PointCloud2>("/sim/map_points", Qos::latched(1))
 }
 
+/// The map as a tree of OctoMap.
+pub fn octomap() -> Topic {
+    Topic::new::<Octomap>("/sim/octomap", Qos::latched(1))
+}
+
+/// What the team has seen of the map, as a tree of OctoMap.
+pub fn explored_octomap() -> Topic {
+    Topic::new::<Octomap>("/sim/explored_octomap", Qos::latched(1))
+}
+
+/// What the team has seen of the map, projected to the plane.
+pub fn explored_occupancy() -> Topic {
+    Topic::new::<OccupancyGrid>("/sim/explored_map", Qos::latched(1))
+}
+
+/// The centres of the walls that the team has seen.
+pub fn explored_points() -> Topic {
+    Topic::new::<PointCloud2>("/sim/explored_points", Qos::latched(1))
+}
+
 /// What nodes say to people.
 pub fn rosout() -> Topic {
     Topic::new::<Log>("/rosout", Qos::latched(LOG_DEPTH))
@@ -349,7 +370,7 @@ pub fn split(name: &str) -> Option<(AgentId, &str)> {
     Some((AgentId(agent.parse().ok()?), rest))
 }
 
-fn of_simulation() -> [Topic; 18] {
+fn of_simulation() -> [Topic; 22] {
     [
         clock(),
         scenario(),
@@ -368,6 +389,10 @@ fn of_simulation() -> [Topic; 18] {
         robot_description(),
         occupancy(),
         map_points(),
+        octomap(),
+        explored_octomap(),
+        explored_occupancy(),
+        explored_points(),
         rosout(),
     ]
 }
@@ -396,7 +421,7 @@ mod tests {
         let count = names.len();
         names.sort();
         names.dedup();
-        assert_eq!((names.len(), count), (18 + 96, 18 + 96));
+        assert_eq!((names.len(), count), (22 + 96, 22 + 96));
     }
 
     #[test]

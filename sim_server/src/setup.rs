@@ -21,7 +21,7 @@ use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Overri
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnError};
 use simulation::world::{ScanSchedule, World, WorldParams};
-use system::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
+use system::input_file::{self, TEXT_BYTES_MAX};
 
 /// Memory of a world per cell of the map, and of each agent in it per cell; bytes, rounded up.
 const WORLD_CELL_BYTES: usize = 2;
@@ -148,8 +148,7 @@ pub fn resolve(mut scenario: Scenario, origins: &Origins<'_>) -> Result<Scenario
     if scenario.map.cell_m.is_none() {
         let stored = scenario.map.path().and_then(|map| {
             let stores = MapReader::of(&map).is_ok_and(MapReader::may_store_cell_m);
-            let bytes = if stores { input_file::read(&map, MAP_BYTES_MAX).ok()? } else { return None };
-            ImportSpec::new(map.display().to_string(), bytes).stored_cell_m()
+            if stores { map_file::stored_cell_m(&map) } else { None }
         });
         scenario.map.cell_m = Some(stored.unwrap_or(1.0));
         scenario.check(origins)?;

@@ -55,6 +55,7 @@ fn cases() -> Vec<Case> {
             Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
         }
         nav_msgs { MapMetaData OccupancyGrid Odometry Path }
+        octomap_msgs { Octomap }
         rcl_interfaces { Log }
         rosgraph_msgs { Clock }
         sensor_msgs { CompressedImage PointCloud2 PointField }

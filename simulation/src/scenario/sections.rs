@@ -323,7 +323,10 @@ impl ViewsSection {
             VisualisationTopic::Odometry(_) => self.odom_period_ticks,
             VisualisationTopic::Points(_) => self.points_period_ticks,
             VisualisationTopic::Path(_) => self.path_period_ticks,
-            VisualisationTopic::Unexplored => self.unexplored_period_ticks,
+            VisualisationTopic::Unexplored
+            | VisualisationTopic::ExploredOctomap
+            | VisualisationTopic::ExploredOccupancy
+            | VisualisationTopic::ExploredPoints => self.unexplored_period_ticks,
             VisualisationTopic::Contacts => self.contacts_period_ticks,
             VisualisationTopic::Info | VisualisationTopic::Diagnostics => self.info_period_ticks,
             VisualisationTopic::StaticTransforms
@@ -331,6 +334,7 @@ impl ViewsSection {
             | VisualisationTopic::RobotDescription
             | VisualisationTopic::Occupancy
             | VisualisationTopic::MapPoints
+            | VisualisationTopic::Octomap
             | VisualisationTopic::Clock
             | VisualisationTopic::Digest
             | VisualisationTopic::Result => 1,
@@ -373,6 +377,14 @@ pub enum RecordedView {
     Occupancy,
     /// `/sim/map_points`.
     MapPoints,
+    /// `/sim/octomap`.
+    Octomap,
+    /// `/sim/explored_octomap`.
+    ExploredOctomap,
+    /// `/sim/explored_map`.
+    ExploredOccupancy,
+    /// `/sim/explored_points`.
+    ExploredPoints,
     /// `/clock`.
     Clock,
 }
@@ -392,6 +404,10 @@ impl RecordedView {
         "robot_description",
         "occupancy",
         "map_points",
+        "octomap",
+        "explored_octomap",
+        "explored_occupancy",
+        "explored_points",
         "clock",
     ];
 }

@@ -7,6 +7,8 @@
  */
 
 import { Scene as Graph, Vector2, Vector3, WebGLRenderer } from "three";
+import type { CellSet } from "../data/cell-set.ts";
+import { surfaceHit, type SurfaceHit } from "../data/surface-hit.ts";
 import { TICK_S, type Belief, type Hits, type Run, type RunUpdate, type Vec3 } from "../data/run.ts";
 import { Background } from "./background.ts";
 import { Cave } from "./cave.ts";
@@ -14,6 +16,7 @@ import { CameraRig, type CameraMove } from "./camera-rig.ts";
 import { makeSharedUniforms, type SharedUniforms } from "./glsl.ts";
 import { openGraphics } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
+import { MapMarks, type Marks } from "./map-marks.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
 import { ReducedFrame } from "./reduced-frame.ts";
 import { Team } from "./team.ts";
@@ -57,6 +60,7 @@ interface LoadedRun {
   readonly run: Run;
   readonly cave: Cave;
   readonly team: Team;
+  readonly marks: MapMarks;
   readonly stopListening: () => void;
 }
 
@@ -86,6 +90,7 @@ export class Scene {
   readonly #cameraRig: CameraRig;
   #loaded: LoadedRun | null = null;
   #selected: number | null = null;
+  #reach: CellSet | null = null;
   #size = { width: 1, height: 1 };
   #timeS = 0;
   #lastFrameMs = -Infinity;
@@ -164,13 +169,14 @@ export class Scene {
     if (run === null) return;
     const cave = new Cave(run, this.#common, this.#gl);
     const team = new Team(run, this.#common, this.#labelCommon);
+    const marks = new MapMarks(this.#common, cave.root);
     this.#graph.add(cave.root, team.root);
     this.#labels.add(team.labels);
     const stopListening = run.onUpdate((update) => {
       cave.markChanged(update);
       this.#isDirty ||= this.#concerns(update);
     });
-    this.#loaded = { run, cave, team, stopListening };
+    this.#loaded = { run, cave, team, marks, stopListening };
     const { cellM } = run.terrain;
     const reachM = Math.hypot(...cave.extentM) / 2;
     this.#cameraRig.setLimits([1.5 * cellM, reachM * 7], reachM);
@@ -235,6 +241,28 @@ export class Scene {
   /** The agent at a position of the canvas in the last frame, CSS pixels. */
   pick(x: number, y: number): number | null {
     return this.#loaded?.team.pick(x, y) ?? null;
+  }
+
+  /** The wall at a position of the canvas in the last frame, CSS pixels; null: there is none. */
+  surfaceAt(x: number, y: number): SurfaceHit | null {
+    const loaded = this.#loaded;
+    if (loaded === null) return null;
+    const { camera } = this.#cameraRig;
+    const { width, height } = this.#size;
+    const from = camera.position.toArray();
+    const towards = new Vector3((2 * x) / width - 1, 1 - (2 * y) / height, 0.5).unproject(camera);
+    const direction = towards.sub(camera.position).normalize().toArray();
+    return surfaceHit(loaded.run.terrain, this.view.cut, from, direction);
+  }
+
+  /** Shows marks on the map, and the cells that a body reaches. */
+  setMarks(marks: Marks, reach: CellSet | null): void {
+    if (this.#loaded === null) return;
+    this.#loaded.marks.show(marks);
+    this.#isDirty = true;
+    if (reach === this.#reach) return;
+    this.#reach = reach;
+    this.#loaded.cave.setReach(reach);
   }
 
   /** Must be called after `view` was changed. */
@@ -314,6 +342,7 @@ export class Scene {
     const loaded = this.#loaded;
     this.#loaded = null;
     this.#selected = null;
+    this.#reach = null;
     this.#followed = null;
     this.#hits = null;
     this.#pendingHits = null;
@@ -324,6 +353,7 @@ export class Scene {
     this.#labels.remove(loaded.team.labels);
     loaded.cave.dispose();
     loaded.team.dispose();
+    loaded.marks.dispose();
   }
 
   #draw(timeS: number, effort: RenderEffort): void {

@@ -406,7 +406,7 @@ pub const TABLES: [Table; 23] = [
         key("path_period_ticks", Integer("ticks"), Is("5"), PERIOD,
             "ticks between two checks whether /agent_<id>/path has changed", ""),
         key("unexplored_period_ticks", Integer("ticks"), Is("50"), PERIOD,
-            "ticks between two checks whether /sim/unexplored has changed", ""),
+            "ticks between two checks whether /sim/unexplored and the /sim/explored_* maps have changed", ""),
         key("contacts_period_ticks", Integer("ticks"), Is("50"), PERIOD,
             "ticks between two messages on /sim/contacts", ""),
         key("info_period_ticks", Integer("ticks"), Is("50"), PERIOD,
