@@ -28,7 +28,7 @@ pub(super) fn draw(canvas: &mut Canvas, rng: &mut ChaCha8Rng) {
     let [x_m, y_m, z_m] = canvas.size_m;
     let along = |size_m: f64| ((size_m - WIDTH_M) / PITCH_M) as usize + 1;
     let (columns, rows) = (along(x_m), along(y_m));
-    let rise_m = (z_m - HEIGHT_M).min(SLOPE_MAX * PITCH_M).max(0.0);
+    let rise_m = (z_m - HEIGHT_M).clamp(0.0, SLOPE_MAX * PITCH_M);
     let at = |index: usize, height_m: f64| {
         let [column, row] = [index % columns, index / columns].map(|along| along as f64);
         [WIDTH_M / 2.0 + column * PITCH_M, WIDTH_M / 2.0 + row * PITCH_M, height_m]

@@ -277,7 +277,7 @@ mod tests {
         let contacts = vec![Contact { agent: AgentId(9), position: Point3::origin() }];
         let command = Command::keep(WakeCondition::NEXT_TICK);
         let message = table.with_table(command, &Observation { contacts, ..idle() }).messages.remove(0);
-        ReceivedMessage { from: table.own, kind: message.kind, data: message.data.into() }
+        ReceivedMessage { from: table.own, kind: message.kind, data: message.data }
     }
 
     #[test]
