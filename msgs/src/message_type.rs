@@ -29,7 +29,9 @@ impl MessageType {
     /// The type of a number; `None` if it is another controller's.
     #[must_use]
     pub fn of(number: u8) -> Option<Self> {
-        [Self::Map, Self::Claims, Self::Finished, Self::Meeting, Self::Parts].into_iter().find(|one| one.number() == number)
+        [Self::Map, Self::Claims, Self::Finished, Self::Meeting, Self::Parts]
+            .into_iter()
+            .find(|one| one.number() == number)
     }
 }
 
