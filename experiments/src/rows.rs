@@ -133,8 +133,8 @@ pub struct RunRow {
     pub free_cells: u64,
     /// Share of the free cells that the team has seen at the end.
     pub explored: f64,
-    /// Volume of the free cells that the team has seen at the end, m^3; `None` in folders of earlier
-    /// builds.
+    /// Volume of the free cells that the team has seen at the end, m^3; `None` in folders of
+    /// earlier builds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub explored_m3: Option<f64>,
     /// Share of the free cells that the team can see from where its bodies can be; `None` if one of
