@@ -20,7 +20,7 @@
 //! - the last destination becomes the root even if it was not reached;
 //! - an agent that is done stays done, whatever it receives;
 //! - the end of a task is noticed a tick late, as in [`super::rbw_maes3d`];
-//! - before a vertical or empty leg it turns to heading 0 ([`super::maes3d_legs`]).
+//! - before a vertical or empty leg it turns to heading 0 (`maes3d_legs`).
 //!
 //! The reference draws from the one random stream of its engine; this controller draws from its
 //! own. The reference throws if a stage finds no destination, which ends the tick for the whole
@@ -265,7 +265,8 @@ impl DsvpMaes3d {
         }
     }
 
-    /// The wake-up condition of an agent that is done, and may be under way to its last destination.
+    /// The wake-up condition of an agent that is done, and may be under way to its last
+    /// destination.
     fn wake_when_done(&self) -> WakeCondition {
         if self.legs.is_any_left() { WakeCondition::TASK_DONE } else { NEVER }
     }

@@ -17,7 +17,7 @@
 //! - a wall at the edge of the map that is seen in search mode is an error, and the agent does
 //!   nothing in that tick.
 //!
-//! Before a vertical or empty leg it turns to heading 0 ([`super::maes3d_legs`]). Unlike the
+//! Before a vertical or empty leg it turns to heading 0 (`maes3d_legs`). Unlike the
 //! reference it rests before a body that does not move for
 //! long.
 //!

@@ -1,8 +1,8 @@
 //! The legs of a path as MAES3D goes them, for [`super::lvd_maes3d`] and [`super::dsvp_maes3d`].
 //!
 //! Every leg there begins with a turn to the heading of its horizontal part, and that of a leg
-//! without one is 0: before a vertical or empty leg the body turns to heading 0, and before the next
-//! one back. Here a path that has such a leg is given in parts, with a turn between them.
+//! without one is 0: before a vertical or empty leg the body turns to heading 0, and before the
+//! next one back. Here a path that has such a leg is given in parts, with a turn between them.
 //!
 //! Not reproduced: where the horizontal part is not exactly 0 but the rest of a rounding, the
 //! heading there is the direction of that.

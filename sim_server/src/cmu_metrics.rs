@@ -1,6 +1,6 @@
 //! The metrics of a recording in the format of the CMU Autonomous Exploration Development
-//! Environment, whose `visualizationTools` node writes them to `metrics_<date>.txt`, for the scripts
-//! that plot such files.
+//! Environment, whose `visualizationTools` node writes them to `metrics_<date>.txt`, for the
+//! scripts that plot such files.
 //!
 //! A line for each progress message: explored volume (m^3), distance travelled (m), run time of the
 //! algorithm (s), time (s), each with six decimals. The volume is that of the free cells that the

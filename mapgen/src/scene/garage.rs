@@ -1,5 +1,5 @@
-//! The garage: open floors with pillars, each joined with the next one by a straight ramp, along one
-//! long side and the other in turn.
+//! The garage: open floors with pillars, each joined with the next one by a straight ramp, along
+//! one long side and the other in turn.
 
 use super::Canvas;
 
@@ -46,7 +46,8 @@ pub(super) fn draw(canvas: &mut Canvas) {
     }
 }
 
-/// A ramp along x, from y = `front_m` on, from a floor at `low_m` to the next one, `pitch_m` higher.
+/// A ramp along x, from y = `front_m` on, from a floor at `low_m` to the next one, `pitch_m`
+/// higher.
 fn ramp(canvas: &mut Canvas, front_m: f64, low_m: f64, pitch_m: f64) {
     let (x_m, cell_m) = (canvas.size_m[0], canvas.cell_m());
     let length_m = (pitch_m / GRADIENT).min(x_m - 2.0 * LANDING_M);

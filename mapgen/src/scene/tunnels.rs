@@ -1,5 +1,6 @@
-//! Tunnels with junctions, as those of the DARPA Subterranean Challenge: junctions on a grid, joined
-//! by a random tree of tunnels and some more, with slopes between those at different heights.
+//! Tunnels with junctions, as those of the DARPA Subterranean Challenge: junctions on a grid,
+//! joined by a random tree of tunnels and some more, with slopes between those at different
+//! heights.
 
 use rand::RngExt;
 use rand::seq::SliceRandom;

@@ -3,8 +3,9 @@
 //! MAES3D draws a radius and a centre until the centre is a wall cell, which never ends once none
 //! is left. Here the same loop runs for a bounded number of draws; after that the remaining wall
 //! cells are listed and one is drawn from the list, with the probability that the endless loop
-//! would have given it. So the bound decides only how fast a map is made. With the random numbers of
-//! MAES3D's engine ([`SphereRandom`]) the loop is the reference's, draw by draw, up to the bound.
+//! would have given it. So the bound decides only how fast a map is made. With the random numbers
+//! of MAES3D's engine ([`SphereRandom`]) the loop is the reference's, draw by draw, up to the
+//! bound.
 
 use std::ops::RangeInclusive;
 

@@ -8,8 +8,8 @@
 //!
 //! There a schedule of meetings is made for the whole mission; here the members of a meeting agree
 //! on the next one alone. The lowest id of those in contact proposes: the place is the viewpoint of
-//! least way to all others that it knows, so that they meet amid what is left, and while all stay in
-//! contact the meeting is put off. Between meetings agents explore as `dsvp-auction` does.
+//! least way to all others that it knows, so that they meet amid what is left, and while all stay
+//! in contact the meeting is put off. Between meetings agents explore as `dsvp-auction` does.
 //!
 //! Invariant: an agent waits at most `wait_s` for the others; then it explores without a meeting
 //! until it agrees on another one.
