@@ -5,8 +5,8 @@
 # Expected: BY_SOURCE_TIMESTAMP sorts what a reader has by the stamps of the writers; a reliable
 # pair with KEEP_ALL loses nothing.
 # Seen: of five samples stamped 5, 1, 6, 2 and 3 the reader gets two (5 and 6): whatever is stamped
-# before something that has arrived is dropped, without a status of lost samples. In the order of
-# reception all five arrive; equal stamps are kept.
+# before something that has arrived is dropped. In the order of reception all five arrive; equal
+# stamps are kept.
 # So: do not ask for source order where several writers or simulated time stamp samples; sort by the
 # stamp in the message.
 set -eu

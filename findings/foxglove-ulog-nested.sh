@@ -4,9 +4,9 @@
 #
 # Expected: the ULog format lets a field have the name of another format as its type; only a message
 # that is logged by itself begins with a timestamp.
-# Seen: the file opens, its count of messages is right, and `readMessages` throws at the first
-# message with such a field: 'Message "vec3" is missing a timestamp field'; what comes later is
-# lost. pyulog makes the columns v.x and v.y.
+# Seen: the file opens, and `readMessages` throws at the first message with such a field: 'Message
+# "vec3" is missing a timestamp field'; what comes later is lost. pyulog makes the columns v.x and
+# v.y.
 # So: catch the error per file and fall back to pyulog, or log flat fields.
 set -eu
 dir=$(mktemp -d)

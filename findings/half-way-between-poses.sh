@@ -4,10 +4,10 @@
 #
 # Expected: a transform buffer, asked between two stamps, interpolates the place linearly and the
 # rotation spherically, as tf2 does.
-# Seen: `NumpyTimeseriesTransform` of pytransform3d and `Pose3.slerp` of gtsam move along a screw:
-# 0.21 m off the line for a step of 1 m and a quarter turn. A pose that is asked for in another
-# parent frame moves otherwise with tf2's rule, so neither is "the" path; one recording gives two
-# maps.
+# Seen: `NumpyTimeseriesTransform` of pytransform3d and `Pose3.slerp` of gtsam move along a screw
+# (the first says so in its documentation, the other is called slerp): 0.21 m off the line for a
+# step of 1 m and a quarter turn. A pose that is asked for in another parent frame moves otherwise
+# with tf2's rule, so neither is "the" path; one recording gives two maps.
 # So: sample poses as densely as the points, or interpolate place and rotation by hand where results
 # are to be compared with tf2.
 set -eu

@@ -4,7 +4,7 @@
 # Expected: `compute_matrix_from_translation(axisx=100)` moves by 100, or refuses.
 # Seen: the parameter has the range of the slider of MeshLab's window, five times the diagonal of
 # the box around the mesh; beyond it the value is cut without a word. Small meshes move less than
-# large ones, a mesh of several parts moves its parts by different ways. Scaling has no such range.
+# large ones. Scaling has no such range.
 # So: shift the vertices in NumPy, or set the matrix itself (`set_matrix`), and compare the bounds.
 set -eu
 dir=$(mktemp -d)

@@ -5,7 +5,7 @@
 # twice). The faces are those of the file.
 # Seen: `Wavefront.meshes` is keyed by name: the second `o wall` takes the place of the first, whose
 # faces are in no mesh; `mesh_list` has both, and the first of them has its faces. The vertices of
-# the materials have all triangles. trimesh has both as well.
+# the materials have all triangles.
 # So: walk `mesh_list` instead of `meshes`, or compare the count of faces with the lines `f`.
 set -eu
 dir=$(mktemp -d)

@@ -2,7 +2,7 @@
 # usd-core 26.11: a door that turns by 180 degrees, stored as matrices, shrinks to a line half-way.
 #
 # Expected: a stage asked between two time samples gives a pose between them; `xformOp:transform` is
-# one of the ops that exporters write for animated rigid bodies (and the only one some write).
+# one of the ops for animated rigid bodies.
 # Seen: the sixteen numbers are interpolated one by one: half-way between 0 and 180 degrees every
 # point is on the axis (determinant 0), half-way to 90 degrees a body has 0.7 of its size. The same
 # turn as `xformOp:orient` or `rotateZ` stays rigid.
