@@ -164,7 +164,8 @@ impl ImportSpec {
         }
     }
 
-    /// A file that is too large for memory, with its beginning, and otherwise as [`new`](Self::new).
+    /// A file that is too large for memory, with its beginning, and otherwise as
+    /// [`new`](Self::new).
     #[must_use]
     pub fn in_pieces(file: impl Into<String>, beginning: Vec<u8>, pieces: Pieces) -> Self {
         let cells_max = cells_max(usize::try_from(pieces.length()).unwrap_or(usize::MAX));

@@ -4,8 +4,8 @@
 //! Pure state machines. [`AgentSessions`] is the protocol of the server, to be driven by whoever
 //! has a transport and a clock: its membership leases each agent id to one process, and a session
 //! for each agent says how it stands with that process.
-//! [`WakeCondition`](crate::wake_condition::WakeCondition) says whether an agent is due. [`Barrier`]
-//! collects the replies of one tick.
+//! [`WakeCondition`](crate::wake_condition::WakeCondition) says whether an agent is due.
+//! [`Barrier`] collects the replies of one tick.
 //!
 //! Invariants: an id belongs to one process at a time; the barrier of a tick is complete exactly
 //! when every awaited agent has given one legal reply for that tick, whatever the order of arrival;

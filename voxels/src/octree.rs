@@ -1,8 +1,8 @@
 //! Binary trees of OctoMap: a map as an octree of free, occupied and unknown cells.
 //!
-//! The format is that of OctoMap's `writeBinaryData`: two bytes for each node that has children, two
-//! bits for each child, depth first. Cubes that are the same all over are one leaf. A tree is 2^16
-//! cells wide, and its middle is the origin of its coordinates.
+//! The format is that of OctoMap's `writeBinaryData`: two bytes for each node that has children,
+//! two bits for each child, depth first. Cubes that are the same all over are one leaf. A tree is
+//! 2^16 cells wide, and its middle is the origin of its coordinates.
 
 use crate::{Cell, Extent, Terrain};
 
