@@ -22,10 +22,10 @@ use sim_server::setup::SetupError;
 use supervisor::SupervisorError;
 use thiserror::Error;
 
-use crate::keep::{self, Keep};
 use crate::merge::is_same_run;
 use crate::oracle;
 use crate::plan::{BUILD, Plan, PlannedRun};
+use crate::retained_recordings::{self, Keep};
 use crate::rows::{FailedRun, RunMetadata, RunRecord, RunRow, StoredRun};
 use crate::store::{self, Store, StoreError};
 use statistics::StatisticsError;
@@ -239,7 +239,7 @@ pub fn execute_selected(
         batch((&store, plan), &todo, options, *keep == Keep::All, (&mut summary, &mut failed), (&mut *observer, stop));
     summary.left = todo.len() - summary.done - summary.recorded - summary.failed;
     if executed.is_ok() && matches!(keep, Keep::Failures | Keep::Outliers) {
-        let chosen = keep::chosen(*keep, plan, &store.records()?)?;
+        let chosen = retained_recordings::chosen(*keep, plan, &store.records()?)?;
         let has_failed = |run: &PlannedRun| *keep == Keep::Failures && failed.contains(&run.id);
         let again = |run: &&PlannedRun| (chosen.contains(&run.id) || has_failed(run)) && lacks_recording(run);
         let again: Vec<&PlannedRun> = mine.iter().copied().filter(again).collect();

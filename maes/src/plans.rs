@@ -16,9 +16,9 @@ use experiments::cluster::{self, EmitError, Job, Scheduler};
 #[cfg(feature = "ros")]
 use experiments::execute::Launcher;
 use experiments::execute::{self, ExecuteError, Options, Part, Selection, Stop, Summary, Transport};
-use experiments::keep::Keep;
 use experiments::merge;
 use experiments::plan::{BUILD, Plan};
+use experiments::retained_recordings::Keep;
 use experiments::store::{Store, StoreError};
 use report::{Heading, ReportError, ReportSummary};
 use sim_server::{exit, setup};

@@ -21,7 +21,7 @@ use voxels::{Extent, Terrain};
 use super::formats::joined;
 use super::frame::{Bounds, Frame, Units};
 use super::options::Kind;
-use super::work::Work;
+use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, Note, new_grid};
 
 pub(super) use connected::keep_from;
@@ -136,14 +136,14 @@ fn in_order(one: &[f64; 3], other: &[f64; 3]) -> Ordering {
 /// # Errors
 /// If there is no finite point, or the box around them has too many cells.
 pub(super) fn map(spec: &ImportSpec, cloud: Cloud<'_>) -> Result<Imported, FormatError> {
-    map_with(spec, cloud, Work::new(spec))
+    map_with(spec, cloud, WorkBudget::new(spec))
 }
 
 /// As [`map`], with the steps that reading the points has left.
 ///
 /// # Errors
 /// See [`map`].
-pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud<'_>, mut work: Work) -> Result<Imported, FormatError> {
+pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud<'_>, mut work: WorkBudget) -> Result<Imported, FormatError> {
     let Cloud { points, sensors, times_s, mut notes } = cloud;
     let units = Units::new(spec)?;
     let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());

@@ -17,7 +17,7 @@ use e57::{CartesianCoordinate, E57Reader, PointCloud, SphericalCoordinate};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 
 use super::cloud::{self, Cloud, Sensors};
-use super::work::Work;
+use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// Scans of a survey.
@@ -37,7 +37,7 @@ const REASON_MAX: usize = 200;
 /// # Errors
 /// If the file is malformed, or its points do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
-    let mut work = Work::new(spec);
+    let mut work = WorkBudget::new(spec);
     let decoded = catch_unwind(AssertUnwindSafe(|| scans(&spec.bytes, &mut work)));
     let scans = decoded.unwrap_or_else(|_| Err(damaged("its codes have no meaning")))?;
     let Scans { points, seen_from, count, with_pose, invalid } = scans;
@@ -71,7 +71,7 @@ fn damaged(reason: impl std::fmt::Display) -> FormatError {
     FormatError::Entry { place: "E57".to_owned(), reason }
 }
 
-fn scans(bytes: &[u8], work: &mut Work) -> Result<Scans, FormatError> {
+fn scans(bytes: &[u8], work: &mut WorkBudget) -> Result<Scans, FormatError> {
     let mut file = E57Reader::new(Cursor::new(bytes)).map_err(damaged)?;
     let clouds = file.pointclouds();
     let total = clouds.iter().fold(0u64, |total, cloud| total.saturating_add(cloud.records));

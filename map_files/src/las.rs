@@ -8,7 +8,7 @@ use super::cloud::{self, Cloud, Points, Records};
 use super::formats::joined;
 use super::laz::Compressed;
 use super::options::PointFlag;
-use super::work::Work;
+use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// Points of a laser scanner, plain or compressed.
@@ -80,7 +80,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             f64::from(whole) * scales[axis] + offsets[axis]
         })
     };
-    let mut work = Work::new(spec);
+    let mut work = WorkBudget::new(spec);
     let mut chosen = Chosen::new(spec, format);
     let mut kept_in_file = None;
     let packing = if bytes[POINT_FORMAT] & COMPRESSED == 0 {

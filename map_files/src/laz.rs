@@ -17,7 +17,7 @@ use laz::{LazItem, LazItemType, LazVlr};
 
 use super::FormatError;
 use super::bytes::Bytes;
-use super::work::Work;
+use super::work_budget::WorkBudget;
 
 /// Length of the header of a variable length record.
 const RECORD_HEADER: usize = 54;
@@ -81,7 +81,7 @@ impl Compressed<'_> {
     ///
     /// # Errors
     /// If the file is malformed, or has more points than its length or its steps allow.
-    pub(super) fn points(&self, work: &mut Work, mut found: impl FnMut(&[u8])) -> Result<(), FormatError> {
+    pub(super) fn points(&self, work: &mut WorkBudget, mut found: impl FnMut(&[u8])) -> Result<(), FormatError> {
         let (bytes, count) = (self.bytes.len(), self.count);
         if count > POINTS_PER_BYTE_MAX.saturating_mul(bytes as u64) {
             let reason = format!("the file ends here, allowed are {POINTS_PER_BYTE_MAX} points for each of its bytes");
@@ -107,7 +107,7 @@ impl Compressed<'_> {
             let (points, length) = match decoded {
                 Ok(decoded) => decoded.map_err(|error| match error {
                     ChunkError::Damaged(reason) => damaged(reason),
-                    ChunkError::Work(error) => error,
+                    ChunkError::WorkBudget(error) => error,
                 })?,
                 Err(_) => return Err(damaged("its codes have no meaning".to_owned())),
             };
@@ -182,7 +182,7 @@ fn length_of(item: &LazItem) -> u16 {
 /// Why a chunk cannot be decoded.
 enum ChunkError {
     Damaged(String),
-    Work(FormatError),
+    WorkBudget(FormatError),
 }
 
 impl<E: std::error::Error> From<E> for ChunkError {
@@ -197,7 +197,7 @@ fn sequential(
     length: usize,
     items: &Vec<LazItem>,
     most: u64,
-    work: &mut Work,
+    work: &mut WorkBudget,
     found: &mut impl FnMut(&[u8]),
 ) -> Result<(u64, usize), ChunkError> {
     let mut rest = chunk;
@@ -205,7 +205,7 @@ fn sequential(
     let mut decoder = SequentialPointRecordDecompressor::new(&mut rest);
     decoder.set_fields_from(items)?;
     for _ in 0..most {
-        work.spend(STEPS).map_err(ChunkError::Work)?;
+        work.spend(STEPS).map_err(ChunkError::WorkBudget)?;
         decoder.decompress_next(&mut point)?;
         found(&point);
     }
@@ -219,7 +219,7 @@ fn layered(
     length: usize,
     items: &[LazItem],
     most: u64,
-    work: &mut Work,
+    work: &mut WorkBudget,
     found: &mut impl FnMut(&[u8]),
 ) -> Result<(u64, usize), ChunkError> {
     let ends = || ChunkError::Damaged("the file ends within it".to_owned());
@@ -251,7 +251,7 @@ fn layered(
     decoder.set_fields_from(&items[..1].to_vec())?;
     let mut point = [0; LAYERED_POINT];
     for _ in 0..points {
-        work.spend(STEPS).map_err(ChunkError::Work)?;
+        work.spend(STEPS).map_err(ChunkError::WorkBudget)?;
         decoder.decompress_next(&mut point)?;
         found(&point);
     }

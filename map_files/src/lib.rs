@@ -36,7 +36,7 @@ mod stack;
 mod stl;
 mod text;
 mod vox;
-mod work;
+mod work_budget;
 mod xml;
 mod xyz;
 

@@ -25,7 +25,7 @@ use voxels::{Cell, FACES, Grid, Terrain, close_shell};
 use super::cloud::keep_from;
 use super::frame::{Bounds, Frame, Units};
 use super::options::{Fill, Kind, Up};
-use super::work::Work;
+use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, Note};
 
 use orientation::{Opening, Orientation};
@@ -222,7 +222,7 @@ pub(super) fn map_up(
     for corner in triangles.iter_mut().flatten() {
         *corner = frame.in_map(*corner);
     }
-    let mut work = Work::new(spec);
+    let mut work = WorkBudget::new(spec);
     let Orientation { turned, parts, openings } = orientation::orient(&mut triangles, &mut work)?;
     let text = format!(
         "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",

@@ -10,8 +10,8 @@
 //! which test suits which metric.
 
 mod bootstrap;
-mod exchange;
 mod log_rank;
+mod permutation_test;
 mod power;
 mod ranks;
 mod survival;
@@ -21,8 +21,8 @@ use std::ops::RangeInclusive;
 use thiserror::Error;
 
 pub use bootstrap::{RESAMPLES, bootstrap_mean};
-pub use exchange::{Effect, Exchange, exchange_test, least_p_value, pairs_needed};
 pub use log_rank::{LogRank, StratifiedLogRank, log_rank, stratified_log_rank};
+pub use permutation_test::{Effect, Exchange, exchange_test, least_p_value, pairs_needed};
 pub use power::detectable_difference;
 pub use ranks::{a12, holm};
 pub use survival::{Censored, kaplan_meier, median_time, restricted_mean, success_fraction};

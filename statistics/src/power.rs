@@ -74,7 +74,7 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
 
 /// The shift from which on the exact p-value of these differences is below `needed`, upwards: the
 /// test rejects a mean of 0 as soon as all but that share of the exchanges say so
-/// ([`super::exchange`]).
+/// ([`super::permutation_test`]).
 fn exact_shift(differences: &[f64], needed: f64) -> f64 {
     let pairs = differences.len();
     let all: f64 = differences.iter().sum();

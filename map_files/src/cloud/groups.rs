@@ -3,7 +3,7 @@
 //! Cells are a sorted list instead of a grid, because this decides what the map has to hold.
 
 use super::super::options::ImportOptions;
-use super::super::work::Work;
+use super::super::work_budget::WorkBudget;
 use super::super::{FormatError, Note};
 
 /// Cells that keep their points.
@@ -25,7 +25,7 @@ impl Groups {
     pub(super) fn of(
         options: &ImportOptions,
         points: impl Iterator<Item = [f64; 3]>,
-        work: &mut Work,
+        work: &mut WorkBudget,
     ) -> Result<Option<Self>, FormatError> {
         let (min_points, outliers) = (options.voxel_min_points.unwrap_or(1), options.outliers.unwrap_or(0));
         if min_points == 1 && outliers == 0 {

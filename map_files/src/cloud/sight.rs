@@ -6,7 +6,7 @@ use nalgebra::Point3;
 use voxels::{Cell, Grid, walk_segment};
 
 use super::super::FormatError;
-use super::super::work::Work;
+use super::super::work_budget::WorkBudget;
 
 /// Cells without a point, behind one with a point, from which on a ray has passed through it: rays
 /// that graze a surface leave its cells for shorter stretches.
@@ -26,7 +26,7 @@ pub(super) fn way_between(
     is_hit: &Grid<bool>,
     sensor: Point3<f64>,
     point: Point3<f64>,
-    work: &mut Work,
+    work: &mut WorkBudget,
     way: &mut Way,
 ) -> Result<(), FormatError> {
     way.clear();
@@ -73,7 +73,7 @@ pub(super) struct Seen {
 pub(super) fn from_nearest(
     is_hit: &Grid<bool>,
     places: &[[f64; 3]],
-    work: &mut Work,
+    work: &mut WorkBudget,
     mut free: impl FnMut(Cell),
 ) -> Result<Seen, FormatError> {
     // Positions in one cell see the same.

@@ -16,7 +16,7 @@ use voxels::{Extent, Grid};
 
 use super::super::{FormatError, ImportSpec, new_grid};
 use super::lattice::{self, UNIT};
-use super::{Triangle, Work};
+use super::{Triangle, WorkBudget};
 
 /// Votes of the lines through each cell.
 pub(super) struct Votes {
@@ -51,7 +51,7 @@ pub(super) fn votes(
     extent: Extent,
     triangles: &[Triangle],
     spec: &ImportSpec,
-    work: &mut Work,
+    work: &mut WorkBudget,
 ) -> Result<Votes, FormatError> {
     let mut votes = new_grid(extent, 0u8, spec)?;
     let mut turns = new_grid(extent, 0i16, spec)?;
@@ -89,7 +89,7 @@ fn cross(
     triangle: &Triangle,
     axis: usize,
     size: [usize; 3],
-    work: &mut Work,
+    work: &mut WorkBudget,
     mut met: impl FnMut(usize, i16),
 ) -> Result<(), FormatError> {
     // The step along u is infinitely larger than that along v.

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 use super::super::FormatError;
 use super::winding::{TRIANGLE_STEPS, Winding, solid_angle};
-use super::{Triangle, Work};
+use super::{Triangle, WorkBudget};
 
 /// Triangles of a part at whose middles it is decided whether it lies inside the rest.
 const SAMPLES: usize = 16;
@@ -42,7 +42,7 @@ pub(super) struct Orientation {
 ///
 /// # Errors
 /// If no work is left.
-pub(super) fn orient(triangles: &mut [Triangle], work: &mut Work) -> Result<Orientation, FormatError> {
+pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Result<Orientation, FormatError> {
     let corners = corners(triangles);
     let mut turned = vec![false; triangles.len()];
     turn_neighbours(triangles, &edges(&corners), &mut turned);
@@ -206,7 +206,7 @@ fn turn_parts(
     triangles: &mut [Triangle],
     parts: &[Vec<u32>],
     turned: &mut [bool],
-    work: &mut Work,
+    work: &mut WorkBudget,
 ) -> Result<(), FormatError> {
     let volumes: Vec<f64> = parts.iter().map(|part| volume(triangles, part)).collect();
     let total: f64 = volumes.iter().sum();

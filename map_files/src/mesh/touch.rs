@@ -5,7 +5,7 @@ use voxels::Cell;
 
 use super::super::FormatError;
 use super::super::frame::Bounds;
-use super::{Triangle, Work};
+use super::{Triangle, WorkBudget};
 
 /// Steps of work for a column of cells: its part of the triangle is cut out.
 const COLUMN_STEPS: usize = 32;
@@ -18,7 +18,11 @@ const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
 ///
 /// # Errors
 /// If no work is left.
-pub(super) fn touch(triangle: &Triangle, work: &mut Work, mut touched: impl FnMut(Cell)) -> Result<(), FormatError> {
+pub(super) fn touch(
+    triangle: &Triangle,
+    work: &mut WorkBudget,
+    mut touched: impl FnMut(Cell),
+) -> Result<(), FormatError> {
     for x in cells(triangle, 0) {
         let slab = clipped(triangle, 0, x);
         for y in cells(&slab, 1) {

@@ -9,7 +9,7 @@
 use std::f64::consts::PI;
 
 use super::super::FormatError;
-use super::{Triangle, Work, normal};
+use super::{Triangle, WorkBudget, normal};
 
 /// Most triangles of a leaf.
 const LEAF: usize = 8;
@@ -78,7 +78,7 @@ impl<'a> Winding<'a> {
     ///
     /// # Errors
     /// If no work is left.
-    pub(super) fn at(&self, point: [f64; 3], work: &mut Work) -> Result<f64, FormatError> {
+    pub(super) fn at(&self, point: [f64; 3], work: &mut WorkBudget) -> Result<f64, FormatError> {
         let mut angle = 0.0;
         let mut open = vec![0];
         while let Some(number) = open.pop() {

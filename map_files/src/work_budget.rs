@@ -6,12 +6,12 @@ use super::{FormatError, ImportSpec};
 pub(super) const STEPS_MAX: u64 = 1 << 28;
 
 /// Steps that are left to an import.
-pub(super) struct Work {
+pub(super) struct WorkBudget {
     left: u64,
     steps_max: u64,
 }
 
-impl Work {
+impl WorkBudget {
     /// All steps that the options allow.
     pub(super) fn new(spec: &ImportSpec) -> Self {
         let steps_max = spec.options.steps_max.unwrap_or(STEPS_MAX);
