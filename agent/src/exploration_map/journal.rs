@@ -9,8 +9,7 @@
 //! |---|---|
 //! | 0 | the block is another one; the difference follows, zigzag and LEB128 |
 //! | 1 | the source is another one; 1 + its number follows, LEB128 |
-//! | 63 | many cells of the block, ascending: their bits follow, then those of walls and of covered
-//! cells |
+//! | 63 | many cells, ascending: their bits follow, then those of walls and of covered cells |
 //! | others | the block is another one; the difference is 32 less |
 
 use super::Finding;

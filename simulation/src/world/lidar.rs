@@ -11,8 +11,7 @@
 //! Layers, each of which knows only those above it:
 //!
 //! - this file, `pattern`, `slots`, `marks` and `memory`: what a scan is, its rays, and what a
-//! sensor
-//!   has seen;
+//!   sensor has seen;
 //! - `engine`: the trait of all that casts scans, and [`NotCast`], the reasons why a scan or a ray
 //!   is not cast;
 //! - `cast`: how one ray, or a bundle of them, is followed;
