@@ -1,7 +1,7 @@
 //! The map of an agent: each cell unexplored, free or wall, with a separate mark of coverage.
 //!
-//! **Conflicts.** A finding of the own sensor overrides reports of other agents, and stays; of
-//! conflicting own findings the first one stays. Among reports, free overrides wall and covered
+//! **Conflicts.** A finding of the own sensor overrides reports of other agents, and stays until the
+//! sensor finds otherwise: the world may change, and then the last own finding holds. Among reports, free overrides wall and covered
 //! overrides free, in whatever order they arrive: an agent that saw through a cell or was inside it
 //! knows more than one that was stopped by it, and since the rule does not depend on the order,
 //! agents that merge the same reports have the same map. So a correction to free propagates from
@@ -10,7 +10,8 @@
 //!
 //! Invariants: a known cell stays known; only free cells are covered; the counts and the frontiers
 //! agree with the cells; the journal holds each change once, in order, and nothing else: at most
-//! [`CHANGES_MAX`] entries for a cell, the last of which is its present state.
+//! [`CHANGES_MAX`] entries for a cell, the last of which is its present state, and two more for each
+//! time that the own sensor finds it changed.
 //!
 //! The states are kept a second time as bits, by blocks of 4 x 4 x 4 cells: of a report that says
 //! mostly what is known, only new cells are looked at.
@@ -103,8 +104,10 @@ pub const CHANGES_MAX: usize = 4;
 
 /// Bit of a cell's byte: found by the own sensor (apart from the mark of coverage).
 const IS_OWN: u8 = 4;
+/// Bit of a cell's byte: scanned by the own sensor, and not only visited.
+const IS_SCANNED: u8 = 8;
 /// Unit of a cell's byte: one explored face neighbour.
-const ONE_CLOSED: u8 = 8;
+const ONE_CLOSED: u8 = 16;
 
 #[inline]
 fn state_of(packed: u8) -> CellState {
@@ -125,8 +128,8 @@ fn is_open(packed: u8, outside: u8) -> bool {
 /// The map of one agent.
 #[derive(Debug, Clone)]
 pub struct ExplorationMap {
-    /// The state in the lower two bits, above them [`IS_OWN`], and above that the number of
-    /// explored face neighbours. All are 0 at first, which costs no memory where the system
+    /// The state in the lower two bits, above them [`IS_OWN`] and [`IS_SCANNED`], and above that the
+    /// number of explored face neighbours. All are 0 at first, which costs no memory where the system
     /// provides it page by page.
     cells: Grid<u8>,
     layout: Layout,
@@ -205,14 +208,14 @@ impl ExplorationMap {
         self.covered
     }
 
-    /// Number of ignored findings that contradicted the own sensor: a free cell as a wall, or a
-    /// wall as a free cell.
+    /// Number of ignored reports and visits that contradicted the own sensor: a free cell as a
+    /// wall, or a wall as a free cell.
     #[must_use]
     pub fn contradictions(&self) -> u64 {
         self.contradictions
     }
 
-    /// Number of overridden reports: a free cell became a wall, or a wall a free cell.
+    /// Number of cells that were overridden: a free cell became a wall, or a wall a free cell.
     #[must_use]
     pub fn corrections(&self) -> u64 {
         self.corrections
@@ -353,11 +356,13 @@ impl ExplorationMap {
         let known = state_of(*packed);
         let is_new = known == CellState::Unexplored;
         let is_at_odds = !is_new && (known == CellState::Wall) != (finding == Finding::Wall);
-        if is_at_odds && *packed & IS_OWN != 0 {
+        let is_scan = from == OWN && finding != Finding::Covered;
+        // A sensor reports a cell again only if it has changed.
+        if is_at_odds && *packed & IS_OWN != 0 && !(is_scan && *packed & IS_SCANNED != 0) {
             self.contradictions += 1;
             return;
         }
-        *packed |= if from == OWN { IS_OWN } else { 0 };
+        *packed |= if is_scan { IS_OWN | IS_SCANNED } else { u8::from(from == OWN) * IS_OWN };
         let is_corrected = is_at_odds && (from == OWN || known == CellState::Wall);
         let is_visited = known == CellState::Free && finding == Finding::Covered;
         if !(is_new || is_corrected || is_visited) {

@@ -155,6 +155,30 @@ impl Intervention {
     pub const JOIN: u8 = 3;
 }
 
+/// A change of the map during the run: the cells of a box have become free or wall.
+///
+/// It takes effect at the beginning of its tick, before the scans.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapChange {
+    /// Sim time.
+    pub header: Header,
+    /// The tick at whose beginning it takes effect.
+    pub tick: u64,
+    /// One of the constants.
+    pub kind: u8,
+    /// The lowest cell of the box: x, y, z.
+    pub low: [u32; 3],
+    /// The highest cell of the box, which belongs to it.
+    pub high: [u32; 3],
+}
+
+impl MapChange {
+    /// The cells have become free.
+    pub const FREE: u8 = 0;
+    /// The cells have become wall.
+    pub const WALL: u8 = 1;
+}
+
 /// The request of an agent to join a run, repeated until the server replies on `/sim/join_reply`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Join {
@@ -596,4 +620,6 @@ impl WakeCondition {
     /// An agent is in contact that no observation of this share period has listed. Periods begin at
     /// the multiples of [`Scenario::share_period_ticks`].
     pub const FIRST_CONTACT: u8 = 32;
+    /// A scan has found a cell in another state than an earlier scan; ends every wait.
+    pub const REVISED: u8 = 64;
 }

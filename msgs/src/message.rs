@@ -58,8 +58,8 @@ messages! {
         TwistWithCovariance Vector3
     }
     "../msg/": maes_msgs {
-        AgentMessage Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar Motion Observation Progress
-        Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
+        AgentMessage Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar MapChange Motion Observation
+        Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
     }
     "standard/nav_msgs/": nav_msgs { MapMetaData OccupancyGrid Odometry Path }
     "standard/rcl_interfaces/": rcl_interfaces { Log }

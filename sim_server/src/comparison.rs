@@ -307,6 +307,7 @@ enum MessageKind {
     Result,
     Transforms,
     Intervention,
+    MapChange,
     Join,
     Observation,
     Command,
@@ -328,6 +329,7 @@ impl MessageKind {
             (topics::digest(), Self::Digest),
             (topics::progress(), Self::Progress),
             (topics::intervention(), Self::Intervention),
+            (topics::map_change(), Self::MapChange),
             (topics::scenario(), Self::Scenario),
             (topics::result(), Self::Result),
         ];
@@ -357,6 +359,7 @@ impl MessageKind {
             Self::Result => decoded(before, now, between_results),
             Self::Transforms => decoded(before, now, fields::<TFMessage>),
             Self::Intervention => decoded(before, now, fields::<maes_msgs::Intervention>),
+            Self::MapChange => decoded(before, now, fields::<maes_msgs::MapChange>),
             Self::Join => decoded(before, now, fields::<maes_msgs::Join>),
             Self::Observation => decoded(before, now, fields::<maes_msgs::Observation>),
             Self::Command => decoded(before, now, fields::<maes_msgs::Command>),

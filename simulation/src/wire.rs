@@ -22,12 +22,13 @@ use msgs::stage::Stage;
 use msgs::std_msgs::Header;
 use msgs::wake_condition::WakeCondition;
 use nalgebra::{Point3, Vector3};
-use voxels::Extent;
+use voxels::{Cell, Extent, Terrain};
 
 use crate::scenario::{AgentsSection, Scenario};
 use crate::world::body::{Motion, Pose};
 use crate::world::collision::Surface;
 use crate::world::comms::{AgentMessage, Peer};
+use crate::world::map_change::CellBox;
 use crate::world::{Action, Observation, World};
 
 /// Bytes on the wire of a contact, with padding.
@@ -472,6 +473,41 @@ pub fn change(intervention: &maes_msgs::Intervention) -> Result<Change, String> 
         Message::JOIN => Ok(Change::Join(pose)),
         kind => Err(format!("an intervention of kind {kind}: expected 0 to 3")),
     }
+}
+
+/// A change of the map at the beginning of this tick.
+#[must_use]
+pub fn map_change(tick: Tick, cells: CellBox, terrain: Terrain) -> maes_msgs::MapChange {
+    let along = |cell: Cell| [cell.x, cell.y, cell.z].map(i32::cast_unsigned);
+    maes_msgs::MapChange {
+        header: header(tick),
+        tick: tick.0,
+        kind: match terrain {
+            Terrain::Free => maes_msgs::MapChange::FREE,
+            Terrain::Wall => maes_msgs::MapChange::WALL,
+        },
+        low: along(cells.low),
+        high: along(cells.high),
+    }
+}
+
+/// The cells that a recorded change of a map of this extent sets, and to what.
+///
+/// # Errors
+/// If its kind is unknown, or the cells are no box inside the map.
+pub fn changed_cells(change: &maes_msgs::MapChange, extent: Extent) -> Result<(CellBox, Terrain), String> {
+    let terrain = match change.kind {
+        maes_msgs::MapChange::FREE => Terrain::Free,
+        maes_msgs::MapChange::WALL => Terrain::Wall,
+        kind => return Err(format!("a change of the map of kind {kind}: expected 0 or 1")),
+    };
+    let maes_msgs::MapChange { low, high, .. } = change;
+    let is_inside = (0..3).all(|axis| low[axis] <= high[axis] && high[axis] < extent.size()[axis]);
+    if !is_inside {
+        return Err(format!("a change of the map from {low:?} to {high:?}: expected a box of cells inside the map"));
+    }
+    let cell = |[x, y, z]: [u32; 3]| Cell::new(x.cast_signed(), y.cast_signed(), z.cast_signed());
+    Ok((CellBox { low: cell(*low), high: cell(*high) }, terrain))
 }
 
 /// A point in metres as a message.

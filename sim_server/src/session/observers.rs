@@ -11,7 +11,7 @@ use super::engine::{Engine, Shown};
 use super::{Phase, PhaseTimes};
 use crate::transport::Transport;
 use crate::wall_clock::nanoseconds;
-use simulation::scenario::Scenario;
+use simulation::scenario::{RecordedView, Scenario};
 use simulation::visualisation::{
     self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
 };
@@ -28,9 +28,14 @@ pub(super) struct Observers {
 
 impl Observers {
     pub(super) fn new(scenario: &Scenario, now: Instant) -> Self {
+        let mut views = scenario.views.clone();
+        if scenario.event.iter().any(|event| event.map_change().is_some()) {
+            // Replays show the walls of each time.
+            views.record.push(RecordedView::Map);
+        }
         Self {
             views: VisualisationScheduler::new(
-                scenario.views.clone(),
+                views,
                 scenario.agents.count,
                 scenario.recording.poses_period_ticks,
             ),

@@ -16,6 +16,7 @@ mod cast;
 mod culling;
 mod noisy;
 mod pattern;
+mod revision;
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -29,6 +30,7 @@ use cast::{CellLists, FREE, Field, Kernel, OUTSIDE, Start, WALL};
 use culling::{Culling, CullingState, Frontier, UndoEntry};
 pub use noisy::NoisyScan;
 use pattern::Bundle;
+pub(super) use revision::change_kinds;
 
 /// The directions of the rays of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -304,10 +306,7 @@ impl SensorMemory {
             let (at_y, at_z) = (number % (y - 2), number / (y - 2));
             let first = (at_z + 1) * x * y + (at_y + 1) * x + 1;
             for (kind, terrain) in kinds[first..].iter_mut().zip(row) {
-                *kind = match terrain {
-                    Terrain::Free => FREE,
-                    Terrain::Wall => WALL,
-                };
+                *kind = kind_of(*terrain);
             }
         }
         let seen = vec![0; kinds.len()];
@@ -331,13 +330,18 @@ impl SensorMemory {
                 self.culling.forget_free(slot as usize);
             }
             for &slot in free.iter().chain(&wall) {
-                let neighbours =
-                    self.strides.iter().flat_map(|stride| [slot as usize - stride, slot as usize + stride]);
-                for neighbour in neighbours.filter(|&neighbour| self.seen[neighbour] == FREE) {
-                    self.culling.note_free(neighbour);
-                }
+                self.note_free_beside(slot as usize);
             }
             self.culling.restore(undo);
+        }
+    }
+
+    /// Adds the seen free neighbours of a cell that has been forgotten to the frontier.
+    fn note_free_beside(&mut self, slot: usize) {
+        for neighbour in self.strides.into_iter().flat_map(|stride| [slot - stride, slot + stride]) {
+            if self.seen[neighbour] == FREE {
+                self.culling.note_free(neighbour);
+            }
         }
     }
 
@@ -353,6 +357,14 @@ impl SensorMemory {
         let [size_x, size_y, _] = self.extent.size();
         let (z, in_layer) = (slot / layer - 1, slot % layer);
         (z * size_y + in_layer / row - 1) * size_x + in_layer % row - 1
+    }
+}
+
+/// The mark of a cell.
+fn kind_of(terrain: Terrain) -> u8 {
+    match terrain {
+        Terrain::Free => FREE,
+        Terrain::Wall => WALL,
     }
 }
 

@@ -291,6 +291,12 @@ impl State {
         self.ahead.get(place).is_some_and(|scan| scanner.sees_the_same(scan.pose(), pose))
     }
 
+    /// The memory without the scans that were cast ahead.
+    pub(in crate::world) fn without_scans_ahead(&mut self) -> &mut SensorMemory {
+        self.take_back(0);
+        &mut self.memory
+    }
+
     /// Takes back the scans that were cast ahead, from this place on.
     fn take_back(&mut self, place: usize) {
         self.memory.take_back(self.ahead.drain(place..).rev());
