@@ -56,8 +56,8 @@ fn team_explores_what_opens_after_it_has_come_to_rest() {
 
 #[test]
 fn run_ends_once_a_collapse_leaves_nothing_to_see() {
-    // A part of the far room falls in as soon as a body is before it.
-    let collapse = "{ kind = \"wall\", at_s = 0.0, within_m = 2.0, low = [17.0, 0.0, 0.0], high = [20.0, 10.0, 5.0] }";
+    // A part of the far room falls in as soon as a body is before the passage.
+    let collapse = "{ kind = \"wall\", at_s = 0.0, within_m = 7.5, low = [15.0, 0.0, 0.0], high = [18.0, 10.0, 5.0] }";
     for controller in PLANNERS {
         let result = run(controller, &format!("{CLOSED}, {collapse}"), "");
         assert_eq!(counter(&result, "map_changes"), 2, "{controller}");
@@ -68,7 +68,8 @@ fn run_ends_once_a_collapse_leaves_nothing_to_see() {
 
 #[test]
 fn runs_with_changes_are_repeatable() {
-    let shut = "{ kind = \"wall\", at_s = 3.0, within_m = 3.0, agent = 1, low = [10.0, 3.0, 0.0], high = [11.0, 7.0, 5.0] }";
+    let shut =
+        "{ kind = \"wall\", at_s = 3.0, within_m = 3.0, agent = 1, low = [10.0, 3.0, 0.0], high = [11.0, 7.0, 5.0] }";
     let open = "{ kind = \"free\", at_s = 30.0, low = [10.0, 3.0, 0.0], high = [11.0, 7.0, 5.0] }";
     for controller in ["nearest-frontier", "dsvp-team", "rbw", "lvd-maes3d"] {
         let events = format!("{CLOSED}, {shut}, {open}, {OPENED}");

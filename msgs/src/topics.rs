@@ -12,8 +12,8 @@ use crate::diagnostic_msgs::DiagnosticArray;
 use crate::geometry_msgs::TwistStamped;
 use crate::ids::AgentId;
 use crate::maes_msgs::{
-    Command, Digest, Intervention, Join, JoinReply, MapChange, Observation, Progress, Result, Scenario, SignedCommand, SignedJoin,
-    SignedObservation,
+    Command, Digest, Intervention, Join, JoinReply, MapChange, Observation, Progress, Result, Scenario, SignedCommand,
+    SignedJoin, SignedObservation,
 };
 use crate::message::{Message, MessageType};
 use crate::nav_msgs::{OccupancyGrid, Odometry, Path};

@@ -37,8 +37,7 @@ pub(crate) fn result_with(terrain: &Grid<Terrain>, keys: &str, execution: &str) 
     let file = folder.path().join("map.txt");
     let text = format!("cell_m = {}\n{}", terrain.extent().cell_m(), terrain.to_text());
     std::fs::write(&file, text).expect("a map file");
-    let scenario =
-        format!("seed = 1\nmap = {{ kind = \"file\", file = {file:?} }}\n{execution}\n{keys}");
+    let scenario = format!("seed = 1\nmap = {{ kind = \"file\", file = {file:?} }}\n{execution}\n{keys}");
     let scenario = Scenario::parse("the test's scenario", &scenario, &[]).expect("a legal scenario");
     let options = AgentOptions { threads: ThreadLayout::Together, ..AgentOptions::default() };
     let completed = run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");

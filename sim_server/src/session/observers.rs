@@ -34,11 +34,7 @@ impl Observers {
             views.record.push(RecordedView::Map);
         }
         Self {
-            views: VisualisationScheduler::new(
-                views,
-                scenario.agents.count,
-                scenario.recording.poses_period_ticks,
-            ),
+            views: VisualisationScheduler::new(views, scenario.agents.count, scenario.recording.poses_period_ticks),
             started: now,
             phase_times: PhaseTimes::default(),
         }

@@ -393,12 +393,7 @@ impl Scenario {
     }
 
     /// Checks the box and the trigger of an event that changes the map.
-    fn check_map_change(
-        &self,
-        entry: &EventEntry,
-        number: usize,
-        checker: &Checker<'_>,
-    ) -> Result<(), ScenarioError> {
+    fn check_map_change(&self, entry: &EventEntry, number: usize, checker: &Checker<'_>) -> Result<(), ScenarioError> {
         let of = |name: &str| format!("event[{number}].{name}");
         let corner = "expected [x, y, z] in metres, frame map";
         for (name, value) in [("low", entry.low), ("high", entry.high)] {

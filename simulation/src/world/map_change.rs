@@ -61,9 +61,8 @@ impl MapChange {
     pub fn cells(&self, extent: Extent) -> Option<CellBox> {
         let along = [0, 1, 2].map(|axis: usize| {
             let last = extent.size()[axis].cast_signed() - 2;
-            let is_inside = |cell: &i32| {
-                (self.low[axis]..=self.high[axis]).contains(&((f64::from(*cell) + 0.5) * extent.cell_m()))
-            };
+            let is_inside =
+                |cell: &i32| (self.low[axis]..=self.high[axis]).contains(&((f64::from(*cell) + 0.5) * extent.cell_m()));
             let mut cells = (1..=last).filter(is_inside);
             let first = cells.next()?;
             Some((first, cells.next_back().unwrap_or(first)))
@@ -77,9 +76,8 @@ impl CellBox {
     /// All cells, in the order of their indices.
     pub fn cells(self) -> impl Iterator<Item = Cell> {
         let Self { low, high } = self;
-        (low.z..=high.z).flat_map(move |z| {
-            (low.y..=high.y).flat_map(move |y| (low.x..=high.x).map(move |x| Cell::new(x, y, z)))
-        })
+        (low.z..=high.z)
+            .flat_map(move |z| (low.y..=high.y).flat_map(move |y| (low.x..=high.x).map(move |x| Cell::new(x, y, z))))
     }
 
     fn contains(self, cell: Cell) -> bool {
@@ -141,9 +139,8 @@ impl World {
                     high: extent.cell_of(&(sphere.centre + reach)),
                 };
                 let own = extent.cell_of(&sphere.centre);
-                let is_touched = |cell: Cell| {
-                    cell == own || distance_m(extent, cell, cell, &sphere.centre) < sphere.radius_m
-                };
+                let is_touched =
+                    |cell: Cell| cell == own || distance_m(extent, cell, cell, &sphere.centre) < sphere.radius_m;
                 touched.cells().any(|cell| is_free(&cell) && is_touched(cell))
             })
     }
@@ -158,7 +155,10 @@ impl World {
         assert!(self.has_no_pending_scans(), "the map changes while scans are not counted");
         let extent = self.terrain.extent();
         let cells = change.cells(extent)?;
-        assert!(change.terrain == Terrain::Free || !self.is_anything_in(cells), "a body is in a cell that becomes wall");
+        assert!(
+            change.terrain == Terrain::Free || !self.is_anything_in(cells),
+            "a body is in a cell that becomes wall"
+        );
         let indices = cells.cells().filter_map(|cell| extent.index(cell));
         let changed: Vec<u32> =
             indices.filter(|&index| self.terrain[index] != change.terrain).map(|index| index as u32).collect();
