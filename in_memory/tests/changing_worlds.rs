@@ -3,7 +3,16 @@
 
 mod support;
 
-use msgs::maes_msgs::Result as RunResult;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use in_memory::in_process::{AgentOptions, CompletedRun, run as run_scenario};
+use msgs::ids::Tick;
+use msgs::maes_msgs::{MapChange, Result as RunResult};
+use sim_server::recording::Recording;
+use sim_server::session::NullObserver;
+use sim_server::verify::verify;
+use simulation::scenario::Scenario;
 use support::{fill, result, solid};
 use voxels::{Grid, Terrain};
 
@@ -103,4 +112,38 @@ fn map_is_as_good_as_one_that_was_so_from_the_start() {
     assert_eq!(never.explored, 1.0);
     assert!((closed.explored - 408.0 / 468.0).abs() < 1e-9, "{}", closed.explored);
     assert_eq!(closed.reason, "nothing more can be seen");
+}
+
+/// A run of the scenario file `doors.toml`, recorded in a file.
+fn doors(file: &Path) -> Scenario {
+    let text = include_str!("../../launch_scripts/scenarios/doors.toml");
+    let record = format!("duration_s = 120.0\nexecution = {{ threads = 1, record = {file:?} }}");
+    Scenario::parse("doors.toml", &text.replace("duration_s = 600.0", &record), &[]).expect("a legal scenario")
+}
+
+#[test]
+fn recordings_hold_each_change_verify_and_fork() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [parent, fork] = ["parent.mcap", "fork.mcap"].map(|name| folder.path().join(name));
+    let (options, stop) = (AgentOptions::default(), AtomicBool::new(false));
+    let digest = |completed: CompletedRun| completed.outcome.digest;
+    let recorded = digest(run_scenario(&doors(&parent), &options, &mut NullObserver, &stop).expect("a run"));
+    let recording = Recording::open(&parent).expect("a recording");
+    let changes: Vec<MapChange> = recording
+        .messages()
+        .filter(|message| message.channel.topic == "/sim/map_change")
+        .map(|message| message.decode().expect("a change of the map"))
+        .collect();
+    assert_eq!(changes.iter().map(|change| change.kind).collect::<Vec<_>>(), [1, 1, 0]);
+    assert_eq!((changes[0].tick, changes[2].tick), (0, 3000));
+    assert_eq!((changes[1].low, changes[1].high), ([24, 4, 1], [24, 5, 3]));
+    let verified = verify(&recording).expect("it verifies");
+    assert_eq!(verified.digest, recorded);
+    // A fork re-executes the past as a resumed run does, before and after each change.
+    let scenario = doors(&fork);
+    for at in [0, changes[1].tick, changes[1].tick + 1, 2999, 3000, 3001, 5000] {
+        let forked = in_memory::in_process::fork(&recording, Tick(at), &scenario, &options, &mut NullObserver, &stop);
+        assert_eq!(digest(forked.expect("a fork")), recorded, "forked at {at}");
+        assert!(std::fs::read(&parent).unwrap() == std::fs::read(&fork).unwrap(), "forked at {at}");
+    }
 }
