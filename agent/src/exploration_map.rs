@@ -1,17 +1,17 @@
 //! The map of an agent: each cell unexplored, free or wall, with a separate mark of coverage.
 //!
-//! **Conflicts.** A finding of the own sensor overrides reports of other agents, and stays until the
-//! sensor finds otherwise: the world may change, and then the last own finding holds. Among reports, free overrides wall and covered
-//! overrides free, in whatever order they arrive: an agent that saw through a cell or was inside it
-//! knows more than one that was stopped by it, and since the rule does not depend on the order,
-//! agents that merge the same reports have the same map. So a correction to free propagates from
-//! agent to agent, and one to wall stays with agents whose own sensor found the wall; a mark of
-//! coverage is only removed where the own sensor finds a wall.
+//! **Conflicts.** A finding of the own sensor overrides reports of other agents, and stays until
+//! the sensor finds otherwise: the world may change, and then the last own finding holds. Among
+//! reports, free overrides wall and covered overrides free, in whatever order they arrive: an agent
+//! that saw through a cell or was inside it knows more than one that was stopped by it, and since
+//! the rule does not depend on the order, agents that merge the same reports have the same map. So
+//! a correction to free propagates from agent to agent, and one to wall stays with agents whose own
+//! sensor found the wall; a mark of coverage is only removed where the own sensor finds a wall.
 //!
 //! Invariants: a known cell stays known; only free cells are covered; the counts and the frontiers
 //! agree with the cells; the journal holds each change once, in order, and nothing else: at most
-//! [`CHANGES_MAX`] entries for a cell, the last of which is its present state, and two more for each
-//! time that the own sensor finds it changed.
+//! [`CHANGES_MAX`] entries for a cell, the last of which is its present state, and two more for
+//! each time that the own sensor finds it changed.
 //!
 //! The states are kept a second time as bits, by blocks of 4 x 4 x 4 cells: of a report that says
 //! mostly what is known, only new cells are looked at.
@@ -128,9 +128,9 @@ fn is_open(packed: u8, outside: u8) -> bool {
 /// The map of one agent.
 #[derive(Debug, Clone)]
 pub struct ExplorationMap {
-    /// The state in the lower two bits, above them [`IS_OWN`] and [`IS_SCANNED`], and above that the
-    /// number of explored face neighbours. All are 0 at first, which costs no memory where the system
-    /// provides it page by page.
+    /// The state in the lower two bits, above them [`IS_OWN`] and [`IS_SCANNED`], and above that
+    /// the number of explored face neighbours. All are 0 at first, which costs no memory where the
+    /// system provides it page by page.
     cells: Grid<u8>,
     layout: Layout,
     /// Which pages of [`PAGE_CELLS`] of them have been written to.

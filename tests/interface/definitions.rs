@@ -88,6 +88,7 @@ fn constants_are_those_of_the_structs() {
     let mut in_source = constants_in(
         &[
             include_str!("../../msgs/src/maes_msgs.rs"),
+            include_str!("../../msgs/src/maes_msgs/changes.rs"),
             include_str!("../../msgs/src/sensor_msgs.rs"),
             include_str!("../../msgs/src/visualization_msgs.rs"),
             include_str!("../../msgs/src/diagnostic_msgs.rs"),
