@@ -5,15 +5,18 @@ use std::path::{Path, PathBuf};
 
 /// What a run is made by, from the folder of the workspace. What only looks at runs is not among
 /// it.
-const SOURCES: [&str; 14] = [
+const SOURCES: [&str; 17] = [
     "Cargo.lock",
     "voxels/src",
     "mapgen/src",
     "map_files/src",
     "msgs/msg",
     "msgs/src",
+    "system/src",
     "ros_node/src",
     "simulation/src",
+    "transport/src",
+    "recording/src",
     "sim_server/src",
     "agent/src",
     "controllers/src",

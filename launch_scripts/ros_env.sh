@@ -178,6 +178,7 @@ prepare() {
         echo "$stamp" >"$venv/maes_wheels"
     fi
 
+    prepare_stand_in octomap_msgs "std_msgs"
     prepare_stand_in tf2_msgs "action_msgs builtin_interfaces geometry_msgs std_msgs unique_identifier_msgs"
     prepare_stand_in simulation_interfaces "action_msgs builtin_interfaces geometry_msgs std_msgs unique_identifier_msgs"
 

@@ -3,14 +3,15 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use agent_node::transport::{Inbound, ServerTransport};
 use in_memory::AgentsEnd;
 use msgs::ids::AgentId;
-use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join};
+use protocol::limits::PROTOCOL;
 use simulation::scenario::OnAgentLoss;
+use system::wall_clock::now;
 
 use crate::support::memory::{FinishedRun, Play, honest};
 
@@ -146,11 +147,6 @@ fn repeated_joins_are_answered_once() {
         assert!((1..=1 + seconds).contains(&link.replies), "{} replies in {seconds} s", link.replies);
     });
     played.outcome();
-}
-
-#[expect(clippy::disallowed_methods, reason = "a bound for a busy machine")]
-fn now() -> Instant {
-    Instant::now()
 }
 
 /// The link of a process that sends each join ten times, and counts the replies.

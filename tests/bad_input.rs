@@ -4,8 +4,8 @@ use std::path::Path;
 
 use mcap::records::op;
 use rand::RngExt;
+use recording::Message;
 use sim_server::info;
-use sim_server::recording::{self, Message};
 
 use crate::support::memory::{Play, honest};
 use crate::support::processes::{Ended, Process};

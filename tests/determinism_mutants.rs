@@ -19,10 +19,10 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Observation as Part;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use sim_server::recording::Recording;
+use recording::Recording;
 use sim_server::session::RunError;
-use sim_server::transport::{AgentTransport, Incoming, Transport};
 use simulation::scenario::OnAgentLoss;
+use transport::{AgentTransport, Incoming, Transport};
 
 use crate::agent_replacement::{Mortal, Successor, wait_for};
 use crate::support::interceptor::{Interceptor, intercepted};

@@ -99,6 +99,8 @@ mod zenoh;
 
 /// The configurations of RViz 2 and Foxglove.
 mod layouts;
+/// Maps in the programs of others.
+mod map_tools;
 /// Recordings in the viewer Rerun.
 mod rerun;
 

@@ -10,8 +10,8 @@ use msgs::cdr;
 use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
 use msgs::topics;
-use sim_server::recorder::{Document, Recorder};
-use sim_server::recording::SCENARIO_ATTACHMENT;
+use recording::SCENARIO_ATTACHMENT;
+use recording::recorder::{Document, Recorder};
 
 use crate::support::processes::{Ended, Process};
 use crate::support::runs::{Site, text};

@@ -9,10 +9,10 @@ use agent_node::host::{Credentials, Options};
 use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Motion, SignedCommand, SignedJoin};
-use msgs::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
+use protocol::lockstep::SourceId;
+use protocol::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::JoinPolicy;
-use sim_server::transport::{AgentTransport, Inbound, Incoming, Transport};
-use simulation::lockstep::SourceId;
+use transport::{AgentTransport, Inbound, Incoming, Transport};
 
 use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{FinishedRun, Play, honest};

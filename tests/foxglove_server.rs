@@ -6,7 +6,8 @@ use std::net::TcpStream;
 
 use msgs::maes_msgs::Progress;
 use msgs::simulation_interfaces::{
-    NoRequest, ResultResponse, SetSimulationStateRequest, SimulationState, StateResponse, StepRequest,
+    GetSimulationStateRequest, GetSimulationStateResponse, SetSimulationStateRequest, SetSimulationStateResponse,
+    SimulationState, StepSimulationRequest, StepSimulationResponse,
 };
 use msgs::tf2_msgs::TFMessage;
 use serde_json::json;
@@ -33,11 +34,14 @@ fn begun(site: &Site, flags: &[&str]) -> (Run, String) {
 
 fn set_state(client: &mut Client, state: u8) -> u8 {
     let request = SetSimulationStateRequest { state: SimulationState { state } };
-    client.call::<ResultResponse>("/sim_server/set_simulation_state", &request).result.result
+    client.call::<SetSimulationStateResponse>("/sim_server/set_simulation_state", &request).result.result
 }
 
 fn state(client: &mut Client) -> u8 {
-    client.call::<StateResponse>("/sim_server/get_simulation_state", &NoRequest {}).state.state
+    client
+        .call::<GetSimulationStateResponse>("/sim_server/get_simulation_state", &GetSimulationStateRequest {})
+        .state
+        .state
 }
 
 /// The response to an HTTP request with these header lines, to `host:port/...`.
@@ -59,7 +63,7 @@ fn live_stream_equals_the_recording() {
     for topic in ["/tf", "/sim/progress", "/sim/unexplored", "/sim/map", "/agent_1/points"] {
         client.subscribe(topic);
     }
-    assert_eq!(set_state(&mut client, SimulationState::PLAYING), 1);
+    assert_eq!(set_state(&mut client, SimulationState::STATE_PLAYING), 1);
     let session = client.session();
     let live_stream = Recording::from_bytes(&client.live_stream(&session));
     let ended = run.ended().with_code(0);
@@ -96,7 +100,7 @@ fn log_times_are_stamps_for_clients_of_both_subprotocols() {
             client.subscribe(topic);
         }
     }
-    assert_eq!(set_state(&mut clients[0], SimulationState::PLAYING), 1);
+    assert_eq!(set_state(&mut clients[0], SimulationState::STATE_PLAYING), 1);
     for mut client in clients {
         client.read_until(|client| client.messages.contains_key("/sim/result"));
         for topic in STAMPED {
@@ -140,26 +144,27 @@ fn foxglove_clients_control_the_run() {
     assert_eq!(client.said["serverInfo"]["metadata"]["idle"], "false");
     // The address is printed before the topics of the run are advertised.
     client.read_until(|client| client.offered().contains(&"/agent_1/odom"));
-    assert_eq!(state(&mut client), SimulationState::STOPPED);
-    let stepped: ResultResponse = client.call("/sim_server/step_simulation", &StepRequest { steps: 7 });
+    assert_eq!(state(&mut client), SimulationState::STATE_STOPPED);
+    let stepped: StepSimulationResponse =
+        client.call("/sim_server/step_simulation", &StepSimulationRequest { steps: 7 });
     assert_eq!(stepped.result.result, 1);
-    assert_eq!(state(&mut client), SimulationState::PAUSED);
+    assert_eq!(state(&mut client), SimulationState::STATE_PAUSED);
     assert_eq!(client.parameter("map.size"), json!(20));
     assert_eq!(client.set("execution.rtf", 2.5), json!([{ "name": "execution.rtf", "type": "float64", "value": 2.5 }]));
-    assert_eq!(state(&mut client), SimulationState::PAUSED, "requests are handled in order");
+    assert_eq!(state(&mut client), SimulationState::STATE_PAUSED, "requests are handled in order");
     assert_eq!(client.parameter("execution.rtf"), json!(2.5));
     assert_eq!(client.set("execution.rtf", -1.0), json!([]), "no such factor");
     assert_eq!(client.set("map.size", 30), json!([]), "the map stays as it is");
     let nonsense = client.call_raw("/sim_server/step_simulation", "cdr", &[0, 1, 0, 0, 7]);
     assert!(nonsense.unwrap_err().contains("StepSimulation_Request"));
     let old = client.session();
-    assert_eq!(set_state(&mut client, SimulationState::STOPPED), 1, "reset");
+    assert_eq!(set_state(&mut client, SimulationState::STATE_STOPPED), 1, "reset");
     let new = client.next_session();
     assert_eq!(client.fetch(&format!("maes://run/{old}/0")), Err("gone".to_owned()));
     assert!(client.fetch(&format!("maes://run/{new}/0")).is_ok_and(|bytes| bytes.starts_with(b"\x89MCAP")));
     assert!(client.fetch("maes://run/x").is_err_and(|reason| reason.contains("maes://run/<session>/<offset>")));
-    assert_eq!(state(&mut client), SimulationState::STOPPED);
-    assert_eq!(set_state(&mut client, SimulationState::QUITTING), 1);
+    assert_eq!(state(&mut client), SimulationState::STATE_STOPPED);
+    assert_eq!(set_state(&mut client, SimulationState::STATE_QUITTING), 1);
     run.ended().with_code(130);
     assert_eq!(site.recording("run.mcap").result().reason, "quit");
 }
@@ -173,12 +178,12 @@ fn real_time_factor_is_shared_with_ros() {
     client.set("execution.rtf", 2.5);
     play(&site, &["pace", "2.5"]);
     assert_eq!(client.parameter("execution.rtf"), json!(3.0));
-    client.call::<ResultResponse>("/sim_server/step_simulation", &StepRequest { steps: 1 });
-    assert_eq!(set_state(&mut client, SimulationState::STOPPED), 1);
+    client.call::<StepSimulationResponse>("/sim_server/step_simulation", &StepSimulationRequest { steps: 1 });
+    assert_eq!(set_state(&mut client, SimulationState::STATE_STOPPED), 1);
     client.next_session();
-    assert_eq!(state(&mut client), SimulationState::STOPPED);
+    assert_eq!(state(&mut client), SimulationState::STATE_STOPPED);
     assert_eq!(client.parameter("execution.rtf"), json!(3.0), "a reset keeps it");
-    set_state(&mut client, SimulationState::QUITTING);
+    set_state(&mut client, SimulationState::STATE_QUITTING);
     run.ended().with_code(130);
 }
 
@@ -191,7 +196,7 @@ fn slow_client_does_not_block_the_run() {
         slow.subscribe(topic);
     }
     let mut client = Client::connect(&address);
-    set_state(&mut client, SimulationState::PLAYING);
+    set_state(&mut client, SimulationState::STATE_PLAYING);
     let session = client.session();
     let live_stream = Recording::from_bytes(&client.live_stream(&session));
     // The slow client is still connected and has read nothing.

@@ -11,13 +11,14 @@ use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use in_memory::{AgentsEnd, ServerEnd};
 use msgs::geometry_msgs::Point;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use msgs::maes_msgs::{
     self, AgentMessage, Command, Join, Motion, Observation, ScanRequest, Scenario, SignedCommand, SignedObservation,
 };
 use msgs::shared_bytes::SharedBytes;
-use msgs::signing::NONE;
 use msgs::topics::{self, Topic};
+use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
+use protocol::lockstep::SourceId;
+use protocol::signing::NONE;
 use rand::RngExt;
 use ros2_client::qos::{Durability, QosProfile, Reliability, WhenFull};
 use ros2_client::{Context, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, Subscription};
@@ -25,8 +26,7 @@ use rustdds::DomainParticipantBuilder;
 use serde::de::DeserializeOwned;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 use sim_server::session::RunError;
-use sim_server::transport::{AgentTransport, Inbound as ToServer, Incoming};
-use simulation::lockstep::SourceId;
+use transport::{AgentTransport, Inbound as ToServer, Incoming};
 
 use crate::support::domains::Domain;
 use crate::support::interceptor::{Interceptor, intercepted};

@@ -9,13 +9,13 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use agent_node::command::{AgentMessage, Command, Motion, ScanRequest, WakeCondition};
+use agent_node::command::{AgentMessage, Command, Motion, Peer, ScanRequest, WakeCondition};
 use agent_node::controllers::{Controller, Ctx};
 use agent_node::observation::Observation;
 use in_memory::AgentsEnd;
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Vector3;
+use protocol::event_mask::EventMask;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use simulation::scenario::Scenario;
@@ -72,7 +72,8 @@ impl Gossip {
             self.mix(u64::from(contact.agent.0) ^ contact.position.y.to_bits());
         }
         for message in &observation.messages {
-            self.mix(u64::from(message.from.0) + 100 * u64::from(message.kind));
+            let Peer::One(from) = message.peer else { unreachable!("there are no relays") };
+            self.mix(u64::from(from.0) + 100 * u64::from(message.kind));
             message.data.iter().for_each(|&byte| self.mix(byte.into()));
         }
     }
@@ -99,7 +100,10 @@ impl Gossip {
         let rng = &mut self.rng;
         let count = rng.random_range(0..3);
         let mut message = || AgentMessage {
-            to: rng.random_bool(0.5).then(|| AgentId(rng.random_range(0..ctx.run_info().agents))),
+            peer: match rng.random_bool(0.5) {
+                true => Peer::One(AgentId(rng.random_range(0..ctx.run_info().agents))),
+                false => Peer::Broadcast,
+            },
             kind: rng.random(),
             data: (0..rng.random_range(0..2000)).map(|_| rng.random()).collect::<Vec<u8>>().into(),
         };
@@ -134,7 +138,6 @@ impl Controller for Gossip {
             },
             want_view: self.rng.random_bool(0.3),
             messages: self.messages(ctx),
-            relays: Vec::new(),
             wake: self.wake,
             stage: None,
             info: if self.rng.random_bool(0.1) { format!("observed {:x}", self.observed) } else { String::new() },

@@ -31,18 +31,15 @@ fn own_controller() -> &'static Path {
     static BUILT: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let (_, program) = BUILT.get_or_init(|| {
         let folder = tempfile::tempdir().expect("there is room for a folder");
-        let template = root().join("examples/own_controller");
-        let path = |name: &str| folder.path().join(name);
-        let manifest = fs::read_to_string(template.join("Cargo.toml")).expect("the template has a manifest");
-        let absolute = format!("path = {:?}", root().join("agent_node"));
-        assert!(manifest.contains("path = \"../../agent_node\""), "{manifest}");
-        let manifest = manifest.replace("path = \"../../agent_node\"", &absolute);
+        let mut new = Command::new(binaries::folder().join("maes"));
+        let made = new.args(["new", "zigzag", "--sources"]).arg(root()).current_dir(folder.path()).output();
+        let made = made.expect("maes starts");
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        let path = |name: &str| folder.path().join("zigzag").join(name);
         // Foreign crates with the features of the workspace.
+        let manifest = fs::read_to_string(path("Cargo.toml")).expect("it was made");
         let features = format!("[dependencies]\nworkspace_features = {{ path = {:?} }}", root().join(FEATURES));
         fs::write(path("Cargo.toml"), manifest.replace("[dependencies]", &features)).expect("a copy");
-        fs::create_dir(path("src")).expect("a folder");
-        fs::copy(template.join("src/main.rs"), path("src/main.rs")).expect("a copy");
-        fs::copy(root().join("Cargo.lock"), path("Cargo.lock")).expect("a copy");
         let workspace = fs::read_to_string(root().join("Cargo.toml")).expect("the workspace has a manifest");
         let mut workspace: toml::Table = workspace.parse().expect("it is TOML");
         workspace.retain(|key, _| key == "profile");
@@ -53,7 +50,8 @@ fn own_controller() -> &'static Path {
         }
         fs::write(path("profile.toml"), workspace.to_string()).expect("a file");
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["build", "--release", "--offline", "--config", "profile.toml"]).current_dir(folder.path());
+        let arguments = ["build", "--release", "--offline", "--features", "ros", "--config", "profile.toml"];
+        cargo.args(arguments).current_dir(path(""));
         let fixes = root().join(".cargo/config.toml");
         if fixes.is_file() {
             cargo.arg("--config").arg(fixes);
@@ -61,7 +59,7 @@ fn own_controller() -> &'static Path {
         cargo.env("CARGO_TARGET_DIR", binaries::target_folder());
         let built = cargo.output().expect("cargo runs");
         assert!(built.status.success(), "building the template:\n{}", String::from_utf8_lossy(&built.stderr));
-        (folder, binaries::target_folder().join("release/own_controller"))
+        (folder, binaries::target_folder().join("release/zigzag"))
     });
     program
 }
@@ -94,6 +92,8 @@ fn own_controller_runs_alone_and_beside_a_built_in_one() {
     };
     let first = run("forward");
     first.assert_same(&run("reverse"), "in another order of start");
+    let own = ["--agents", "2", "--controller", "zigzag", "--agent-set", "turn_rad=2.5", "--transport", "memory"];
+    first.assert_same(&site.record(&[&own[..], &["--set", &all], &CAVE].concat()), "over memory");
     let recording = site.file("own.mcap", &first.bytes);
     assert_eq!(controllers(&recording, 2), ["zigzag turn_rad=2.5"; 2]);
     let result = Recording::from_bytes(&first.bytes).result();
@@ -132,7 +132,6 @@ fn settings_and_transports_are_checked_before_anything_runs() {
         ),
         (&["--controller", "zigzag", "--agent-set", "turn=1"], "setting `turn`: unknown; known are turn_rad"),
         (&["--controller", "zigzig"], "; did you mean `zigzag`?"),
-        (&["--controller", "zigzag", "--transport", "memory"], "agents.command = ["),
     ] {
         let recording = site.path("refused.mcap");
         let arguments = [flags, &["--set", &own, "--record", text(&recording)]].concat();

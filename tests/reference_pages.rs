@@ -1,12 +1,15 @@
-//! Pages of reference that say the same as the code: the list of messages, and the tables of
-//! topics.
+//! Pages of reference that say the same as the code: the list of messages, the tables of topics, of
+//! counters and of columns.
 //!
-//! With the environment variable `UPDATE_DOCS` the first test writes its page: `UPDATE_DOCS=1 cargo
-//! test --release -p tests reference_pages`.
+//! With the environment variable `UPDATE_DOCS` the generated parts are written: `UPDATE_DOCS=1
+//! cargo test --release -p tests reference_pages`.
 
 use std::collections::BTreeSet;
 use std::fs;
 
+use experiments::columns::ColumnInfo;
+use experiments::rows::{RunRow, WallRow};
+use msgs::counters::{CounterInfo, CounterName};
 use msgs::ids::AgentId;
 use msgs::topics::{self, Durability, Qos, Reliability, Topic};
 use regex_lite::Regex;
@@ -14,26 +17,51 @@ use regex_lite::Regex;
 use crate::support::root;
 use crate::tidy::{files, read};
 
-const BEGIN: &str = "<!-- generated: messages -->\n";
-const END: &str = "<!-- end of generated -->";
-
 #[test]
 fn message_definitions_are_published() {
-    let page = root().join("docs/messages.md");
-    let mut definitions = "\n".to_owned();
+    let mut definitions = String::new();
     for file in files("msgs/msg", "msg") {
         let name = file.file_stem().expect("a message has a name").to_string_lossy().into_owned();
         definitions += &format!("- [`{name}`](../msgs/msg/{name}.msg): {}\n", purpose(&read(&file)));
     }
-    let present = read(&page);
-    let (before, rest) = present.split_once(BEGIN).expect("the page has the mark of its beginning");
-    let (_, after) = rest.split_once(END).expect("the page has the mark of its end");
-    let expected = format!("{before}{BEGIN}{definitions}\n{END}{after}");
+    check_generated("docs/messages.md", "messages", &definitions);
+}
+
+#[test]
+fn documented_counters_are_those_of_results() {
+    let varying = [CounterName::MessageBytesOfType(0), CounterName::TickExplored { permille: 0 }];
+    let counters = CounterName::PLAIN.iter().copied().chain(varying).map(|counter| counter.info());
+    let rows = counters.map(|CounterInfo { name, unit, meaning }| format!("| `{name}` | {unit} | {meaning} |\n"));
+    let table = format!("| counter | unit | |\n|---|---|---|\n{}", rows.collect::<String>());
+    check_generated("docs/recording.md", "counters", &table);
+}
+
+#[test]
+fn documented_columns_are_those_of_runs() {
+    let of_wall = |column: &ColumnInfo| (format!("wall_{}", column.name), column.meaning);
+    let of_run = RunRow::COLUMNS.iter().filter(|column| column.name != "wall_<figure>");
+    let columns = of_run.map(|column| (column.name.replace(", ", "`, `"), column.meaning));
+    let rows = columns.chain(WallRow::COLUMNS.iter().map(of_wall));
+    let rows = rows.map(|(name, meaning)| format!("| `{name}` | {meaning} |\n"));
+    check_generated(
+        "docs/experiments.md",
+        "columns",
+        &format!("| column | |\n|---|---|\n{}", rows.collect::<String>()),
+    );
+}
+
+/// Checks the generated part of a page, which stands between two marks; writes it if asked to.
+fn check_generated(page: &str, part: &str, expected: &str) {
+    let (begin, end) = (format!("<!-- generated: {part} -->\n"), "<!-- end of generated -->");
+    let present = read(&root().join(page));
+    let (before, rest) = present.split_once(&begin).unwrap_or_else(|| panic!("{page} has no {begin}"));
+    let (_, after) = rest.split_once(end).unwrap_or_else(|| panic!("{page} has no {end} after {begin}"));
+    let expected = format!("{before}{begin}\n{expected}\n{end}{after}");
     if std::env::var_os("UPDATE_DOCS").is_some() {
-        fs::write(&page, &expected).expect("the page can be written");
+        fs::write(root().join(page), &expected).expect("the page can be written");
     }
     let hint = "run UPDATE_DOCS=1 cargo test --release -p tests reference_pages";
-    assert!(read(&page) == expected, "docs/messages.md does not have what is in msgs/msg: {hint}");
+    assert!(read(&root().join(page)) == expected, "{page} differs from the code in its part {part}: {hint}");
 }
 
 /// The first sentence of a message definition, which says what the message is.

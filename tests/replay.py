@@ -22,7 +22,22 @@ from simulation_interfaces.msg import SimulatorFeatures
 
 DEPTH = 20_000
 TIME = ["get_simulator_features", "get_simulation_state", "set_simulation_state", "step_simulation"]
-LATCHED = {"/sim/scenario", "/sim/map", "/sim/map_points", "/map", "/robot_description", "/sim/unexplored", "/sim/contacts", "/sim/progress", "/sim/result", "/tf_static"}
+LATCHED = {
+    "/map",
+    "/robot_description",
+    "/sim/contacts",
+    "/sim/explored_map",
+    "/sim/explored_octomap",
+    "/sim/explored_points",
+    "/sim/map",
+    "/sim/map_points",
+    "/sim/octomap",
+    "/sim/progress",
+    "/sim/result",
+    "/sim/scenario",
+    "/sim/unexplored",
+    "/tf_static",
+}
 
 
 def caller():

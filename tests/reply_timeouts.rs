@@ -11,8 +11,8 @@ use agent_node::transport::{Inbound, ServerTransport};
 use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Observation};
-use sim_server::transport::{AgentTransport, Inbound as ToServer, Incoming};
 use simulation::scenario::Rtf;
+use transport::{AgentTransport, Inbound as ToServer, Incoming};
 
 use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{FinishedRun, Play, honest};

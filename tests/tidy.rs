@@ -13,14 +13,18 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The folders of the crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 18] = [
+pub(crate) const CRATES: [&str; 22] = [
     "voxels",
     "msgs",
+    "protocol",
     "system",
     "ros_node",
     "mapgen",
     "map_files",
     "simulation",
+    "transport",
+    "recording",
+    "foxglove_server",
     "sim_server",
     "agent",
     "controllers",
@@ -35,20 +39,39 @@ pub(crate) const CRATES: [&str; 18] = [
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 18] = [
+const USES: [(&str, &[&str]); 22] = [
     ("voxels", &[]),
     ("msgs", &[]),
+    ("protocol", &["msgs", "voxels"]),
     ("system", &[]),
-    ("ros_node", &["msgs"]),
+    ("ros_node", &["msgs", "protocol", "system"]),
     ("mapgen", &["voxels"]),
     ("map_files", &["mapgen", "voxels"]),
-    ("simulation", &["mapgen", "msgs", "voxels"]),
-    ("sim_server", &["map_files", "mapgen", "msgs", "ros_node", "simulation", "system", "voxels"]),
-    ("agent", &["msgs", "voxels"]),
-    ("controllers", &["agent", "msgs", "voxels"]),
-    ("agent_node", &["agent", "controllers", "msgs", "ros_node", "voxels"]),
-    ("in_memory", &["agent_node", "msgs", "sim_server", "simulation"]),
-    ("supervisor", &["msgs", "simulation", "system"]),
+    ("simulation", &["mapgen", "msgs", "protocol", "voxels"]),
+    ("transport", &["msgs", "protocol", "simulation", "system"]),
+    ("recording", &["map_files", "msgs", "simulation", "system", "transport", "voxels"]),
+    ("foxglove_server", &["msgs", "recording", "simulation", "system", "transport"]),
+    (
+        "sim_server",
+        &[
+            "foxglove_server",
+            "map_files",
+            "mapgen",
+            "msgs",
+            "protocol",
+            "recording",
+            "ros_node",
+            "simulation",
+            "system",
+            "transport",
+            "voxels",
+        ],
+    ),
+    ("agent", &["msgs", "protocol", "voxels"]),
+    ("controllers", &["agent", "msgs", "protocol", "voxels"]),
+    ("agent_node", &["agent", "controllers", "msgs", "protocol", "ros_node", "system", "voxels"]),
+    ("in_memory", &["agent", "agent_node", "msgs", "protocol", "recording", "sim_server", "simulation", "transport"]),
+    ("supervisor", &["protocol", "simulation", "system"]),
     ("statistics", &["voxels"]),
     (
         "experiments",
@@ -58,17 +81,33 @@ const USES: [(&str, &[&str]); 18] = [
             "map_files",
             "mapgen",
             "msgs",
+            "protocol",
+            "recording",
             "sim_server",
             "simulation",
             "statistics",
             "supervisor",
+            "system",
             "voxels",
         ],
     ),
     ("report", &["agent_node", "experiments", "msgs", "statistics"]),
     (
         "testing/fault_injection",
-        &["agent_node", "in_memory", "msgs", "ros_node", "sim_server", "simulation", "supervisor", "voxels"],
+        &[
+            "agent_node",
+            "in_memory",
+            "msgs",
+            "protocol",
+            "recording",
+            "ros_node",
+            "sim_server",
+            "simulation",
+            "supervisor",
+            "system",
+            "transport",
+            "voxels",
+        ],
     ),
     (
         "maes",
@@ -76,10 +115,13 @@ const USES: [(&str, &[&str]); 18] = [
             "agent_node",
             "experiments",
             "fault_injection",
+            "foxglove_server",
             "in_memory",
             "map_files",
             "mapgen",
             "msgs",
+            "protocol",
+            "recording",
             "report",
             "ros_node",
             "sim_server",
@@ -170,7 +212,7 @@ fn dependencies_point_one_way() {
 
 #[test]
 fn pure_core_links_no_decoder() {
-    for of in ["mapgen", "simulation"] {
+    for of in ["mapgen", "protocol", "simulation"] {
         let linked = dependencies(of, &[]);
         for decoder in ["png", "laz", "serde_json", "mcap", "map_files"] {
             assert!(!linked.contains(decoder), "{of} links {decoder}");
@@ -193,7 +235,8 @@ fn only_binaries_depend_on_the_ros_client() {
         assert!(knows(binary, &[]), "{binary} talks ROS 2");
         assert!(!knows(binary, &["--no-default-features"]), "the feature `ros` of {binary} can be left out");
     }
-    for pure in ["voxels", "msgs", "mapgen", "map_files", "simulation", "agent", "controllers"] {
+    let pure = ["voxels", "msgs", "protocol", "mapgen", "map_files", "simulation", "transport", "recording", "agent"];
+    for pure in pure.into_iter().chain(["controllers"]) {
         assert!(!knows(pure, &[]), "{pure} has no ROS client");
     }
     assert!(knows("ros_node", &[]));
@@ -224,14 +267,17 @@ fn only_ros_node_names_the_ros_client() {
 fn pure_modules_use_no_system_interface() {
     let pure = [
         ("voxels", &[""][..]),
+        ("protocol", &[""]),
         ("mapgen", &[""]),
         ("map_files", &[""]),
         ("statistics", &[""]),
         ("simulation", &[""]),
-        ("sim_server", &["control", "replay"]),
-        ("agent", &["abstract_graph", "bodies", "command", "exploration_map", "map_markers", "observation", "sharing"]),
+        ("transport", &["control"]),
+        ("recording", &["bag", "comparison", "difference", "map", "playback", "replay"]),
+        ("sim_server", &["session/entities"]),
+        ("agent", &["abstract_graph", "bodies", "exploration_map", "map_markers", "sharing"]),
         ("controllers", &[""]),
-        ("agent_node", &["control_loop", "wire"]),
+        ("agent_node", &["control_loop"]),
     ];
     for (of, modules) in pure {
         for module in modules {
@@ -250,6 +296,20 @@ fn pure_modules_use_no_system_interface() {
             }
         }
     }
+}
+
+#[test]
+fn wall_clock_is_read_in_one_place() {
+    let reads = |code: &str| code.contains("Instant::now") || code.contains("SystemTime::now");
+    // The timers of tokio have a clock of their own.
+    let is_of_tokio = |code: &str| code.contains("tokio::time::");
+    let reading: Vec<String> = CRATES
+        .into_iter()
+        .flat_map(sources)
+        .filter(|(_, code)| reads(code) && !is_of_tokio(code))
+        .map(|(file, _)| file)
+        .collect();
+    assert_eq!(reading, ["system/src/wall_clock.rs"]);
 }
 
 #[test]

@@ -2,9 +2,9 @@
 
 use agent_node::exploration_map::ExplorationMap;
 use agent_node::path::{BodyState, Trajectory};
-use msgs::body_model::BodyModel;
 use msgs::ids::Tick;
 use nalgebra::Point3;
+use protocol::body_model::BodyModel;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use simulation::world::body::{Body, Motion, Pose};

@@ -21,12 +21,13 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Intervention, Join, Motion, Observation};
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
-    EntityRequest, EntityState, SetEntityStateRequest, SetSimulationStateRequest, SimulationState,
+    DeleteEntityRequest, EntityState, GetEntityStateRequest, GetEntityStateResponse, SetEntityStateRequest,
+    SetSimulationStateRequest, SimulationState,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use sim_server::control::Request;
 use simulation::scenario::OnAgentLoss;
+use transport::control::Request;
 
 use crate::support::interceptor::{Interceptor, intercepted};
 use crate::support::memory::{Play, honest, serve};
@@ -82,7 +83,7 @@ fn assert_refused(ended: &Ended, reason: &str) {
 /// A recording with changed messages and correct checksums.
 fn rewritten(file: &Path, change: impl Fn(&Message) -> Option<Vec<u8>>) -> Vec<u8> {
     let bytes = std::fs::read(file).expect("there is a recording");
-    let recording = sim_server::recording::Recording::open(file).expect("it is one");
+    let recording = recording::Recording::open(file).expect("it is one");
     let mut writer =
         WriteOptions::new().profile("ros2").create(Cursor::new(Vec::new())).expect("memory can be written");
     for (name, data) in recording.attachments() {
@@ -207,19 +208,23 @@ impl Intervening {
 
 impl Interceptor for Intervening {
     fn clock(&mut self, tick: Tick) {
-        let entity = |agent: u32| EntityRequest { entity: format!("agent_{agent}") };
+        let entity = |agent: u32| format!("agent_{agent}");
         match tick.0 {
             100 => {
-                self.state(SimulationState::PAUSED);
+                self.state(SimulationState::STATE_PAUSED);
                 let place = Rc::clone(&self.place);
-                let reply = Reply::new(move |response: msgs::simulation_interfaces::EntityStateResponse| {
+                let reply = Reply::new(move |response: GetEntityStateResponse| {
                     *place.borrow_mut() = Some(response.state);
                 });
-                self.requests.push_back(Request::EntityState(Ask { request: entity(1), reply }));
+                self.requests.push_back(Request::EntityState(Ask {
+                    request: GetEntityStateRequest { entity: entity(1) },
+                    reply,
+                }));
             }
             150 => {
                 let reply = Reply::new(|_| {});
-                self.requests.push_back(Request::Delete(Ask { request: entity(0), reply }));
+                self.requests
+                    .push_back(Request::Delete(Ask { request: DeleteEntityRequest { entity: entity(0) }, reply }));
             }
             _ => {}
         }
@@ -236,7 +241,7 @@ impl Interceptor for Intervening {
         }
         let request = self.requests.pop_front();
         if matches!(request, Some(Request::SetEntityState(_))) {
-            self.state(SimulationState::PLAYING);
+            self.state(SimulationState::STATE_PLAYING);
         }
         request
     }
@@ -415,8 +420,7 @@ struct Rewriting {
 }
 
 fn rewritten_as(bytes: &[u8], rewriting: Rewriting) -> Vec<u8> {
-    let recording =
-        sim_server::recording::Recording::from_bytes("run.mcap".to_owned(), bytes.to_vec()).expect("it is a recording");
+    let recording = recording::Recording::from_bytes("run.mcap".to_owned(), bytes.to_vec()).expect("it is a recording");
     let mut writer = rewriting.options.create(Cursor::new(Vec::new())).expect("memory can be written");
     let attach = |writer: &mut mcap::Writer<_>| {
         for (name, data) in recording.attachments() {

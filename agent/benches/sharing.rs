@@ -11,13 +11,14 @@ use std::f64::consts::TAU;
 use std::hint::black_box;
 use std::ops::ControlFlow;
 
+use agent::command::{AgentMessage, Peer};
 use agent::exploration_map::{Change, ExplorationMap};
-use agent::observation::{Contact, ReceivedMessage};
+use agent::observation::Contact;
 use agent::sharing::{DEFAULT_PERIOD_TICKS, Sharing};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
 use nalgebra::{Point3, Vector3};
+use protocol::limits::AGENT_MESSAGE_BYTES_MAX;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, Extent, Grid, Terrain, keep_largest_component, walk};
@@ -79,11 +80,11 @@ fn scan(terrain: &Grid<Terrain>, from: Cell, directions: &[Vector3<f64>], map: &
 struct Agent {
     map: ExplorationMap,
     sharing: Sharing,
-    received: Vec<ReceivedMessage>,
+    received: Vec<AgentMessage>,
 }
 
 impl Agent {
-    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<agent::command::AgentMessage> {
+    fn exchange(&mut self, contacts: &[Contact], now: Tick) -> Vec<AgentMessage> {
         self.sharing.incoming(&mut self.map, &self.received);
         self.sharing.outgoing(&self.map, contacts, now, AGENT_MESSAGE_BYTES_MAX)
     }
@@ -100,15 +101,15 @@ fn round(agents: &mut [Agent], now: Tick) -> (usize, usize) {
     let mut posted = Vec::new();
     for (id, agent) in (0..).zip(&mut *agents) {
         for message in agent.exchange(&contacts(id), now) {
-            assert_eq!(message.to, None, "all messages are broadcasts");
+            assert_eq!(message.peer, Peer::Broadcast, "all messages are broadcasts");
             bytes += message.data.len();
             messages += 1;
-            posted.push(ReceivedMessage { from: AgentId(id), kind: message.kind, data: message.data });
+            posted.push(AgentMessage { peer: Peer::One(AgentId(id)), kind: message.kind, data: message.data });
         }
         agent.received.clear();
     }
     for (id, agent) in (0..).zip(agents) {
-        agent.received.extend(posted.iter().filter(|message| message.from != AgentId(id)).cloned());
+        agent.received.extend(posted.iter().filter(|message| message.peer != Peer::One(AgentId(id))).cloned());
     }
     (bytes, messages)
 }

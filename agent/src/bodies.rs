@@ -4,9 +4,9 @@
 
 use std::f64::consts::TAU;
 
-pub use msgs::body_model::{BodyKind, BodyModel};
-use msgs::ids::AgentId;
 use nalgebra::{Point3, Vector3};
+pub use protocol::body_model::{BodyKind, BodyModel};
+pub use protocol::run_info::Bodies;
 
 /// Time of a straight leg from rest to rest, seconds: including the turn before it, by at most this
 /// angle, if the body turns on the spot.
@@ -57,37 +57,6 @@ fn ramp_s(distance: f64, speed_max: f64, acceleration: f64, deceleration: f64) -
     if top > 0.0 { distance / top + 0.5 * top * per_speed_s } else { 0.0 }
 }
 
-/// The bodies of a team.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Bodies {
-    different: Vec<BodyModel>,
-    /// Index of the model, by agent.
-    body_of: Vec<u8>,
-}
-
-impl Bodies {
-    /// The distinct models, and the index of the model of each agent; `None` if an index is out of
-    /// range.
-    #[must_use]
-    pub fn new(different: Vec<BodyModel>, body_of: Vec<u8>) -> Option<Self> {
-        body_of.iter().all(|&body| usize::from(body) < different.len()).then_some(Self { different, body_of })
-    }
-
-    /// The body of an agent of the run.
-    ///
-    /// # Panics
-    /// If the run has no such agent.
-    #[must_use]
-    pub fn of(&self, agent: AgentId) -> &BodyModel {
-        &self.different[usize::from(self.body_of[agent.index()])]
-    }
-
-    /// The bodies by agent.
-    pub fn iter(&self) -> impl Iterator<Item = &BodyModel> {
-        self.body_of.iter().map(|&body| &self.different[usize::from(body)])
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::f64::consts::FRAC_PI_2;
@@ -117,14 +86,5 @@ mod tests {
         let time_s = |x, y| leg_from(&body, 0.0, &Vector3::new(x, y, 0.0), 1.0).0;
         assert!(time_s(5.0, 0.0) + 2.0 < time_s(0.0, 5.0) && time_s(0.0, 5.0) + 1.0 < time_s(-5.0, 0.0));
         assert_eq!(leg_from(&body, 0.5, &Vector3::z(), 1.0), (leg_s(&body, 1.0, 0.0), 0.5), "up, without a turn");
-    }
-
-    #[test]
-    fn every_agent_has_a_body() {
-        let small = BodyModel { radius_m: 0.1, ..BodyModel::SUBMARINE };
-        let bodies = Bodies::new(vec![BodyModel::SUBMARINE, small], vec![0, 1]).unwrap();
-        assert_eq!(bodies.of(AgentId(1)), &small);
-        assert_eq!(bodies.iter().collect::<Vec<_>>(), [&BodyModel::SUBMARINE, &small]);
-        assert_eq!(Bodies::new(vec![small], vec![0, 1]), None);
     }
 }

@@ -1,32 +1,33 @@
 //! The map of an agent: each cell unexplored, free or wall, with a separate mark of coverage.
 //!
-//! **Conflicts.** A finding of the own sensor overrides reports of other agents, and stays until
-//! the sensor finds otherwise: the world may change, and then the last own finding holds. Among
-//! reports, free overrides wall and covered overrides free, in whatever order they arrive: an agent
-//! that saw through a cell or was inside it knows more than one that was stopped by it, and since
-//! the rule does not depend on the order, agents that merge the same reports have the same map. So
-//! a correction to free propagates from agent to agent, and one to wall stays with agents whose own
-//! sensor found the wall; a mark of coverage is only removed where the own sensor finds a wall.
+//! **Conflicts.** A finding of the own sensor overrides reports of other agents, and stays; of
+//! conflicting own findings the first one stays. Among reports, free overrides wall and covered
+//! overrides free, in whatever order they arrive: an agent that saw through a cell or was inside it
+//! knows more than one that was stopped by it, and since the rule does not depend on the order,
+//! agents that merge the same reports have the same map. So a correction to free propagates from
+//! agent to agent, and one to wall stays with agents whose own sensor found the wall; a mark of
+//! coverage is only removed where the own sensor finds a wall.
 //!
 //! Invariants: a known cell stays known; only free cells are covered; the counts and the frontiers
 //! agree with the cells; the journal holds each change once, in order, and nothing else: at most
-//! [`CHANGES_MAX`] entries for a cell, the last of which is its present state, and two more for
-//! each time that the own sensor finds it changed.
+//! [`CHANGES_MAX`] entries for a cell, the last of which is its present state.
 //!
-//! The states are kept a second time as bits, by blocks of 4 x 4 x 4 cells: of a report that says
-//! mostly what is known, only new cells are looked at.
+//! The states are kept as bits, twice: by rows, for who reads them, and by blocks of 4 x 4 x 4
+//! cells, for what changes them. Of a report that says mostly what is known, only new cells are
+//! looked at, and cells that were all unexplored are learnt at once.
 //!
 //! A *frontier* is a free or covered cell with an unexplored face neighbour inside the map. The set
-//! of frontiers is updated with every change; nothing here ever iterates over the whole map.
+//! of frontiers is updated after every batch of findings, in the blocks at what has changed;
+//! nothing here ever iterates over the whole map.
 //!
 //! Beyond that, reports are not validated.
 
 mod around;
+mod blocks;
 mod cubes;
 mod delta;
 mod journal;
-mod known_blocks;
-mod place;
+mod plane;
 mod sight;
 #[cfg(test)]
 mod tests;
@@ -34,15 +35,15 @@ mod tests;
 use std::ops::Range;
 
 use msgs::ids::AgentId;
-use voxels::{Cell, CellSet, Extent, Grid, bits};
+use voxels::{Cell, CellSet, Extent, bits};
 
 pub use around::Around;
+use blocks::{Blocks, Words, row_of};
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, with_delta};
 use delta::{SIDE, cell_in};
 use journal::{Entry, Journal};
-use known_blocks::KnownBlocks;
-use place::Place;
+use plane::Plane;
 
 /// The state of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -95,47 +96,19 @@ pub struct Change {
 /// broadcast.
 const OWN: u32 = msgs::maes_msgs::AgentMessage::BROADCAST;
 
-/// Cells of a page of memory.
-const PAGE_CELLS: usize = 4096;
-
 /// Most entries of the journal for one cell: wall, free and covered as reported, and wall by the
 /// own sensor.
 pub const CHANGES_MAX: usize = 4;
 
-/// Bit of a cell's byte: found by the own sensor (apart from the mark of coverage).
-const IS_OWN: u8 = 4;
-/// Bit of a cell's byte: scanned by the own sensor, and not only visited.
-const IS_SCANNED: u8 = 8;
-/// Unit of a cell's byte: one explored face neighbour.
-const ONE_CLOSED: u8 = 16;
-
-#[inline]
-fn state_of(packed: u8) -> CellState {
-    match packed & 3 {
-        0 => CellState::Unexplored,
-        1 => CellState::Free,
-        2 => CellState::Covered,
-        _ => CellState::Wall,
-    }
-}
-
-/// Whether a cell with this many neighbours outside the map has an unexplored face neighbour
-/// inside.
-fn is_open(packed: u8, outside: u8) -> bool {
-    packed / ONE_CLOSED + outside < 6
-}
-
 /// The map of one agent.
 #[derive(Debug, Clone)]
 pub struct ExplorationMap {
-    /// The state in the lower two bits, above them [`IS_OWN`] and [`IS_SCANNED`], and above that
-    /// the number of explored face neighbours. All are 0 at first, which costs no memory where the
-    /// system provides it page by page.
-    cells: Grid<u8>,
     layout: Layout,
-    /// Which pages of [`PAGE_CELLS`] of them have been written to.
-    written: CellSet,
-    blocks: KnownBlocks,
+    /// The cells known to be free, covered ones included.
+    free_cells: Plane,
+    wall_cells: Plane,
+    covered_cells: Plane,
+    blocks: Blocks,
     frontier: CellSet,
     journal: Journal,
     free: usize,
@@ -143,19 +116,21 @@ pub struct ExplorationMap {
     covered: usize,
     contradictions: u64,
     corrections: u64,
+    seen_again: u64,
 }
 
 impl ExplorationMap {
     /// An unexplored map.
     #[must_use]
     pub fn new(extent: Extent) -> Self {
-        let cells = Grid::new(extent, 0);
         let layout = Layout::new(extent);
+        let plane = || Plane::new(extent.volume());
         Self {
-            cells,
             layout,
-            written: CellSet::new(extent.volume().div_ceil(PAGE_CELLS)),
-            blocks: KnownBlocks::new(layout.count()),
+            free_cells: plane(),
+            wall_cells: plane(),
+            covered_cells: plane(),
+            blocks: Blocks::new(layout),
             frontier: CellSet::new(extent.volume()),
             journal: Journal::default(),
             free: 0,
@@ -163,6 +138,7 @@ impl ExplorationMap {
             covered: 0,
             contradictions: 0,
             corrections: 0,
+            seen_again: 0,
         }
     }
 
@@ -170,14 +146,14 @@ impl ExplorationMap {
     #[must_use]
     #[inline]
     pub fn extent(&self) -> Extent {
-        self.cells.extent()
+        self.layout.extent()
     }
 
     /// The state of a cell; outside the map all is wall.
     #[must_use]
     #[inline]
     pub fn state(&self, cell: Cell) -> CellState {
-        self.cells.get(cell).map_or(CellState::Wall, |&packed| state_of(packed))
+        self.extent().index(cell).map_or(CellState::Wall, |index| self.state_at(index))
     }
 
     /// The state of the cell with this index.
@@ -187,7 +163,22 @@ impl ExplorationMap {
     #[must_use]
     #[inline]
     pub fn state_at(&self, index: usize) -> CellState {
-        state_of(self.cells[index])
+        assert!(index < self.extent().volume(), "cell {index} is outside the map");
+        match () {
+            () if self.free_cells.contains(index) => match self.covered_cells.contains(index) {
+                true => CellState::Covered,
+                false => CellState::Free,
+            },
+            () if self.wall_cells.contains(index) => CellState::Wall,
+            () => CellState::Unexplored,
+        }
+    }
+
+    /// Whether a cell is known to be free, covered or not.
+    #[must_use]
+    #[inline]
+    pub fn is_free(&self, cell: Cell) -> bool {
+        self.extent().index(cell).is_some_and(|index| self.free_cells.contains(index))
     }
 
     /// Number of known free cells, covered ones included.
@@ -208,17 +199,23 @@ impl ExplorationMap {
         self.covered
     }
 
-    /// Number of ignored reports and visits that contradicted the own sensor: a free cell as a
-    /// wall, or a wall as a free cell.
+    /// Number of ignored findings that contradicted the own sensor: a free cell as a wall, or a
+    /// wall as a free cell.
     #[must_use]
     pub fn contradictions(&self) -> u64 {
         self.contradictions
     }
 
-    /// Number of cells that were overridden: a free cell became a wall, or a wall a free cell.
+    /// Number of overridden reports: a free cell became a wall, or a wall a free cell.
     #[must_use]
     pub fn corrections(&self) -> u64 {
         self.corrections
+    }
+
+    /// Number of cells that the own sensor found free after other agents had reported so.
+    #[must_use]
+    pub fn seen_again(&self) -> u64 {
+        self.seen_again
     }
 
     /// Whether a cell is a frontier.
@@ -248,13 +245,10 @@ impl ExplorationMap {
     /// The changes at these positions of the journal, in order. Positions beyond its end are
     /// ignored.
     pub fn changes(&self, positions: Range<usize>) -> impl Iterator<Item = Change> + '_ {
-        self.journal.entries(positions).map(|entry| {
-            let place = Place::new(self.layout.cell(entry.place()), self.extent().size());
-            Change {
-                cell: place.index as u32,
-                finding: entry.finding(),
-                from: (entry.from != OWN).then_some(AgentId(entry.from)),
-            }
+        self.journal.entries(positions).map(|entry| Change {
+            cell: self.layout.index_of(entry.place()) as u32,
+            finding: entry.finding(),
+            from: (entry.from != OWN).then_some(AgentId(entry.from)),
         })
     }
 
@@ -303,17 +297,19 @@ impl ExplorationMap {
     }
 
     fn note(&mut self, cells: &[u32], finding: Finding) {
-        let extent = self.extent();
-        for &cell in cells.iter().filter(|&&cell| (cell as usize) < extent.volume()) {
-            self.learn_at(&Place::of(cell, extent.size()), finding, OWN);
+        let volume = self.extent().volume();
+        for &cell in cells.iter().filter(|&&cell| (cell as usize) < volume) {
+            self.learn(self.layout.place_of(cell), cell as usize, finding, OWN);
         }
+        self.update_frontiers();
     }
 
     /// Records a visit to a cell, which makes it free as well. Ignored in walls and outside the
     /// map.
     pub fn note_covered(&mut self, cell: Cell) {
-        if self.extent().contains(cell) {
-            self.learn_at(&Place::new([cell.x, cell.y, cell.z], self.extent().size()), Finding::Covered, OWN);
+        if let Some(index) = self.extent().index(cell) {
+            self.learn(self.layout.place_of(index as u32), index, Finding::Covered, OWN);
+            self.update_frontiers();
         }
     }
 
@@ -321,126 +317,133 @@ impl ExplorationMap {
     /// outside the map are ignored.
     pub fn merge(&mut self, delta: &Delta, from: AgentId) {
         for block in &delta.blocks {
-            let new_cells = self.new_cells_of(block);
+            let Some(words) = self.blocks.get(block.index) else { continue };
+            let new_cells = self.new_cells_of(block, &words);
             if new_cells == 0 {
                 continue;
             }
-            let (lowest, size) = (self.layout.lowest(block.index), self.extent().size());
+            if new_cells & words.known == 0 {
+                self.explore(block, new_cells, from.0);
+                continue;
+            }
             for number in bits(new_cells) {
-                let place = Place::new(cell_in(lowest, number), size);
-                self.learn(&place, (block.index, number), block.finding(number), from.0);
+                let place = (block.index, number);
+                self.learn(place, self.layout.index_of(place), block.finding(number), from.0);
             }
         }
+        self.update_frontiers();
     }
 
     /// The cells of a reported block whose finding differs from what is known. [`Self::learn`]
     /// would ignore all others.
-    fn new_cells_of(&self, block: &Block) -> u64 {
-        let Some([known, wall, covered]) = self.blocks.get(block.index) else { return 0 };
+    fn new_cells_of(&self, block: &Block, &Words { known, wall, covered, .. }: &Words) -> u64 {
         let visited = block.covered & !covered;
         block.known & self.layout.inside(block.index) & (!known | (block.wall ^ wall) | visited)
     }
 
-    fn learn_at(&mut self, place: &Place, finding: Finding, from: u32) {
-        let in_block = self.layout.place(place.at.map(i32::cast_unsigned));
-        self.learn(place, in_block, finding, from);
+    /// Learns about cells of a reported block that are all unexplored.
+    fn explore(&mut self, report: &Block, cells: u64, from: u32) {
+        let (wall, covered) = (report.wall & cells, report.covered & cells & !report.wall);
+        let words = self.blocks.of(report.index);
+        words.known |= cells;
+        words.wall |= wall;
+        words.covered |= covered;
+        self.blocks.note_changed(report.index, cells);
+        for number in bits(cells) {
+            self.journal.push(Entry::new((report.index, number), report.finding(number), from));
+        }
+        let [free, wall_count, covered_count] = [cells & !wall, wall, covered].map(|cells| cells.count_ones() as usize);
+        self.free += free;
+        self.wall += wall_count;
+        self.covered += covered_count;
+        let [_, size_y, size_z] = self.extent().size();
+        let [low_x, low_y, low_z] = self.layout.lowest(report.index);
+        for z in 0..SIDE.min(size_z - low_z) {
+            for y in 0..SIDE.min(size_y - low_y) {
+                let row = row_of(cells, y, z);
+                if row == 0 {
+                    continue;
+                }
+                let start = self.layout.index([low_x, low_y + y, low_z + z]);
+                let walls = row_of(wall, y, z);
+                self.free_cells.insert_four(start, row & !walls);
+                self.wall_cells.insert_four(start, walls);
+                if covered != 0 {
+                    self.covered_cells.insert_four(start, row_of(covered, y, z));
+                }
+            }
+        }
     }
 
-    /// Learns about a cell of the map, which has this number in this block.
-    fn learn(&mut self, place: &Place, (block, number): (u32, u32), finding: Finding, from: u32) {
-        if !self.blocks.is_occupied(block) {
-            self.provide(block);
-        }
-        let index = place.index;
-        let packed = &mut self.cells[index];
-        let known = state_of(*packed);
-        let is_new = known == CellState::Unexplored;
-        let is_at_odds = !is_new && (known == CellState::Wall) != (finding == Finding::Wall);
+    /// Learns about a cell of the map: its block with its number in it, and its index. The
+    /// frontiers are out of date then.
+    #[inline]
+    fn learn(&mut self, (block, number): (u32, u32), index: usize, finding: Finding, from: u32) {
+        let bit = 1 << number;
+        let words = self.blocks.of(block);
+        let is_new = words.known & bit == 0;
+        let was_wall = words.wall & bit != 0;
+        let was_covered = words.covered & bit != 0;
+        let is_at_odds = !is_new && was_wall != (finding == Finding::Wall);
         let is_scan = from == OWN && finding != Finding::Covered;
         // A sensor reports a cell again only if it has changed.
-        if is_at_odds && *packed & IS_OWN != 0 && !(is_scan && *packed & IS_SCANNED != 0) {
+        if is_at_odds && words.own & bit != 0 && !(is_scan && words.scanned & bit != 0) {
             self.contradictions += 1;
             return;
         }
-        *packed |= if is_scan { IS_OWN | IS_SCANNED } else { u8::from(from == OWN) * IS_OWN };
-        let is_corrected = is_at_odds && (from == OWN || known == CellState::Wall);
-        let is_visited = known == CellState::Free && finding == Finding::Covered;
+        if from == OWN {
+            let is_first = words.own & bit == 0;
+            self.seen_again += u64::from(is_first && !is_new && !is_at_odds && finding != Finding::Wall);
+            words.own |= bit;
+            words.scanned |= if is_scan { bit } else { 0 };
+        }
+        let is_corrected = is_at_odds && (from == OWN || was_wall);
+        let is_visited = !is_new && !was_wall && !was_covered && finding == Finding::Covered;
         if !(is_new || is_corrected || is_visited) {
             return;
         }
-        *packed = *packed & !3 | finding as u8;
-        let packed = *packed;
-        self.blocks.note(block, number, finding);
+        let only_if = |condition| if condition { bit } else { 0 };
+        words.known |= bit;
+        words.wall = words.wall & !bit | only_if(finding == Finding::Wall);
+        words.covered = words.covered & !bit | only_if(finding == Finding::Covered);
+        self.blocks.note_changed(block, only_if(is_new));
         self.journal.push(Entry::new((block, number), finding, from));
         self.corrections += u64::from(is_corrected);
-        match known {
-            CellState::Unexplored => {}
-            CellState::Free => self.free -= 1,
-            CellState::Covered => (self.free, self.covered) = (self.free - 1, self.covered - 1),
-            CellState::Wall => self.wall -= 1,
-        }
-        match finding {
-            Finding::Free => self.free += 1,
-            Finding::Covered => (self.free, self.covered) = (self.free + 1, self.covered + 1),
-            Finding::Wall => self.wall += 1,
+        match () {
+            () if is_new => {}
+            () if was_wall => {
+                self.wall -= 1;
+                self.wall_cells.remove(index);
+            }
+            () => {
+                self.free -= 1;
+                self.free_cells.remove(index);
+                if was_covered {
+                    self.covered -= 1;
+                    self.covered_cells.remove(index);
+                }
+            }
         }
         if finding == Finding::Wall {
-            self.frontier.remove(index);
-        } else if is_open(packed, place.outside) {
-            self.frontier.insert(index);
-        }
-        if is_new {
-            self.close(place);
-        }
-    }
-
-    /// Writes to all pages with cells of a block or beside it that nothing was written to. The
-    /// system would provide a page that is read first and then written twice: with a thousand
-    /// agents a tenth of the processor time.
-    #[cold]
-    fn provide(&mut self, block: u32) {
-        let [size_x, size_y, size_z] = self.extent().size();
-        let [low_x, low_y, low_z] = self.layout.lowest(block);
-        let beside = |low: u32, size: u32| low.saturating_sub(1)..(low + SIDE + 1).min(size);
-        let row = beside(low_x, size_x);
-        for z in beside(low_z, size_z) {
-            for y in beside(low_y, size_y) {
-                let start = (z * size_y + y) * size_x;
-                for index in [start + row.start, start + row.end - 1].map(|index| index as usize) {
-                    let page = index / PAGE_CELLS;
-                    if !self.written.contains(page) {
-                        self.written.insert(page);
-                        self.cells[index] = 0;
-                    }
-                }
-            }
-        }
-    }
-
-    /// Counts a newly explored cell with its neighbours.
-    fn close(&mut self, place: &Place) {
-        let cells = self.cells.as_mut_slice();
-        if place.is_deep_inside() {
-            for stride in place.strides.map(isize::cast_unsigned) {
-                for neighbour in [place.index - stride, place.index + stride] {
-                    let packed = &mut cells[neighbour];
-                    *packed += ONE_CLOSED;
-                    if !is_open(*packed, 0) {
-                        self.frontier.remove(neighbour);
-                    }
-                }
-            }
+            self.wall += 1;
+            self.wall_cells.insert(index);
             return;
         }
-        for axis in 0..3 {
-            for step in [-1, 1] {
-                let Some((neighbour, outside)) = place.beside(axis, step) else { continue };
-                let packed = &mut cells[neighbour];
-                *packed += ONE_CLOSED;
-                if !is_open(*packed, outside) {
-                    self.frontier.remove(neighbour);
-                }
-            }
+        self.free += 1;
+        self.free_cells.insert(index);
+        if finding == Finding::Covered {
+            self.covered += 1;
+            self.covered_cells.insert(index);
         }
+    }
+
+    /// Brings the frontiers up to date with all cells.
+    fn update_frontiers(&mut self) {
+        let Self { layout, blocks, frontier, .. } = self;
+        blocks.update_frontiers(|block, before, now| {
+            let index = |number| layout.index_of((block, number));
+            bits(before & !now).for_each(|number| frontier.remove(index(number)));
+            bits(now & !before).for_each(|number| frontier.insert(index(number)));
+        });
     }
 }

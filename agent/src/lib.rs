@@ -23,12 +23,12 @@
 
 pub mod abstract_graph;
 pub mod bodies;
-pub mod command;
 pub mod exploration_map;
 pub mod map_markers;
 pub mod navigation;
-pub mod observation;
 pub mod path;
 pub mod sharing;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+
+pub use protocol::{command, observation};

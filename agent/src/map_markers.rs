@@ -4,16 +4,16 @@
 //! map gives the blocks that may have changed; a change can turn neighbouring cells into frontiers
 //! or back, so the blocks of the neighbours count as changed, too.
 //!
-//! Invariants: the map is only read; no message is larger than [`msgs::limits::VIEW_BYTES_MAX`].
-//! This module knows no transport and no clock.
+//! Invariants: the map is only read; no message is larger than
+//! [`protocol::limits::VIEW_BYTES_MAX`]. This module knows no transport and no clock.
 
 use std::collections::BTreeSet;
 
 use msgs::geometry_msgs::Point;
 use msgs::ids::Tick;
-use msgs::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 use msgs::std_msgs::{ColorRGBA, Header};
 use msgs::visualization_msgs::Marker;
+use protocol::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 use voxels::{Blocks, Cell, Extent};
 
 use crate::exploration_map::{CellState, ExplorationMap};

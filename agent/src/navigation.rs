@@ -12,9 +12,9 @@
 use std::num::NonZeroU64;
 use std::task::Poll;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::Point3;
+use protocol::event_mask::EventMask;
 use voxels::Cell;
 
 use crate::command::{Motion, WakeCondition};

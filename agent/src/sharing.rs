@@ -84,13 +84,13 @@ mod updates;
 use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::AGENT_MESSAGE_BYTES_BARE;
-use msgs::message_type::MessageType;
 use msgs::shared_bytes::SharedBytes;
+use protocol::limits::AGENT_MESSAGE_BYTES_BARE;
+use protocol::message_type::MessageType;
 
 use crate::command::AgentMessage;
 use crate::exploration_map::{CHANGES_MAX, ExplorationMap};
-use crate::observation::{Contact, ReceivedMessage};
+use crate::observation::Contact;
 use agent_set::AgentSet;
 use decoded::{Content, Summary, Update};
 use knowledge::Knowledge;
@@ -209,12 +209,12 @@ impl Sharing {
     ///
     /// A malformed message is rejected as a whole and reported, and so is any message of a barred
     /// sender.
-    pub fn incoming(&mut self, map: &mut ExplorationMap, messages: &[ReceivedMessage]) -> Report {
+    pub fn incoming(&mut self, map: &mut ExplorationMap, messages: &[AgentMessage]) -> Report {
         let mut report = Report::default();
-        for ReceivedMessage { from, data, .. } in
-            messages.iter().filter(|message| message.kind == MessageType::Map.number())
+        for AgentMessage { peer, data, .. } in messages.iter().filter(|message| message.is_from_agent(MessageType::Map))
         {
-            match self.admit(map, *from, data) {
+            let crate::command::Peer::One(from) = *peer else { continue };
+            match self.admit(map, from, data) {
                 Ok(Some(deltas)) => {
                     self.totals.messages_taken += 1;
                     self.totals.bytes_taken += data.len() as u64;
@@ -225,7 +225,7 @@ impl Sharing {
                 Err(reason) => {
                     self.totals.messages_refused += 1;
                     self.totals.bytes_refused += data.len() as u64;
-                    report.refused.push((*from, reason));
+                    report.refused.push((from, reason));
                 }
             }
         }

@@ -36,6 +36,9 @@ pub struct Cli {
     /// it has subscribers
     #[arg(long, value_name = "HZ", default_value_t = 5.0, value_parser = hertz)]
     pub map_hz: f64,
+    /// Serve a run in memory, which has started this program with a socket as its standard input
+    #[arg(long, hide = true)]
+    pub over_stdin: bool,
     /// Block the first starts for ever, as a deadlock would: a test of the restart
     #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
     pub stalled_starts: u32,

@@ -21,17 +21,18 @@
 //! counters stay: the new controller knows what the agent has learned, and has decided nothing yet.
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX, LIST_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::{self, Observation as Part};
-use msgs::message_type::MessageType;
+use protocol::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX, LIST_BYTES_MAX, POINT_BYTES};
+use protocol::message_type::MessageType;
 
-use crate::wire::{self, FragmentReassembler, Reassembled, WireError};
 use agent::command::{Command, Motion, WakeCondition};
 use agent::exploration_map::ExplorationMap;
 use agent::navigation::NavigationTask;
 use agent::observation::{Observation, RunInfo};
 use agent::sharing::Sharing;
 use controllers::{Controller, ControllerError, Ctx, Failure, Successors};
+use protocol::observation::fragments::{FragmentReassembler, Reassembled};
+use protocol::wire_error::WireError;
 use thiserror::Error;
 
 /// One agent.
@@ -166,7 +167,7 @@ impl Agent {
         let tick = observation.tick;
         if has_ended {
             self.merge(&mut observation)?;
-            let acknowledgement = wire::command(self.id, tick, Command::keep(WakeCondition::NEXT_TICK));
+            let acknowledgement = Command::keep(WakeCondition::NEXT_TICK).into_message(self.id, tick);
             return Ok(Reaction::Acknowledge(acknowledgement));
         }
         // The server makes every agent due whose controller changes.
@@ -181,7 +182,7 @@ impl Agent {
         let command = maes_msgs::Command {
             known_free: u32::try_from(self.map.free()).expect("an extent has at most 2^30 cells"),
             failed_searches: self.navigation.failures(),
-            ..wire::command(self.id, tick, command)
+            ..command.into_message(self.id, tick)
         };
         self.last_reply = Some(command.clone());
         Ok(Reaction::Reply(command))
@@ -207,7 +208,7 @@ impl Agent {
 
     fn reply_to_poll(&mut self, observation: Observation) -> Result<Command, AgentError> {
         let mut shown = Observation { change: None, ..observation.clone() };
-        shown.messages.retain(|message| message.kind != MessageType::Map.number());
+        shown.messages.retain(|message| !message.is_from_agent(MessageType::Map));
         let mut whole = match self.unmerged.take() {
             Some(earlier) => observation.merged_with(earlier),
             None => observation,
@@ -264,7 +265,7 @@ impl Agent {
             self.map.note_covered(planned);
         }
         self.sharing.incoming(&mut self.map, &observation.messages);
-        observation.messages.retain(|message| message.kind != MessageType::Map.number());
+        observation.messages.retain(|message| !message.is_from_agent(MessageType::Map));
         Ok(())
     }
 
@@ -284,8 +285,7 @@ impl Agent {
 
 /// Bytes left in a command for further messages.
 fn message_budget(command: &Command) -> usize {
-    let of_messages = command.messages.iter().map(|message| message.data.len());
-    let sizes = of_messages.chain(command.relays.iter().map(|order| order.data.len()));
+    let sizes = command.messages.iter().map(|message| message.data.len());
     let (number, data) = sizes.fold((0, 0), |(number, data), size| (number + 1, data + size));
     let waypoints = if let Motion::Path(waypoints) = &command.motion { waypoints.len() } else { 0 };
     let lists = POINT_BYTES * waypoints + AGENT_MESSAGE_BYTES_BARE * number + data;

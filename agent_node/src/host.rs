@@ -26,14 +26,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use msgs::ids::AgentId;
-use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Scenario, SignedCommand, SignedObservation};
-use msgs::signing::{Bytes, NONE, SessionKey, is_equal};
+use protocol::limits::PROTOCOL;
+use protocol::signing::{Bytes, NONE, SessionKey, is_equal};
 
 use crate::control_loop::{Agent, Reaction};
 use crate::parameters;
 use crate::transport::{Inbound, Level, ServerTransport};
-use crate::wire::{self, WireError};
+use protocol::run_info::RunInfo;
+use protocol::wire_error::WireError;
 
 use authentication::Authentication;
 pub use authentication::Credentials;
@@ -201,7 +202,7 @@ impl<T: ServerTransport> Host<T> {
         let mut agents = BTreeMap::new();
         for &id in &options.agents {
             let wrong = |source: WireError| RunError::Agent { agent: id, source: source.into() };
-            let run_info = wire::run_info(scenario, id).map_err(wrong)?;
+            let run_info = RunInfo::from_message(scenario, id).map_err(wrong)?;
             let (name, settings) = options.decides(&run_info.controller, &run_info.settings);
             let resolved = options.registry.resolve_settings(name, &settings)?;
             let label = if settings.is_empty() { name.to_owned() } else { format!("{name} {}", settings.join(" ")) };
@@ -390,7 +391,9 @@ impl<T: ServerTransport> Host<T> {
                 self.answer(id, acknowledgement);
                 self.publish_rest(id);
                 self.transport.log(id, Level::Info, "the run is over");
-                self.agents.remove(&id);
+                if let Some(hosted) = self.agents.remove(&id) {
+                    self.transport.ended(id, hosted.agent.map());
+                }
             }
         }
         Ok(())

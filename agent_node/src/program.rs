@@ -11,14 +11,25 @@
 
 use std::ffi::OsString;
 use std::process::ExitCode;
+#[cfg(unix)]
+use std::time::Duration;
 
 use clap::Parser;
 
 use crate::cli::Cli;
+use crate::host::RunError;
+#[cfg(unix)]
+use crate::host::{AgentProcess, Options};
+#[cfg(unix)]
+use crate::pipe::PipeTransport;
 use controllers::{Registration, Registry};
 
+/// A failure of the system or of the protocol.
+const FAILED: u8 = 1;
 /// Bad input: an argument, a controller, a setting.
 const BAD_INPUT: u8 = 2;
+/// The server has refused an agent.
+const REFUSED: u8 = 5;
 
 /// Runs the agents that the command line names, with the built-in controllers and these. The exit
 /// code: 0 the run is over; 1 a failure of the system or of the protocol; 2 bad input; 5 the server
@@ -53,7 +64,47 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registr
             Err(error) => fail(&error, BAD_INPUT),
         };
     }
-    serve::run(&cli, registry)
+    let ended = if cli.over_stdin { serve_stdin(&cli, registry) } else { serve::run(&cli, registry) };
+    match ended {
+        Ok(()) => 0,
+        Err(error) => fail(&error, code_of(&error)),
+    }
+}
+
+/// The exit code for why agents have ended.
+fn code_of(error: &anyhow::Error) -> u8 {
+    match error.downcast_ref::<RunError>() {
+        Some(RunError::Refused { .. } | RunError::WrongProtocol { .. }) => REFUSED,
+        Some(RunError::Controller(_)) => BAD_INPUT,
+        None if error.is::<BadInput>() => BAD_INPUT,
+        _ => FAILED,
+    }
+}
+
+/// An argument or a file that the user has to change.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+struct BadInput(anyhow::Error);
+
+/// Runs the agents for a run in memory that has started this program.
+#[cfg(unix)]
+fn serve_stdin(cli: &Cli, registry: Registry) -> anyhow::Result<()> {
+    let transport = PipeTransport::on_stdin().map_err(|error| {
+        let text = format!("--over-stdin: {error}; expected a start by maes run --transport memory");
+        BadInput(anyhow::Error::msg(text))
+    })?;
+    let options = Options { server_timeout: Duration::MAX, ..cli.options(registry, getrandom::u64()?) };
+    let mut process = AgentProcess::new(transport, options);
+    while process.step()?.is_continue() {
+        let is_closed = process.transport().is_some_and(PipeTransport::is_closed);
+        anyhow::ensure!(!is_closed, "the run in memory is gone");
+    }
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn serve_stdin(_cli: &Cli, _registry: Registry) -> anyhow::Result<()> {
+    anyhow::bail!("--over-stdin needs a Unix system")
 }
 
 /// Prints an error; returns the exit code.
@@ -71,37 +122,19 @@ fn print(text: &str) {
 mod serve {
     use std::sync::Arc;
 
-    use ros_node::join_secret::{self, JoinSecretError};
+    use ros_node::join_secret;
     use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
     use ros_node::ros_env::RosEnv;
 
+    use super::{BadInput, FAILED};
     use crate::cli::Cli;
-    use crate::host::{self, Credentials, Options, RunError};
+    use crate::host::{self, Credentials, Options};
     use crate::ros::RosTransport;
     use controllers::Registry;
 
-    /// A failure of the system or of the protocol.
-    const FAILED: u8 = 1;
-    /// The server has refused an agent.
-    const REFUSED: u8 = 5;
-
-    pub(super) fn run(cli: &Cli, registry: Registry) -> u8 {
-        match serve(cli, registry) {
-            Ok(()) => 0,
-            Err(error) => {
-                let code = match error.downcast_ref::<RunError>() {
-                    Some(RunError::Refused { .. } | RunError::WrongProtocol { .. }) => REFUSED,
-                    Some(RunError::Controller(_)) => super::BAD_INPUT,
-                    _ if error.is::<JoinSecretError>() => super::BAD_INPUT,
-                    _ => FAILED,
-                };
-                super::fail(&error, code)
-            }
-        }
-    }
-
-    fn serve(cli: &Cli, registry: Registry) -> anyhow::Result<()> {
-        let secret = join_secret::read(cli.join_secret_file.as_deref(), |name| std::env::var_os(name))?;
+    pub(super) fn run(cli: &Cli, registry: Registry) -> anyhow::Result<()> {
+        let secret = join_secret::read(cli.join_secret_file.as_deref(), |name| std::env::var_os(name));
+        let secret = secret.map_err(|error| BadInput(error.into()))?;
         let mut nonce = [0; 32];
         getrandom::fill(&mut nonce)?;
         let stop = stop_on_signals(FAILED)?;
@@ -132,7 +165,9 @@ mod serve {
     use crate::cli::Cli;
     use controllers::Registry;
 
-    pub(super) fn run(_cli: &Cli, _registry: Registry) -> u8 {
-        super::fail(&"this program was built without the feature `ros` of agent_node", 1)
+    pub(super) fn run(_cli: &Cli, _registry: Registry) -> anyhow::Result<()> {
+        anyhow::bail!(
+            "this program was built without the feature `ros` of agent_node: maes run --transport memory runs it"
+        )
     }
 }

@@ -14,17 +14,19 @@ use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Scenario, SignedCommand, SignedJoin, SignedObservation};
-use msgs::parameters::{Named, Parameter};
-use msgs::signing::NONE;
+use msgs::parameters::DeclaredParameter;
+use msgs::rcl_interfaces::Parameter;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
+use protocol::signing::NONE;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{
     Connected, Context, Inbox, MessageKind, Node, Publisher, RosError, Sample, SharedParameters, SocketSample, Sockets,
-    SubscriptionTracker, ThrottledWarning, linger, now, own_source,
+    SubscriptionTracker, ThrottledWarning, linger, own_source,
 };
 use serde::Serialize;
+use system::wall_clock::now;
 
 use crate::parameters;
 use crate::transport::{Inbound, Level, ServerTransport};
@@ -115,7 +117,7 @@ impl RosTransport {
             parameters.borrow_mut().declare(parameters::of_agent(agent));
             if has_parameters {
                 let name = format!("/agent_{agent}");
-                let nothing_to_check = |_: &Named| Ok(());
+                let nothing_to_check = |_: &Parameter| Ok(());
                 workshop.parameters(&mut node, &name, &mut inbox, &parameters, nothing_to_check, |set| match set {
                     Ok(_) => Ok(None),
                     Err(reason) => Err(reason),
@@ -230,7 +232,7 @@ impl ServerTransport for RosTransport {
         }
     }
 
-    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<DeclaredParameter>) {
         if let Some(endpoints) = self.endpoints(agent) {
             endpoints.parameters.borrow_mut().declare(parameters);
         }

@@ -7,9 +7,10 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use agent::exploration_map::ExplorationMap;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
-use msgs::parameters::Parameter;
+use msgs::parameters::DeclaredParameter;
 pub use msgs::rcl_interfaces::Level;
 use msgs::visualization_msgs::Marker;
 
@@ -55,20 +56,17 @@ pub trait ServerTransport {
     fn publish_map(&mut self, _agent: AgentId, _part: &Marker) {}
     /// Logs a text for an agent.
     fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
+    /// Called with the map of an agent whose run is over, for those that evaluate it.
+    fn ended(&mut self, _agent: AgentId, _map: &ExplorationMap) {}
     /// Declares parameters of an agent's node.
-    fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<Parameter>) {}
+    fn declare_parameters(&mut self, _agent: AgentId, _parameters: Vec<DeclaredParameter>) {}
     /// The time by which joins are repeated and a silent server is given up; a simulated network
     /// has its own.
     fn now(&self) -> Instant {
-        wall_clock()
+        system::wall_clock::now()
     }
     /// The next message, or `None` after the timeout.
     fn receive(&mut self, timeout: Duration) -> Option<Inbound>;
-}
-
-#[expect(clippy::disallowed_methods, reason = "joining again is a matter of wall time; no result hangs on it")]
-fn wall_clock() -> Instant {
-    Instant::now()
 }
 
 /// A borrowed transport is a transport.
@@ -105,7 +103,11 @@ impl<T: ServerTransport + ?Sized> ServerTransport for &mut T {
         (**self).log(agent, level, text);
     }
 
-    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<Parameter>) {
+    fn ended(&mut self, agent: AgentId, map: &ExplorationMap) {
+        (**self).ended(agent, map);
+    }
+
+    fn declare_parameters(&mut self, agent: AgentId, parameters: Vec<DeclaredParameter>) {
         (**self).declare_parameters(agent, parameters);
     }
 

@@ -22,12 +22,13 @@ use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_3;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::message_type::MessageType;
+use protocol::message_type::MessageType;
 use voxels::{Cell, Extent};
 
 use super::settings::{SettingError, Settings};
 use agent::bodies::{Bodies, BodyKind, BodyModel, leg_s};
-use agent::observation::{Contact, ReceivedMessage};
+use agent::command::AgentMessage;
+use agent::observation::Contact;
 
 const VERSION: u8 = 1;
 
@@ -120,8 +121,8 @@ impl Auction {
     }
 
     /// Merges received claims and drops expired ones. `agents` is the team size.
-    pub fn receive(&mut self, messages: &[ReceivedMessage], now: Tick, agents: u32) {
-        for message in messages.iter().filter(|message| message.kind == MessageType::Claims.number()) {
+    pub fn receive(&mut self, messages: &[AgentMessage], now: Tick, agents: u32) {
+        for message in messages.iter().filter(|message| message.is_from_agent(MessageType::Claims)) {
             for (agent, claim) in decode(&message.data, self.extent, agents).into_iter().flatten() {
                 let is_newer = self.claims.get(&agent).is_none_or(|known| known.made < claim.made);
                 if agent != self.own && is_newer && claim.made <= now {
@@ -307,6 +308,7 @@ fn decode(bytes: &[u8], extent: Extent, agents: u32) -> Option<Vec<(AgentId, Cla
 
 #[cfg(test)]
 mod tests {
+    use agent::command::Peer;
     use nalgebra::Point3;
 
     use super::*;
@@ -329,8 +331,8 @@ mod tests {
         Bodies::new(vec![BodyModel::SUBMARINE], vec![0; 4]).unwrap()
     }
 
-    fn messages_of(from: &Auction) -> Vec<ReceivedMessage> {
-        vec![ReceivedMessage { from: from.own, kind: MessageType::Claims.number(), data: from.encode().into() }]
+    fn messages_of(from: &Auction) -> Vec<AgentMessage> {
+        vec![AgentMessage { peer: Peer::One(from.own), kind: MessageType::Claims.number(), data: from.encode().into() }]
     }
 
     /// Two agents, each with a claim that the other has received.
@@ -449,7 +451,7 @@ mod tests {
         let received = |data: Vec<u8>| {
             let mut listener = Auction::new(PARAMS, &bodies(), AgentId(0), extent());
             listener.receive(
-                &[ReceivedMessage { from: AgentId(1), kind: MessageType::Claims.number(), data: data.into() }],
+                &[AgentMessage { peer: Peer::One(AgentId(1)), kind: MessageType::Claims.number(), data: data.into() }],
                 Tick(200),
                 4,
             );

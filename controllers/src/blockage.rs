@@ -13,7 +13,7 @@ use super::Ctx;
 use super::dsvp::obstacles::is_near;
 use agent::command::{Command, Stage, WakeCondition};
 use agent::observation::Observation;
-use msgs::event_mask::EventMask;
+use protocol::event_mask::EventMask;
 
 /// Blockages by a body after which it is taken to stay.
 const BLOCKAGES_MIN: u32 = 4;

@@ -23,7 +23,9 @@
 //! knows a reachable frontier or the last position of another agent.
 
 mod avoidance;
+mod baselines;
 mod coordination;
+mod division;
 mod driving;
 mod dtw;
 mod expectation;
@@ -35,6 +37,7 @@ mod params;
 mod pursuit;
 mod relocation;
 mod scanning;
+mod tasks;
 mod team;
 #[cfg(test)]
 mod tests;
@@ -44,9 +47,9 @@ mod variants;
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::Vector3;
+use protocol::event_mask::EventMask;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -61,6 +64,7 @@ use agent::exploration_map::{CellState, ExplorationMap};
 use agent::observation::Observation;
 use agent::path::Neighbours;
 use avoidance::{Waypoints, hold, motion_to, obstacles_near, path_length_m};
+pub use baselines::{c2_explorer, hungarian, racer, rendezvous};
 use coordination::Coordination;
 use driving::Driving;
 use gain::{GainEstimator, Likelihood};
@@ -198,7 +202,7 @@ impl<C: Coordination> Dsvp<C> {
                 self.pursuit.is_sought(agent, &observation.contacts) && !self.has_map_changed(ctx.map())
             }
             Some(Goal::Wandering { .. }) => !self.pursuit.have_all_finished() && !self.has_map_changed(ctx.map()),
-            Some(Goal::Evasion { .. }) => true,
+            Some(Goal::Evasion { .. } | Goal::Meeting { .. }) => true,
             None => false,
         }
     }
@@ -233,6 +237,12 @@ impl<C: Coordination> Dsvp<C> {
                 Command::new(hold(observation), WakeCondition::NEXT_TICK)
                     .with_stage(Stage::Waiting)
                     .with_info("looks for a viewpoint")
+            }
+            Plan::Wait { until, info } => {
+                self.goal = None;
+                let wake = WakeCondition::at(until).or(WakeCondition::on(EventMask::CONTACTS | EventMask::MESSAGE));
+                let command = Command::new(hold(observation), wake).with_stage(Stage::Waiting).with_info(info);
+                self.coordination.with_messages(command, observation)
             }
             Plan::Nothing => {
                 self.goal = None;
@@ -273,14 +283,16 @@ impl<C: Coordination> Dsvp<C> {
         }
         let motion = self.driving.as_ref().map_or(motion, |driving| driving.motion(observation.tick));
         let command = Command::new(motion, self.wake(observation.tick)).with_stage(goal.stage()).with_info(goal.info());
-        self.coordination.with_claims(command, observation)
+        self.coordination.with_messages(command, observation)
     }
 
     /// The wake-up condition while under way. What an agent sees on the way matters only if it
     /// explores, and whom it meets if it has news.
     fn wake(&self, now: Tick) -> WakeCondition {
         let events = match self.goal {
-            Some(Goal::Pursuit { .. } | Goal::Wandering { .. }) => EventMask::CONTACTS | EventMask::MESSAGE,
+            Some(Goal::Pursuit { .. } | Goal::Wandering { .. } | Goal::Meeting { .. }) => {
+                EventMask::CONTACTS | EventMask::MESSAGE
+            }
             _ => EventMask::NEW_CELL,
         };
         let under_way = WakeCondition::TASK_DONE.or(WakeCondition::on(events)).or(self.coordination.wake());
@@ -335,6 +347,9 @@ enum Plan {
     Blocked,
     /// The search for a goal continues in the next tick.
     Pending,
+    /// A rest until then at the latest, or until a contact changes or a message arrives; why, for
+    /// people.
+    Wait { until: Tick, info: &'static str },
     /// No goal.
     Nothing,
 }
@@ -370,7 +385,7 @@ impl<C: Coordination> Dsvp<C> {
             }
             let keep = Command::new(motion, self.wake(now));
             let has_met = observation.events.intersects(EventMask::CONTACTS);
-            return if has_met { self.coordination.with_claims(keep, observation) } else { keep };
+            return if has_met { self.coordination.with_messages(keep, observation) } else { keep };
         }
         self.driving = None;
         if let Some(until) = self.waits_until

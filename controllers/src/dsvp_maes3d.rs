@@ -19,7 +19,8 @@
 //!   over the list of nodes, which skips some;
 //! - the last destination becomes the root even if it was not reached;
 //! - an agent that is done stays done, whatever it receives;
-//! - the end of a task is noticed a tick late, as in [`super::rbw_maes3d`].
+//! - the end of a task is noticed a tick late, as in [`super::rbw_maes3d`];
+//! - before a vertical or empty leg it turns to heading 0 (`maes3d_legs`).
 //!
 //! The reference draws from the one random stream of its engine; this controller draws from its
 //! own. The reference throws if a stage finds no destination, which ends the tick for the whole
@@ -38,14 +39,15 @@ mod tree;
 use std::collections::{BTreeMap, BTreeSet};
 use std::task::Poll;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::{Point3, Vector3};
+use protocol::event_mask::EventMask;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, FACES};
 
 use super::blockage::{Blockages, Yield};
+use super::maes3d_legs::Legs;
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, collision_recovery};
 use agent::command::{Command, Motion, Stage, WakeCondition};
@@ -110,6 +112,8 @@ pub struct DsvpMaes3d {
     /// Whether the last stage found no destination.
     is_trying_again: bool,
     is_done: bool,
+    /// What is left of the path that is under way.
+    legs: Legs,
     /// The agents that it has run into.
     blockages: Blockages,
     /// The cell in which it has run into an agent, and how often in a row.
@@ -132,6 +136,7 @@ impl DsvpMaes3d {
             notices_at: None,
             is_trying_again: false,
             is_done: false,
+            legs: Legs::default(),
             blockages: Blockages::default(),
             run_into: (Cell::default(), 0),
             beside: Vec::new(),
@@ -174,7 +179,7 @@ impl DsvpMaes3d {
         trees.destination = Some((at, node));
         match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
             NavigationStatus::Go(motion) => {
-                self.goes(motion, Stage::Exploring, format!("exploration: to {}", text(cell)))
+                self.goes(ctx, motion, Stage::Exploring, format!("exploration: to {}", text(cell)))
             }
             NavigationStatus::NoPath | NavigationStatus::Searching(_) if ctx.is_wide() => self.looks_from_afar(ctx),
             NavigationStatus::NoPath | NavigationStatus::Searching(_) => Command::keep(WakeCondition::NEXT_TICK)
@@ -199,7 +204,7 @@ impl DsvpMaes3d {
             let to = ctx.approach(cell);
             command = match to.map(|to| ctx.go_to_cell_by(to, Neighbours::Six, SearchTime::Instant)) {
                 Some(NavigationStatus::Go(motion)) => {
-                    self.goes(motion, Stage::Relocating, format!("relocation: to {}", text(cell)))
+                    self.goes(ctx, motion, Stage::Relocating, format!("relocation: to {}", text(cell)))
                 }
                 _ if ctx.is_wide() => {
                     self.frontiers.list_again();
@@ -219,7 +224,7 @@ impl DsvpMaes3d {
                 return if command.motion == Motion::Keep { self.looks_from_afar(ctx) } else { command };
             }
             self.is_done = true;
-            command.wake = NEVER;
+            command.wake = self.wake_when_done();
             command.stage = command.stage.or(Some(Stage::Waiting));
             command.info.push_str(if command.info.is_empty() { "no frontiers left" } else { "; no frontiers left" });
         }
@@ -239,7 +244,12 @@ impl DsvpMaes3d {
                         if let Some(trees) = &mut self.trees {
                             trees.relocate_to(centre(cell));
                         }
-                        self.goes(motion, Stage::Relocating, format!("relocation: to the viewpoint {}", text(cell)))
+                        self.goes(
+                            ctx,
+                            motion,
+                            Stage::Relocating,
+                            format!("relocation: to the viewpoint {}", text(cell)),
+                        )
                     }
                     NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
                         viewpoints.visit(ctx.map().extent(), cell);
@@ -255,9 +265,15 @@ impl DsvpMaes3d {
         }
     }
 
-    fn goes(&mut self, motion: Motion, stage: Stage, info: String) -> Command {
+    /// The wake-up condition of an agent that is done, and may be under way to its last
+    /// destination.
+    fn wake_when_done(&self) -> WakeCondition {
+        if self.legs.is_any_left() { WakeCondition::TASK_DONE } else { NEVER }
+    }
+
+    fn goes(&mut self, ctx: &Ctx<'_>, motion: Motion, stage: Stage, info: String) -> Command {
         self.notices_at = None;
-        Command::new(motion, UNDER_WAY).with_stage(stage).with_info(info)
+        Command::new(self.legs.begin(motion, ctx), UNDER_WAY).with_stage(stage).with_info(info)
     }
 }
 
@@ -271,15 +287,19 @@ const NEVER: WakeCondition = WakeCondition { at: Tick(u64::MAX), events: EventMa
 
 impl Controller for DsvpMaes3d {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        if observation.collision.is_some() {
+            self.legs.end();
+        }
+        let next_leg = if observation.is_active { None } else { self.legs.next(ctx) };
         if self.is_done {
-            return Command::keep(NEVER);
+            return Command::new(next_leg.unwrap_or_default(), self.wake_when_done());
         }
         let mut acts_at = observation.tick;
-        if !observation.is_active && observation.collision.is_none() {
+        if !observation.is_active && next_leg.is_none() && observation.collision.is_none() {
             acts_at = *self.notices_at.get_or_insert(observation.tick.after(1));
         }
         let Some(view) = &observation.view else {
-            return Command::keep(WakeCondition::NEXT_TICK).with_view_request();
+            return Command::new(next_leg.unwrap_or_default(), WakeCondition::NEXT_TICK).with_view_request();
         };
         if self.cell.replace(ctx.cell()) != Some(ctx.cell()) {
             self.frontiers.push_new(view, ctx.map());
@@ -296,6 +316,8 @@ impl Controller for DsvpMaes3d {
             rest.command()
         } else if evades {
             collision_recovery::step_aside(&mut self.rng, ctx)
+        } else if let Some(motion) = next_leg {
+            Command::new(motion, UNDER_WAY)
         } else if observation.is_active {
             Command::keep(UNDER_WAY)
         } else if observation.tick < acts_at {

@@ -20,6 +20,7 @@ pub mod dsvp_maes3d;
 mod failed_goals;
 pub mod lvd;
 pub mod lvd_maes3d;
+mod maes3d_legs;
 pub mod nearest_frontier;
 pub mod rbw;
 pub mod rbw_maes3d;
@@ -158,6 +159,30 @@ pub const REGISTRY: &[Registration] = &[
         description: "viewpoint planner with tours for the whole team over all that is left to see",
         stream: "dsvp",
         construct: &|settings, setup| Ok(Box::new(dsvp::with_team(settings, setup)?)),
+    },
+    Registration {
+        name: "hungarian",
+        description: "Hungarian assignment: a frontier to each agent in contact by the least sum of paths (baseline)",
+        stream: "dsvp",
+        construct: &|settings, setup| Ok(Box::new(dsvp::hungarian(settings, setup)?)),
+    },
+    Registration {
+        name: "rendezvous",
+        description: "planned meetings: agents agree where and when to meet again, and explore until then (baseline)",
+        stream: "dsvp",
+        construct: &|settings, setup| Ok(Box::new(dsvp::rendezvous(settings, setup)?)),
+    },
+    Registration {
+        name: "racer",
+        description: "pairwise division: two agents that meet divide the blocks left, and each tours its own (baseline)",
+        stream: "dsvp",
+        construct: &|settings, setup| Ok(Box::new(dsvp::racer(settings, setup)?)),
+    },
+    Registration {
+        name: "c2-explorer",
+        description: "contiguous regions: agents that meet divide the unexplored components (baseline)",
+        stream: "dsvp",
+        construct: &|settings, setup| Ok(Box::new(dsvp::c2_explorer(settings, setup)?)),
     },
     Registration {
         name: "nearest-frontier",

@@ -28,8 +28,8 @@ pub(crate) mod sights;
 
 use std::task::Poll;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
+use protocol::event_mask::EventMask;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;

@@ -17,7 +17,9 @@
 //! - a wall at the edge of the map that is seen in search mode is an error, and the agent does
 //!   nothing in that tick.
 //!
-//! Unlike the reference it rests before a body that does not move for long.
+//! Before a vertical or empty leg it turns to heading 0 (`maes3d_legs`). Unlike the
+//! reference it rests before a body that does not move for
+//! long.
 //!
 //! The reference has no bodies wider than a cell. Such a body goes as near to a cell as it can, to
 //! no cell again to which it found no path until something near it changes, and without a
@@ -31,9 +33,9 @@
 use std::collections::BTreeMap;
 use std::task::Poll;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::Point3;
+use protocol::event_mask::EventMask;
 use voxels::{Cell, Extent};
 
 use super::blockage::Blockages;
@@ -41,6 +43,7 @@ use super::failed_goals::FailedGoals;
 use super::lvd::last_scan::LastScan;
 use super::lvd::occlusion;
 use super::lvd::places::squared;
+use super::maes3d_legs::Legs;
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx};
 use agent::command::{Command, Motion, Stage, WakeCondition};
@@ -66,6 +69,8 @@ pub struct LvdMaes3d {
     selections: BTreeMap<Cell, u64>,
     is_in_search_mode: bool,
     destination: Option<Point3<f64>>,
+    /// What is left of the path to it.
+    legs: Legs,
     /// The tick in which the end of the present task is noticed.
     notices_at: Option<Tick>,
     said: String,
@@ -197,8 +202,8 @@ impl LvdMaes3d {
     fn sets_out(&mut self, ctx: &Ctx<'_>, cell: Cell, motion: Motion) -> Command {
         self.notices_at = None;
         self.destination = Some(ctx.map().extent().centre(cell));
-        let command = Command::new(motion, WakeCondition::on(UNDER_WAY)).with_view_request();
-        self.with_new_info(command)
+        let motion = self.legs.begin(motion, ctx);
+        self.with_new_info(under_way(motion))
     }
 
     fn goes_to_own_centre(&mut self, ctx: &Ctx<'_>) -> Command {
@@ -231,6 +236,10 @@ impl LvdMaes3d {
             Ok(None) | Err(OutOfBounds) => looks_again(WakeCondition::NEXT_TICK),
         }
     }
+}
+
+fn under_way(motion: Motion) -> Command {
+    Command::new(motion, WakeCondition::on(UNDER_WAY)).with_view_request()
 }
 
 fn looks_again(wake: WakeCondition) -> Command {
@@ -267,7 +276,11 @@ impl Controller for LvdMaes3d {
         {
             return rest.command().with_view_request();
         }
-        let is_idle = !observation.is_active && {
+        if observation.collision.is_some() {
+            self.legs.end();
+        }
+        let is_between_legs = !observation.is_active && self.legs.is_any_left();
+        let is_idle = !observation.is_active && !is_between_legs && {
             let notices_at = *self.notices_at.get_or_insert(now.next());
             observation.collision.is_some() || now >= notices_at
         };
@@ -281,6 +294,9 @@ impl Controller for LvdMaes3d {
                     if is_idle { self.chooses(observation, ctx) } else { looks_again(WakeCondition::NEXT_TICK) };
                 return if chosen.motion == Motion::Keep { self.goes_to_own_centre(ctx) } else { chosen };
             }
+        }
+        if is_between_legs && let Some(motion) = self.legs.next(ctx) {
+            return under_way(motion);
         }
         match (observation.is_active, is_idle) {
             (true, _) => looks_again(WakeCondition::on(UNDER_WAY)),

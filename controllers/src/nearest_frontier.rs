@@ -15,9 +15,9 @@
 use std::collections::BTreeSet;
 use std::task::Poll;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
 use nalgebra::Point3;
+use protocol::event_mask::EventMask;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 

@@ -7,8 +7,8 @@
 
 use std::f64::consts::PI;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::Tick;
+use protocol::event_mask::EventMask;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

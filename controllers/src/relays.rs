@@ -70,7 +70,7 @@ fn along(from: &Point3<f64>, path: &[Point3<f64>], mut length_m: f64) -> Point3<
 #[cfg(test)]
 mod tests {
     use msgs::ids::AgentId;
-    use msgs::relay_id::RelayId;
+    use protocol::relay_id::RelayId;
 
     use super::*;
     use crate::testing::{World, flat};

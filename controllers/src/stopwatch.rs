@@ -7,12 +7,15 @@ use msgs::ids::{AgentId, Tick};
 
 use crate::{Controller, Ctx, Failure};
 use agent::command::Command;
-use agent::exploration_map::{Change, Finding};
 use agent::observation::Observation;
 
 /// The wall time of each decision of some agents, in no order. Clones share it.
-#[derive(Debug, Clone, Default)]
-pub struct DecisionTimes(Arc<Mutex<Vec<Decision>>>);
+#[derive(Debug, Clone)]
+pub struct DecisionTimes {
+    /// The wall clock.
+    now: fn() -> Instant,
+    decisions: Arc<Mutex<Vec<Decision>>>,
+}
 
 /// A decision of an agent.
 #[derive(Debug, Clone, Copy)]
@@ -25,16 +28,19 @@ pub struct Decision {
     pub start: Instant,
     /// How long it took, wall time.
     pub duration: Duration,
-    /// Free cells that the agent has seen itself since its last decision, and that other agents had
-    /// put on its map before.
-    pub seen_again: u32,
 }
 
 impl DecisionTimes {
+    /// No decisions yet; later ones are timed by this wall clock.
+    #[must_use]
+    pub fn new(now: fn() -> Instant) -> Self {
+        Self { now, decisions: Arc::default() }
+    }
+
     /// Wraps a controller to time its decisions.
     #[must_use]
     pub fn of(&self, controller: Box<dyn Controller>) -> Box<dyn Controller> {
-        Box::new(Timed { controller, times: self.clone(), read: 0 })
+        Box::new(Timed { controller, times: self.clone() })
     }
 
     /// All times, ascending.
@@ -48,29 +54,23 @@ impl DecisionTimes {
     /// All decisions so far.
     #[must_use]
     pub fn all(&self) -> Vec<Decision> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.decisions.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
 struct Timed {
     controller: Box<dyn Controller>,
     times: DecisionTimes,
-    /// Position in the journal of the map up to which changes are counted.
-    read: usize,
 }
 
 impl Controller for Timed {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let map = ctx.map();
-        let own = |change: &Change| change.from.is_none() && change.finding == Finding::Free;
-        let first = map.changes_since(self.read).filter(own).count();
-        self.read = map.journal_len();
-        let seen_again = observation.seen.free.len().saturating_sub(first) as u32;
+        let now = self.times.now;
         let start = now();
         let command = self.controller.decide(observation, ctx);
-        let (agent, tick, duration) = (ctx.agent(), observation.tick, start.elapsed());
-        let mut times = self.times.0.lock().unwrap_or_else(PoisonError::into_inner);
-        times.push(Decision { agent, tick, start, duration, seen_again });
+        let (agent, tick, duration) = (ctx.agent(), observation.tick, now().duration_since(start));
+        let mut times = self.times.decisions.lock().unwrap_or_else(PoisonError::into_inner);
+        times.push(Decision { agent, tick, start, duration });
         command
     }
 
@@ -83,11 +83,6 @@ impl Controller for Timed {
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "measuring the wall time is what this is for")]
-fn now() -> Instant {
-    Instant::now()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -97,7 +92,7 @@ mod tests {
 
     #[test]
     fn decisions_are_timed_and_unchanged() {
-        let times = DecisionTimes::default();
+        let times = DecisionTimes::new(system::wall_clock::now);
         let walk = || build("rbw", &[], AgentId(0), &RunInfo::smallest()).unwrap();
         let (mut plain, mut timed) = (walk(), times.of(walk()));
         let mut world = World::empty();

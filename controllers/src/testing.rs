@@ -12,10 +12,10 @@ mod legal;
 
 use std::collections::VecDeque;
 
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
-use msgs::kinematics::turned;
 use nalgebra::{Point3, Vector3};
+use protocol::event_mask::EventMask;
+use protocol::kinematics::turned;
 use voxels::{Cell, Extent, Grid, Terrain, line_of_sight};
 
 use super::{Controller, Ctx, Setup};
@@ -41,8 +41,9 @@ const NEAR_M: f64 = 2.0 * RADIUS_M;
 pub(crate) fn idle() -> Observation {
     Observation {
         tick: Tick::ZERO,
+        agent: AGENT,
         pose: Pose { position: Point3::new(5.5, 5.5, 5.5), yaw_rad: 0.0 },
-        velocity_m_s: Vector3::zeros(),
+        velocity_in_map_m_s: Vector3::zeros(),
         yaw_rate_rad_s: 0.0,
         is_active: false,
         collision: None,
@@ -50,7 +51,6 @@ pub(crate) fn idle() -> Observation {
         contacts: Vec::new(),
         relays: Vec::new(),
         messages: Vec::new(),
-        readings: Vec::new(),
         scan_tick: None,
         seen: Cells::default(),
         view: None,
@@ -72,6 +72,8 @@ pub(crate) struct World {
     /// The next observation. Agents in contact are obstacles when it moves in ticks.
     pub(crate) observation: Observation,
     waypoints: VecDeque<Point3<f64>>,
+    /// The turn that it makes in the next tick.
+    turn_rad: Option<f64>,
     /// The velocity that the body holds, if it does.
     held: Option<HeldVelocity>,
     wake: WakeCondition,
@@ -133,6 +135,7 @@ impl World {
             map: ExplorationMap::new(extent),
             observation: Observation { pose, ..idle() },
             waypoints: VecDeque::new(),
+            turn_rad: None,
             held: None,
             wake: WakeCondition::NEXT_TICK,
             wants_view: false,
@@ -206,6 +209,7 @@ impl World {
                 self.observation.is_active = true;
                 match motion {
                     Motion::Path(points) => self.waypoints = points.iter().copied().collect(),
+                    &Motion::Turn { angle_rad } => self.turn_rad = Some(angle_rad),
                     &Motion::Velocity { linear_in_body_m_s, yaw_rate_rad_s, .. } => {
                         self.held = Some(HeldVelocity { linear_in_body_m_s, yaw_rate_rad_s });
                     }
@@ -236,18 +240,15 @@ impl World {
         command
     }
 
-    /// Runs for this many ticks, with decisions whenever the wake-up condition is met. Only paths
-    /// and velocities are supported.
+    /// Runs for this many ticks, with decisions whenever the wake-up condition is met. Only paths,
+    /// turns and velocities are supported.
     pub(crate) fn run(&mut self, controller: &mut dyn Controller, ticks: u64) {
         let end = self.observation.tick.after(ticks);
         while self.observation.tick < end {
             if self.wake.is_met(self.observation.tick, self.observation.events) {
                 self.sense();
                 let motion = self.ask(controller).motion;
-                assert!(
-                    matches!(motion, Motion::Keep | Motion::Stop | Motion::Path(_) | Motion::Velocity { .. }),
-                    "this world has no {motion:?}"
-                );
+                assert!(!matches!(motion, Motion::Move { .. }), "this world has no {motion:?}");
             }
             self.advance();
             self.wait(1);
@@ -255,6 +256,12 @@ impl World {
     }
 
     fn advance(&mut self) {
+        if let Some(turn_rad) = self.turn_rad.take() {
+            self.observation.pose.yaw_rad += turn_rad;
+            self.observation.is_active = false;
+            self.observation.events |= EventMask::TASK_DONE;
+            return;
+        }
         let here = self.observation.pose.position;
         let target = self.waypoints.front().copied();
         let next = match (&self.held, target) {
@@ -262,7 +269,7 @@ impl World {
                 let mut state = self.state();
                 state.advance(self.run_info.bodies.of(AGENT), held);
                 self.observation.pose.yaw_rad = state.yaw_rad;
-                self.observation.velocity_m_s = turned(&state.velocity_in_body_m_s, state.yaw_rad);
+                self.observation.velocity_in_map_m_s = turned(&state.velocity_in_body_m_s, state.yaw_rad);
                 self.observation.yaw_rate_rad_s = state.yaw_rate_rad_s;
                 state.position
             }
@@ -284,6 +291,9 @@ impl World {
         }
         self.observation.collision = None;
         self.observation.pose.position = next;
+        if self.held.is_none() && (next.x, next.y) != (here.x, here.y) {
+            self.observation.pose.yaw_rad = libm::atan2(next.y - here.y, next.x - here.x);
+        }
         let cell = self.terrain.extent().cell_of(&next);
         assert_eq!(self.terrain.get(cell), Some(&Terrain::Free), "the agent ran into a wall");
         if self.been.last() != Some(&cell) {
@@ -301,8 +311,8 @@ impl World {
 
     /// The body in motion.
     fn state(&self) -> BodyState {
-        let Observation { pose, velocity_m_s, yaw_rate_rad_s, .. } = &self.observation;
-        let velocity_in_body_m_s = turned(velocity_m_s, -pose.yaw_rad);
+        let Observation { pose, velocity_in_map_m_s, yaw_rate_rad_s, .. } = &self.observation;
+        let velocity_in_body_m_s = turned(velocity_in_map_m_s, -pose.yaw_rad);
         BodyState {
             velocity_in_body_m_s,
             yaw_rate_rad_s: *yaw_rate_rad_s,
@@ -311,8 +321,8 @@ impl World {
     }
 
     fn ends(&mut self) {
-        self.held = None;
-        self.observation.velocity_m_s = Vector3::zeros();
+        (self.held, self.turn_rad) = (None, None);
+        self.observation.velocity_in_map_m_s = Vector3::zeros();
         self.observation.yaw_rate_rad_s = 0.0;
         self.waypoints.clear();
         self.observation.is_active = false;

@@ -6,10 +6,10 @@
 //! This module reads no file.
 
 use msgs::printable;
-use sim_server::comparison::{Comparison, Difference};
-use sim_server::difference::Field;
-use sim_server::recording::{End, Recording, SCENARIO_ATTACHMENT};
-use sim_server::session::Checker;
+use recording::comparison::Checker;
+use recording::comparison::{Comparison, Difference};
+use recording::difference::Field;
+use recording::{End, Recording, SCENARIO_ATTACHMENT};
 
 /// The comparison of two recordings.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -14,7 +14,6 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use agent_node::controllers::Registry;
 use msgs::printable;
@@ -30,6 +29,7 @@ use crate::plan::{BUILD, Plan, PlannedRun};
 use crate::rows::{FailedRun, RunMetadata, RunRecord, RunRow, StoredRun};
 use crate::store::{self, Store, StoreError};
 use statistics::StatisticsError;
+use system::wall_clock;
 
 pub use parts::Part;
 #[cfg(feature = "ros")]
@@ -170,13 +170,16 @@ impl PlanObserver for () {}
 /// Names the key and the remedy.
 pub fn check(plan: &Plan, transport: &Transport) -> Result<(), ExecuteError> {
     match transport {
-        Transport::Memory => match plan.runs.iter().find_map(|run| run.scenario.agents.of_ros_only()) {
-            None => Ok(()),
-            Some((key, value)) => {
-                let reason = "expected [] over memory, which has no other programs; use --transport ros2";
-                Err(ExecuteError::Transport { key, value, reason })
+        Transport::Memory => {
+            let of_ros_only = |run: &PlannedRun| run.scenario.agents.of_ros_only(cfg!(feature = "ros"));
+            if let Some((key, value)) = plan.runs.iter().find_map(of_ros_only) {
+                let reason = "expected [] over memory, which has no other nodes; use --transport ros2";
+                return Err(ExecuteError::Transport { key, value, reason });
             }
-        },
+            #[cfg(feature = "ros")]
+            ros::check(plan)?;
+            Ok(())
+        }
         #[cfg(feature = "ros")]
         Transport::Ros2(_) => ros::check(plan),
     }
@@ -440,10 +443,8 @@ pub fn machine() -> String {
 }
 
 /// The day, UTC, such as `2026-11-22`.
-#[expect(clippy::disallowed_methods, reason = "the day stands beside the metrics, and no result depends on it")]
 fn today() -> String {
-    let passed = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    date(passed.as_secs() / 86_400)
+    date(wall_clock::since_epoch().as_secs() / 86_400)
 }
 
 /// The date of a day after 1 January 1970 (proleptic Gregorian calendar).

@@ -3,7 +3,8 @@
 //! In reading order:
 //! - A batch: a [`plan`] lists runs, [`execute`] performs those without a record, [`measure`] turns
 //!   each into [`rows`], [`store`] keeps these in a folder, [`keep`] decides which recordings stay,
-//!   and [`tables`] writes CSV and Parquet. [`merge`] joins folders, [`cluster`] writes job files
+//!   and [`tables`] writes CSV and Parquet,
+//!   with the [`columns`] that the rows declare. [`merge`] joins folders, [`cluster`] writes job files
 //!   for clusters.
 //! - What is possible: [`oracle`] bounds the times of all runs from below, and flies a plan with
 //!   the map known in advance.
@@ -16,6 +17,7 @@
 
 pub mod benchmark;
 pub mod cluster;
+pub mod columns;
 pub mod diff;
 pub mod execute;
 pub mod keep;

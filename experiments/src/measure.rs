@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use msgs::counters::CounterName;
 use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
 use simulation::digest::Digest;
@@ -16,16 +17,14 @@ use simulation::end_reason::EndReason;
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
 use in_memory::stages::StageTimes;
-use sim_server::session::ATTAINABLE_COUNTER;
-
-/// Prefix of the byte counters of a kind of message.
-const BYTES_OF_KIND: &str = "message_bytes_delivered_kind_";
 
 /// The data of a completed run.
 #[derive(Debug, Clone)]
 pub struct Trace<'a> {
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
+    /// Edge of a cell, metres.
+    pub cell_m: f64,
     /// From the start on, every ten seconds of sim time, and at the end.
     pub progress: &'a [Progress],
     pub result: &'a RunResult,
@@ -39,17 +38,19 @@ pub struct Trace<'a> {
 /// The record of a planned run.
 #[must_use]
 pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
-    let Trace { size, progress, result, stages, seen_again, wall } = trace;
+    let Trace { size, cell_m, progress, result, stages, seen_again, wall } = trace;
     let scenario = &run.scenario;
-    let counters = Counters(result.counters.iter().map(|counter| (counter.name.as_str(), counter.value)).collect());
-    let reached = |permille: u32| {
-        let name = format!("tick_explored_permille_{permille}");
-        counters.0.get(name.as_str()).map(|&tick| seconds(tick))
+    let counters: BTreeMap<CounterName, u64> = result.known_counters().collect();
+    let count = |name| counters.get(&name).copied().unwrap_or(0);
+    let reached = |permille| counters.get(&CounterName::TickExplored { permille }).map(|&tick| seconds(tick));
+    let of_type = |(name, &bytes): (&CounterName, _)| match name {
+        CounterName::MessageBytesOfType(message_type) => Some((*message_type, bytes)),
+        _ => None,
     };
     let series: Vec<Sample> = progress.iter().map(sample).collect();
     let (seen_mean, seen_deviation) = mean_and_deviation(&result.explored_by);
     let stages = stages.until(Tick(result.tick));
-    let free_cells = counters.of("free_cells");
+    let free_cells = count(CounterName::FreeCells);
     let redundancy = redundancy(&result.explored_by, result.explored);
     let known = seen_again.map(|cells| ratio(cells as f64, free_cells as f64 * result.explored).unwrap_or(0.0));
     let row = RunRow {
@@ -65,7 +66,8 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         reason: EndReason::from(result.reason.as_str()),
         free_cells,
         explored: result.explored,
-        attainable: counters.0.get(ATTAINABLE_COUNTER).map(|&millionths| millionths as f64 / 1e6),
+        explored_m3: Some(result.explored * free_cells as f64 * cell_m.powi(3)),
+        attainable: counters.get(&CounterName::AttainablePpm).map(|&millionths| millionths as f64 / 1e6),
         covered: result.covered,
         believed_mean: mean_and_deviation(&result.believed_by).0,
         believed_min: result.believed_by.iter().copied().reduce(f64::min).unwrap_or(0.0),
@@ -87,14 +89,14 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         waiting_s: stages.waiting_s,
         imbalance: ratio(seen_deviation, seen_mean).unwrap_or(0.0),
         contact_share: contact_share(progress, scenario.agents.count),
-        messages: counters.of("messages_delivered"),
-        message_bytes: counters.of("message_bytes_delivered"),
-        bytes_by_kind: counters.by_kind(),
+        messages: count(CounterName::MessagesDelivered),
+        message_bytes: count(CounterName::MessageBytesDelivered),
+        bytes_by_kind: counters.iter().filter_map(of_type).collect(),
         staleness: staleness(progress),
-        decisions: counters.of("decisions"),
-        collisions: counters.of("collisions"),
-        search_failures: counters.of("failed_searches"),
-        refusals: counters.refusals(),
+        decisions: count(CounterName::Decisions),
+        collisions: count(CounterName::Collisions),
+        search_failures: count(CounterName::FailedSearches),
+        refusals: counters.iter().filter(|(name, _)| name.is_refusal()).map(|(_, count)| count).sum(),
         digest: Digest(result.digest).to_string(),
         oracle: None,
         wall,
@@ -118,23 +120,6 @@ pub fn wall_row(end: Tick, wall: Duration, decisions: &[Duration], machine: &str
         decision_p95_us: quantile(95),
         decision_p99_us: quantile(99),
         machine: machine.to_owned(),
-    }
-}
-
-struct Counters<'a>(BTreeMap<&'a str, u64>);
-
-impl Counters<'_> {
-    fn of(&self, name: &str) -> u64 {
-        self.0.get(name).copied().unwrap_or(0)
-    }
-
-    fn by_kind(&self) -> BTreeMap<u8, u64> {
-        let kind = |name: &str| name.strip_prefix(BYTES_OF_KIND)?.parse().ok();
-        self.0.iter().filter_map(|(name, &bytes)| Some((kind(name)?, bytes))).collect()
-    }
-
-    fn refusals(&self) -> u64 {
-        self.0.iter().filter(|(name, _)| name.starts_with("refused_")).map(|(_, &count)| count).sum()
     }
 }
 

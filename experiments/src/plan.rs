@@ -19,9 +19,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use agent_node::controllers::Registry;
-use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use simulation::scenario::{Override, Scenario, ScenarioError, one_line};
 use simulation::wire;
+use system::input_file::{self, TEXT_BYTES_MAX};
 use thiserror::Error;
 
 use dimensions::{Change, Choice, combinations};

@@ -9,6 +9,8 @@ use msgs::ids::Tick;
 use serde::{Deserialize, Serialize};
 use simulation::end_reason::EndReason;
 
+use crate::columns::row;
+
 /// Sim time between two samples of a series, seconds.
 pub const SAMPLE_PERIOD_S: f64 = 10.0;
 
@@ -107,108 +109,95 @@ pub struct RunRecord {
     pub series: Vec<Sample>,
 }
 
-/// The metrics of a run.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RunRow {
-    /// First 16 hexadecimal digits of the blake3 hash of scenario, seed and build.
-    pub id: String,
-    /// See [`crate::plan::BUILD`].
-    pub build: String,
-    pub controller: String,
-    pub seed: u64,
-    /// Cells of the map along x, y and z.
-    pub size: [u32; 3],
-    /// Size of the team.
-    pub agents: u32,
-    /// Key and value, as text, of every axis of the plan.
-    pub axes: BTreeMap<String, String>,
-    /// Maximum sim time of the run, s.
-    pub duration_s: f64,
-    /// Sim time at which it ended, s.
-    pub end_s: f64,
-    /// Why it ended, as in the result message.
-    pub reason: EndReason,
-    /// Free cells of the true map.
-    pub free_cells: u64,
-    /// Share of the free cells that the team has seen at the end.
-    pub explored: f64,
-    /// Share of the free cells that the team can see from where its bodies can be; `None` if one of
-    /// them is not wider than a cell, and on large maps.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub attainable: Option<f64>,
-    /// Share of the free cells that bodies of the team have passed through.
-    pub covered: f64,
-    /// Share of the free cells on an agent's map at the end: mean over the agents.
-    pub believed_mean: f64,
-    /// Share of the free cells on an agent's map at the end: minimum over the agents.
-    pub believed_min: f64,
-    /// Sim time at which the team had seen 50 % of the free cells, s; `None` if it never had.
-    pub t50_s: Option<f64>,
-    /// Sim time at which the team had seen 90 % of the free cells, s.
-    pub t90_s: Option<f64>,
-    /// Sim time at which the team had seen 99 % of the free cells, s.
-    pub t99_s: Option<f64>,
-    /// Sim time at which the team had seen 99.9 % of the free cells, s.
-    pub t99_9_s: Option<f64>,
-    /// Sim time at which the team had seen all free cells, s.
-    pub t100_s: Option<f64>,
-    /// Mean of the explored share over the whole duration, 0 to 1; constant after the end.
-    pub area_under_explored: f64,
-    /// Path length, summed over the agents, m.
-    pub distance_m: f64,
-    /// Maximum path length of an agent, m.
-    pub distance_max_m: f64,
-    /// Cells seen by each agent itself, summed over the agents, divided by the cells seen by the
-    /// team, minus 1.
-    pub redundancy: f64,
-    /// The part of it that agents had on their maps before they saw it; `None` if not measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub redundancy_known: Option<f64>,
-    /// The other part: what only others had seen.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub redundancy_unknown: Option<f64>,
-    /// The redundancy after the first minute; `None` if the run was shorter.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub redundancy_first_minute: Option<f64>,
-    /// Sim time in which agents were on the way to viewpoints nearby, summed over the agents, s.
-    /// See [`in_memory::stages`].
-    #[serde(default)]
-    pub exploring_s: f64,
-    /// Sim time in which agents were on the way to frontiers that are not nearby, summed, s.
-    #[serde(default)]
-    pub relocating_s: f64,
-    /// Sim time in which agents carried cells of their maps to other agents, summed, s.
-    #[serde(default)]
-    pub carrying_s: f64,
-    /// Sim time in which agents had no goal, or kept out of the way of others, summed, s.
-    #[serde(default)]
-    pub waiting_s: f64,
-    /// Coefficient of variation of the cells that each agent has seen itself.
-    pub imbalance: f64,
-    /// Share of the pairs of agents in contact: mean over the samples; 0 for one agent.
-    pub contact_share: f64,
-    /// Number of agent-to-agent messages delivered.
-    pub messages: u64,
-    /// Payload of the agent-to-agent messages delivered, bytes.
-    pub message_bytes: u64,
-    /// Payload of the agent-to-agent messages delivered by type of message, bytes.
-    pub bytes_by_kind: BTreeMap<u8, u64>,
-    /// Share of the cells seen by the team that an agent's map lacks: mean over agents and samples.
-    pub staleness: f64,
-    /// Number of committed replies of agents.
-    pub decisions: u64,
-    /// Number of collisions of bodies with walls and with each other.
-    pub collisions: u64,
-    /// Number of path searches without a path.
-    pub search_failures: u64,
-    /// Number of messages of agents that the server has refused.
-    pub refusals: u64,
-    pub digest: String,
-    /// Present if the plan asks for it. Like the other metrics it is a function of the run.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub oracle: Option<OracleRow>,
-    pub wall: WallRow,
+row! {
+    /// The metrics of a run: a row of `runs.csv`, and its columns in their order. Shares are of the
+    /// free cells of the true map, 0 to 1.
+    RunRow {
+        id: String =
+            "Identifies the run: 16 hexadecimal digits of the blake3 hash of scenario, seed and \
+             build.";
+        build: String = "Version and commit of the program that ran it.";
+        controller: String = "Controllers of the team with their settings.";
+        seed: u64 = "Seed of the scenario.";
+        size as "size_x, size_y, size_z": [u32; 3] = "Cells of the map along x, y and z.";
+        agents: u32 = "Size of the team.";
+        axes as "axis.<key>": BTreeMap<String, String> =
+            "Value of each axis of the plan; `axis.variant` and `axis.map.file` for variants and \
+             map files.";
+        duration_s: f64 = "Maximum sim time of the run, s.";
+        end_s: f64 = "Sim time at which it ended, s.";
+        reason: EndReason =
+            "Why it ended: `explored`, `nothing more can be seen`, `duration`, or another reason.";
+        free_cells: u64 = "Free cells of the true map.";
+        explored: f64 = "Share that the team has seen at the end.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        explored_m3: Option<f64> =
+            "Volume of the free cells that the team has seen at the end, m^3; missing in folders of \
+             earlier builds.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        attainable: Option<f64> =
+            "Share that the team can see from where its bodies can be; missing if one of them fits \
+             into a cell, and on maps of more than 2^24 cells.";
+        covered: f64 = "Share that bodies of the team have passed through at the end.";
+        believed_mean: f64 = "Share that is on an agent's map, as of its last command: mean over the agents.";
+        believed_min: f64 =
+            "Share that is on an agent's map, as of its last command: minimum over the agents.";
+        t50_s: Option<f64> =
+            "Sim time at which the team had seen 50 % of the free cells, s; missing if it never \
+             had.";
+        t90_s: Option<f64> = "Sim time at which the team had seen 90 % of the free cells, s.";
+        t99_s: Option<f64> = "Sim time at which the team had seen 99 % of the free cells, s.";
+        t99_9_s: Option<f64> = "Sim time at which the team had seen 99.9 % of the free cells, s.";
+        t100_s: Option<f64> = "Sim time at which the team had seen all free cells, s.";
+        area_under_explored: f64 =
+            "Mean of the explored share over the whole duration, 0 to 1; constant after the end.";
+        distance_m: f64 = "Path length, summed over the agents, m.";
+        distance_max_m: f64 = "Maximum path length of an agent, m.";
+        redundancy: f64 =
+            "Cells seen by each agent itself, summed over the agents, divided by the cells seen by \
+             the team, minus 1.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        redundancy_known: Option<f64> =
+            "Part of the redundancy that agents had on their maps before they saw it; missing over \
+             ROS 2, where the agents' maps are not read.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        redundancy_unknown: Option<f64> =
+            "Part of the redundancy that only other agents had seen; missing over ROS 2.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        redundancy_first_minute: Option<f64> = "Redundancy after 60 s; missing if the run was shorter.";
+        #[serde(default)]
+        exploring_s: f64 =
+            "Sim time in which agents were on the way to viewpoints nearby, summed over the agents, \
+             s.";
+        #[serde(default)]
+        relocating_s: f64 =
+            "Sim time in which agents were on the way to frontiers that are not nearby, summed, s.";
+        #[serde(default)]
+        carrying_s: f64 = "Sim time in which agents carried cells of their maps to other agents, summed, s.";
+        #[serde(default)]
+        waiting_s: f64 = "Sim time in which agents had no goal, or kept out of the way of others, summed, s.";
+        imbalance: f64 = "Coefficient of variation of the cells that each agent has seen itself.";
+        contact_share: f64 =
+            "Share of the pairs of agents in contact: mean over the samples every 10 s; 0 for one \
+             agent.";
+        messages: u64 = "Number of agent-to-agent messages delivered.";
+        message_bytes: u64 = "Payload of the agent-to-agent messages delivered, bytes.";
+        bytes_by_kind as "message_bytes_kind_<type>": BTreeMap<u8, u64> =
+            "Payload of the agent-to-agent messages delivered of a type (recording.md), bytes.";
+        staleness: f64 =
+            "Share of the team's seen cells that an agent's map lacks: mean over agents and \
+             samples.";
+        decisions: u64 = "Number of committed replies of agents.";
+        collisions: u64 = "Number of collisions of bodies with walls and with each other.";
+        search_failures: u64 = "Number of path searches without a path.";
+        refusals: u64 = "Number of messages of agents that the server has refused.";
+        digest: String = "Proof of the run (determinism.md), hexadecimal.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        oracle as "oracle_t<share>_s, bound_t<share>_s": Option<OracleRow> =
+            "Times of a team that has the map, of which the plan is flown (`oracle_`) and no team \
+             is faster (`bound_`), s; missing columns if the plan does not ask for them.";
+        wall as "wall_<figure>": WallRow = "Figures of wall time, which differ between repetitions.";
+    }
 }
 
 /// A time of a row as the tick that it stands for: seconds have rounding errors, by which equal
@@ -251,22 +240,16 @@ pub struct OracleRow {
     pub flown: Marks,
 }
 
-/// Figures of wall time, which differ between repetitions.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct WallRow {
-    /// Wall time of the run, s.
-    pub wall_s: f64,
-    /// Sim time divided by wall time.
-    pub real_time_factor: f64,
-    /// Median wall time of a decision, µs; `None` if not measured.
-    pub decision_p50_us: Option<f64>,
-    /// 95th percentile, µs.
-    pub decision_p95_us: Option<f64>,
-    /// 99th percentile, µs.
-    pub decision_p99_us: Option<f64>,
-    /// See [`crate::execute::machine`].
-    pub machine: String,
+row! {
+    /// Figures of wall time, which differ between repetitions.
+    WallRow {
+        wall_s as "s": f64 = "Wall time of the run, s.";
+        real_time_factor: f64 = "Sim time divided by wall time.";
+        decision_p50_us: Option<f64> = "Median wall time of a decision, µs; missing over ROS 2.";
+        decision_p95_us: Option<f64> = "95th percentile of the wall time of a decision, µs.";
+        decision_p99_us: Option<f64> = "99th percentile of the wall time of a decision, µs.";
+        machine: String = "Processor and cores.";
+    }
 }
 
 /// The metrics of a run at one time.

@@ -9,8 +9,8 @@ use std::fs::{File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use sim_server::input_file::{self, TEXT_BYTES_MAX};
-use sim_server::os;
+use system::input_file::{self, TEXT_BYTES_MAX};
+use system::os;
 use thiserror::Error;
 
 use crate::plan::Plan;

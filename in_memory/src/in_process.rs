@@ -1,5 +1,6 @@
 //! A run in one process: the server and its agents, connected by [`crate::link`].
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -8,10 +9,9 @@ use agent_node::controllers::Registry;
 use agent_node::host::{Options, RunError as AgentError};
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::Progress;
-use sim_server::playback::Playback;
-use sim_server::recorder::{RecordError, RunRecorder};
-use sim_server::recording::Recording;
+use recording::Recording;
+use recording::playback::Playback;
+use recording::recorder::{RecordError, RunRecorder};
 use sim_server::session::{Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{ControllerChoice, Origins, Scenario};
@@ -20,8 +20,9 @@ use simulation::workers::Workers;
 use simulation::world::World;
 use thiserror::Error;
 
-use crate::Team;
-use crate::stages::StageTimes;
+#[cfg(unix)]
+use crate::own_program::{self, OwnProgram, OwnProgramError};
+use crate::{Course, Team};
 
 /// Why a run has no result.
 #[derive(Debug, Error)]
@@ -29,8 +30,12 @@ pub enum InProcessError {
     #[error(transparent)]
     Setup(#[from] SetupError),
     /// Some agents are run by other programs, which exist over ROS 2 only.
-    #[error("{key} = {value}: expected [] over memory, which has no other programs; use --transport ros2")]
+    #[error("{key} = {value}: expected [] over memory, which has no other nodes; use --transport ros2")]
     OverRosOnly { key: &'static str, value: String },
+    /// A program that runs agents has failed.
+    #[cfg(unix)]
+    #[error(transparent)]
+    OwnProgram(#[from] OwnProgramError),
     #[error(transparent)]
     Record(#[from] RecordError),
     /// The server has stopped with an error.
@@ -66,6 +71,9 @@ pub struct AgentOptions {
     /// The controller that runs in place of the one that the scenario names, with the same
     /// settings. The scenario, and with it recording and digest, keeps the name.
     pub substitute: Option<String>,
+    /// Whether the program that the scenario names may be started: the folder from which it is
+    /// looked for, the present one if that is empty. It has to be based on `agent_node`.
+    pub programs_from: Option<PathBuf>,
 }
 
 impl Default for AgentOptions {
@@ -77,6 +85,7 @@ impl Default for AgentOptions {
             decision_times: None,
             registry: Registry::BUILT_IN,
             substitute: None,
+            programs_from: None,
         }
     }
 }
@@ -87,10 +96,9 @@ pub struct CompletedRun {
     pub outcome: Outcome,
     /// Cells of the map along x, y and z.
     pub size: [u32; 3],
-    /// Progress from the start on, every ten seconds of sim time, and at the end.
-    pub progress: Vec<Progress>,
-    /// The stages that its agents have named.
-    pub stages: StageTimes,
+    /// Edge of a cell, metres.
+    pub cell_m: f64,
+    pub course: Course,
 }
 
 /// Runs a scenario, and records it to the file that the scenario names. `stop` ends the run early;
@@ -105,7 +113,7 @@ pub fn run(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    check(scenario)?;
+    check(scenario, options)?;
     let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
     let (world, _report) = setup::build(scenario)?;
     // Checked before a recording is created for a run that cannot start.
@@ -113,7 +121,8 @@ pub fn run(
         let choices = match &options.substitute {
             // It decides for all agents, with the settings of the team.
             Some(controller) => vec![ControllerChoice { controller, set: &agents.set }],
-            None => agents.controllers_of(|_| true),
+            // A program knows its own.
+            None => agents.controllers_of(|agent| !agents.is_commanded(agent)),
         };
         for choice in choices {
             options.registry.check(choice.controller, &wire::settings(choice.set)).map_err(AgentError::from)?;
@@ -136,7 +145,7 @@ pub fn fork(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    check(scenario)?;
+    check(scenario, options)?;
     let (world, _report) = setup::rebuild(recording, scenario)?;
     let playback = Playback::new(recording).map_err(RunError::from)?.until(at);
     let recorder = recorder(scenario, &world)?;
@@ -144,8 +153,8 @@ pub fn fork(
 }
 
 /// Checks what can be known before a world is made.
-fn check(scenario: &Scenario) -> Result<(), InProcessError> {
-    if let Some((key, value)) = scenario.agents.of_ros_only() {
+fn check(scenario: &Scenario, options: &AgentOptions) -> Result<(), InProcessError> {
+    if let Some((key, value)) = scenario.agents.of_ros_only(cfg!(unix) && options.programs_from.is_some()) {
         return Err(InProcessError::OverRosOnly { key, value });
     }
     Ok(setup::check_destination(scenario)?)
@@ -181,15 +190,30 @@ fn run_mode<'a>(
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    let size = world.terrain().extent().size();
+    let (size, cell_m) = (world.terrain().extent().size(), world.terrain().extent().cell_m());
     let agents = (0..scenario.agents.count).map(AgentId);
     let groups: Vec<Vec<AgentId>> = match options.threads {
         ThreadLayout::PerAgent | ThreadLayout::Team => agents.map(|agent| vec![agent]).collect(),
         ThreadLayout::Together => vec![agents.collect()],
     };
-    let processes = (0..).zip(groups).map(|(instance, agents)| process(scenario, instance, agents, options)).collect();
+    let of_threads = |groups: Vec<Vec<AgentId>>| {
+        (0..).zip(groups).map(|(instance, agents)| process(scenario, instance, agents, options)).collect::<Vec<_>>()
+    };
+    #[cfg(unix)]
+    if let Some(folder) = options.programs_from.as_deref().filter(|_| scenario.agents.is_command_a_node()) {
+        let agents = &scenario.agents;
+        let program = |ids| Node::Program(OwnProgram::new(&agents.command, folder, ids));
+        let built_in = (0..agents.count).filter(|&agent| !agents.is_commanded(agent)).map(|agent| vec![AgentId(agent)]);
+        let nodes = of_threads(built_in.collect()).into_iter().map(Node::Thread);
+        let nodes = nodes.chain(own_program::ranges(agents.with_own_command()).into_iter().map(program));
+        return run_on_threads(scenario, mode, world, recorder, nodes.collect(), observer, stop);
+    }
+    let processes = of_threads(groups);
     let threads = match options.threads {
-        ThreadLayout::PerAgent => return run_on_threads(scenario, mode, world, recorder, processes, observer, stop),
+        ThreadLayout::PerAgent => {
+            let nodes = processes.into_iter().map(Node::Thread).collect();
+            return run_on_threads(scenario, mode, world, recorder, nodes, observer, stop);
+        }
         ThreadLayout::Team => setup::threads(scenario),
         ThreadLayout::Together => 1,
     };
@@ -197,8 +221,8 @@ fn run_mode<'a>(
     let mut team = Team::new(processes, workers, stop);
     let config = RunConfig::new(scenario, mode)?;
     let outcome = sim_server::session::run(config, world, &mut team, recorder, observer, stop);
-    let (progress, stages) = team.into_course()?;
-    Ok(CompletedRun { outcome: outcome?, size, progress, stages })
+    let course = team.into_course()?;
+    Ok(CompletedRun { outcome: outcome?, size, cell_m, course })
 }
 
 /// The options of a process of some agents.
@@ -222,29 +246,54 @@ fn process(scenario: &Scenario, instance: u64, agents: Vec<AgentId>, options: &A
     }
 }
 
-/// Runs each process on a thread of its own.
+/// What runs some agents.
+enum Node {
+    /// A thread of this process.
+    Thread(Options),
+    /// A process of its own.
+    #[cfg(unix)]
+    Program(OwnProgram),
+}
+
+impl Node {
+    fn agents(&self) -> &[AgentId] {
+        match self {
+            Self::Thread(options) => &options.agents,
+            #[cfg(unix)]
+            Self::Program(program) => program.agents(),
+        }
+    }
+}
+
+/// Runs each node on a thread of its own.
 fn run_on_threads<'a>(
     scenario: &'a Scenario,
     mode: Mode<'a>,
     world: World,
     recorder: Option<RunRecorder>,
-    processes: Vec<Options>,
+    nodes: Vec<Node>,
     observer: &mut dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
-    let size = world.terrain().extent().size();
-    let groups: Vec<Vec<AgentId>> = processes.iter().map(|options| options.agents.clone()).collect();
+    let (size, cell_m) = (world.terrain().extent().size(), world.terrain().extent().cell_m());
+    let groups: Vec<Vec<AgentId>> = nodes.iter().map(|node| node.agents().to_vec()).collect();
     let (mut server_end, agents_ends) = crate::link(&groups);
     let agents_stop = AtomicBool::new(false);
     let outcome = thread::scope(|scope| -> Result<Outcome, InProcessError> {
         let stop_agents = SetOnDrop(&agents_stop);
-        let nodes: Vec<_> = processes
+        let nodes: Vec<_> = nodes
             .into_iter()
             .zip(agents_ends)
-            .map(|(options, mut end)| {
+            .map(|(node, mut end)| {
                 let agents_stop = &agents_stop;
                 scope.spawn(move || {
-                    let ended = agent_node::host::run(&mut end, &options, agents_stop);
+                    let ended = match node {
+                        Node::Thread(options) => {
+                            agent_node::host::run(&mut end, &options, agents_stop).map_err(InProcessError::from)
+                        }
+                        #[cfg(unix)]
+                        Node::Program(program) => program.run(end, scope, agents_stop).map_err(InProcessError::from),
+                    };
                     if ended.is_err() {
                         stop.store(true, Ordering::Relaxed);
                     }
@@ -260,8 +309,7 @@ fn run_on_threads<'a>(
         }
         Ok(outcome?)
     })?;
-    let (progress, stages) = server_end.into_course();
-    Ok(CompletedRun { outcome, size, progress, stages })
+    Ok(CompletedRun { outcome, size, cell_m, course: server_end.into_course() })
 }
 
 /// Sets a flag at the end of a scope, also when the scope panics.

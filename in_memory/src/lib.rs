@@ -9,21 +9,26 @@
 //! private to the process, so that nothing needs to be signed; but it carries signatures.
 
 pub mod in_process;
+#[cfg(unix)]
+pub mod own_program;
 pub mod stages;
 mod team;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
+use agent::exploration_map::ExplorationMap;
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
-use msgs::signing::NONE;
-use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
-use simulation::lockstep::SourceId;
+use protocol::lockstep::SourceId;
+use protocol::signing::NONE;
+use transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 
 use crate::stages::StageTimes;
 pub use team::Team;
@@ -34,8 +39,28 @@ pub struct ServerEnd {
     groups: Vec<Sender<ToAgents>>,
     /// The groups that subscribe to the topics of an agent, by index.
     groups_of: BTreeMap<AgentId, Vec<usize>>,
-    progress: Vec<Progress>,
-    stages: StageTimes,
+    course: Course,
+    ended: Arc<Ended>,
+}
+
+/// The course of a run: what its evaluation needs beside the result.
+#[derive(Debug, Clone, Default)]
+pub struct Course {
+    /// Progress from the start on, every ten seconds of sim time, and at the end.
+    pub progress: Vec<Progress>,
+    /// The stages that its agents have named.
+    pub stages: StageTimes,
+    /// Cells that agents found free with their own sensors and had on their maps before, summed
+    /// over the agents; `None` if some of them are in other processes, where their maps are not
+    /// read.
+    pub seen_again: Option<u64>,
+}
+
+/// What the agents of this process have found at their end.
+#[derive(Debug, Default)]
+struct Ended {
+    agents: AtomicU64,
+    seen_again: AtomicU64,
 }
 
 /// The end of one group of agents, which corresponds to one agent process.
@@ -43,6 +68,7 @@ pub struct AgentsEnd {
     inbox: Receiver<ToAgents>,
     server: Sender<Incoming>,
     source: SourceId,
+    ended: Arc<Ended>,
 }
 
 /// Connects a server with groups of agents. An agent may be in several groups, as it may run in
@@ -52,31 +78,25 @@ pub fn link(groups: &[Vec<AgentId>]) -> (ServerEnd, Vec<AgentsEnd>) {
     let (to_server, server_inbox) = channel();
     let mut senders = Vec::new();
     let mut ends = Vec::new();
+    let ended = Arc::new(Ended::default());
     let mut groups_of: BTreeMap<AgentId, Vec<usize>> = BTreeMap::new();
     for (number, agents) in groups.iter().enumerate() {
         let (to_agents, inbox) = channel();
         senders.push(to_agents);
         agents.iter().for_each(|&agent| groups_of.entry(agent).or_default().push(number));
         let source = SourceId((number as u128).to_le_bytes());
-        ends.push(AgentsEnd { inbox, server: to_server.clone(), source });
+        ends.push(AgentsEnd { inbox, server: to_server.clone(), source, ended: Arc::clone(&ended) });
     }
-    (
-        ServerEnd {
-            inbox: server_inbox,
-            groups: senders,
-            groups_of,
-            progress: Vec::new(),
-            stages: StageTimes::default(),
-        },
-        ends,
-    )
+    (ServerEnd { inbox: server_inbox, groups: senders, groups_of, course: Course::default(), ended }, ends)
 }
 
 impl ServerEnd {
-    /// All progress messages that the server has published, and the stages that agents have named.
+    /// The course of the run, complete once all agents have ended.
     #[must_use]
-    pub fn into_course(self) -> (Vec<Progress>, StageTimes) {
-        (self.progress, self.stages)
+    pub fn into_course(self) -> Course {
+        let has_all = self.ended.agents.load(Ordering::Relaxed) == self.groups_of.len() as u64;
+        let seen_again = has_all.then(|| self.ended.seen_again.load(Ordering::Relaxed));
+        Course { seen_again, ..self.course }
     }
 
     fn send_to_all(&self, message: &ToAgents) {
@@ -102,7 +122,7 @@ impl ServerEnd {
 
     /// The next message, if one has arrived.
     fn receive_now(&mut self) -> Option<Incoming> {
-        self.inbox.try_recv().ok().inspect(|incoming| note(&mut self.stages, incoming))
+        self.inbox.try_recv().ok().inspect(|incoming| note(&mut self.course.stages, incoming))
     }
 }
 
@@ -137,13 +157,13 @@ impl AgentTransport for ServerEnd {
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
-        self.inbox.recv_timeout(timeout).ok().inspect(|incoming| note(&mut self.stages, incoming))
+        self.inbox.recv_timeout(timeout).ok().inspect(|incoming| note(&mut self.course.stages, incoming))
     }
 }
 
 impl ObserverOutput for ServerEnd {
     fn progress(&mut self, progress: &Progress) {
-        self.progress.push(progress.clone());
+        self.course.progress.push(progress.clone());
     }
 }
 
@@ -156,9 +176,14 @@ impl AgentsEnd {
     }
 
     fn send(&self, agent: u32, message: ToServer) {
-        // A send fails only if the server has ended.
-        let _ = self.server.send(Incoming { topic_agent: AgentId(agent), source: self.source, message });
+        send(&self.server, self.source, agent, message);
     }
+}
+
+/// Sends a message of an agent to the server.
+fn send(server: &Sender<Incoming>, source: SourceId, agent: u32, message: ToServer) {
+    // A send fails only if the server has ended.
+    let _ = server.send(Incoming { topic_agent: AgentId(agent), source, message });
 }
 
 impl agent_node::transport::ServerTransport for AgentsEnd {
@@ -183,6 +208,11 @@ impl agent_node::transport::ServerTransport for AgentsEnd {
 
     fn source(&self) -> [u8; 16] {
         self.source.0
+    }
+
+    fn ended(&mut self, _agent: AgentId, map: &ExplorationMap) {
+        self.ended.seen_again.fetch_add(map.seen_again(), Ordering::Relaxed);
+        self.ended.agents.fetch_add(1, Ordering::Relaxed);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<ToAgents> {

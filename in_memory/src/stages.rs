@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Command;
-use msgs::stage::Stage;
+use protocol::stage::Stage;
 
 /// Seconds of sim time in each stage, summed over the agents.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -11,17 +11,18 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use agent::exploration_map::ExplorationMap;
 use agent_node::host::{AgentProcess, Options, RunError as AgentError};
 use agent_node::transport::{Inbound, ServerTransport};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{
     Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
-use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 use simulation::workers::{TaskQueue, Workers};
+use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 
 use super::{AgentsEnd, ServerEnd};
-use crate::stages::StageTimes;
+use crate::Course;
 
 /// The server's end of a link whose other ends it executes itself.
 pub struct Team<'a> {
@@ -72,11 +73,11 @@ impl<'a> Team<'a> {
         Self { server, processes, executions, failure: None, stop }
     }
 
-    /// All progress messages that the server has published, and the stages that agents have named.
+    /// The course of the run.
     ///
     /// # Errors
     /// Why an agent has failed.
-    pub fn into_course(mut self) -> Result<(Vec<Progress>, StageTimes), AgentError> {
+    pub fn into_course(mut self) -> Result<Course, AgentError> {
         while self.finish_execution() {}
         self.failure.map_or_else(|| Ok(self.server.into_course()), Err)
     }
@@ -207,6 +208,10 @@ impl ServerTransport for PolledEnd {
 
     fn source(&self) -> [u8; 16] {
         self.end.source()
+    }
+
+    fn ended(&mut self, agent: AgentId, map: &ExplorationMap) {
+        self.end.ended(agent, map);
     }
 
     fn receive(&mut self, _timeout: Duration) -> Option<Inbound> {

@@ -4,10 +4,10 @@ use std::sync::atomic::AtomicBool;
 
 use agent_node::controllers::NAMES;
 use in_memory::in_process::{AgentOptions, ThreadLayout, run};
-use msgs::body_model::{BodyKind, BodyModel};
 use msgs::cdr;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Result as RunResult;
+use protocol::body_model::{BodyKind, BodyModel};
 use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::Scenario;
@@ -71,7 +71,7 @@ fn agents_get_the_bodies_of_the_scenario() {
     let (world, _report) = setup::build(&scenario).expect("there is such a world");
     let message = cdr::encode(&simulation::wire::scenario(&scenario, &world.terrain().extent(), world.rays()));
     let message = cdr::decode(&message).expect("a scenario");
-    let run_info = agent_node::wire::run_info(&message, AgentId(0)).expect("a legal scenario");
+    let run_info = protocol::run_info::RunInfo::from_message(&message, AgentId(0)).expect("a legal scenario");
     let others = scenario.other_bodies();
     for agent in (0..4).map(AgentId) {
         let (body, model) = (run_info.bodies.of(agent), others.get(&agent).unwrap_or(&scenario.body));

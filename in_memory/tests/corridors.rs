@@ -34,7 +34,19 @@ fn explored(cell_m: f64, radius_m: f64, controller: &str) -> f64 {
 
 #[test]
 fn body_of_0_8_m_passes_two_cells_of_0_55_m() {
-    for controller in ["nearest-frontier", "dsvp", "dsvp-team", "dsvp-maes3d", "lvd", "lvd-maes3d", "boustrophedon"] {
+    for controller in [
+        "nearest-frontier",
+        "dsvp",
+        "dsvp-team",
+        "hungarian",
+        "rendezvous",
+        "racer",
+        "c2-explorer",
+        "dsvp-maes3d",
+        "lvd",
+        "lvd-maes3d",
+        "boustrophedon",
+    ] {
         let explored = explored(0.55, 0.4, controller);
         assert!(explored > 0.99, "{controller}: {explored}");
     }

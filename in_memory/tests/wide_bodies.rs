@@ -11,11 +11,32 @@ use support::{fill, result, solid};
 use voxels::{Cell, CellSet, Clearance, Grid, Terrain};
 
 /// Controllers that see all that can be seen, if no other agent is in the way.
-const PLANNERS: [&str; 7] =
-    ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "dsvp-maes3d", "lvd", "lvd-maes3d"];
+const PLANNERS: [&str; 11] = [
+    "nearest-frontier",
+    "dsvp",
+    "dsvp-auction",
+    "dsvp-team",
+    "hungarian",
+    "rendezvous",
+    "racer",
+    "c2-explorer",
+    "dsvp-maes3d",
+    "lvd",
+    "lvd-maes3d",
+];
 
 /// Controllers whose teams see all that can be seen, and then rest.
-const TEAMS: [&str; 5] = ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "boustrophedon"];
+const TEAMS: [&str; 9] = [
+    "nearest-frontier",
+    "dsvp",
+    "dsvp-auction",
+    "dsvp-team",
+    "hungarian",
+    "rendezvous",
+    "racer",
+    "c2-explorer",
+    "boustrophedon",
+];
 
 fn counter(result: &RunResult, name: &str) -> u64 {
     result.counters.iter().find(|counter| counter.name == name).map_or(0, |counter| counter.value)

@@ -3,10 +3,10 @@
 
 use agent_node::control_loop::{Agent, Reaction};
 use agent_node::controllers::{self, Registry};
-use agent_node::wire;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Observation, Scenario};
-use sim_server::recording::Recording;
+use protocol::run_info::RunInfo;
+use recording::Recording;
 use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 use simulation::scenario::AgentsSection;
 
@@ -47,7 +47,7 @@ impl ControllerFactory for BuiltInControllers {
         let mut words = runs.split(' ');
         let name = words.next().unwrap_or_default();
         let settings: Vec<String> = words.map(str::to_owned).collect();
-        let run_info = wire::run_info(announced, agent).map_err(|error| error.to_string())?;
+        let run_info = RunInfo::from_message(announced, agent).map_err(|error| error.to_string())?;
         let controller = controllers::build(name, &settings, agent, &run_info).map_err(|error| error.to_string())?;
         let successors = Registry::BUILT_IN.successors(agent, runs == run_info.controller_label(), None);
         Ok(Box::new(BuiltInReplica(Agent::new(agent, run_info, controller).with_successors(successors))))

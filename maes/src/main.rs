@@ -12,6 +12,7 @@ mod controllers;
 mod faults;
 mod map;
 mod movie;
+mod new;
 mod oracle;
 mod output;
 mod plans;
@@ -40,6 +41,7 @@ use faults::FaultsArgs;
 use in_memory::in_process::InProcessError;
 use map::{MapCliError, MapCommand};
 use movie::MovieArgs;
+use new::NewArgs;
 use oracle::OracleArgs;
 use plans::{BatchArgs, MergeArgs, ReportArgs};
 use recordings::{DiffArgs, InfoArgs, RecoverArgs, SnapshotArgs, VerifyArgs};
@@ -47,11 +49,12 @@ use recordings::{DiffArgs, InfoArgs, RecoverArgs, SnapshotArgs, VerifyArgs};
 use replay::ReplayArgs;
 use run::RunArgs;
 use scenario::ScenarioArgs;
-use sim_server::{exit, os};
+use sim_server::exit;
 #[cfg(feature = "ros")]
 use supervisor::SupervisorError;
 #[cfg(feature = "ros")]
 use supervisor::hosts::serve;
+use system::os;
 use view::ViewArgs;
 
 /// A deterministic simulator of multi-robot exploration for ROS 2.
@@ -98,6 +101,8 @@ enum Command {
     Map(MapCommand),
     /// Print a scenario with all its keys, or one of them
     Scenario(ScenarioArgs),
+    /// Make the folder of a controller of your own, in Rust or Python
+    New(NewArgs),
     /// Say how fast a team could be that knows the map in advance, and what no team can beat
     Oracle(OracleArgs),
     /// Disturb runs over ROS 2 with seeded faults, and compare each with the undisturbed run
@@ -147,6 +152,7 @@ fn main() -> ExitCode {
         Command::Movie(args) => movie::make(&args),
         Command::Map(command) => map::run(command).map(|()| ExitCode::SUCCESS).map_err(Into::into),
         Command::Scenario(args) => scenario::print(&args),
+        Command::New(args) => new::new(&args),
         Command::Oracle(args) => oracle::print(&args),
         #[cfg(feature = "ros")]
         Command::Faults(args) => faults::faults(&args),

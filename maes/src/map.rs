@@ -8,6 +8,7 @@ mod check;
 mod error;
 mod output;
 mod picture;
+pub(crate) mod reach;
 mod slices;
 mod spec;
 
@@ -22,9 +23,9 @@ use map_files::{ImportSpec, Imported, Note};
 use mapgen::{self, Built, ImportOptions, MapReport};
 
 pub(crate) use error::MapCliError;
+use foxglove_server::capture;
 use output::{Encoding, Output, write_file};
 use sim_server::cli::assignment;
-use sim_server::foxglove::capture;
 use sim_server::map_file;
 use slices::Slice;
 
@@ -95,6 +96,8 @@ pub(crate) enum MapKind {
     Building,
     /// Levels of drifts with crosscuts, stopes and a ramp; its parameters are set with --set.
     Mine,
+    /// A place of the literature at true scale; which one is set with --set name=NAME.
+    Scene,
 }
 
 /// Options of `map info`.
@@ -259,7 +262,7 @@ fn info(args: &InfoArgs, columns: Option<usize>, out: &mut dyn Write) -> Result<
 }
 
 /// A map file to read.
-fn import(file: &Path, options: &ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
+pub(crate) fn import(file: &Path, options: &ImportOptions, cell_m: Option<f64>) -> Result<ImportSpec, MapCliError> {
     let spec = map_file::load(file, options);
     let spec = spec.map_err(|reason| MapCliError::Read { file: file.to_path_buf(), reason })?;
     Ok(ImportSpec { cell_m, ..spec })

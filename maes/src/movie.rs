@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use foxglove_server::capture::{self, CaptureArgs, CaptureTime};
+use recording::Recording;
 use sim_server::cli::time_s;
-use sim_server::foxglove::capture::{self, CaptureArgs, CaptureTime};
-use sim_server::recording::Recording;
 
 use crate::recordings::capture_failed;
 

@@ -1,13 +1,15 @@
 //! The progress of a plan on stderr: a bar on a terminal, plain lines otherwise.
 
-use std::io::{IsTerminal, Write};
-use std::time::{Duration, Instant};
+use std::io::Write;
+use std::time::Instant;
 
 use experiments::execute::PlanObserver;
 use experiments::plan::PlannedRun;
 use experiments::rows::RunRow;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use msgs::printable;
+use system::progress_bar::{self, clock};
+use system::wall_clock::now;
 
 /// Shows how far a plan has come.
 pub(crate) struct ProgressDisplay {
@@ -31,12 +33,7 @@ impl Default for ProgressDisplay {
 
 impl PlanObserver for ProgressDisplay {
     fn started(&mut self, runs: &[&PlannedRun], pending: &[&PlannedRun]) {
-        self.bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::with_draw_target(Some(runs.len() as u64), ProgressDrawTarget::stderr());
-            let style = ProgressStyle::with_template("{bar:30} {msg}").expect("the template is right");
-            bar.set_style(style);
-            bar
-        });
+        self.bar = progress_bar::on_stderr(runs.len() as u64);
         self.started = now();
         self.runs = runs.len();
         self.ended = runs.len() - pending.len();
@@ -115,20 +112,6 @@ fn name(run: &PlannedRun) -> String {
     format!("{}seed {}", axes.collect::<String>(), run.scenario.seed)
 }
 
-/// Hours, minutes and seconds.
-fn clock(time: Duration) -> String {
-    let seconds = time.as_secs();
-    match (seconds / 3600, seconds / 60 % 60) {
-        (0, minutes) => format!("{minutes}:{:02}", seconds % 60),
-        (hours, minutes) => format!("{hours}:{minutes:02}:{:02}", seconds % 60),
-    }
-}
-
-#[expect(clippy::disallowed_methods, reason = "the display shows a rate and an estimate; no result depends on it")]
-fn now() -> Instant {
-    Instant::now()
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
@@ -151,11 +134,5 @@ mod tests {
         assert_eq!((display.ended, display.pending_cost, display.done_cost), (3, runs[0].cost, 0));
         display.failed(runs[0], "in this plan");
         assert!(display.state().ends_with("0:00 left"), "{}", display.state());
-    }
-
-    #[test]
-    fn clock_has_hours_only_if_needed() {
-        assert_eq!(clock(Duration::from_secs(59)), "0:59");
-        assert_eq!(clock(Duration::from_secs(3_725)), "1:02:05");
     }
 }

@@ -3,15 +3,17 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::Args;
 use experiments::diff;
+use foxglove_server::capture::{self, CaptureArgs, CaptureError, CaptureTime};
 use msgs::ids::Tick;
 use msgs::printable;
+use recording::Recording;
+use recording::bag;
+use recording::recovery::{self, RecoverError};
 use sim_server::cli::time_s;
-use sim_server::foxglove::capture::{self, CaptureArgs, CaptureError, CaptureTime};
-use sim_server::recording::Recording;
-use sim_server::recording::recovery::{self, RecoverError};
-use sim_server::{bag, exit, info, verify};
+use sim_server::{cmu_metrics, exit, info, verify};
 
 use crate::controllers::BuiltInControllers;
 use crate::output::{print, say};
@@ -24,6 +26,10 @@ pub(crate) struct InfoArgs {
     /// Print the metadata.yaml of a rosbag2 folder with this recording instead
     #[arg(long)]
     metadata: bool,
+    /// Print the explored volume (m^3), distance (m), run time (s) and time (s) of each sample
+    /// instead, as the CMU exploration environment logs them
+    #[arg(long, conflicts_with = "metadata")]
+    cmu_metrics: bool,
 }
 
 /// Arguments of `verify`.
@@ -90,6 +96,9 @@ pub(crate) fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     if args.metadata {
         let name = args.file.file_name().unwrap_or_default().to_string_lossy();
         print(&bag::metadata(&Recording::open(&args.file)?, &name));
+    } else if args.cmu_metrics {
+        let metrics = cmu_metrics::text(&info::read(&args.file)?);
+        print(metrics.with_context(|| args.file.display().to_string())?.trim_end());
     } else {
         print(&info::text(&info::overview(&args.file)?));
     }

@@ -14,13 +14,13 @@ use std::process::ExitCode;
 use anyhow::{anyhow, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, ValueEnum};
+use foxglove_server::PageOrigin;
 use mapgen::MapError;
+use recording::Recording;
 use sim_server::cli::{ForkArgs, KeyArgs, assignment, trace_file};
-use sim_server::foxglove::PageOrigin;
-use sim_server::input_file::{self, TEXT_BYTES_MAX};
-use sim_server::recording::Recording;
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Override, Scenario};
+use system::input_file::{self, TEXT_BYTES_MAX};
 
 use crate::controllers;
 use crate::output::say;
@@ -60,7 +60,7 @@ pub(crate) struct RunArgs {
     #[arg(long, value_enum, default_value_t = Transport::USUAL, value_name = "ros2|memory", hide_possible_values = true)]
     transport: Transport,
     /// Show the run in a browser or in Foxglove at this address; `maes view` does more
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = sim_server::foxglove::DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = foxglove_server::DEFAULT_ADDRESS)]
     pub(crate) view: Option<String>,
     /// The folder of the page, if it is not the one that was built here
     #[arg(long, value_name = "DIR")]
@@ -200,7 +200,7 @@ impl RunArgs {
         overrides
     }
 
-    fn scenario(&self) -> anyhow::Result<Scenario> {
+    pub(crate) fn scenario(&self) -> anyhow::Result<Scenario> {
         let overrides = self.overrides();
         if let Some((file, at)) = self.fork.point() {
             return Ok(setup::fork(&Recording::open(file)?, at, &overrides)?);
@@ -228,7 +228,7 @@ impl RunArgs {
         match overrides.iter().rfind(is_of_map) {
             // The name of the file is in both.
             Some(change) if change.key == "map.file" => {
-                bail!("{error}; expected spheres, noise, building, mine, or a map file: {}", change.origin)
+                bail!("{error}; expected spheres, noise, building, mine, scene, or a map file: {}", change.origin)
             }
             Some(change) => {
                 let remedy = match &error {

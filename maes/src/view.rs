@@ -1,10 +1,11 @@
-//! `maes view`: a recording in a browser or in Rerun, a run that begins paused, or runs that are
-//! started on the page, one after the other.
+//! `maes view`: a recording in a browser or in Rerun, a map, a run that begins paused, or runs that
+//! are started on the page, one after the other.
 
 mod browser;
 mod export;
 #[cfg(feature = "ros")]
 mod live;
+mod map_room;
 mod page;
 mod rerun;
 
@@ -14,17 +15,21 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::{ArgMatches, Args};
+use foxglove_server::{DEFAULT_ADDRESS, FoxgloveServerError, PageOrigin, StaticFileServer, Token};
+use map_files::MapReader;
+use mapgen::ImportOptions;
+use recording::Recording;
 use sim_server::exit;
-use sim_server::foxglove::{DEFAULT_ADDRESS, PageOrigin, StaticFileServer, Token};
-use sim_server::recording::Recording;
 
+use crate::map::{self, MapCliError};
 use crate::output::{print, say};
 use crate::run::RunArgs;
 use crate::signals;
 use browser::Browser;
+use map_room::MapRoom;
 
-const FILE_HELP: &str = "A recording (.mcap), or a scenario (.toml) with any flag of `maes run` \
-                         [default: runs are started on the page]";
+const FILE_HELP: &str = "A recording (.mcap), a map of any known format, or a scenario (.toml) with any flag of \
+                         `maes run` [default: runs are started on the page]";
 
 /// Arguments of `view`.
 #[derive(Debug, Args)]
@@ -66,6 +71,12 @@ pub(crate) struct ViewArgs {
     map_dir: Option<PathBuf>,
     #[command(flatten)]
     run: RunArgs,
+    /// Length of a cell's edge of a map in metres [default: that of the file, or 1]
+    #[arg(long, value_name = "M", help_heading = "Maps")]
+    cell_m: Option<f64>,
+    /// How a map is read.
+    #[command(flatten, next_help_heading = "Maps")]
+    import: ImportOptions,
 }
 
 /// Flags that are not of a run.
@@ -82,17 +93,26 @@ fn address(text: &str) -> Result<String, String> {
 
 /// Shows something in a browser until it ends or is interrupted.
 pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCode> {
-    let ViewArgs { run, address, beside, export, rerun, rerun_save, browser, build_only, record_dir, map_dir } = args;
+    let ViewArgs { run, address, beside, export, rerun, rerun_save, browser, build_only, record_dir, map_dir, .. } =
+        args;
+    let ViewArgs { cell_m, import, .. } = args;
     let file = run.scenario.clone();
     let is_recording = file.as_deref().is_some_and(is_recording);
+    let is_map = file.as_deref().is_some_and(is_map);
     if let Some(file) = &file
         && !file.is_file()
+        && !is_map
     {
-        bail!("{}: no such file; expected a recording (.mcap) or a scenario (.toml)", file.display());
+        bail!("{}: no such file; expected a recording (.mcap), a map or a scenario (.toml)", file.display());
+    }
+    let of_maps = import.given().next().or(cell_m.map(|_| "cell_m"));
+    if let Some(name) = of_maps.filter(|_| !is_map) {
+        bail!("--{}: only with a map, as in `maes view cave.obj`", name.replace('_', "-"));
     }
     if let Some(flag) = RunArgs::first_flag(given, &OF_THE_PAGE) {
         match &file {
             Some(_) if is_recording => bail!("{flag}: a recording is shown as it is; leave it out"),
+            Some(_) if is_map => bail!("{flag}: a map is shown without a run; leave it out"),
             None => bail!("{flag}: runs that are started on the page have their settings from there; leave it out"),
             Some(_) => {}
         }
@@ -128,9 +148,13 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
         return Ok(rerun::show(recording, flag, rerun_save));
     }
     #[cfg(not(feature = "ros"))]
-    if !is_recording {
-        bail!("{}; expected a recording (.mcap)", crate::run::WITHOUT_ROS);
+    if !is_recording && !is_map {
+        bail!("{}; expected a recording (.mcap) or a map", crate::run::WITHOUT_ROS);
     }
+    let room = match &file {
+        Some(file) if is_map => Some(room_of(file, &import, cell_m)?),
+        _ => None,
+    };
     if export.is_none()
         && let Err(error) = TcpListener::bind(&address)
     {
@@ -152,8 +176,13 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
         token: Token::of_environment()?,
         origins: run.view_allow_origin.clone(),
     };
+    if let (Some(file), Some(room)) = (&file, room) {
+        return show_map(file, room, shown);
+    }
     match file {
-        Some(file) if is_recording => show_recording(&file, beside.as_deref(), shown),
+        Some(file) if is_recording => show(shown, |page, address, token, origins| {
+            StaticFileServer::open(address, page, &file, beside.as_deref(), token, origins)
+        }),
         #[cfg(feature = "ros")]
         Some(_) => live::show_run(run, given, shown),
         #[cfg(feature = "ros")]
@@ -177,6 +206,11 @@ fn is_recording(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "mcap")
 }
 
+/// Whether a path is that of a map: a known format, or a folder of pictures.
+fn is_map(file: &Path) -> bool {
+    (file.is_file() && MapReader::of(file).is_ok()) || file.is_dir()
+}
+
 fn export_recording(folder: &Path, page: &Path, recording: &Path, beside: Option<&Path>) -> ExitCode {
     match export::export(folder, page, recording, beside) {
         Ok(lines) => {
@@ -190,9 +224,39 @@ fn export_recording(folder: &Path, page: &Path, recording: &Path, beside: Option
     }
 }
 
-fn show_recording(file: &Path, beside: Option<&Path>, shown: Shown) -> anyhow::Result<ExitCode> {
+/// Reads and repairs a map, as a run does.
+fn room_of(file: &Path, import: &ImportOptions, cell_m: Option<f64>) -> Result<MapRoom, MapCliError> {
+    let spec = map::import(file, import, cell_m)?;
+    let imported = spec.read()?;
+    for note in imported.notes.iter().filter(|note| note.is_warning) {
+        say(&format!("warning: {}", note.text));
+    }
+    let terrain = mapgen::repair(&spec.file, imported.terrain, 0)?.terrain;
+    Ok(MapRoom::new(file.to_owned(), &spec, terrain))
+}
+
+/// Shows a map, in a format that the page reads, from a folder that lasts as long.
+fn show_map(file: &Path, room: MapRoom, shown: Shown) -> anyhow::Result<ExitCode> {
+    let folder = tempfile::tempdir()?;
+    let mut name = file.file_name().unwrap_or_default().to_os_string();
+    if file.extension().is_none_or(|extension| extension != "m3dm") {
+        name.push(".m3dm");
+    }
+    let packed = folder.path().join(name);
+    std::fs::write(&packed, room.packed())?;
+    let answers = room.answers();
+    show(shown, |page, address, token, origins| {
+        StaticFileServer::open_map(address, page, &packed, answers, token, origins)
+    })
+}
+
+/// Shows what a server serves until it is interrupted.
+fn show(
+    shown: Shown,
+    serve: impl FnOnce(&Path, &str, Token, &[PageOrigin]) -> Result<StaticFileServer, FoxgloveServerError>,
+) -> anyhow::Result<ExitCode> {
     let Shown { page, address, browser, token, origins } = shown;
-    let server = match StaticFileServer::open(&address, &page, file, beside, token, &origins) {
+    let server = match serve(&page, &address, token, &origins) {
         Ok(server) => server,
         Err(error) => {
             say(&format!("error: {error}"));

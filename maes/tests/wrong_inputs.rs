@@ -47,8 +47,8 @@ const ANSWERS: &[(&str, u8, &[&str])] = &[
     ("run --order reversed", 2, &["--order reversed: expected forward, reverse or shuffle; did you mean reverse?"]),
     ("completions tcsh", 2, &["tcsh", "expected bash"]),
     // Maps.
-    ("run --map nofile.m3dm", 2, &["nofile.m3dm", "expected spheres, noise, building, mine, or a map file"]),
-    ("run --map cave", 2, &["cave", "expected spheres, noise, building, mine, or a map file"]),
+    ("run --map nofile.m3dm", 2, &["nofile.m3dm", "expected spheres, noise, building, mine, scene, or a map file"]),
+    ("run --map cave", 2, &["cave", "expected spheres, noise, building, mine, scene, or a map file"]),
     (
         "run --size 12",
         2,

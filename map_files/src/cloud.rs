@@ -8,6 +8,7 @@
 
 mod connected;
 mod groups;
+mod points;
 mod sight;
 mod strays;
 mod trajectory;
@@ -25,6 +26,7 @@ use super::{FormatError, ImportSpec, Imported, Note, new_grid};
 
 pub(super) use connected::keep_from;
 use groups::Groups;
+pub(super) use points::{Points, Records};
 use sight::{passes_through, way_between};
 use strays::Strays;
 use trajectory::Trajectory;
@@ -56,9 +58,9 @@ const WRONG_PERCENT: f64 = 10.0;
 
 /// Points of a file, and what it says about each of them.
 #[derive(Default)]
-pub(super) struct Cloud {
+pub(super) struct Cloud<'a> {
     /// In the coordinates of the file.
-    pub(super) points: Vec<[f64; 3]>,
+    pub(super) points: Points<'a>,
     /// From where they were seen.
     pub(super) sensors: Sensors,
     /// When each was seen, seconds; empty if the file does not say so.
@@ -133,7 +135,7 @@ fn in_order(one: &[f64; 3], other: &[f64; 3]) -> Ordering {
 ///
 /// # Errors
 /// If there is no finite point, or the box around them has too many cells.
-pub(super) fn map(spec: &ImportSpec, cloud: Cloud) -> Result<Imported, FormatError> {
+pub(super) fn map(spec: &ImportSpec, cloud: Cloud<'_>) -> Result<Imported, FormatError> {
     map_with(spec, cloud, Work::new(spec))
 }
 
@@ -141,7 +143,7 @@ pub(super) fn map(spec: &ImportSpec, cloud: Cloud) -> Result<Imported, FormatErr
 ///
 /// # Errors
 /// See [`map`].
-pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud, mut work: Work) -> Result<Imported, FormatError> {
+pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud<'_>, mut work: Work) -> Result<Imported, FormatError> {
     let Cloud { points, sensors, times_s, mut notes } = cloud;
     let units = Units::new(spec)?;
     let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());
@@ -149,20 +151,22 @@ pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud, mut work: Work) -> Resul
     let crop = units.crop(spec);
     let in_crop = |place: &[f64; 3]| crop.is_none_or(|crop| crop.holds(*place));
     // Drivers write rays that met nothing as points at 0 0 0, or where the sensor is.
-    let at_zero = points.iter().filter(|point| **point == [0.0; 3]).count();
+    let at_zero = points.iter().filter(|&point| point == [0.0; 3]).count();
     let is_return =
         |number: usize, point: [f64; 3]| (at_zero < 2 || point != [0.0; 3]) && !sensors.is_at(number, point);
-    let returns = || points.iter().copied().enumerate().filter(|&(number, point)| is_return(number, point));
+    let returns = || points.iter().enumerate().filter(|&(number, point)| is_return(number, point));
     let finite = || returns().map(|(_, point)| units.cells(point)).filter(is_finite);
-    let strays = Strays::of(finite().filter(in_crop));
+    let strays = Strays::of(points.most(), || finite().filter(in_crop));
     let is_near = |place: &[f64; 3]| strays.as_ref().is_none_or(|strays| strays.holds(*place));
     let groups = Groups::of(&spec.options, finite().filter(in_crop).filter(is_near), &mut work)?;
     // Points outside the box are no walls, but what lies before them is free.
     let is_used = |place: &[f64; 3]| {
         !in_crop(place) || is_near(place) && groups.as_ref().is_none_or(|groups| groups.holds(*place))
     };
+    // Without positions of their own, no pass over the points finds any ray.
+    let with_rays = if matches!(sensors, Sensors::One(_) | Sensors::Each(_)) { usize::MAX } else { 0 };
     let rays = || {
-        let ends = returns().filter_map(|(number, point)| Some((sensors.of(number)?, point)));
+        let ends = returns().take(with_rays).filter_map(|(number, point)| Some((sensors.of(number)?, point)));
         let ends = ends.map(|(from, to)| [from, to].map(|end| units.cells(end)));
         ends.filter(|ray| ray.iter().all(is_finite)).filter(|[_, point]| is_used(point))
     };
@@ -216,14 +220,25 @@ pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud, mut work: Work) -> Resul
     }
     voxels::close_shell(&mut terrain, 1);
     let (mut used, mut hit) = (0, 0);
-    for place in walls() {
+    walls().for_each(|place| {
         used += 1;
         hit += u64::from(terrain.set(frame.cell(place), Terrain::Wall) == Some(Terrain::Free));
-    }
+    });
     if spec.options.margin_cells.is_none() {
         units.check_free(spec, bounds, mapgen::free_cells(&terrain))?;
     }
-    let (without_return, not_finite) = (points.len() - returns().count(), returns().count() - finite().count());
+    let (mut without_return, mut not_finite, mut outside) = (0, 0, 0);
+    points.iter().enumerate().for_each(|(number, point)| {
+        let place = units.cells(point);
+        if !is_return(number, point) {
+            without_return += 1;
+        } else if !is_finite(&place) {
+            not_finite += 1;
+        } else if !in_crop(&place) {
+            outside += 1;
+        }
+    });
+    points.check()?;
     let becomes = if unknown == Terrain::Wall { "wall" } else { "free" };
     let space = match &sensors {
         Sensors::None => "all cells without points, as no position of a sensor is known".to_owned(),
@@ -243,7 +258,6 @@ pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud, mut work: Work) -> Resul
         notes.push(Note::new("no return", text));
     }
     if crop.is_some() {
-        let outside = finite().filter(|place| !in_crop(place)).count();
         notes.push(Note::new("crop", format!("{outside} points outside the box dropped")));
     }
     if let Some(Strays { first, count, .. }) = strays {

@@ -72,11 +72,12 @@ impl Model {
         let mut skipped = Skipped::default();
         let mut shapes: BTreeMap<&str, Mesh> = BTreeMap::new();
         let mut placed = 0u64;
-        for (geometry, matrix) in scene.instances()? {
+        for (geometry, matrix, name) in scene.instances()? {
             let id = geometry.attribute("id").unwrap_or_default();
             if !shapes.contains_key(id) {
                 shapes.insert(id, shape(geometry, &mut skipped)?);
             }
+            mesh.begin_part(name);
             mesh.add_placed(&shapes[id], &(Matrix4::new_scaling(metres) * matrix))?;
             placed += 1;
         }

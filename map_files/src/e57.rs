@@ -52,7 +52,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         ));
     }
     let sensors = if with_pose > 0 { Sensors::Each(seen_from) } else { Sensors::None };
-    cloud::map_with(spec, Cloud { points, sensors, notes, ..Cloud::default() }, work)
+    cloud::map_with(spec, Cloud { points: points.into(), sensors, notes, ..Cloud::default() }, work)
 }
 
 /// What is in a file.

@@ -7,6 +7,7 @@ mod surface;
 use std::fmt::Write;
 use std::path::Path;
 
+use voxels::octree::{self, DEPTH};
 use voxels::{Cell, Grid, Terrain, m3dm, packed};
 
 use super::{FormatError, MapReader, cell_length};
@@ -71,9 +72,6 @@ fn text_file(terrain: &Grid<Terrain>) -> Result<Vec<u8>, FormatError> {
 /// Distance from a whole number of cells within which a place lies between cells.
 const BETWEEN_CELLS: f64 = 1e-6;
 
-/// Levels of a tree below its root.
-const DEPTH: u32 = 16;
-
 /// Brightness of free and occupied pixels, as the map server saves them.
 const PLAN_FREE: u8 = 254;
 const PLAN_OCCUPIED: u8 = 0;
@@ -101,68 +99,13 @@ pub fn octomap_corner(terrain: &Grid<Terrain>, place: [f64; 3], yaw_rad: f64) ->
 /// from the origin; see [`octomap_corner`].
 #[must_use]
 pub fn octomap(terrain: &Grid<Terrain>, corner: [i32; 3]) -> Vec<u8> {
-    let mut tree = Tree { terrain, nodes: Vec::new(), count: 1 };
-    let middle = -(1 << (DEPTH - 1));
-    let [x, y, z] = corner.map(|along| middle - along);
-    let root = tree.add(Cell::new(x, y, z), 1 << DEPTH);
-    debug_assert!(root == Child::Inner, "a map is a small part of a tree");
+    let tree = octree::binary_tree(terrain.extent(), corner, |cell| terrain.get(cell).copied());
     let header = format!(
         "# Octomap OcTree binary file\nid OcTree\nsize {}\nres {}\ndata\n",
         tree.count,
         terrain.extent().cell_m()
     );
     [header.into_bytes(), tree.nodes].concat()
-}
-
-/// The state of a child of a node, as its two bits.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Child {
-    Unknown = 0,
-    Free = 1,
-    Occupied = 2,
-    Inner = 3,
-}
-
-struct Tree<'a> {
-    terrain: &'a Grid<Terrain>,
-    /// Two bytes for each node that has children, before those of its children.
-    nodes: Vec<u8>,
-    /// Nodes and leaves.
-    count: usize,
-}
-
-impl Tree<'_> {
-    /// Adds the cube of cells with this lowest corner, unless all of it is the same.
-    fn add(&mut self, corner: Cell, edge: i32) -> Child {
-        let size = self.terrain.extent().size().map(|cells| cells as i32);
-        let low = [corner.x, corner.y, corner.z];
-        if (0..3).any(|axis| low[axis] >= size[axis] || low[axis] + edge <= 0) {
-            return Child::Unknown;
-        }
-        if edge == 1 {
-            return match self.terrain.get(corner) {
-                Some(Terrain::Free) => Child::Free,
-                Some(Terrain::Wall) => Child::Occupied,
-                None => Child::Unknown,
-            };
-        }
-        let (start, count) = (self.nodes.len(), self.count);
-        self.nodes.extend([0; 2]);
-        let half = edge / 2;
-        let children: [Child; 8] = std::array::from_fn(|number| {
-            let up = |axis: usize| if number >> axis & 1 == 1 { half } else { 0 };
-            self.add(Cell::new(corner.x + up(0), corner.y + up(1), corner.z + up(2)), half)
-        });
-        if children[0] != Child::Inner && children.iter().all(|&child| child == children[0]) {
-            self.nodes.truncate(start);
-            self.count = count;
-            return children[0];
-        }
-        self.count += children.iter().filter(|&&child| child != Child::Unknown).count();
-        let bits = children.iter().rev().fold(0u16, |bits, &child| bits << 2 | child as u16);
-        self.nodes[start..start + 2].copy_from_slice(&bits.to_le_bytes());
-        Child::Inner
-    }
 }
 
 /// A map of ROS 2's map server.

@@ -44,6 +44,8 @@ pub struct MapReader {
     pub(super) companions: Option<Companions>,
     /// Where these are looked for.
     pub(super) search: Search,
+    /// Whether a file is read a piece at a time, of which the beginning is at hand.
+    pub(super) in_pieces: Option<fn(&ImportSpec) -> bool>,
 }
 
 /// All formats of single files that are read.
@@ -284,7 +286,8 @@ impl MapReader {
         options: &'static [&'static str],
         read: fn(&ImportSpec) -> Result<Imported, FormatError>,
     ) -> Self {
-        Self { name, extensions, options, read, stored_cell_m: None, companions: None, search: Search::Anywhere }
+        let search = Search::Anywhere;
+        Self { name, extensions, options, read, stored_cell_m: None, companions: None, search, in_pieces: None }
     }
 
     /// The reader of a file by the extension of its name, ignoring case.

@@ -214,6 +214,7 @@ pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
             };
             for copy in copies {
                 placed += 1;
+                mesh.begin_part(&node.name);
                 reader.add(number, &(here * copy), &mut mesh)?;
             }
         }

@@ -4,7 +4,7 @@
 //! are deleted ones, which stay in the file; so they are dropped unless an option says otherwise.
 
 use super::bytes::Bytes;
-use super::cloud::{self, Cloud};
+use super::cloud::{self, Cloud, Points, Records};
 use super::formats::joined;
 use super::laz::Compressed;
 use super::options::PointFlag;
@@ -12,7 +12,10 @@ use super::work::Work;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 
 /// Points of a laser scanner, plain or compressed.
-pub(super) const READER: MapReader = MapReader::new("points of a laser scanner", &["las", "laz"], OPTIONS, read);
+pub(super) const READER: MapReader = MapReader {
+    in_pieces: Some(in_pieces),
+    ..MapReader::new("points of a laser scanner", &["las", "laz"], OPTIONS, read)
+};
 
 const OPTIONS: &[&str] = &joined::<{ cloud::OPTIONS.len() + OF_LAS.len() }>(&[cloud::POINTS, OF_LAS, cloud::LIMITS]);
 const OF_LAS: &[&str] = &["classes", "drop_flags"];
@@ -79,27 +82,42 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     };
     let mut work = Work::new(spec);
     let mut chosen = Chosen::new(spec, format);
+    let mut kept_in_file = None;
     let packing = if bytes[POINT_FORMAT] & COMPRESSED == 0 {
-        let data = bytes.get(start..).unwrap_or_default();
-        if count > (data.len() / length) as u64 {
+        if count > spec.length().saturating_sub(start as u64) / length as u64 {
             let reason =
                 format!("the file ends here, {count} points of {length} bytes from byte {start} on do not fit in");
-            return Err(FormatError::byte(bytes.len(), reason));
+            return Err(FormatError::byte(usize::try_from(spec.length()).unwrap_or(usize::MAX), reason));
         }
-        data.chunks_exact(length).take(count as usize).for_each(|record| chosen.add(record, point(record)));
+        let choice = Choice::new(spec, format);
+        let decode = move |record: &[u8]| choice.keeps(record).then(|| point(record));
+        let records = Records::new(spec, start, length, count as usize, decode)?;
+        let is_held = chosen.has_times;
+        records.each(|record| chosen.add(record, if is_held { Some(point(record)) } else { None }));
+        if !is_held {
+            kept_in_file = Some(records);
+        }
         ""
     } else {
         let (header, records) = (usize::from(u16_at(HEADER_LENGTH)), u32_at(RECORDS));
         let compressed = Compressed { bytes, header, records, start, length, count };
-        compressed.points(&mut work, |record| chosen.add(record, point(record)))?;
+        compressed.points(&mut work, |record| chosen.add(record, Some(point(record))))?;
         ", compressed"
     };
     let note = Note::new("las", format!("point format {format}, {count} points{packing}"));
     let notes = std::iter::once(note).chain(chosen.notes()).collect();
-    if chosen.points.is_empty() && count > 0 {
+    if chosen.kept == 0 && count > 0 {
         return Err(FormatError::Nothing("point of these classes and flags (classes, drop_flags)"));
     }
-    cloud::map_with(spec, Cloud { points: chosen.points, times_s: chosen.times_s, notes, ..Cloud::default() }, work)
+    let points = kept_in_file.map_or(Points::Held(chosen.points), Points::Records);
+    cloud::map_with(spec, Cloud { points, times_s: chosen.times_s, notes, ..Cloud::default() }, work)
+}
+
+/// Whether a file is read a piece at a time, of which the header is at hand: plain points whose
+/// times are of no use.
+fn in_pieces(spec: &ImportSpec) -> bool {
+    let is_plain = spec.bytes.get(POINT_FORMAT).is_some_and(|format| format & COMPRESSED == 0);
+    is_plain && spec.options.trajectory.is_none()
 }
 
 /// The class, the flags and the time of a point.
@@ -130,16 +148,43 @@ impl Attributes {
     }
 }
 
-/// The points that the options choose.
-struct Chosen {
-    points: Vec<[f64; 3]>,
-    times_s: Vec<f64>,
+/// Which points the options choose.
+#[derive(Clone)]
+struct Choice {
     format: u8,
-    has_times: bool,
     /// `None`: all.
     classes: Option<Vec<u8>>,
     /// Bits of the flags of points to drop.
     unwanted: u8,
+}
+
+impl Choice {
+    fn new(spec: &ImportSpec, format: u8) -> Self {
+        let options = &spec.options;
+        let flags = options.drop_flags.as_deref().unwrap_or(&[PointFlag::Withheld]);
+        let unwanted = (0..FLAGS.len()).filter(|&bit| flags.contains(&FLAGS[bit].0)).map(|bit| 1 << bit).sum();
+        Self { format, classes: options.classes.clone(), unwanted }
+    }
+
+    /// Whether a point is one of them.
+    fn keeps(&self, record: &[u8]) -> bool {
+        let Attributes { class, flags, .. } = Attributes::of(record, self.format);
+        flags & self.unwanted == 0 && self.has_class(class)
+    }
+
+    fn has_class(&self, class: u8) -> bool {
+        self.classes.as_ref().is_none_or(|classes| classes.contains(&class))
+    }
+}
+
+/// The points that the options choose.
+struct Chosen {
+    choice: Choice,
+    /// Those that are not read again, with their times.
+    points: Vec<[f64; 3]>,
+    times_s: Vec<f64>,
+    has_times: bool,
+    kept: u64,
     dropped: [u64; FLAGS.len()],
     of_other_classes: u64,
     noise: u64,
@@ -155,32 +200,30 @@ const FLAGS: [(PointFlag, &str); 4] = [
 
 impl Chosen {
     fn new(spec: &ImportSpec, format: u8) -> Self {
-        let options = &spec.options;
-        let flags = options.drop_flags.as_deref().unwrap_or(&[PointFlag::Withheld]);
-        let unwanted = (0..FLAGS.len()).filter(|&bit| flags.contains(&FLAGS[bit].0)).map(|bit| 1 << bit).sum();
         Self {
+            choice: Choice::new(spec, format),
             points: Vec::new(),
             times_s: Vec::new(),
-            format,
-            has_times: options.trajectory.is_some(),
-            classes: options.classes.clone(),
-            unwanted,
+            has_times: spec.options.trajectory.is_some(),
+            kept: 0,
             dropped: [0; FLAGS.len()],
             of_other_classes: 0,
             noise: 0,
         }
     }
 
-    /// Adds a point, or counts why it is dropped.
-    fn add(&mut self, record: &[u8], point: [f64; 3]) {
-        let Attributes { class, flags, time_s } = Attributes::of(record, self.format);
-        if flags & self.unwanted != 0 {
-            self.dropped[(flags & self.unwanted).trailing_zeros() as usize] += 1;
-        } else if self.classes.as_ref().is_some_and(|classes| !classes.contains(&class)) {
+    /// Counts a point, and why it is dropped if it is; `point` is to be held.
+    fn add(&mut self, record: &[u8], point: Option<[f64; 3]>) {
+        let Attributes { class, flags, time_s } = Attributes::of(record, self.choice.format);
+        let unwanted = flags & self.choice.unwanted;
+        if unwanted != 0 {
+            self.dropped[unwanted.trailing_zeros() as usize] += 1;
+        } else if !self.choice.has_class(class) {
             self.of_other_classes += 1;
         } else {
+            self.kept += 1;
             self.noise += u64::from(NOISE.contains(&class));
-            self.points.push(point);
+            self.points.extend(point);
             self.times_s.extend(time_s.filter(|_| self.has_times));
         }
     }
@@ -194,7 +237,7 @@ impl Chosen {
                 Note::new("flags", format!("{count} points dropped that are flagged as {name} (drop_flags)"))
             })
             .collect();
-        if let Some(classes) = &self.classes {
+        if let Some(classes) = &self.choice.classes {
             let text = format!("{classes:?}; {} points of other classes dropped", self.of_other_classes);
             notes.push(Note::new("classes", text));
         } else if self.noise > 0 {

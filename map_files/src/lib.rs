@@ -27,6 +27,7 @@ mod obj;
 mod octomap;
 mod pcd;
 mod picture;
+mod pieces;
 mod placing;
 mod plan;
 mod ply;
@@ -50,6 +51,7 @@ use mapgen::import_options::{self as options, ImportOptions};
 
 pub use export::{MapWriter, WRITERS};
 pub use formats::{FormatError, MapReader, Place, READERS, Search};
+pub use pieces::{PieceReader, Pieces};
 
 /// Largest number of cells of a map from a file, whatever its length, unless an option says
 /// otherwise: a gibibyte where a reader takes 8 bytes for each cell.
@@ -67,8 +69,10 @@ const CELLS_ALLOWED: usize = 1 << 24;
 pub struct ImportSpec {
     /// Name of the file as the user wrote it; its extension decides how `bytes` are read.
     pub file: String,
-    /// The content of the file.
+    /// The content of the file, or its beginning.
     pub bytes: Vec<u8>,
+    /// The whole file, if `bytes` are its beginning; see [`ImportSpec::is_read_in_pieces`].
+    pub pieces: Option<Pieces>,
     /// The files that it [needs](ImportSpec::missing), by these names; `None` for those that were
     /// not found.
     pub companions: BTreeMap<PathBuf, Option<Companion>>,
@@ -150,6 +154,7 @@ impl ImportSpec {
         Self {
             file: file.into(),
             bytes,
+            pieces: None,
             companions,
             trajectory: None,
             layers,
@@ -157,6 +162,26 @@ impl ImportSpec {
             cell_m: None,
             cells_max,
         }
+    }
+
+    /// A file that is too large for memory, with its beginning, and otherwise as
+    /// [`new`](Self::new).
+    #[must_use]
+    pub fn in_pieces(file: impl Into<String>, beginning: Vec<u8>, pieces: Pieces) -> Self {
+        let cells_max = cells_max(usize::try_from(pieces.length()).unwrap_or(usize::MAX));
+        Self { pieces: Some(pieces), cells_max, ..Self::new(file, beginning) }
+    }
+
+    /// Whether `bytes` need no more than the beginning of the file, because the rest is read in
+    /// [`pieces`](Self::pieces): point clouds of plain binary records.
+    #[must_use]
+    pub fn is_read_in_pieces(&self) -> bool {
+        self.format().ok().and_then(|format| format.in_pieces).is_some_and(|in_pieces| in_pieces(self))
+    }
+
+    /// Length of the whole file, bytes.
+    fn length(&self) -> u64 {
+        self.pieces.as_ref().map_or(self.bytes.len() as u64, Pieces::length)
     }
 
     /// A folder of pictures with the default options, of which each is a layer of cells.

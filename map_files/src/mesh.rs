@@ -44,6 +44,10 @@ pub(super) const TRIANGLES_MAX: usize = 1 << 22;
 /// Most openings that a report names.
 const OPENINGS_SHOWN: usize = 3;
 
+/// Most parts that an error names, and most characters of a name.
+const PARTS_SHOWN: usize = 8;
+const NAME_SHOWN: usize = 40;
+
 /// Distance of a winding number from one half within which the lines decide.
 const UNDECIDED: f64 = 1e-6;
 
@@ -64,6 +68,12 @@ const STEP: [f64; 3] = [1.0 / (1 << 10) as f64, 1.0 / (1 << 15) as f64, 1.0 / (1
 pub(super) struct Mesh {
     pub(super) vertices: Vec<[f64; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Parts that have a name, with the number of their first triangle, in this order.
+    pub(super) parts: Vec<(String, usize)>,
+}
+
+fn shorten(name: &str) -> String {
+    name.chars().take(NAME_SHOWN).collect()
 }
 
 impl Mesh {
@@ -72,6 +82,53 @@ impl Mesh {
         let first = self.vertices.len() as u32;
         self.vertices.extend(corners);
         self.triangles.push([first, first + 1, first + 2]);
+    }
+
+    /// Begins a part, which goes up to the next one.
+    pub(super) fn begin_part(&mut self, name: &str) {
+        let first = self.triangles.len();
+        if self.parts.last().is_some_and(|(_, last)| *last == first) {
+            self.parts.pop();
+        }
+        if self.parts.last().is_none_or(|(last, _)| last != name) {
+            self.parts.push((name.to_owned(), first));
+        }
+    }
+
+    /// All parts with a name as one mesh.
+    ///
+    /// # Errors
+    /// The names that there are, if none is this one.
+    pub(super) fn part(&self, name: &str) -> Result<Self, String> {
+        let ends = self.parts.iter().skip(1).map(|&(_, first)| first).chain([self.triangles.len()]);
+        let mut part = Self::default();
+        for ((_, first), end) in self.parts.iter().zip(ends).filter(|((other, _), _)| other == name) {
+            for triangle in &self.triangles[*first..end] {
+                part.add(triangle.map(|corner| self.vertices[corner as usize]));
+            }
+        }
+        if !part.triangles.is_empty() {
+            return Ok(part);
+        }
+        let mut names: Vec<String> = self.parts.iter().map(|(name, _)| format!("{:?}", shorten(name))).collect();
+        names.sort();
+        names.dedup();
+        let more = if names.len() > PARTS_SHOWN { ", ..." } else { "" };
+        names.truncate(PARTS_SHOWN);
+        Err(if names.is_empty() {
+            "it names no parts".to_owned()
+        } else {
+            format!("it has {}{more}", names.join(", "))
+        })
+    }
+
+    /// Moves the middle of the box around all triangles to the origin.
+    pub(super) fn centre(&mut self) {
+        let corners = self.triangles.iter().flatten().map(|&corner| self.vertices[corner as usize]);
+        let Some(Bounds { low, high }) = Bounds::of(corners) else { return };
+        for place in &mut self.vertices {
+            *place = [0, 1, 2].map(|axis| place[axis] - (low[axis] + high[axis]) / 2.0);
+        }
     }
 
     /// Checks that there is room for more triangles.

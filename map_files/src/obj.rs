@@ -59,7 +59,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
                     mesh.check_count()?;
                 }
             }
-            Some(b"o" | b"g") => groups += 1,
+            Some(kind @ (b"o" | b"g")) => {
+                groups += 1;
+                let name = String::from_utf8_lossy(content.trim_ascii_start().get(kind.len()..).unwrap_or_default());
+                mesh.begin_part(name.trim());
+            }
             _ => {}
         }
     }

@@ -16,6 +16,7 @@
 //! one is, as inner nodes of OctoMap have the largest odds of their known children. Such cells lie
 //! on multiples of their length from the origin of the file.
 
+use voxels::octree::DEPTH;
 use voxels::{Cell, Extent, ExtentError, Terrain};
 
 use super::bytes::{Bytes, number, shown, words};
@@ -34,9 +35,6 @@ pub(super) const READER: MapReader = MapReader {
         read,
     )
 };
-
-/// Levels of the tree below its root.
-const DEPTH: u32 = 16;
 
 /// Cells of the tree between its lowest corner and the origin of the file.
 const MIDDLE: i32 = 1 << (DEPTH - 1);

@@ -9,12 +9,13 @@
 use std::borrow::Cow;
 
 use super::bytes::{Bytes, float, number, shown, three, words};
-use super::cloud::{self, Cloud, Sensors};
+use super::cloud::{self, Cloud, Points, Records, Sensors};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, cell_length};
 
 /// A point cloud of the Point Cloud Library.
 pub(super) const READER: MapReader = MapReader {
     stored_cell_m: Some(cell_length::in_comment),
+    in_pieces: Some(in_pieces),
     ..MapReader::new("point cloud of PCL", &["pcd"], cloud::OPTIONS, read)
 };
 
@@ -87,6 +88,17 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let time = time.filter(|_| spec.options.trajectory.is_some());
     let has_times = time.is_some();
     wanted.extend(time);
+    let own_position = || {
+        let is_known = header.viewpoint != [0.0; 3];
+        if is_known { Sensors::One(header.viewpoint) } else { Sensors::None }
+    };
+    if let (Data::Binary, false, false) = (header.data, has_sensors, has_times) {
+        let (stride, start) = (header.stride(), bytes.at());
+        let points = Points::Records(Records::new(spec, start, stride, header.points, header.decoder(&wanted))?);
+        let left = spec.length() - (start + header.points * stride) as u64;
+        let notes = note_of_rest(left).into_iter().collect();
+        return cloud::map(spec, Cloud { points, sensors: own_position(), notes, ..Cloud::default() });
+    }
     let read = match header.data {
         Data::Ascii => ascii(&mut bytes, &header, &wanted)?,
         Data::Binary => binary(&mut bytes, &header, &wanted)?,
@@ -94,8 +106,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     };
     let three = |values: &[f64]| [values[0], values[1], values[2]];
     let points: Vec<[f64; 3]> = read.chunks_exact(wanted.len()).map(three).collect();
-    let left = bytes.rest().len();
-    let notes = (left > 0).then(|| Note::new("ignored", format!("{left} bytes after the last point")));
+    let notes = note_of_rest(bytes.rest().len() as u64);
     let times_s = if has_times {
         let unit = header.unit_of_time(&wanted);
         read.chunks_exact(wanted.len()).map(|values| values[wanted.len() - 1] * unit).collect()
@@ -104,12 +115,22 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     };
     let sensors = if has_sensors {
         Sensors::Each(read.chunks_exact(wanted.len()).map(|values| three(&values[3..])).collect())
-    } else if header.viewpoint == [0.0; 3] {
-        Sensors::None
     } else {
-        Sensors::One(header.viewpoint)
+        own_position()
     };
-    cloud::map(spec, Cloud { points, sensors, times_s, notes: notes.into_iter().collect() })
+    cloud::map(spec, Cloud { points: points.into(), sensors, times_s, notes: notes.into_iter().collect() })
+}
+
+fn note_of_rest(bytes: u64) -> Option<Note> {
+    (bytes > 0).then(|| Note::new("ignored", format!("{bytes} bytes after the last point")))
+}
+
+/// Whether a file is read a piece at a time, of which the header is at hand: binary points without
+/// positions of the sensor or times of their own.
+fn in_pieces(spec: &ImportSpec) -> bool {
+    let Ok(header) = header(&mut Bytes::new(&spec.bytes)) else { return false };
+    let has_times = spec.options.trajectory.is_some() && TIMES.iter().any(|name| header.coordinate(1, name).is_ok());
+    matches!(header.data, Data::Binary) && header.coordinates(1, SEEN_FROM).is_err() && !has_times
 }
 
 fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
@@ -223,6 +244,20 @@ impl Header {
             return Err(FormatError::line(line, format!("field {field} is a TYPE F of SIZE {size}, expected 4 or 8")));
         }
         Ok(Coordinate { field, values, bytes })
+    }
+
+    /// What reads the coordinates of a point.
+    fn decoder(&self, wanted: &[Coordinate]) -> impl Fn(&[u8]) -> Option<[f64; 3]> + '_ {
+        let at = [0, 1, 2].map(|axis| wanted[axis].bytes);
+        let fields = [0, 1, 2].map(|axis| &self.fields[wanted[axis].field]);
+        let are_floats = fields.iter().all(|field| matches!(field.number, Number::Float) && field.size == 4);
+        move |point| {
+            Some(if are_floats {
+                at.map(|at| f32::from_le_bytes([point[at], point[at + 1], point[at + 2], point[at + 3]]).into())
+            } else {
+                [0, 1, 2].map(|axis| value(&point[at[axis]..], fields[axis]))
+            })
+        }
     }
 
     /// Seconds of a unit of the last of these fields: drivers write nanoseconds as integers.

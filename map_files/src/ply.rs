@@ -11,7 +11,7 @@
 use voxels::Extent;
 
 use super::bytes::{Bytes, float, number, shown, words};
-use super::cloud::{self, Cloud, Sensors};
+use super::cloud::{self, Cloud, Points, Records, Sensors};
 use super::formats::joined;
 use super::mesh::{self, Mesh};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
@@ -19,6 +19,7 @@ use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 /// A mesh or a point cloud in the Polygon File Format.
 pub(super) const READER: MapReader = MapReader {
     stored_cell_m: Some(|bytes| voxel_grid(bytes).map(|grid| grid.size)),
+    in_pieces: Some(in_pieces),
     ..MapReader::new("polygon file", &["ply"], OPTIONS, read)
 };
 
@@ -73,6 +74,9 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut bytes = Bytes::new(&spec.bytes);
     let (order, elements) = header(&mut bytes)?;
     let at = bytes.at();
+    if let Some(record) = Record::of(spec, order, &elements) {
+        return record.read(spec, at, &elements);
+    }
     let place = |name: &[u8]| elements.iter().position(|element| element.name == name);
     let vertices = place(b"vertex").ok_or_else(|| FormatError::byte(at, "there is no element vertex in the header"))?;
     let with_lists = [b"face".as_slice(), b"tristrips"].into_iter().filter_map(place);
@@ -139,10 +143,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         number == vertices || list_of(number).is_some() || is_camera || is_of_grid(&elements[number])
     };
     let ignored = elements.iter().enumerate().filter(|&(number, element)| !used(number) && element.count > 0);
-    let notes = ignored.map(|(_, element)| {
-        let text = format!("{} elements {}", element.count, String::from_utf8_lossy(&element.name).escape_debug());
-        Note::new("ignored", text)
-    });
+    let notes = ignored.map(|(_, element)| note_of_ignored(element));
     let mut notes: Vec<Note> = notes.chain(mesh::note_of_skipped(skipped)).collect();
     let given_only_for =
         |one: &[&str], other: &[&str]| spec.options.given().find(|name| one.contains(name) && !other.contains(name));
@@ -171,7 +172,71 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         Some(camera) if camera != [0.0; 3] => Sensors::One(camera),
         _ => Sensors::None,
     };
-    cloud::map(spec, Cloud { points: mesh.vertices, sensors, times_s, notes })
+    cloud::map(spec, Cloud { points: mesh.vertices.into(), sensors, times_s, notes })
+}
+
+/// Vertices of a cloud that stand first in a binary file, with numbers only.
+struct Record<'a> {
+    vertex: &'a Element,
+    /// The place of each coordinate in a vertex, and its type.
+    coordinates: [(usize, Number); 3],
+    stride: usize,
+    order: Order,
+}
+
+impl<'a> Record<'a> {
+    /// The vertices of a file; `None` if they are not of this kind, or options or other elements
+    /// have a say in them.
+    fn of(spec: &ImportSpec, order: Order, elements: &'a [Element]) -> Option<Self> {
+        let vertices = elements.iter().position(|element| element.name == b"vertex")?;
+        let vertex = &elements[vertices];
+        let is_there = |element: &Element| element.count > 0 && !element.properties.is_empty();
+        let has_a_say =
+            |element: &Element| [b"face".as_slice(), b"tristrips", b"camera"].contains(&element.name.as_slice());
+        if order == Order::Ascii
+            || elements[..vertices].iter().any(is_there)
+            || elements.iter().any(|element| has_a_say(element) && element.count > 0)
+            || vertex.properties.iter().any(|property| property.length.is_some())
+            || positions(vertex, ["vp_x", "vp_y", "vp_z"], 0).is_ok()
+            || spec.options.trajectory.is_some()
+            || spec.options.given().any(|name| !cloud::OPTIONS.contains(&name))
+        {
+            return None;
+        }
+        let mut stride = 0;
+        let places: Vec<(usize, Number)> = vertex
+            .properties
+            .iter()
+            .map(|property| {
+                let at = stride;
+                stride += property.number.size();
+                (at, property.number)
+            })
+            .collect();
+        let coordinates = positions(vertex, ["x", "y", "z"], 0).ok()?.map(|property| places[property]);
+        Some(Self { vertex, coordinates, stride, order })
+    }
+
+    /// A map of the vertices, which begin at a byte.
+    fn read(&self, spec: &ImportSpec, at: usize, elements: &[Element]) -> Result<Imported, FormatError> {
+        let Self { vertex, coordinates, stride, order } = *self;
+        let decode = move |record: &[u8]| Some(coordinates.map(|(at, number)| decoded(&record[at..], order, number)));
+        let points = Points::Records(Records::new(spec, at, stride, vertex.count, decode)?);
+        let ignored = elements.iter().filter(|element| element.name != b"vertex" && element.count > 0);
+        let notes = ignored.map(note_of_ignored).collect();
+        cloud::map(spec, Cloud { points, notes, ..Cloud::default() })
+    }
+}
+
+/// Whether a file is read a piece at a time, of which the header is at hand.
+fn in_pieces(spec: &ImportSpec) -> bool {
+    let header = header(&mut Bytes::new(&spec.bytes));
+    header.is_ok_and(|(order, elements)| Record::of(spec, order, &elements).is_some())
+}
+
+fn note_of_ignored(element: &Element) -> Note {
+    let name = String::from_utf8_lossy(&element.name).escape_debug().to_string();
+    Note::new("ignored", format!("{} elements {name}", element.count))
 }
 
 /// What Open3D writes before the indices of voxels.
@@ -364,19 +429,24 @@ impl Number {
 }
 
 fn value(bytes: &mut Bytes<'_>, order: Order, number: Number) -> Result<f64, FormatError> {
-    let taken = bytes.take(number.size(), "a property")?;
+    Ok(decoded(bytes.take(number.size(), "a property")?, order, number))
+}
+
+/// The number that bytes begin with.
+fn decoded(bytes: &[u8], order: Order, number: Number) -> f64 {
+    let size = number.size();
     let mut low = [0; 8];
-    low[..taken.len()].copy_from_slice(taken);
+    low[..size].copy_from_slice(&bytes[..size]);
     if order == Order::Big {
-        low[..taken.len()].reverse();
+        low[..size].reverse();
     }
-    let (bits, unused) = (u64::from_le_bytes(low), 64 - 8 * taken.len() as u32);
-    Ok(match number {
+    let (bits, unused) = (u64::from_le_bytes(low), 64 - 8 * size as u32);
+    match number {
         Number::Float(4) => f32::from_bits(bits as u32).into(),
         Number::Float(_) => f64::from_bits(bits),
         Number::Unsigned(_) => bits as f64,
         Number::Signed(_) => ((bits << unused) as i64 >> unused) as f64,
-    })
+    }
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ use super::frame::Bounds;
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, Search, dae, gltf, obj, stl, xml};
-use geometry::Geometry;
+use geometry::{Geometry, Part};
 use poses::{Model, Shape};
 
 /// A world or model of Gazebo.
@@ -63,7 +63,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut whole = Mesh::default();
     let mut shapes = 0u64;
     let mut planes = Vec::new();
-    let mut meshes: BTreeMap<PathBuf, Mesh> = BTreeMap::new();
+    let mut meshes: BTreeMap<(PathBuf, Option<Part>), Mesh> = BTreeMap::new();
     world.place(&mut |shape: &Shape, place: &Matrix4<f64>| {
         shapes += 1;
         match &shape.geometry {
@@ -71,11 +71,26 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
                 planes.push((*normal, *size, *place));
                 Ok(())
             }
-            Geometry::Mesh { file, scale } => {
-                if !meshes.contains_key(file) {
-                    meshes.insert(file.clone(), files.mesh(file)?);
+            Geometry::Mesh { file, scale, part } => {
+                let whole_file = (file.clone(), None);
+                if !meshes.contains_key(&whole_file) {
+                    meshes.insert(whole_file.clone(), files.mesh(file)?);
                 }
-                whole.add_placed(&meshes[file], &(place * Matrix4::new_nonuniform_scaling(&Vector3::from(*scale))))
+                let key = (file.clone(), part.clone());
+                if let Some(Part { name, is_centred }) = part
+                    && !meshes.contains_key(&key)
+                {
+                    let mesh = meshes[&whole_file].part(name);
+                    let mesh = mesh.map_err(|names| {
+                        fault(file.display(), format_args!("submesh {name:?} is no part of it; {names}"))
+                    });
+                    let mut mesh = mesh?;
+                    if *is_centred {
+                        mesh.centre();
+                    }
+                    meshes.insert(key.clone(), mesh);
+                }
+                whole.add_placed(&meshes[&key], &(place * Matrix4::new_nonuniform_scaling(&Vector3::from(*scale))))
             }
             other => whole.add_placed(&primitives::mesh(other), place),
         }
@@ -93,7 +108,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             "{} model(s), {shapes} shapes of their links, {} of them planes, {} file(s) of meshes",
             world.models_in(),
             planes.len(),
-            meshes.len()
+            meshes.keys().filter(|(_, part)| part.is_none()).count()
         ),
     )];
     notes.extend(reader.notes());

@@ -71,7 +71,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     if with_commas > 0 {
         notes.push(Note::new("commas", format!("{with_commas} points with commas for decimal points")));
     }
-    cloud::map(spec, Cloud { points, notes, ..Cloud::default() })
+    cloud::map(spec, Cloud { points: points.into(), notes, ..Cloud::default() })
 }
 
 /// The words of a line between spaces and `separators`.

@@ -14,6 +14,7 @@ pub mod building;
 pub mod import_options;
 pub mod mine;
 pub mod noise;
+pub mod scene;
 mod smoothing;
 pub mod spheres;
 
@@ -28,7 +29,8 @@ pub use building::{BuildingSpec, Built, Entrance};
 pub use import_options::{Fill, ImportOptions, Kind};
 pub use mine::MineSpec;
 pub use noise::NoiseSpec;
-pub use spheres::SpheresSpec;
+pub use scene::{SceneName, SceneSpec};
+pub use spheres::{SphereRandom, SpheresSpec};
 
 /// The shortest side of a generated map, in cells: one cell between two solid layers on either
 /// side.
@@ -45,6 +47,8 @@ pub enum MapSpec {
     Building(BuildingSpec),
     /// Levels of drifts with crosscuts, stopes and a ramp.
     Mine(MineSpec),
+    /// A place of the literature at true scale.
+    Scene(SceneSpec),
 }
 
 impl MapSpec {
@@ -59,6 +63,7 @@ impl MapSpec {
             Self::Noise(spec) => spec.check(extent),
             Self::Building(spec) => spec.check(extent),
             Self::Mine(spec) => spec.check(extent),
+            Self::Scene(spec) => spec.check(extent),
         }
     }
 }
@@ -150,6 +155,25 @@ pub enum MapError {
         /// Largest radius of the spec, in cells.
         radius_max: u32,
     },
+    /// A seed that the random numbers of Unity cannot begin with.
+    #[error("seed is {seed}, allowed is 0 to {} where `random` is that of Unity", u32::MAX)]
+    SeedTooLong {
+        /// The seed.
+        seed: u64,
+    },
+    /// A scene does not fit into the map.
+    #[error(
+        "{} cells of {cell_m} m are too few for this scene, it needs at least {}; choose a larger map, or longer cells",
+        by(*size), by(*needed)
+    )]
+    SceneTooSmall {
+        /// Cells along x, y and z.
+        size: [u32; 3],
+        /// Edge of a cell, metres.
+        cell_m: f64,
+        /// The cells that it needs along each axis.
+        needed: [u32; 3],
+    },
     /// The system has not enough memory for a map of this size.
     #[error("a map of {} cells and what is known of it take {mib} MiB of memory, which cannot be had; choose a smaller one", by(*size))]
     Memory {
@@ -185,13 +209,14 @@ pub enum MapError {
 ///
 /// # Errors
 /// The errors of [`MapSpec::check`]; [`MapError::Memory`]; [`MapError::FillUnreachable`];
-/// [`MapError::Empty`] if nothing free is left.
+/// [`MapError::SeedTooLong`]; [`MapError::Empty`] if nothing free is left.
 pub fn generate(spec: &MapSpec, extent: Extent, seed: u64) -> Result<GeneratedMap, MapError> {
     check_memory(extent, GENERATION_CELL_BYTES)?;
     let (draft, built, entrances) = match spec {
         MapSpec::Spheres(spec) => (spheres::draft(spec, extent, seed)?, None, Vec::new()),
         MapSpec::Noise(spec) => (noise::draft(spec, extent, seed)?, None, Vec::new()),
         MapSpec::Mine(spec) => (mine::draft(spec, extent, seed)?, None, Vec::new()),
+        MapSpec::Scene(spec) => (scene::draft(spec, extent, seed)?, None, Vec::new()),
         MapSpec::Building(spec) => {
             let (draft, built, entrances) = building::draft(spec, extent, seed)?;
             (draft, Some(built), entrances)
@@ -256,7 +281,7 @@ fn described(
 pub fn entrances(spec: &MapSpec, extent: Extent, seed: u64) -> Result<Vec<Entrance>, MapError> {
     match spec {
         MapSpec::Building(spec) => building::entrances(spec, extent, seed),
-        MapSpec::Spheres(_) | MapSpec::Noise(_) | MapSpec::Mine(_) => Ok(Vec::new()),
+        MapSpec::Spheres(_) | MapSpec::Noise(_) | MapSpec::Mine(_) | MapSpec::Scene(_) => Ok(Vec::new()),
     }
 }
 

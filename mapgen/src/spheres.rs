@@ -8,6 +8,7 @@
 
 mod centres;
 mod links;
+mod unity;
 
 use serde::{Deserialize, Serialize};
 use voxels::{Cell, Extent, Grid, Terrain, close_shell};
@@ -43,11 +44,36 @@ pub struct SpheresSpec {
     pub connections: u32,
     /// How many times the map is smoothed, 0 to 1000. Default 5 (MAES3D's slider: 0 to 20).
     pub smoothing: u32,
+    /// The random numbers that the spheres are drawn with.
+    #[serde(skip_serializing_if = "SphereRandom::is_default")]
+    pub random: SphereRandom,
+}
+
+/// A source of random numbers for spheres. With those of MAES3D's engine, a seed makes the map that
+/// it makes there.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SphereRandom {
+    /// The stream of the seed for this generator ([`voxels::random_streams`]).
+    #[default]
+    Chacha,
+    /// The generator of Unity, as for a seed that the user of MAES3D has typed in.
+    Unity,
+    /// The same after one draw: MAES3D, asked for a random seed, draws the number by which it names
+    /// the map before it makes it.
+    UnityNamed,
+}
+
+impl SphereRandom {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 impl Default for SpheresSpec {
     fn default() -> Self {
-        Self { fill_ratio: 0.20, radius_min: 3, radius_max: 8, connections: 3, smoothing: 5 }
+        let random = SphereRandom::default();
+        Self { fill_ratio: 0.20, radius_min: 3, radius_max: 8, connections: 3, smoothing: 5, random }
     }
 }
 
@@ -102,7 +128,7 @@ pub(super) fn draft(spec: &SpheresSpec, extent: Extent, seed: u64) -> Result<Dra
 /// was asked for.
 fn carve_spheres(terrain: &mut Grid<Terrain>, spec: &SpheresSpec, seed: u64) -> Result<Vec<Sphere>, MapError> {
     let extent = terrain.extent();
-    let mut centres = Centres::new(extent, spec.radius_min..=spec.radius_max, seed);
+    let mut centres = Centres::new(extent, spec, seed)?;
     let mut spheres = Vec::new();
     let mut freed = 0;
     loop {

@@ -29,7 +29,8 @@ fn any_spheres() -> impl Strategy<Value = (SpheresSpec, Extent)> {
         let radius_max = radius_min + (high * f64::from(limit + 1 - radius_min)) as u32;
         let reach: f64 = size.into_iter().map(|s| f64::from(s - 3) / f64::from(s)).product();
         let fill_ratio = (fill * reach).max(1e-9);
-        (SpheresSpec { fill_ratio, radius_min, radius_max, connections, smoothing }, extent(size))
+        let spec = SpheresSpec { fill_ratio, radius_min, radius_max, connections, smoothing, ..SpheresSpec::default() };
+        (spec, extent(size))
     })
 }
 
@@ -78,6 +79,53 @@ fn a_seed_stands_for_the_same_map_for_ever() {
     ] {
         let map = generate(&spec, extent(size), seed).unwrap();
         assert_eq!(terrain_hash(&map.terrain).to_hex()[..32], *expected, "{spec:?}");
+    }
+}
+
+/// The seeds of the experiments of the paper on MAES3D.
+const PAPER_SEEDS: [u64; 10] = [688446, 881082, 715672, 360565, 402211, 781547, 234175, 510916, 902487, 103226];
+
+/// The maps of the reference's own code, run from its seeds: free cells and hash.
+#[test]
+fn seeds_of_the_paper_make_its_maps() {
+    // As the branch that ran the experiments: radii 3 to 6, two smoothings.
+    let branch = SpheresSpec { radius_max: 6, smoothing: 2, random: SphereRandom::Unity, ..SpheresSpec::default() };
+    // As the text of the paper and the user interface: 3 to 8, five.
+    let text = SpheresSpec { random: SphereRandom::Unity, ..SpheresSpec::default() };
+    let of_branch = [
+        (243865, "80b3499bef6f92ec"),
+        (242175, "469ab12b2b1ffb33"),
+        (244840, "2310e071d48bbc3f"),
+        (240956, "d44e335d696c7062"),
+        (236087, "6d52345939950a09"),
+        (241391, "4fec5cd8b2b75881"),
+        (241455, "355642c70d721bbd"),
+        (240418, "e9beeb519e44ec03"),
+        (243395, "4312ceb121f3f276"),
+        (240459, "07cf25b9e51864a8"),
+    ];
+    let of_text = [
+        (235858, "393de87bb218524c"),
+        (233414, "8d28ae218593eb38"),
+        (235744, "51e247bcacdcbf16"),
+        (230720, "3ab7c4bc424bd51d"),
+        (230171, "654ec518b105b5fb"),
+        (229322, "969dcad2ee61c69c"),
+        (234188, "aa06a76c7cf266be"),
+        (235285, "e87d4b98a5748038"),
+        (239485, "ee66a53778b4c5b3"),
+        (231211, "7c539286cc91a118"),
+    ];
+    let of_branch_50 = [(29264, "05a1e7677e5ff361"), (28299, "c2ac80566ccc7e42")];
+    /// Spec, cells along an axis, free cells and hash of the map of each seed.
+    type Golden<'a> = (&'a SpheresSpec, u32, &'a [(u64, &'a str)]);
+    let tables: [Golden<'_>; 3] = [(&branch, 100, &of_branch), (&text, 100, &of_text), (&branch, 50, &of_branch_50)];
+    for (spec, side, table) in tables {
+        for (seed, &(free_cells, hash)) in PAPER_SEEDS.into_iter().zip(table) {
+            let map = generate(&MapSpec::Spheres(spec.clone()), extent([side; 3]), seed).unwrap();
+            let found = (map.report.free_cells, terrain_hash(&map.terrain).to_hex());
+            assert_eq!((found.0, &found.1[..16]), (free_cells, hash), "{side}^3, seed {seed}, {spec:?}");
+        }
     }
 }
 
@@ -175,7 +223,8 @@ fn an_imported_map_is_closed_and_connected() {
 
 #[test]
 fn text_form_has_the_defaults_of_maes3d_and_no_other_keys() {
-    let spheres = SpheresSpec { fill_ratio: 0.2, radius_min: 3, radius_max: 8, connections: 3, smoothing: 5 };
+    let random = SphereRandom::Chacha;
+    let spheres = SpheresSpec { fill_ratio: 0.2, radius_min: 3, radius_max: 8, connections: 3, smoothing: 5, random };
     let noise = NoiseSpec { fill: 0.53, smoothing: 5 };
     assert_eq!(toml::from_str(""), Ok(spheres.clone()));
     assert_eq!(toml::from_str(""), Ok(noise.clone()));

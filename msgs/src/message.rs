@@ -1,8 +1,9 @@
 //! Which ROS type each struct is, and what its definition says.
 //!
-//! Invariant: every type that a definition mentions is in the list [`ALL`] itself, so that a
-//! definition can always be completed. The texts are the `.msg` files, taken in at build time;
-//! those under `src/standard` are the field lists of the packages that come with ROS 2.
+//! The structs are made by the build script of the `.msg` files, whose texts are the definitions;
+//! those under `src/standard` are the field lists of the packages that come with ROS 2. The script
+//! refuses a definition that mentions a type without a file, so a definition can always be
+//! completed from [`ALL`].
 
 use std::fmt;
 
@@ -33,41 +34,12 @@ pub trait Message: Serialize + DeserializeOwned {
     const TYPE: MessageType;
 }
 
-macro_rules! messages {
-    ($($folder:literal: $package:ident { $($name:ident)* })*) => {
-        $($(
-            impl Message for crate::$package::$name {
-                const TYPE: MessageType = MessageType {
-                    package: stringify!($package),
-                    name: stringify!($name),
-                    definition: include_str!(concat!($folder, stringify!($name), ".msg")),
-                };
-            }
-        )*)*
+/// Every type of this crate, by package and name.
+pub const ALL: &[MessageType] = include!(concat!(env!("OUT_DIR"), "/all.rs"));
 
-        /// Every type of this crate, by package and name.
-        pub const ALL: &[MessageType] = &[$($(<crate::$package::$name as Message>::TYPE,)*)*];
-    };
-}
-
-messages! {
-    "standard/builtin_interfaces/": builtin_interfaces { Duration Time }
-    "standard/diagnostic_msgs/": diagnostic_msgs { DiagnosticArray DiagnosticStatus KeyValue }
-    "standard/geometry_msgs/": geometry_msgs {
-        Point Pose PoseStamped PoseWithCovariance Quaternion Transform TransformStamped Twist TwistStamped
-        TwistWithCovariance Vector3
-    }
-    "../msg/": maes_msgs {
-        AgentMessage Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar MapChange Motion Observation
-        Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
-    }
-    "standard/nav_msgs/": nav_msgs { MapMetaData OccupancyGrid Odometry Path }
-    "standard/rcl_interfaces/": rcl_interfaces { Log }
-    "standard/rosgraph_msgs/": rosgraph_msgs { Clock }
-    "standard/sensor_msgs/": sensor_msgs { CompressedImage PointCloud2 PointField }
-    "standard/std_msgs/": std_msgs { ColorRGBA Header String }
-    "standard/tf2_msgs/": tf2_msgs { TFMessage }
-    "standard/visualization_msgs/": visualization_msgs { Marker MarkerArray MeshFile UVCoordinate }
+/// The type of this name in a package.
+pub(crate) fn find(package: &str, name: &str) -> Option<MessageType> {
+    ALL.iter().copied().find(|message| message.package == package && message.name == name)
 }
 
 #[cfg(test)]

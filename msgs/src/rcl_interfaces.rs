@@ -1,41 +1,11 @@
-//! The package `rcl_interfaces`: the message of the topic `/rosout`.
-
-use serde::{Deserialize, Serialize};
+//! The package `rcl_interfaces`: the message of the topic `/rosout`, and parameters.
 
 use crate::builtin_interfaces::Time;
 use crate::printable;
 
-/// Something that a node says to people.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Log {
-    /// When it was said: wall time, as ROS does it whatever clock a node goes by.
-    pub stamp: Time,
-    /// How bad it is, one of the constants.
-    pub level: u8,
-    /// Who says so: the node.
-    pub name: String,
-    /// What.
-    pub msg: String,
-    /// Not used here.
-    pub file: String,
-    /// Not used here.
-    pub function: String,
-    /// Not used here.
-    pub line: u32,
-}
+include!(concat!(env!("OUT_DIR"), "/rcl_interfaces.rs"));
 
 impl Log {
-    /// `level`: for those who look for a mistake.
-    pub const DEBUG: u8 = 10;
-    /// `level`: as expected.
-    pub const INFO: u8 = 20;
-    /// `level`: not as expected.
-    pub const WARN: u8 = 30;
-    /// `level`: something failed.
-    pub const ERROR: u8 = 40;
-    /// `level`: the node ends of it.
-    pub const FATAL: u8 = 50;
-
     /// A line of the node of this name, said at this wall time.
     #[must_use]
     pub fn of_node(name: &str, level: Level, text: &str, stamp: Time) -> Self {

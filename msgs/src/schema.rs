@@ -6,17 +6,15 @@
 
 use std::collections::BTreeSet;
 
-use crate::message::{ALL, MessageType};
-use crate::service::TYPES;
+use crate::definition::Definition;
+use crate::message::{MessageType, find};
+use crate::service::Service;
+use crate::simulation_interfaces::{
+    GetSimulationState, GetSimulatorFeatures, ResetSimulation, SetSimulationState, StepSimulation,
+};
 
 /// What stands between two definitions, before the name of the second.
 const SEPARATOR: &str = "================================================================================";
-
-/// Types that need no definition.
-const PRIMITIVES: [&str; 15] = [
-    "bool", "byte", "char", "float32", "float64", "int8", "int16", "int32", "int64", "string", "uint8", "uint16",
-    "uint32", "uint64", "wstring",
-];
 
 /// The definition of `message` followed by the definitions of all types it refers to.
 ///
@@ -49,11 +47,11 @@ pub fn service(name: &str) -> (String, String) {
 
 /// Services that can be described, by their interface files.
 const SERVICES: [(&str, &str); 5] = [
-    ("GetSimulatorFeatures", include_str!("standard/simulation_interfaces/srv/GetSimulatorFeatures.srv")),
-    ("GetSimulationState", include_str!("standard/simulation_interfaces/srv/GetSimulationState.srv")),
-    ("SetSimulationState", include_str!("standard/simulation_interfaces/srv/SetSimulationState.srv")),
-    ("StepSimulation", include_str!("standard/simulation_interfaces/srv/StepSimulation.srv")),
-    ("ResetSimulation", include_str!("standard/simulation_interfaces/srv/ResetSimulation.srv")),
+    (GetSimulatorFeatures::NAME, GetSimulatorFeatures::DEFINITION),
+    (GetSimulationState::NAME, GetSimulationState::DEFINITION),
+    (SetSimulationState::NAME, SetSimulationState::DEFINITION),
+    (StepSimulation::NAME, StepSimulation::DEFINITION),
+    (ResetSimulation::NAME, ResetSimulation::DEFINITION),
 ];
 
 fn append_dependencies(message: MessageType, seen: &mut BTreeSet<MessageType>, text: &mut String) {
@@ -68,29 +66,17 @@ fn append_dependencies(message: MessageType, seen: &mut BTreeSet<MessageType>, t
 
 /// The types that the fields of `message` have, without the primitive ones.
 fn dependencies(message: MessageType) -> BTreeSet<MessageType> {
-    let types = message.definition.lines().filter_map(|line| {
-        let code = line.split('#').next().unwrap_or_default();
-        code.split_whitespace().next()
-    });
-    let elements = types.map(|field| field.split(['[', '<']).next().unwrap_or_default());
-    elements.filter(|element| !PRIMITIVES.contains(element)).map(|element| find(element, message.package)).collect()
-}
-
-/// The type that a field of a message in `package` calls `reference`: a type of the same package
-/// needs no package name.
-fn find(reference: &str, package: &str) -> MessageType {
-    let (package, name) = reference.split_once('/').unwrap_or((package, reference));
-    *ALL.iter()
-        .chain(TYPES)
-        .find(|candidate| candidate.package == package && candidate.name == name)
-        .expect("the list of types is complete, and a test asks for the schema of each")
+    let definition = Definition::parse(message.definition).expect("the build script has read it");
+    let nested = definition.fields().filter(|field| field.of_type.primitive().is_none());
+    let types = nested.map(|field| field.of_type.message(message.package));
+    types.map(|(package, name)| find(package, name).expect("the build script has found it")).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::maes_msgs::{Command, Observation};
-    use crate::message::Message;
+    use crate::message::{ALL, Message};
 
     /// The names after the separators, in order.
     fn appended(message: MessageType) -> Vec<String> {

@@ -17,8 +17,8 @@ use crate::maes_msgs::{
 };
 use crate::message::{Message, MessageType};
 use crate::nav_msgs::{OccupancyGrid, Odometry, Path};
-use crate::parameters::ParameterEvent;
-use crate::rcl_interfaces::Log;
+use crate::octomap_msgs::Octomap;
+use crate::rcl_interfaces::{Log, ParameterEvent};
 use crate::rosgraph_msgs::Clock;
 use crate::sensor_msgs::PointCloud2;
 use crate::std_msgs;
@@ -280,6 +280,26 @@ pub fn map_points() -> Topic {
     Topic::new::<PointCloud2>("/sim/map_points", Qos::latched(1))
 }
 
+/// The map as a tree of OctoMap.
+pub fn octomap() -> Topic {
+    Topic::new::<Octomap>("/sim/octomap", Qos::latched(1))
+}
+
+/// What the team has seen of the map, as a tree of OctoMap.
+pub fn explored_octomap() -> Topic {
+    Topic::new::<Octomap>("/sim/explored_octomap", Qos::latched(1))
+}
+
+/// What the team has seen of the map, projected to the plane.
+pub fn explored_occupancy() -> Topic {
+    Topic::new::<OccupancyGrid>("/sim/explored_map", Qos::latched(1))
+}
+
+/// The centres of the walls that the team has seen.
+pub fn explored_points() -> Topic {
+    Topic::new::<PointCloud2>("/sim/explored_points", Qos::latched(1))
+}
+
 /// What nodes say to people.
 pub fn rosout() -> Topic {
     Topic::new::<Log>("/rosout", Qos::latched(LOG_DEPTH))
@@ -355,7 +375,7 @@ pub fn split(name: &str) -> Option<(AgentId, &str)> {
     Some((AgentId(agent.parse().ok()?), rest))
 }
 
-fn of_simulation() -> [Topic; 19] {
+fn of_simulation() -> [Topic; 23] {
     [
         clock(),
         scenario(),
@@ -375,6 +395,10 @@ fn of_simulation() -> [Topic; 19] {
         robot_description(),
         occupancy(),
         map_points(),
+        octomap(),
+        explored_octomap(),
+        explored_occupancy(),
+        explored_points(),
         rosout(),
     ]
 }
@@ -403,7 +427,7 @@ mod tests {
         let count = names.len();
         names.sort();
         names.dedup();
-        assert_eq!((names.len(), count), (18 + 96, 18 + 96));
+        assert_eq!((names.len(), count), (22 + 96, 22 + 96));
     }
 
     #[test]

@@ -6,37 +6,15 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::fmt;
 use std::sync::OnceLock;
 
 use sha2::{Digest, Sha256};
 
-use crate::message::{ALL, MessageType};
-use crate::service::TYPES;
+use crate::definition::{Definition, Item, Length, PART_SEPARATOR};
+use crate::message::{ALL, MessageType, find};
 
-/// Numbers of the primitive types (`type_description_interfaces/msg/FieldType`).
-const TYPE_IDS: [(&str, u32); 16] = [
-    ("int8", 2),
-    ("uint8", 3),
-    ("int16", 4),
-    ("uint16", 5),
-    ("int32", 6),
-    ("uint32", 7),
-    ("int64", 8),
-    ("uint64", 9),
-    ("float32", 10),
-    ("float64", 11),
-    // In ROS 2 a `char` of a message is a number of eight bits.
-    ("char", 3),
-    ("bool", 15),
-    ("byte", 16),
-    ("string", 17),
-    ("wstring", 18),
-    (BOUNDED_STRING, 21),
-];
-
-/// What a bounded string is called here.
-const BOUNDED_STRING: &str = "string<=";
+/// The number of a bounded string.
+const BOUNDED_STRING: u32 = 21;
 
 /// The number of a type that has a description of its own.
 const NESTED: u32 = 1;
@@ -59,7 +37,7 @@ pub fn of(message: MessageType) -> String {
 
 /// The hash of a service type, whose definition has a request and a response.
 pub fn of_service(package: &str, name: &str, definition: &str) -> String {
-    let (request, response) = definition.split_once("---").unwrap_or((definition, ""));
+    let (request, response) = definition.split_once(PART_SEPARATOR).unwrap_or((definition, ""));
     service(&format!("{package}/srv/{name}"), package, request, response, BTreeMap::new())
 }
 
@@ -77,7 +55,7 @@ pub struct ActionHashes {
 pub fn of_action(package: &str, name: &str, definition: &str) -> ActionHashes {
     let full_name = format!("{package}/action/{name}");
     let names = ["Goal", "Result", "Feedback"].map(|part| format!("{full_name}_{part}"));
-    let parts: BTreeMap<_, _> = names.into_iter().zip(definition.split("---").map(str::to_owned)).collect();
+    let parts: BTreeMap<_, _> = names.into_iter().zip(definition.split(PART_SEPARATOR).map(str::to_owned)).collect();
     let goal_id = "unique_identifier_msgs/UUID goal_id";
     let service = |name: &str, request: &str, response: &str| {
         service(&format!("{full_name}_{name}"), package, request, response, parts.clone())
@@ -102,8 +80,6 @@ fn service(
     mut parts: BTreeMap<String, String>,
 ) -> String {
     for (part, definition) in [("Request", request), ("Response", response)] {
-        let is_empty = fields(package, definition).next().is_none();
-        let definition = if is_empty { "uint8 structure_needs_at_least_one_member" } else { definition };
         parts.insert(format!("{full_name}_{part}"), definition.to_owned());
     }
     let event = format!(
@@ -129,11 +105,29 @@ fn of_parts(full_name: &str, definition: &str, package: &str, parts: &BTreeMap<S
     format!("RIHS01_{hex}")
 }
 
+fn parsed(definition: &str) -> Definition<'_> {
+    Definition::parse(definition).expect("the build script has read it, or it is made here")
+}
+
+/// The full name of the type of a field, unless that is primitive. Types that have no file of their
+/// own are referred to by their full name.
+fn nested_name(field: &Item<'_>, package: &str) -> Option<String> {
+    let (package, name) = match field.of_type.primitive() {
+        Some(_) => return None,
+        None => field.of_type.message(package),
+    };
+    Some(find(package, name).map_or_else(|| field.of_type.element.to_owned(), |message| message.to_string()))
+}
+
 /// Adds the descriptions of the types that a definition refers to, by full name.
 fn collect(definition: &str, package: &str, parts: &BTreeMap<String, String>, referred: &mut BTreeMap<String, String>) {
-    for full_name in fields(package, definition).filter_map(|field| field.nested) {
-        let nested = parts.get(&full_name).map(|definition| (definition.as_str(), package));
-        let nested = nested.or_else(|| find(&full_name, package).map(|of| (of.definition, of.package)));
+    for field in parsed(definition).fields() {
+        let Some(full_name) = nested_name(field, package) else { continue };
+        let known = || {
+            let (package, name) = field.of_type.message(package);
+            find(package, name).map(|of| (of.definition, of.package))
+        };
+        let nested = parts.get(&full_name).map(|definition| (definition.as_str(), package)).or_else(known);
         if let (Some((definition, package)), Entry::Vacant(entry)) = (nested, referred.entry(full_name.clone())) {
             entry.insert(description(&full_name, definition, package));
             collect(definition, package, parts, referred);
@@ -142,98 +136,52 @@ fn collect(definition: &str, package: &str, parts: &BTreeMap<String, String>, re
 }
 
 fn description(full_name: &str, definition: &str, package: &str) -> String {
-    let fields: Vec<String> = fields(package, definition).map(|field| field.to_string()).collect();
+    let is_empty = parsed(definition).fields().next().is_none();
+    let definition = parsed(if is_empty { "uint8 structure_needs_at_least_one_member" } else { definition });
+    let fields: Vec<String> = definition.fields().map(|field| described(field, package)).collect();
     format!("{{\"type_name\": \"{full_name}\", \"fields\": [{}]}}", fields.join(", "))
 }
 
-/// A field of a message.
-struct Field<'a> {
-    name: &'a str,
-    number: u32,
-    /// Of an array or a bounded sequence.
-    capacity: &'a str,
-    /// Of a bounded string.
-    string_capacity: &'a str,
-    /// The full name of its type, unless that is primitive.
-    nested: Option<String>,
-}
-
-impl fmt::Display for Field<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, number, capacity, string_capacity, nested } = self;
-        let nested = nested.as_deref().unwrap_or_default();
-        write!(
-            f,
-            "{{\"name\": \"{name}\", \"type\": {{\"type_id\": {number}, \"capacity\": {capacity}, \"string_capacity\": \
-             {string_capacity}, \"nested_type_name\": \"{nested}\"}}}}"
-        )
-    }
-}
-
-fn fields<'a>(package: &str, definition: &'a str) -> impl Iterator<Item = Field<'a>> {
-    definition.lines().filter_map(move |line| field(line, package))
-}
-
-/// The field of a line; nothing for constants and comments.
-fn field<'a>(line: &'a str, package: &str) -> Option<Field<'a>> {
-    let code = line.split('#').next().unwrap_or_default();
-    let mut words = code.split_whitespace();
-    let (kind, name) = (words.next()?, words.next()?);
-    let is_constant = name.contains('=') || words.next().is_some_and(|word| word.starts_with('='));
-    if is_constant {
-        return None;
-    }
-    let (element, collection) = match kind.split_once('[') {
-        Some((element, length)) => (element, Some(length.trim_end_matches(']'))),
-        None => (kind, None),
+/// A field as JSON.
+fn described(field: &Item<'_>, package: &str) -> String {
+    let Item { name, of_type, .. } = field;
+    let element = match (of_type.string_bound, of_type.primitive()) {
+        (Some(_), _) => BOUNDED_STRING,
+        (None, Some((number, _))) => number,
+        (None, None) => NESTED,
     };
-    let (added, capacity) = match collection {
-        None => (0, "0"),
-        Some("") => (UNBOUNDED_SEQUENCE, "0"),
-        Some(length) => match length.strip_prefix("<=") {
-            Some(bound) => (BOUNDED_SEQUENCE, bound),
-            None => (ARRAY, length),
-        },
+    let (added, capacity) = match of_type.length {
+        Length::One => (0, 0),
+        Length::Array(length) => (ARRAY, length),
+        Length::Bounded(bound) => (BOUNDED_SEQUENCE, bound),
+        Length::Unbounded => (UNBOUNDED_SEQUENCE, 0),
     };
-    let (element, string_capacity) = match element.strip_prefix(BOUNDED_STRING) {
-        Some(bound) => (BOUNDED_STRING, bound),
-        None => (element, "0"),
-    };
-    let primitive = TYPE_IDS.iter().find(|(name, _)| *name == element);
-    let nested = match primitive {
-        Some(_) => None,
-        // A full name, as definitions that are made here have it.
-        None if element.matches('/').count() == 2 => Some(element.to_owned()),
-        None => Some(find(element, package)?.to_string()),
-    };
-    let number = primitive.map_or(NESTED, |(_, number)| *number) + added;
-    Some(Field { name, number, capacity, string_capacity, nested })
-}
-
-/// The type that a field of a message in `package` calls `reference`, which may be a full name.
-fn find(reference: &str, package: &str) -> Option<MessageType> {
-    let (package, name) = reference.split_once('/').unwrap_or((package, reference));
-    let name = name.strip_prefix("msg/").unwrap_or(name);
-    ALL.iter().chain(TYPES).copied().find(|message| message.package == package && message.name == name)
+    let (number, string_capacity) = (element + added, of_type.string_bound.unwrap_or(0));
+    let nested = nested_name(field, package).unwrap_or_default();
+    format!(
+        "{{\"name\": \"{name}\", \"type\": {{\"type_id\": {number}, \"capacity\": {capacity}, \"string_capacity\": \
+         {string_capacity}, \"nested_type_name\": \"{nested}\"}}}}"
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
 
+    use crate::action_msgs::{CancelGoal, GoalStatusArray};
     use crate::maes_msgs::{Progress, SignedObservation};
     use crate::message::Message;
-    use crate::parameters::{self, ParameterEvent};
-    use crate::rcl_interfaces::Log;
+    use crate::rcl_interfaces::{self, Log, ParameterEvent};
     use crate::rosgraph_msgs::Clock;
-    use crate::service::{CANCEL_GOAL, GOAL_STATUS_ARRAY, SIMULATE_STEPS, Service};
-    use crate::simulation_interfaces;
+    use crate::service::{Action, Service};
+    use crate::service_msgs::ServiceEventInfo;
+    use crate::simulation_interfaces::{self, SimulateSteps};
 
     use super::*;
 
     #[test]
     fn fields_have_number_capacity_and_name() {
-        let of = |line: &'static str| field(line, "geometry_msgs").unwrap().to_string();
+        let of = |line: &'static str| described(parsed(line).fields().next().unwrap(), "geometry_msgs");
         let expected = |number: u32, capacity: u32, string: u32, nested: &str| {
             format!(
                 "{{\"name\": \"a\", \"type\": {{\"type_id\": {number}, \"capacity\": {capacity}, \"string_capacity\": \
@@ -247,9 +195,6 @@ mod tests {
         assert_eq!(of("Point[] a"), expected(145, 0, 0, "geometry_msgs/msg/Point"));
         assert_eq!(of("std_msgs/Header a"), expected(1, 0, 0, "std_msgs/msg/Header"));
         assert_eq!(of("float64 a 1.0"), expected(11, 0, 0, ""));
-        for none in ["", "# comment", "uint8 A=1", "uint8 A = 1", "string A=\"x y\""] {
-            assert!(field(none, "geometry_msgs").is_none(), "{none}");
-        }
     }
 
     #[test]
@@ -268,17 +213,13 @@ mod tests {
         fn of_type<S: Service>(_: S) -> String {
             of_service(S::PACKAGE, S::NAME, S::DEFINITION)
         }
-        let info = *TYPES.iter().find(|of| of.name == "ServiceEventInfo").unwrap();
-        let steps = of_action("simulation_interfaces", "SimulateSteps", SIMULATE_STEPS);
+        let steps = of_action(SimulateSteps::PACKAGE, SimulateSteps::NAME, SimulateSteps::DEFINITION);
         for (hash, expected) in [
             (of(Clock::TYPE), "692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564"),
             (of(Log::TYPE), "e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac"),
             (of(ParameterEvent::TYPE), "043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204"),
-            (of(GOAL_STATUS_ARRAY), "6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e"),
-            (
-                of_service("action_msgs", "CancelGoal", CANCEL_GOAL),
-                "573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a",
-            ),
+            (of(GoalStatusArray::TYPE), "6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e"),
+            (of_type(CancelGoal), "573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a"),
             (steps.send_goal, "504407b9ff5617a737df8222cf581452b4f2e699e11e940d8d36590c5fb07d01"),
             (steps.get_result, "a1dae0516ab5c70d6d797e1bcd55c9448dfbb1966643f1ebd3e3f153d8169ae0"),
             (steps.feedback, "a30dee7ee7380769e616406ec5067b238aa2b27e1dbd7a5957fba1d908d7754d"),
@@ -292,20 +233,29 @@ mod tests {
             ),
             (of(SignedObservation::TYPE), "b418c94394ec1eea415d651a60e58bc591e143e79ee51e116387c2345469340c"),
             (of(Progress::TYPE), "7054c40bd979883f7fcb6b088db9aaed0223d4f15d50949de7ec2fdb9b6a81f2"),
-            (of(info), "41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45"),
-            (of_type(parameters::GetParameters), "bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc"),
+            (of(ServiceEventInfo::TYPE), "41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45"),
             (
-                of_type(parameters::DescribeParameters),
+                of_type(rcl_interfaces::GetParameters),
+                "bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
+            ),
+            (
+                of_type(rcl_interfaces::DescribeParameters),
                 "845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
             ),
-            (of_type(parameters::SetParameters), "56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0"),
             (
-                of_type(parameters::SetParametersAtomically),
+                of_type(rcl_interfaces::SetParameters),
+                "56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
+            ),
+            (
+                of_type(rcl_interfaces::SetParametersAtomically),
                 "0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
             ),
-            (of_type(parameters::ListParameters), "3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d"),
             (
-                of_type(parameters::GetParameterTypes),
+                of_type(rcl_interfaces::ListParameters),
+                "3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
+            ),
+            (
+                of_type(rcl_interfaces::GetParameterTypes),
                 "da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
             ),
             (
@@ -315,24 +265,6 @@ mod tests {
             ),
         ] {
             assert_eq!(hash, format!("RIHS01_{expected}"));
-        }
-    }
-
-    #[test]
-    fn what_services_refer_to_is_known() {
-        let definitions = TYPES.iter().map(|of| (of.package, of.definition)).chain([
-            ("simulation_interfaces", simulation_interfaces::SpawnEntity::DEFINITION),
-            ("simulation_interfaces", simulation_interfaces::GetEntitiesStates::DEFINITION),
-            ("rcl_interfaces", parameters::DescribeParameters::DEFINITION),
-        ]);
-        for (package, definition) in definitions {
-            let lines = definition.lines().filter(|line| {
-                let code = line.split('#').next().unwrap_or_default();
-                !code.trim().is_empty() && !code.contains('=') && code.trim() != "---"
-            });
-            for line in lines.clone() {
-                assert!(field(line, package).is_some(), "{package}: {line}");
-            }
         }
     }
 }

@@ -47,7 +47,7 @@ class Map:
         cell_m: float = 1.0,
         **parameters: Any,
     ) -> Map:
-        """A map of a generator ("spheres", "noise", "building" or "mine", docs/maps.md).
+        """A map of a generator ("spheres", "noise", "building", "mine" or "scene", docs/maps.md).
 
         `size` is in cells, `cell_m` the edge of a cell; `parameters` are the keys of the table
         `map.<kind>`.

@@ -4,7 +4,7 @@ use agent_node::controllers::auction::{Auction, AuctionParams};
 use agent_node::controllers::settings::{SettingError, Settings};
 use agent_node::observation::Contact;
 use msgs::ids::Tick;
-use msgs::message_type::MessageType;
+use protocol::message_type::MessageType;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

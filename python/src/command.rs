@@ -1,12 +1,12 @@
 //! Motions, wake-up conditions and commands, as `agent_node::command` has them.
 
 use agent_node::command::{Command, Motion, ScanRequest, Stage, WakeCondition};
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
-use msgs::message_type::MessageType;
-use msgs::relay_id::RelayId;
 use nalgebra::{Point3, Vector3};
 use numpy::{PyArray2, PyArrayLike2};
+use protocol::event_mask::EventMask;
+use protocol::message_type::MessageType;
+use protocol::relay_id::RelayId;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -79,7 +79,7 @@ impl PyMotion {
     #[pyo3(name = "path")]
     fn along(waypoints: PyArrayLike2<'_, f64, numpy::AllowTypeChange>) -> PyResult<Self> {
         let points = points("waypoints", &waypoints)?;
-        let most = msgs::limits::PATH_POINTS_MAX;
+        let most = protocol::limits::PATH_POINTS_MAX;
         if !(1..=most).contains(&points.len()) {
             return Err(PyValueError::new_err(format!("{} waypoints: expected 1 to {most}", points.len())));
         }
@@ -277,8 +277,7 @@ pub(crate) fn checked(returned: &Bound<'_, PyAny>, agent: AgentId, tick: Tick, a
         )));
     };
     let command = command.get().0.clone();
-    let message = agent_node::wire::command(agent, tick, command.clone());
-    simulation::wire::command(&message, agents)
+    Command::from_message(&command.clone().into_message(agent, tick), agents)
         .map_err(|reason| PyValueError::new_err(format!("command of agent {agent} in tick {tick}: {reason}")))?;
     Ok(command)
 }

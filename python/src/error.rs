@@ -31,6 +31,6 @@ pub(crate) fn of_run(error: InProcessError) -> PyErr {
         | InProcessError::OverRosOnly { .. }
         | InProcessError::Record(_)
         | InProcessError::Agent(agent_node::host::RunError::Controller(_)) => bad_input(error),
-        InProcessError::Run(_) | InProcessError::Agent(_) => failed(error),
+        _ => failed(error),
     }
 }

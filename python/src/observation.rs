@@ -1,5 +1,6 @@
 //! What an agent observes, with the names of `agent_node::observation`.
 
+use agent_node::command::{AgentMessage, Peer};
 use agent_node::observation::{Cells, Observation, Surface};
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -45,7 +46,7 @@ impl PyObservation {
     /// Velocity in the last tick: float64, shape (3,), m/s, frame `map`.
     #[getter]
     fn velocity_m_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.0.velocity_m_s.as_slice())
+        PyArray1::from_slice(py, self.0.velocity_in_map_m_s.as_slice())
     }
 
     /// Turn rate, rad/s, positive to the left.
@@ -97,17 +98,22 @@ impl PyObservation {
     #[getter]
     fn messages<'py>(&self, py: Python<'py>) -> Vec<(u32, u8, Bound<'py, PyBytes>)> {
         let messages = self.0.messages.iter();
-        messages.map(|message| (message.from.0, message.kind, PyBytes::new(py, &message.data))).collect()
+        let of_agent = |message: &AgentMessage| match message.peer {
+            Peer::One(agent) => Some((agent.0, message.kind, PyBytes::new(py, &message.data))),
+            _ => None,
+        };
+        messages.filter_map(of_agent).collect()
     }
 
     /// Contents of relays in reach that were not read yet: (owner, number), kind, bytes.
     #[getter]
     fn readings<'py>(&self, py: Python<'py>) -> Vec<((u32, u32), u8, Bound<'py, PyBytes>)> {
-        let readings = self.0.readings.iter();
-        let reading = |reading: &agent_node::observation::Reading| {
-            ((reading.relay.owner.0, reading.relay.number), reading.kind, PyBytes::new(py, &reading.data))
+        let messages = self.0.messages.iter();
+        let of_relay = |message: &AgentMessage| match message.peer {
+            Peer::Relay(relay) => Some(((relay.owner.0, relay.number), message.kind, PyBytes::new(py, &message.data))),
+            _ => None,
         };
-        readings.map(reading).collect()
+        messages.filter_map(of_relay).collect()
     }
 
     /// Tick of the last scan; `None` before the first.

@@ -12,7 +12,7 @@ use msgs::topics::{self, Topic};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use sim_server::recording::{Follower, Message, Recording};
+use recording::{Follower, Message, Recording};
 use sim_server::setup;
 use simulation::scenario::Scenario;
 
@@ -132,7 +132,7 @@ impl PyRecording {
 
     /// The true map, if the recording has it.
     fn map(&self, py: Python<'_>) -> PyResult<Option<PyMap>> {
-        let map = py.detach(|| setup::recorded_map(&self.file.recording, &self.file.scenario)).map_err(bad_input)?;
+        let map = py.detach(|| recording::map::read(&self.file.recording, &self.file.scenario)).map_err(bad_input)?;
         Ok(map.map(|terrain| PyMap { terrain }))
     }
 

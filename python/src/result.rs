@@ -1,7 +1,8 @@
 //! The result of a run, and its tables.
 
+use experiments::columns::Values;
 use experiments::rows::RunRecord;
-use experiments::tables::{self, Table, Values};
+use experiments::tables::{self, Table};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

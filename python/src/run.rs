@@ -8,7 +8,7 @@ use experiments::plan::Plan;
 use in_memory::in_process::{self, AgentOptions, ThreadLayout};
 use msgs::ids::Tick;
 use pyo3::prelude::*;
-use sim_server::recording::Recording;
+use recording::Recording;
 use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::{Origins, Override, Scenario};
@@ -33,10 +33,11 @@ fn completed(scenario: &Scenario, done: in_process::CompletedRun) -> PyResult<Py
     let wall = measure::wall_row(Tick(result.tick), done.outcome.wall, &[], &execute::machine());
     let trace = Trace {
         size: done.size,
-        progress: &done.progress,
+        cell_m: done.cell_m,
+        progress: &done.course.progress,
         result: &result,
-        stages: &done.stages,
-        seen_again: None,
+        stages: &done.course.stages,
+        seen_again: done.course.seen_again,
         wall,
     };
     let record = measure::record(&planned, trace);

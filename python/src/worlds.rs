@@ -16,17 +16,18 @@ use agent_node::navigation::{NavigationStatus, NavigationTask, SearchTime};
 use agent_node::observation::{Observation, RunInfo};
 use agent_node::path::Neighbours;
 use agent_node::sharing::Sharing;
-use agent_node::wire::{FragmentReassembler, run_info};
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, LIST_BYTES_MAX, POINT_BYTES};
 use msgs::maes_msgs::Observation as Fragment;
-use msgs::message_type::MessageType;
 use nalgebra::{Point3, Vector3};
+use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, LIST_BYTES_MAX, POINT_BYTES};
+use protocol::message_type::MessageType;
+use protocol::observation::RequestKind;
+use protocol::observation::fragments::{self, FragmentReassembler};
 use sim_server::setup;
 use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
 use simulation::workers::Workers;
-use simulation::world::{Action, RequestKind, World};
+use simulation::world::World;
 use voxels::Cell;
 
 use crate::frontiers::NearFrontiers;
@@ -130,7 +131,7 @@ impl Environment {
                 "agents.reserve: expected [] in an environment, which has no service that lets agents join".to_owned()
             );
         }
-        if let Some((key, value)) = scenario.agents.of_ros_only() {
+        if let Some((key, value)) = scenario.agents.of_ros_only(false) {
             return Err(format!("{key} = {value}: expected [] in an environment"));
         }
         let resolved = setup::resolve(scenario, &Origins::new("the scenario", "", &[]));
@@ -138,7 +139,7 @@ impl Environment {
         let (world, _report) = setup::build(&scenario).map_err(|error| error.to_string())?;
         let announced = wire::scenario(&scenario, &world.terrain().extent(), world.rays());
         // Controllers have no part in an environment.
-        let run_info = run_info(&announced, AgentId(0)).map_err(|error| error.to_string())?;
+        let run_info = RunInfo::from_message(&announced, AgentId(0)).map_err(|error| error.to_string())?;
         let explorers = world
             .agents()
             .map(|agent| Explorer {
@@ -185,7 +186,7 @@ impl Environment {
         for agent in self.world.agents() {
             let observed = self.world.observe(agent, RequestKind::Scheduled);
             let explorer = &mut self.explorers[agent.index()];
-            for part in wire::observation_parts(observed, Fragment::RUNNING) {
+            for part in fragments::split(observed, Fragment::RUNNING) {
                 let reassembled = explorer.reassembler.take(part, &self.run_info).map_err(|error| error.to_string())?;
                 if let Some(reassembled) = reassembled {
                     explorer.merge(reassembled.observation, &self.run_info);
@@ -261,11 +262,11 @@ impl Environment {
     }
 
     /// A checked action in the world.
-    fn action(&mut self, agent: AgentId, action: &[f32]) -> Result<Action, String> {
+    fn action(&mut self, agent: AgentId, action: &[f32]) -> Result<Command, String> {
         let body = self.run_info.bodies.of(agent);
         let tick = self.world.tick();
         let Explorer { map, sharing, navigation, observation, shown, .. } = &mut self.explorers[agent.index()];
-        let Some(observation) = observation else { return Ok(Action::LOST) };
+        let Some(observation) = observation else { return Ok(Command::LOST) };
         let position = observation.pose.position;
         let mut go_to = |goal| go_to(map, navigation, position, goal, tick);
         let motion = match self.shape.actions {
@@ -292,8 +293,7 @@ impl Environment {
         let waypoints = if let Motion::Path(waypoints) = &command.motion { waypoints.len() } else { 0 };
         let budget = AGENT_MESSAGE_BYTES_MAX.min(LIST_BYTES_MAX.saturating_sub(POINT_BYTES * waypoints));
         command.messages = sharing.outgoing(map, &observation.contacts, tick, budget);
-        let message = agent_node::wire::command(agent, tick, command);
-        wire::command(&message, self.run_info.agents).map(|(action, _trigger)| action)
+        Command::from_message(&command.into_message(agent, tick), self.run_info.agents)
     }
 
     /// Writes what an agent is shown. `self` keeps which frontiers that were.
@@ -315,7 +315,7 @@ impl Environment {
             }
         }
         let size_m = extent.size().map(|cells| f64::from(cells) * extent.cell_m());
-        let velocity = observation.velocity_m_s / body.speed_max_m_s;
+        let velocity = observation.velocity_in_map_m_s / body.speed_max_m_s;
         let known = explorer.map.free() + explorer.map.wall();
         let own = [
             position.x / size_m[0],
@@ -368,7 +368,7 @@ impl Explorer {
         self.map.note_wall(&observation.seen.wall);
         self.map.note_covered(run_info.extent.cell_of(&observation.pose.position));
         self.sharing.incoming(&mut self.map, &observation.messages);
-        observation.messages.retain(|message| message.kind != MessageType::Map.number());
+        observation.messages.retain(|message| !message.is_from_agent(MessageType::Map));
         self.observation = Some(observation);
     }
 }

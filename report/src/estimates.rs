@@ -43,6 +43,13 @@ impl Estimate {
         let interval = interval.map(|Interval { low, high }| Interval { low: low / seconds, high: high / seconds });
         Self { mean: mean / seconds, interval }
     }
+
+    /// The reciprocal of a ratio; `None` of 0. An interval that reaches 0 has none.
+    pub(super) fn inverse(self) -> Option<Self> {
+        let interval = self.interval.filter(|interval| interval.low > 0.0);
+        let interval = interval.map(|Interval { low, high }| Interval { low: 1.0 / high, high: 1.0 / low });
+        (self.mean > 0.0).then(|| Self { mean: 1.0 / self.mean, interval })
+    }
 }
 
 /// Median and quartiles.

@@ -78,6 +78,8 @@ pub struct ReportSummary {
 /// The content of a report.
 struct Contents {
     verdicts: Vec<Verdicts>,
+    /// The table for a paper.
+    summary: Option<Table>,
     figures: Vec<Figure>,
     tables: Vec<Table>,
     pairs: Vec<Table>,
@@ -89,6 +91,7 @@ impl Contents {
     fn of(study: &Study) -> Result<Self, StatisticsError> {
         Ok(Self {
             verdicts: verdicts::verdicts(study)?,
+            summary: pairs::summary(study)?,
             figures: figures::deterministic(study)?,
             tables: outcomes::tables(study)?,
             pairs: pairs::tables(study)?,
@@ -128,7 +131,7 @@ pub fn write_with(dir: &Path, heading: &Heading) -> Result<ReportSummary, Report
         write_file(&report.join(format!("figures/{name}.svg")), svg.as_bytes())?;
         write_file(&report.join(format!("figures/{name}.png")), &png)
     })?;
-    for table in contents.tables.iter().chain(&contents.pairs).chain([&contents.cost]) {
+    for table in contents.summary.iter().chain(&contents.tables).chain(&contents.pairs).chain([&contents.cost]) {
         let name = table.name;
         write_file(&report.join(format!("tables/{name}.md")), table.markdown().as_bytes())?;
         write_file(&report.join(format!("tables/{name}.tex")), table.latex().as_bytes())?;

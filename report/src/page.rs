@@ -47,42 +47,39 @@ pub(super) fn html(study: &Study, contents: &Contents, heading: &Heading, kept: 
     text.push_str(&warnings(study));
     text.push_str(&table_of_contents(study, contents));
     text.push_str(&verdict_list(study, &contents.verdicts));
+    text.extend(contents.summary.iter().map(wide));
+    let (first, further) = contents.figures.split_at(contents.figures.len().min(1));
+    text.extend(first.iter().map(figure));
     text.push_str(&section("setup", "What was run"));
     text.push_str(&facts(study));
     text.push_str(&missing(study));
-    text.push_str(&section("results", "Results"));
+    text.push_str(&section("results", "All results"));
     text.push_str(
         "<p class=\"note\">Functions of scenario, seed and build: a repetition gives the same numbers. Intervals are \
          95 % bootstrap intervals (BCa) over the independent runs. Point at a curve for its values; a name in a legend \
          hides its lines; a click on the line or dot of a run leads to its row.</p>\n",
     );
-    text.extend(contents.figures.iter().map(figure));
-    text.extend(contents.tables.iter().map(wide));
+    text.push_str(&folded("figures", "Figures", &further.iter().map(figure).collect::<String>()));
+    text.push_str(&folded("tables", "Tables", &contents.tables.iter().map(wide).collect::<String>()));
     if !contents.pairs.is_empty() {
-        text.push_str(&section("pairs", "Comparison pair by pair"));
-        text.extend(contents.pairs.iter().map(wide));
+        let pairs: String = contents.pairs.iter().map(wide).collect();
+        text.push_str(&folded("pairs", "Comparison pair by pair", &pairs));
     }
-    text.push_str(&section("cost", "Cost of the simulation"));
-    text.push_str(
-        "<p class=\"note\">Wall time: differs between machines and repetitions, and is not part of the results.</p>\n",
-    );
-    text.extend(contents.cost_figures.iter().map(figure));
-    text.push_str(&wide(&contents.cost));
+    let cost_figures: String = contents.cost_figures.iter().map(figure).collect();
+    let about = "Wall time: differs between machines and repetitions, and is not part of the results.";
+    let cost = format!("<p class=\"note\">{about}</p>\n{cost_figures}{}", wide(&contents.cost));
+    text.push_str(&folded("cost", "Cost of the simulation", &cost));
     if let Some(plan) = &study.plan {
-        text.push_str(&section("plan", "Plan"));
-        writeln!(text, "<pre>{}</pre>", escape(plan)).expect("a String can be written");
+        text.push_str(&folded("plan", "Plan", &format!("<pre>{}</pre>\n", escape(plan))));
     }
-    text.push_str(&section("runs", "Runs"));
-    write!(
-        text,
-        "<p class=\"note\">Commands are for the folder of the plan, which holds plan.toml. <code>maes batch plan.toml \
+    let about = "<p class=\"note\">Commands are for the folder of the plan, which holds plan.toml. <code>maes batch plan.toml \
          --out . --run ID --keep all</code> executes a run again, compares it with its row, and keeps its \
-         recording.</p>\n<details>\n<summary>All {} runs</summary>\n",
-        study.runs.len()
-    )
-    .expect("a String can be written");
-    text.push_str(&runs::html(study, kept));
-    text.push_str("</details>\n");
+         recording.</p>\n";
+    text.push_str(&folded(
+        "runs",
+        &format!("All {} runs", study.runs.len()),
+        &format!("{about}{}", runs::html(study, kept)),
+    ));
     text.push_str(&script(study));
     text.push_str("</body>\n</html>\n");
     text
@@ -112,6 +109,14 @@ fn meta(study: &Study, heading: &Heading) -> String {
 
 fn section(id: &str, title: &str) -> String {
     format!("<h2 id=\"{id}\">{title}</h2>\n")
+}
+
+/// A section that is closed at first. A link to something in it opens it.
+fn folded(id: &str, title: &str, content: &str) -> String {
+    if content.is_empty() {
+        return String::new();
+    }
+    format!("<details id=\"{id}\">\n<summary>{title}</summary>\n{content}</details>\n")
 }
 
 /// What a reader has to know before the results.

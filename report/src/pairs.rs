@@ -5,10 +5,10 @@
 //! adjusted together (Holm). Conditions are separate questions; an adjustment over all of them
 //! would need far more maps.
 
-use super::estimates::{Estimate, LEVEL, SEED};
+use super::estimates::{Estimate, LEVEL, SEED, Times};
 use super::evidence::PAIRS_MIN;
 use super::measure::Compared;
-use super::metrics::TimeUnit;
+use super::metrics::{MILESTONES, TimeUnit};
 use super::outcomes::{column, condition_columns, condition_entries};
 use super::study::{Condition, Pairs, Study};
 use super::table::{Entry, Table, digits_for};
@@ -165,6 +165,61 @@ impl Sample<'_> {
         };
         Ok((comparison, least_p_value))
     }
+}
+
+/// The table for a paper: of each variant the time to 99 %, and its ratio to that of the fastest
+/// one, with the p-value of their comparison; none for a study of one variant.
+pub(super) fn summary(study: &Study) -> Result<Option<Table>, StatisticsError> {
+    const PLACE: usize = 1;
+    if study.variants.len() < 2 {
+        return Ok(None);
+    }
+    let (milestone, unit) = (MILESTONES[PLACE], TimeUnit::of(&study.runs));
+    let mut columns = condition_columns(study);
+    columns.extend([
+        column(&study.variant_title, &study.variant_title),
+        column("runs", "reached_99"),
+        column(&format!("time ({}) [95 % CI]", unit.symbol), &format!("time_99_{}", unit.symbol)),
+        column("times the fastest [95 % CI]", "ratio"),
+        column("p", "p_holm"),
+    ]);
+    let mut rows = Vec::new();
+    for condition in &study.conditions {
+        let compared = comparisons(study, condition, Compared::Time(PLACE))?;
+        let mut cells = Vec::new();
+        for variant in 0..study.variants.len() {
+            let runs = study.cell(condition, variant);
+            if !runs.is_empty() {
+                let times = Times::of(&runs, milestone);
+                cells.push((variant, times.reached(), runs.len(), times.estimate()?));
+            }
+        }
+        let fastest = cells.iter().min_by(|one, other| one.3.mean.total_cmp(&other.3.mean)).map(|cell| cell.0);
+        for (variant, reached, runs, time) in cells {
+            let of_pair = |comparison: &&Comparison| {
+                let pair = [Some(comparison.a), Some(comparison.b)];
+                pair == [Some(variant), fastest] || pair == [fastest, Some(variant)]
+            };
+            let comparison = compared.iter().find(of_pair);
+            let ratio = comparison.and_then(|comparison| {
+                let effect = comparison.effect?;
+                if comparison.a == variant { Some(effect) } else { effect.inverse() }
+            });
+            let mut row = condition_entries(study, condition);
+            row.extend([
+                Entry::Text(study.variants[variant].clone()),
+                Entry::Share(reached, runs),
+                Entry::Mean(Some(time.in_unit(unit)), 1),
+                Entry::Mean(ratio, 2),
+                Entry::Probability(comparison.and_then(|comparison| comparison.adjusted)),
+            ]);
+            rows.push(row);
+        }
+    }
+    let caption = "Restricted mean time until the team has seen 99 % of the free cells. A run that does not reach it \
+                   counts with the duration; the column of runs has how many do. The ratio and its p-value (permutation test, \
+                   Holm) are of the runs on the same maps, beside the fastest variant, which has none.";
+    Ok(Some(Table { name: "summary", caption: caption.to_owned(), columns, rows }))
 }
 
 /// One table per measure, the primary one first; none for a study of one variant.

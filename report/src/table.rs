@@ -166,20 +166,33 @@ impl Table {
         text
     }
 
-    /// A `tabular` for the package booktabs, with the caption as a comment.
+    /// A `table` for the package booktabs, with the columns that vary; the caption names the values
+    /// of the others.
     pub(super) fn latex(&self) -> String {
         let line = |cells: Vec<String>| format!("{} \\\\\n", cells.join(" & "));
-        let kinds = |i: usize| if self.rows.first().is_some_and(|row| !row[i].is_text()) { 'r' } else { 'l' };
-        let kinds: String = (0..self.columns.len()).map(kinds).collect();
-        // A line break would end the comment.
-        let caption = printable::line(&self.caption);
-        let mut text = format!("% {caption}\n% \\usepackage{{booktabs}}\n\\begin{{tabular}}{{{kinds}}}\n\\toprule\n");
-        text.push_str(&line(self.columns.iter().map(|(title, _)| latex(title)).collect()));
+        let is_same = |i: &usize| self.rows.len() > 1 && self.rows.iter().all(|row| row[*i] == self.rows[0][*i]);
+        let (same, varying): (Vec<usize>, Vec<usize>) = (0..self.columns.len()).partition(is_same);
+        let kind = |&i: &usize| if self.rows.first().is_some_and(|row| !row[i].is_text()) { 'r' } else { 'l' };
+        let kinds: String = varying.iter().map(kind).collect();
+        // A line break could end the argument.
+        let mut caption = latex(&printable::line(&self.caption));
+        for (place, &i) in same.iter().enumerate() {
+            let (before, after) =
+                (if place == 0 { " In all rows: " } else { ", " }, if i == same[same.len() - 1] { "." } else { "" });
+            let (title, value) = (latex(&self.columns[i].0), latex(&self.rows[0][i].shown()));
+            caption += &format!("{before}{title} {value}{after}");
+        }
+        let mut text = format!(
+            "% \\usepackage{{booktabs}}\n\\begin{{table}}\n\\centering\n\\caption{{{caption}}}\n\\label{{tab:{}}}\n\
+             \\begin{{tabular}}{{{kinds}}}\n\\toprule\n",
+            self.name
+        );
+        text.push_str(&line(varying.iter().map(|&i| latex(&self.columns[i].0)).collect()));
         text.push_str("\\midrule\n");
         for row in &self.rows {
-            text.push_str(&line(row.iter().map(|entry| latex(&entry.shown())).collect()));
+            text.push_str(&line(varying.iter().map(|&i| latex(&row[i].shown())).collect()));
         }
-        text.push_str("\\bottomrule\n\\end{tabular}\n");
+        text.push_str("\\bottomrule\n\\end{tabular}\n\\end{table}\n");
         text
     }
 
@@ -282,16 +295,27 @@ mod tests {
         );
         assert_eq!(
             table().latex(),
-            "% What & why\n% \\usepackage{booktabs}\n\\begin{tabular}{lrrr}\n\\toprule\n\
+            "% \\usepackage{booktabs}\n\\begin{table}\n\\centering\n\\caption{What \\& why}\n\
+             \\label{tab:outcome}\n\\begin{tabular}{lrrr}\n\\toprule\n\
              controller & runs & explored (\\%) & p \\\\\n\\midrule\n\
              a\\_b|c,d & 3/10 & 97.5 {[}95.3, 99.0] & $<$0.001 \\\\\n50$^3$ & 0/1 & 0.0 & 0.250 \\\\\n\
-             \\bottomrule\n\\end{tabular}\n"
+             \\bottomrule\n\\end{tabular}\n\\end{table}\n"
         );
         assert_eq!(
             String::from_utf8(table().csv()).unwrap(),
             "controller,runs_some,runs_all,explored_mean,explored_low,explored_high,p\n\
              \"a_b|c,d\",3,10,97.5,95.26,99,0.0001\n50³,0,1,-0.01,,,0.25\n"
         );
+    }
+
+    #[test]
+    fn equal_columns_of_latex_are_in_its_caption() {
+        let mut table = table();
+        table.rows.iter_mut().for_each(|row| row[1] = Entry::Share(10, 10));
+        let latex = table.latex();
+        assert!(latex.contains("\\caption{What \\& why In all rows: runs 10/10.}"), "{latex}");
+        assert!(latex.contains("{lrr}\n\\toprule\ncontroller & explored (\\%) & p "), "{latex}");
+        assert!(table.markdown().contains("| controller | runs |"), "only that of a paper is short of room");
     }
 
     #[test]
@@ -311,7 +335,7 @@ mod tests {
             r"| =1+1 \[x\](javascript:a) \<img src=x\> \*b\* \_c\_\\u{1b}\[2J\\u{202e}\\n\| \\input{/etc/passwd} |"
         );
         let latex = table.latex();
-        assert!(latex.starts_with("% a\\n\\input{b}\n% "), "{latex}");
+        assert!(latex.contains("\\caption{a\\textbackslash{}n\\textbackslash{}input\\{b\\}}\n"), "{latex}");
         assert!(latex.contains("\\textbackslash{}input\\{/etc/passwd\\}"), "{latex}");
         let csv = String::from_utf8(table.csv()).unwrap();
         assert!(csv.starts_with("variant\n'=1+1 "), "{csv}");

@@ -26,7 +26,7 @@ use super::services::Wire;
 use super::{EndpointFactory, Inbox, Node, RosError, ThrottledWarning};
 use msgs::cdr;
 use msgs::service::Reply;
-use msgs::simulation_interfaces::{Result as Outcome, ResultResponse, StepRequest, StepsFeedback};
+use msgs::simulation_interfaces::{Result as Outcome, SimulateStepsFeedback, SimulateStepsGoal, SimulateStepsResult};
 use msgs::topics::Qos;
 
 /// Maximum number of results kept, and of callers waiting for one.
@@ -37,8 +37,8 @@ const FEEDBACK_QOS: Qos = Qos::reliable(64);
 const STATUS_QOS: Qos = Qos::latched(1);
 
 /// The requests, answers and messages of the action.
-type GoalRequest = SendGoalRequest<Wire<StepRequest>>;
-type ResultAnswer = GetResultResponse<Wire<ResultResponse>>;
+type GoalRequest = SendGoalRequest<Wire<SimulateStepsGoal>>;
+type ResultAnswer = GetResultResponse<Wire<SimulateStepsResult>>;
 
 /// An item that the action adds to the inbox.
 pub enum StepsEvent {
@@ -71,7 +71,7 @@ impl Goal {
 /// The topics of the action.
 trait Topics {
     /// Publishes feedback of a goal, or says why that is not possible.
-    fn feedback(&self, goal: GoalId, feedback: StepsFeedback) -> Result<(), String>;
+    fn feedback(&self, goal: GoalId, feedback: SimulateStepsFeedback) -> Result<(), String>;
     /// Publishes the status of all goals that are known, or says why that is not possible.
     fn status(&self, status: GoalStatusArray) -> Result<(), String>;
 }
@@ -135,12 +135,12 @@ impl ActionState {
         inner.active = Some((request.goal_id, false));
         inner.publish_status();
         drop(inner);
-        let Wire(StepRequest { steps }) = request.goal;
+        let Wire(SimulateStepsGoal { steps }) = request.goal;
         Some(StepsEvent::Goal(Goal { steps, shared: Rc::clone(shared), id: request.goal_id }))
     }
 
     fn feedback(&mut self, goal_id: GoalId, completed_steps: u64, remaining_steps: u64) {
-        let sent = self.topics.feedback(goal_id, StepsFeedback { completed_steps, remaining_steps });
+        let sent = self.topics.feedback(goal_id, SimulateStepsFeedback { completed_steps, remaining_steps });
         self.note(sent);
     }
 
@@ -196,9 +196,9 @@ impl ActionState {
     /// Responds with the result of a finished goal, or that the goal is unknown.
     fn send_result(&mut self, goal: GoalId, reply: Reply<ResultAnswer>) {
         let ended = self.ended.iter().find(|(known, ..)| *known == goal);
-        let unknown = || (GoalStatusEnum::Unknown, Outcome::failure(Outcome::NOT_FOUND, "no such goal"));
+        let unknown = || (GoalStatusEnum::Unknown, Outcome::failure(Outcome::RESULT_NOT_FOUND, "no such goal"));
         let (status, result) = ended.map_or_else(unknown, |(_, status, outcome)| (*status, outcome.clone()));
-        reply.send(GetResultResponse { status, result: Wire(ResultResponse { result }) });
+        reply.send(GetResultResponse { status, result: Wire(SimulateStepsResult { result }) });
     }
 
     fn publish_status(&mut self) {

@@ -20,9 +20,10 @@ use super::dds::{self, endpoint_error, qos_profile};
 use super::network::Network;
 #[cfg(feature = "zenoh")]
 use super::zenoh;
-use super::{EndpointFactory, Node, RosError, ThrottledWarning, now};
+use super::{EndpointFactory, Node, RosError, ThrottledWarning};
 use msgs::cdr::Encoded;
 use msgs::topics::{Reliability, Topic};
+use system::wall_clock::now;
 
 /// Maximum samples of a topic in flight: several times what readers keep, but few enough that large
 /// samples do not fill memory or need thousands of repairs, which are slow.

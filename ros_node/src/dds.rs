@@ -18,7 +18,8 @@ use rustdds::DomainParticipantBuilder;
 use serde::Serialize;
 
 use super::ros_env::{DiscoveryRange, RosEnv};
-use super::{RosError, discovery, loopback, now, static_peers, type_hash};
+use super::{RosError, discovery, loopback, static_peers, type_hash};
+use system::wall_clock::now;
 
 /// Wall time between two announcements of this participant. Others list a process that was killed
 /// for five times as long; with the published DDS library, which announces every 10 s, for 50 s.

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 use rustdds::{DomainParticipant, DomainParticipantStatusEvent as Event, StatusEvented};
 
 use super::dds::{DISCOVERABLE_IDS, discovery_port};
-use super::now;
+use system::wall_clock::now;
 
 /// Wall time without a new participant after which discovery counts as complete. Participants
 /// answer a new one at once.

@@ -18,9 +18,9 @@ use rustdds::RTPSEntity;
 use serde::{Deserialize, Deserializer};
 
 use super::network::{Context, Network};
-use super::now;
 use super::unix_sockets::{SocketSample, Sockets};
 use msgs::message::Message;
+use system::wall_clock::now;
 
 /// A sample of a topic.
 pub struct Sample<M> {

@@ -9,9 +9,9 @@ use std::os::unix::ffi::OsStringExt;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 
-use msgs::signing::{JOIN_SECRET, JoinSecret, SECRET_BYTES_MAX, SecretLengthError};
 use nix::errno::Errno;
 use nix::fcntl::OFlag;
+use protocol::signing::{JOIN_SECRET, JoinSecret, SECRET_BYTES_MAX, SecretLengthError};
 use thiserror::Error;
 
 /// Why there is no join secret.

@@ -37,6 +37,7 @@ use std::time::{Duration, Instant};
 use crate::ros_env::RosEnv;
 use msgs::printable;
 use ros2_client::{CreateError, NodeCreateError};
+use system::wall_clock::now;
 use thiserror::Error;
 
 pub use action::{Goal, StepsEvent};
@@ -154,9 +155,4 @@ impl ThrottledWarning {
 #[expect(clippy::disallowed_methods, reason = "the ROS client does not report acknowledgements")]
 pub fn linger(has_observers: bool) {
     std::thread::sleep(if has_observers { LINGER_OBSERVED } else { LINGER });
-}
-
-#[expect(clippy::disallowed_methods, reason = "time-outs and reports are of wall time; no result depends on it")]
-pub fn now() -> Instant {
-    Instant::now()
 }

@@ -116,8 +116,8 @@ impl Context {
     }
 
     /// Whether others receive answers of services that take more than
-    /// [`ANSWER_BYTES_MAX`](msgs::limits::ANSWER_BYTES_MAX): over DDS, not without the fixes of the
-    /// DDS library.
+    /// [`ANSWER_BYTES_MAX`](msgs::service::ANSWER_BYTES_MAX): over DDS, not without the fixes of
+    /// the DDS library.
     pub fn sends_long_answers(&self) -> bool {
         match &self.network {
             Network::Dds(_) => dds::has_fixes(),

@@ -6,10 +6,11 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::{EndpointFactory, Inbox, Node, RosError};
-use msgs::parameters::{
-    DescribeParameters, DescriptorsResponse, GetParameterTypes, GetParameters, KindsResponse, ListParameters,
-    ListResponse, Named, Parameters, SetAtomicallyResponse, SetParameters, SetParametersAtomically, SetResponse,
-    ValuesResponse,
+use msgs::parameters::Parameters;
+use msgs::rcl_interfaces::{
+    DescribeParameters, DescribeParametersResponse, GetParameterTypes, GetParameterTypesResponse, GetParameters,
+    GetParametersResponse, ListParameters, ListParametersResponse, Parameter, SetParameters, SetParametersAtomically,
+    SetParametersAtomicallyResponse, SetParametersResponse,
 };
 use msgs::service::{Ask, Service};
 
@@ -29,14 +30,14 @@ impl EndpointFactory {
         name: &str,
         inbox: &mut Inbox<T>,
         parameters: &SharedParameters,
-        check: fn(&Named) -> Result<(), String>,
-        convert: impl Fn(Result<Vec<Named>, String>) -> T + 'static,
+        check: fn(&Parameter) -> Result<(), String>,
+        convert: impl Fn(Result<Vec<Parameter>, String>) -> T + 'static,
     ) -> Result<(), RosError> {
         let convert: Convert<T> = Rc::new(convert);
         let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
         self.service(node, &format!("{name}/get_parameters"), inbox, move |asked| {
             read(asked, &made, |ask: Ask<GetParameters>| {
-                ask.answer(|request| ValuesResponse { values: shared.borrow().values(&request.names) });
+                ask.answer(|request| GetParametersResponse { values: shared.borrow().values(&request.names) });
             })
         })?;
         let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
@@ -44,20 +45,24 @@ impl EndpointFactory {
             read(asked, &made, |ask: Ask<GetParameterTypes>| {
                 ask.answer(|request| {
                     let values = shared.borrow().values(&request.names);
-                    KindsResponse { types: values.into_iter().map(|value| value.kind).collect() }
+                    GetParameterTypesResponse { types: values.into_iter().map(|value| value.r#type).collect() }
                 });
             })
         })?;
         let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
         self.service(node, &format!("{name}/describe_parameters"), inbox, move |asked| {
             read(asked, &made, |ask: Ask<DescribeParameters>| {
-                ask.answer(|request| DescriptorsResponse { descriptors: shared.borrow().descriptors(&request.names) });
+                ask.answer(|request| DescribeParametersResponse {
+                    descriptors: shared.borrow().descriptors(&request.names),
+                });
             })
         })?;
         let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
         self.service(node, &format!("{name}/list_parameters"), inbox, move |asked| {
             read(asked, &made, |ask: Ask<ListParameters>| {
-                ask.answer(|request| ListResponse { result: shared.borrow().list(&request.prefixes, request.depth) });
+                ask.answer(|request| ListParametersResponse {
+                    result: shared.borrow().list(&request.prefixes, request.depth),
+                });
             })
         })?;
         let (shared, made) = (Rc::clone(parameters), Rc::clone(&convert));
@@ -68,7 +73,7 @@ impl EndpointFactory {
                     request.parameters.iter().map(|named| check(named).and_then(|()| shared.set(named))).collect();
                 let set = request.parameters.into_iter().zip(&outcomes).filter(|(_, outcome)| outcome.is_ok());
                 let set = set.map(|(parameter, _)| parameter).collect();
-                reply.send(SetResponse::of(outcomes));
+                reply.send(SetParametersResponse::of(outcomes));
                 set
             });
             made(set)
@@ -79,7 +84,7 @@ impl EndpointFactory {
                 let checked = request.parameters.iter().try_for_each(check);
                 let outcome = checked.and_then(|()| shared.borrow_mut().set_all(&request.parameters));
                 let set = if outcome.is_ok() { request.parameters } else { Vec::new() };
-                reply.send(SetAtomicallyResponse { result: outcome.into() });
+                reply.send(SetParametersAtomicallyResponse { result: outcome.into() });
                 set
             });
             convert(set)
@@ -87,7 +92,7 @@ impl EndpointFactory {
     }
 }
 
-type Convert<T> = Rc<dyn Fn(Result<Vec<Named>, String>) -> T>;
+type Convert<T> = Rc<dyn Fn(Result<Vec<Parameter>, String>) -> T>;
 
 /// Answers a request that sets nothing.
 fn read<S: Service, T>(asked: Result<Ask<S>, String>, convert: &Convert<T>, answer: impl FnOnce(Ask<S>)) -> T {

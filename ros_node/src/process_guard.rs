@@ -26,7 +26,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::{flag, low_level};
 use thiserror::Error;
 
-use crate::now;
+use system::wall_clock::now;
 
 /// Wall time between two looks at the process.
 const PERIOD: Duration = Duration::from_millis(100);

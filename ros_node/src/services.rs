@@ -5,7 +5,7 @@
 //! caller's response reader is discovered, for at most [`CALLER_TIMEOUT`]; undecodable bytes are an
 //! error without a response.
 //!
-//! Responses must stay below [`msgs::limits::ANSWER_BYTES_MAX`].
+//! Responses must stay below [`msgs::service::ANSWER_BYTES_MAX`].
 //!
 //! DDS-RPC leaves the correlation of request and response to the vendor: Fast DDS and Connext send
 //! it beside the message, Cyclone inside it. A server supports one mapping, which follows
@@ -27,9 +27,10 @@ use serde::{Deserialize, Serialize};
 use super::dds::qos_profile;
 use super::network::Network;
 use super::ros_env::RMW_IMPLEMENTATION;
-use super::{EndpointFactory, Inbox, Node, RosError, ThrottledWarning, now};
+use super::{EndpointFactory, Inbox, Node, RosError, ThrottledWarning};
 use msgs::service::{Ask, Reply, Service};
 use msgs::topics::Qos;
+use system::wall_clock::now;
 
 /// Queue depth of requests and responses; deeper than the ROS default, because several callers may
 /// ask at once.

@@ -14,11 +14,12 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use super::dds;
 use super::inbox::participant_of;
 use super::network::{Context, Network};
 use super::unix_sockets::Connected;
-use super::{dds, now};
 use msgs::topics::Topic;
+use system::wall_clock::now;
 
 /// Minimum wall time between two polls.
 const POLL_PERIOD: Duration = Duration::from_millis(50);

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::recorder::bag_folder;
 use msgs::ids::Tick;
+use recording::recorder::bag_folder;
 use simulation::scenario::{MapKind, Override, RecordedView, keys};
 
 /// The word of `--record-topics` for all topics that can be recorded.
@@ -43,7 +43,7 @@ pub struct RunArgs {
     pub scenario: Option<PathBuf>,
     /// Show the run in a browser or in Foxglove: a page and a Foxglove WebSocket at this address
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = crate::foxglove::DEFAULT_ADDRESS)]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = foxglove_server::DEFAULT_ADDRESS)]
     pub view: Option<String>,
     /// The folder of the page, if it is not the one that was built here
     #[cfg(feature = "view")]
@@ -53,7 +53,7 @@ pub struct RunArgs {
     /// repeated
     #[cfg(feature = "view")]
     #[arg(long, value_name = "ORIGIN", requires = "view")]
-    pub view_allow_origin: Vec<crate::foxglove::PageOrigin>,
+    pub view_allow_origin: Vec<foxglove_server::PageOrigin>,
     /// Serve the runs that are started on the page, one after the other
     #[cfg(feature = "view")]
     #[arg(long, requires = "view", conflicts_with_all = ["resume", "fork", "scenario"])]
@@ -66,7 +66,7 @@ pub struct RunArgs {
     pub check_agents: Vec<PathBuf>,
     /// With --idle: the folder of the recordings of requested runs, which the server names
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "DIR", requires = "idle", default_value = crate::foxglove::RECORD_DIR)]
+    #[arg(long, value_name = "DIR", requires = "idle", default_value = crate::requested_run::RECORD_DIR)]
     pub record_dir: PathBuf,
     /// With --idle: the folder of the map files that requested runs may name [default: the folder
     /// of the project's scenarios, if it is here]
@@ -139,8 +139,8 @@ pub struct KeyArgs {
     pub controller: Option<String>,
     #[arg(long, value_name = "TICKS", allow_negative_numbers = true, help = meaning("agents.share_period_ticks"))]
     pub share_period: Option<u32>,
-    /// map.kind and map.file: spheres, noise, building, mine, or a map file (docs/maps.md)
-    #[arg(long, value_name = "spheres|noise|building|mine|FILE")]
+    /// map.kind and map.file: spheres, noise, building, mine, scene, or a map file (docs/maps.md)
+    #[arg(long, value_name = "spheres|noise|building|mine|scene|FILE")]
     pub map: Option<String>,
     /// map.size: cells along each axis, for example 100 or 100x80x30
     #[arg(long, value_name = "S|XxYxZ", value_parser = size, allow_negative_numbers = true)]
@@ -267,9 +267,10 @@ fn map_overrides(map: &str) -> Vec<Override> {
     if is_generator {
         return vec![change("map.kind", Some(map)), change("map.file", None), change("map.import", None)];
     }
-    let mut overrides: Vec<_> = ["map.size", "map.spheres", "map.noise", "map.building", "map.mine", "map.import"]
-        .map(|key| change(key, None))
-        .into();
+    let mut overrides: Vec<_> =
+        ["map.size", "map.spheres", "map.noise", "map.building", "map.mine", "map.scene", "map.import"]
+            .map(|key| change(key, None))
+            .into();
     overrides.extend([change("map.kind", Some("file")), change("map.file", Some(map))]);
     overrides
 }

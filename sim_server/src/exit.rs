@@ -4,9 +4,9 @@ use std::process::ExitCode;
 
 pub use system::exit_code::{AGENTS_LOST, AGENTS_MISSING, BAD_INPUT, BY_SIGNAL, DIFFERENT, FAILED};
 
-use crate::recorder::RecordError;
 use crate::session::{Outcome, RunError};
 use crate::verify::VerifyError;
+use recording::recorder::RecordError;
 
 /// An error with its causes, as far as its own text does not have them already.
 #[must_use]

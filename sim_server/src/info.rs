@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::stage::Stage;
 use msgs::{maes_msgs, printable, topics};
+use protocol::stage::Stage;
 
-use crate::recording::index::IndexedRecording;
-use crate::recording::{End, Recording, RecordingError, SCENARIO_ATTACHMENT};
+use recording::index::IndexedRecording;
+use recording::{End, Recording, RecordingError, SCENARIO_ATTACHMENT};
 
 /// Bytes up to which a file is read whole, which also finds damage, in a fraction of a second.
 const READ_WHOLE_BYTES_MAX: u64 = 64 << 20;
@@ -191,7 +191,7 @@ mod tests {
     use msgs::maes_msgs::{Command, Digest, Progress};
 
     use super::*;
-    use crate::recorder::{Document, Recorder};
+    use recording::recorder::{Document, Recorder};
 
     const SCENARIO: Document<'_> =
         Document { name: SCENARIO_ATTACHMENT, media_type: "application/toml", data: b"seed = 1\n" };

@@ -1,12 +1,23 @@
 //! Map files with the files that they name, and folders of pictures, read as any file of a user.
 
-use std::io;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
-use map_files::{Companion, ImportSpec, Search};
+use map_files::{Companion, ImportSpec, PieceReader, Pieces, Search};
 use mapgen::ImportOptions;
 
-use crate::input_file::{self, MAP_BYTES_MAX};
+use system::input_file::{self, MAP_BYTES_MAX};
+
+/// A point cloud of plain records that is longer than this is read in pieces, bytes.
+const WHOLE_BYTES_MAX: u64 = 1 << 27;
+
+/// Largest file that is read in pieces, bytes.
+const PIECES_BYTES_MAX: u64 = 1 << 40;
+
+/// What is read of the beginning of such a file: its header, with room to spare.
+const BEGINNING_BYTES: u64 = 1 << 20;
 
 /// Most pictures of a folder, one for each layer of the highest map.
 const LAYERS_MAX: usize = 1024;
@@ -25,11 +36,21 @@ const MODEL: &str = "model:";
 /// See [`input_file::read`]; of a second file, the error names it. If a folder has no picture, too
 /// many of them, or more bytes than a map may have; if a file needs too many others.
 pub fn load(file: &Path, options: &ImportOptions) -> io::Result<ImportSpec> {
+    load_whole(file, options, WHOLE_BYTES_MAX)
+}
+
+/// As [`load`]; a file that is longer than `whole_bytes_max` is read in pieces if its format is.
+fn load_whole(file: &Path, options: &ImportOptions, whole_bytes_max: u64) -> io::Result<ImportSpec> {
     if file.is_dir() {
         return Ok(ImportSpec { options: options.clone(), ..load_folder(file)? });
     }
-    let spec = ImportSpec::new(file.display().to_string(), input_file::read(file, MAP_BYTES_MAX)?);
-    let mut spec = ImportSpec { options: options.clone(), ..spec };
+    let mut spec = match in_pieces(file, options, whole_bytes_max)? {
+        Some(spec) => spec,
+        None => {
+            let spec = ImportSpec::new(file.display().to_string(), input_file::read(file, MAP_BYTES_MAX)?);
+            ImportSpec { options: options.clone(), ..spec }
+        }
+    };
     let named = |file: &Path, error: io::Error| {
         io::Error::new(error.kind(), format!("it names {:?}: {error}", file.display().to_string()))
     };
@@ -63,6 +84,49 @@ pub fn load(file: &Path, options: &ImportOptions) -> io::Result<ImportSpec> {
             };
             spec = spec.with_companion(name, companion);
         }
+    }
+}
+
+/// The length of the cells that a map file itself has, metres; `None` if it has none or cannot be
+/// read.
+#[must_use]
+pub fn stored_cell_m(file: &Path) -> Option<f64> {
+    let pieces = in_pieces(file, &ImportOptions::default(), WHOLE_BYTES_MAX).ok()?;
+    let whole = || Some(ImportSpec::new(file.display().to_string(), input_file::read(file, MAP_BYTES_MAX).ok()?));
+    pieces.or_else(whole)?.stored_cell_m()
+}
+
+/// A long file whose format is read in pieces; `None` of another one.
+fn in_pieces(file: &Path, options: &ImportOptions, whole_bytes_max: u64) -> io::Result<Option<ImportSpec>> {
+    let mut handle = input_file::open(file)?;
+    let length = handle.metadata()?.len();
+    if length <= whole_bytes_max || length > PIECES_BYTES_MAX {
+        return Ok(None);
+    }
+    let mut beginning = Vec::new();
+    handle.by_ref().take(BEGINNING_BYTES).read_to_end(&mut beginning)?;
+    let pieces = Pieces::new(OpenFile { handle: Mutex::new(handle), length });
+    let spec = ImportSpec::in_pieces(file.display().to_string(), beginning, pieces);
+    let spec = ImportSpec { options: options.clone(), ..spec };
+    Ok(spec.is_read_in_pieces().then_some(spec))
+}
+
+/// A file that stays open while it is read.
+#[derive(Debug)]
+struct OpenFile {
+    handle: Mutex<File>,
+    length: u64,
+}
+
+impl PieceReader for OpenFile {
+    fn length(&self) -> u64 {
+        self.length
+    }
+
+    fn read(&self, at: u64, piece: &mut [u8]) -> io::Result<()> {
+        let mut handle = self.handle.lock().unwrap_or_else(PoisonError::into_inner);
+        handle.seek(SeekFrom::Start(at))?;
+        handle.read_exact(piece)
     }
 }
 
@@ -157,6 +221,43 @@ mod tests {
         fs::copy(path("models/tile/model.sdf"), path("worlds/tile/model.sdf")).unwrap();
         assert_eq!(read(None).unwrap().terrain.extent().size(), [8, 8, 8]);
         assert!(is_self_contained(&path("worlds/a.world")));
+    }
+
+    /// A cloud of two walls of points in cells of 1 m, of which each point is there many times, and
+    /// a truncated one.
+    #[test]
+    fn long_clouds_are_read_in_pieces() {
+        let folder = tempfile::tempdir().unwrap();
+        let corners: Vec<[f32; 3]> =
+            (0..6).flat_map(|y| [[0.5, y as f32 + 0.5, 0.5], [7.5, y as f32 + 0.5, 2.5]]).collect();
+        let data: Vec<u8> = corners.iter().flatten().flat_map(|along| along.to_le_bytes()).collect();
+        let copies = 1000;
+        let read = |name: &str, header: &str, data: &[u8]| {
+            let file = folder.path().join(name);
+            fs::write(&file, [header.as_bytes(), data].concat()).unwrap();
+            let spec = load_whole(&file, &ImportOptions::default(), 1000).unwrap();
+            (spec.pieces.is_some(), spec.read())
+        };
+        let pcd = |points: usize| format!("FIELDS x y z\nPOINTS {points}\nDATA binary\n");
+        let ply = |points: usize| {
+            format!(
+                "ply\nformat binary_little_endian 1.0\nelement vertex {points}\nproperty float x\nproperty float y\n\
+                 property float z\nend_header\n"
+            )
+        };
+        let (is_in_pieces, short) = read("short.pcd", &pcd(12), &data);
+        let short = short.unwrap();
+        assert!(!is_in_pieces);
+        let many = data.repeat(copies);
+        for (name, header) in [("long.pcd", pcd(12 * copies)), ("long.ply", ply(12 * copies))] {
+            let (is_in_pieces, long) = read(name, &header, &many);
+            let long = long.unwrap();
+            assert!(is_in_pieces && long.terrain == short.terrain && long.origin_m == short.origin_m, "{name}");
+            assert_eq!(long.notes[0].text, short.notes[0].text.replace("12 in", &format!("{} in", 12 * copies)));
+        }
+        let (_, cut) = read("cut.pcd", &pcd(12 * copies + 1), &many);
+        let error = cut.unwrap_err().to_string();
+        assert!(error.contains("the file ends here, data of"), "{error}");
     }
 
     #[test]

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use simulation::world::World;
 
 use crate::session::{Phase, PhaseTimes, RunObserver};
-use crate::wall_clock::now;
+use system::wall_clock::now;
 
 /// Shorter spans are not in the trace, only in the table: a run has millions of them.
 const SPAN_MIN: Duration = Duration::from_micros(20);

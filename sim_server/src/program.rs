@@ -12,28 +12,31 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::cli::{Cli, Command as CliCommand, RunArgs};
-#[cfg(feature = "view")]
-use crate::foxglove::{self, FoxgloveServer, ObservedTransport, RequestedRuns, RunFolders, Token};
-use crate::playback::{Horizon, Playback};
 use crate::profile::{Profile, Profiled};
-use crate::recording::Recording;
+#[cfg(feature = "view")]
+use crate::requested_run::{RequestedRun, RequestedRuns, RunFolders};
 use crate::ros::RosTransport;
 use crate::session::{self, JoinPolicy, Mode, Outcome, RecordingSinks, RunConfig, RunError};
 use crate::terminal::{self, Terminal};
-use crate::transport::Transport;
-use crate::{exit, os, renamed, setup};
+use crate::{exit, renamed, setup};
 use anyhow::Context;
 use clap::Parser;
+#[cfg(feature = "view")]
+use foxglove_server::{FoxgloveServer, FoxgloveServerError, ObservedTransport, Token};
 use mapgen::MapReport;
 use msgs::ids::{AgentId, Tick};
 use msgs::printable;
+use recording::Recording;
+use recording::playback::{Horizon, Playback};
 use ros_node::join_secret;
 use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
+use system::os;
 use system::results;
 use system::summary::Summary;
+use transport::Transport;
 
 /// Wall time between two looks at whether an idle server is to end.
 #[cfg(feature = "view")]
@@ -173,7 +176,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
             ready()?;
             let log =
                 args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
-            let mut terminal = Terminal::new(scenario.last_duration_ticks(), scenario.agents.count).with_log(log);
+            let mut terminal = Terminal::of(&scenario).with_log(log);
             tell_address(viewing.as_ref(), &mut terminal);
             let ended = job.carry_out(begun, playback, &mut terminal, &stop, || guard.shutting_down());
             ended.map(|code| if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
@@ -183,11 +186,11 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
 }
 
 #[cfg(feature = "view")]
-fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, foxglove::FoxgloveServerError>> {
+fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>, FoxgloveServerError>> {
     let Some(address) = &args.view else { return Ok(Ok(None)) };
-    let page = foxglove::page(args.page.as_deref())?;
+    let page = foxglove_server::page(args.page.as_deref())?;
     let token = match Token::of_environment() {
-        Err(foxglove::FoxgloveServerError::System(error)) => return Ok(Err(error.into())),
+        Err(FoxgloveServerError::System(error)) => return Ok(Err(error.into())),
         token => token?,
     };
     Ok(FoxgloveServer::open(address, page.as_deref(), args.idle, token, &args.view_allow_origin).map(Some))
@@ -227,14 +230,14 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
     };
     let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
     let log_of_one = || log.as_ref().map(File::try_clone).transpose().context("--log");
-    let mut waiting = Terminal::new(Tick::ZERO, 0).with_log(log_of_one()?);
+    let mut waiting = Terminal::new(Tick::ZERO).with_log(log_of_one()?);
     tell_address(Some(&viewing), &mut waiting);
     guard.started();
     let mut code = ExitCode::SUCCESS;
     let mut runs = 0;
     while !stop.load(std::sync::atomic::Ordering::Relaxed) {
         let Some(request) = viewing.next_start(IDLE_PERIOD) else { continue };
-        let foxglove::RequestedRun { scenario, recording } = match requested.scenario(&request, overrides) {
+        let RequestedRun { scenario, recording } = match requested.scenario(&request, overrides) {
             Ok(run) => run,
             Err(error) => {
                 request.answer(Err(&error.to_string()));
@@ -258,7 +261,7 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
         };
         runs += 1;
         request.answer(Ok(recording.as_deref()));
-        let mut terminal = Terminal::new(scenario.duration_ticks(), scenario.agents.count).with_log(log_of_one()?);
+        let mut terminal = Terminal::of(&scenario).with_log(log_of_one()?);
         code = job.carry_out(begun, None, &mut terminal, &stop, || ())?;
     }
     guard.shutting_down();

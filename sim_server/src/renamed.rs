@@ -5,7 +5,8 @@ use std::io;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
-use crate::{exit, os};
+use crate::exit;
+use system::os;
 
 /// Replaces this process by `maes`, and prints a line about it on stderr: `old` and `new` are the
 /// command as people know it and as it is called now. Returns if there is no such program.

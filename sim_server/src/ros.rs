@@ -21,25 +21,26 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{ANSWER_BYTES_MAX, OBSERVATION_BYTES_MAX};
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedCommand, SignedObservation};
 use msgs::nav_msgs::Odometry;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
-use msgs::signing::NONE;
+use msgs::service::ANSWER_BYTES_MAX;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
+use protocol::limits::OBSERVATION_BYTES_MAX;
+use protocol::signing::NONE;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{Connected, Context, Inbox, Node, Publisher, RosError, Sample, linger, own_source};
 
-use crate::control::Request;
-use crate::transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
-use crate::wall_clock::now;
-use simulation::lockstep::SourceId;
+use protocol::lockstep::SourceId;
 use simulation::parameters;
 use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+use system::wall_clock::now;
+use transport::control::Request;
+use transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
 
 use join::JoinOfAnyVersion;
 use links::Links;

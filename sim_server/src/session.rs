@@ -1,9 +1,9 @@
-//! The session: executes the run of a scenario over a [transport](crate::transport).
+//! The session: executes the run of a scenario over a [transport](transport).
 //!
 //! A run admits its agents, and then repeats per tick: look, request commands from the agents that
 //! are due, commit their replies, communicate and move, record. In reading order: [`RunConfig`]
 //! says what is run; this file has the loop; `admission` its start and `result` its end; `engine`
-//! executes a tick; `agents` speaks the [protocol](simulation::lockstep) over the transport;
+//! executes a tick; `agents` speaks the [protocol](protocol::lockstep) over the transport;
 //! `re_execution` takes the place of the agents for ticks that a recording already has; `control`
 //! answers requests; `log` and `observers` write and publish; `phase` names the parts of the loop.
 //!
@@ -19,6 +19,7 @@ mod agents;
 mod config;
 mod control;
 mod engine;
+mod entities;
 mod error;
 mod events;
 mod log;
@@ -37,17 +38,17 @@ use std::time::{Duration, Instant};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Fragment};
 
-use crate::control::{Request, Reset, SimulationControl};
-use crate::playback::{Playback, RecordedTick};
-use crate::transport::{Level, Transport};
-use crate::wall_clock::nanoseconds;
+pub use protocol::lockstep::JoinPolicy;
+use protocol::lockstep::{AgentSessions, MissingReplies, ObservationRequest, ReplayPolicy, Replies, TimeoutPolicy};
+use recording::playback::{Playback, RecordedTick};
 use simulation::digest::Digest;
 pub use simulation::end_reason::EndReason;
-pub use simulation::lockstep::JoinPolicy;
-use simulation::lockstep::{AgentSessions, MissingReplies, ObservationRequest, ReplayPolicy, Replies, TimeoutPolicy};
 use simulation::scenario::{OnAgentLoss, Scenario};
 use simulation::wire;
 use simulation::world::World;
+use system::wall_clock::nanoseconds;
+use transport::control::{Request, Reset, SimulationControl};
+use transport::{Level, Transport};
 
 use agents::{Agents, Awaited, WaitContext};
 use engine::Engine;
@@ -56,7 +57,7 @@ use observers::Observers;
 
 pub use config::{Mode, RunConfig, RunStart};
 pub use error::RunError;
-pub use log::{Checker, RecordingSinks};
+pub use log::RecordingSinks;
 pub use null::{NullObserver, NullTransport};
 pub use phase::{Phase, PhaseTimes};
 
@@ -65,14 +66,6 @@ const REPORT_PERIOD: Duration = Duration::from_millis(500);
 
 /// Wall time that agents have to acknowledge the shutdown message.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
-
-/// Prefix of the counter of the tick in which the team had explored a share of the free cells, in
-/// thousandths.
-pub const MILESTONE_COUNTER: &str = "tick_explored_permille_";
-
-/// Counter of the share of the free cells that the team can see from where its bodies can be, in
-/// millionths; only of teams whose bodies are all wider than a cell.
-pub const ATTAINABLE_COUNTER: &str = "attainable_ppm";
 
 /// The outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -155,7 +148,7 @@ pub fn run(
         control: SimulationControl::new(
             start.is_paused,
             start.rtf,
-            crate::control::features(!scenario.agents.reserve.is_empty()),
+            transport::control::features(!scenario.agents.reserve.is_empty()),
         ),
         pending_request: None,
         log: SessionLog::new(sinks.into(), checker, agents, begun),

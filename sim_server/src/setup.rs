@@ -9,19 +9,19 @@ use std::path::Path;
 use msgs::ids::Tick;
 use msgs::{maes_msgs, topics};
 use thiserror::Error;
-use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
+use voxels::{Extent, ExtentError, m3dm, packed};
 
-use crate::input_file::{self, MAP_BYTES_MAX, TEXT_BYTES_MAX};
 use crate::map_file;
-use crate::recorder::{self, Document, RecordError, RecorderQueue, RunRecorder};
-use crate::recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
 use map_files::{ImportError, ImportSpec, MapReader};
 use mapgen::{self, GeneratedMap, MapError, MapReport, MapSpec};
+use recording::recorder::{self, Document, RecordError, RecorderQueue, RunRecorder};
+use recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, map};
 use simulation::digest::Digest;
 use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Override, Scenario, ScenarioError};
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnError};
 use simulation::world::{ScanSchedule, World, WorldParams};
+use system::input_file::{self, TEXT_BYTES_MAX};
 
 /// Memory of a world per cell of the map, and of each agent in it per cell; bytes, rounded up.
 const WORLD_CELL_BYTES: usize = 2;
@@ -165,8 +165,7 @@ pub fn resolve(mut scenario: Scenario, origins: &Origins<'_>) -> Result<Scenario
     if scenario.map.cell_m.is_none() {
         let stored = scenario.map.path().and_then(|map| {
             let stores = MapReader::of(&map).is_ok_and(MapReader::may_store_cell_m);
-            let bytes = if stores { input_file::read(&map, MAP_BYTES_MAX).ok()? } else { return None };
-            ImportSpec::new(map.display().to_string(), bytes).stored_cell_m()
+            if stores { map_file::stored_cell_m(&map) } else { None }
         });
         scenario.map.cell_m = Some(stored.unwrap_or(1.0));
         scenario.check(origins)?;
@@ -211,7 +210,7 @@ fn is_same_map_elsewhere(recording: &Recording, recorded: &Scenario, scenario: &
         return Ok(false);
     }
     let here = generate_map(scenario)?.terrain;
-    let there = match attached_map(recording, recorded) {
+    let there = match map::attached(recording, recorded) {
         Some(import) => imported(import, recorded)?.terrain,
         None => return Err(SetupError::NoMap { file: recording.file().to_owned() }),
     };
@@ -286,22 +285,13 @@ pub fn tick_at(seconds: f64) -> Result<Tick, String> {
 /// If the recording has no map, or memory or room for the team is missing.
 pub fn rebuild(recording: &Recording, scenario: &Scenario) -> Result<(World, MapReport), SetupError> {
     let import =
-        attached_map(recording, scenario).ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
+        map::attached(recording, scenario).ok_or_else(|| SetupError::NoMap { file: recording.file().to_owned() })?;
     let mut map = imported(import, scenario)?;
     if let Some(spec) = generator(scenario) {
         let entrances = mapgen::entrances(&spec, map.terrain.extent(), scenario.map_seed());
         map.entrances = entrances.map_err(map_error(scenario))?;
     }
     inhabit(map, scenario)
-}
-
-/// The attachment of a recording that holds the map. A generated one has the size in the scenario.
-fn attached_map(recording: &Recording, scenario: &Scenario) -> Option<ImportSpec> {
-    let size = scenario.map.size.map_or([0; 3], |size| size.cells());
-    [MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT].into_iter().find_map(|name| {
-        let bytes = recording.attachment(name)?.to_vec();
-        Some(ImportSpec::new(name, bytes).allowing(size.iter().map(|&cells| cells as usize).product()))
-    })
 }
 
 /// Builds the world of a scenario.
@@ -375,19 +365,6 @@ pub fn with_documents<T>(scenario: &Scenario, world: &World, make: impl FnOnce(&
     ])
 }
 
-/// The map of a recording, if it has one.
-///
-/// # Errors
-/// If the attachment is no map.
-pub fn recorded_map(recording: &Recording, scenario: &Scenario) -> Result<Option<Grid<Terrain>>, SetupError> {
-    let Some(import) = attached_map(recording, scenario) else {
-        return Ok(None);
-    };
-    let import = ImportSpec { cell_m: scenario.map.cell_m, ..import };
-    let table = "the map of the recording";
-    Ok(Some(import.read().map_err(|source| SetupError::Import { table, source })?.terrain))
-}
-
 /// The map of a scenario, generated or read from its file.
 ///
 /// # Errors
@@ -434,6 +411,7 @@ fn generator(scenario: &Scenario) -> Option<MapSpec> {
         MapKind::Noise => Some(MapSpec::Noise(section.noise.clone())),
         MapKind::Building => Some(MapSpec::Building(section.building.clone().unwrap_or_default())),
         MapKind::Mine => Some(MapSpec::Mine(section.mine.clone().unwrap_or_default())),
+        MapKind::Scene => Some(MapSpec::Scene(section.scene.unwrap_or_default())),
         MapKind::File => None,
     }
 }
@@ -453,8 +431,12 @@ fn imported(import: ImportSpec, scenario: &Scenario) -> Result<GeneratedMap, Set
 fn map_error(scenario: &Scenario) -> impl Fn(MapError) -> SetupError {
     let table = table(scenario);
     move |source| {
-        let is_about_size = matches!(source, MapError::SideTooShort { .. } | MapError::Memory { .. });
-        SetupError::Map { table: if is_about_size { "map.size" } else { table }, source }
+        let table = match source {
+            MapError::SideTooShort { .. } | MapError::SceneTooSmall { .. } | MapError::Memory { .. } => "map.size",
+            MapError::SeedTooLong { .. } => "map.seed",
+            _ => table,
+        };
+        SetupError::Map { table, source }
     }
 }
 
@@ -465,6 +447,7 @@ fn table(scenario: &Scenario) -> &'static str {
         MapKind::Noise => "map.noise",
         MapKind::Building => "map.building",
         MapKind::Mine => "map.mine",
+        MapKind::Scene => "map.scene",
         MapKind::File => "map.file",
     }
 }

@@ -6,20 +6,24 @@
 //! terminal and in the log.
 
 use std::fs::File;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::time::{Duration, Instant};
 
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 use comfy_table::{Cell, CellAlignment, Table};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
+use msgs::counters::CounterName;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Counter};
 use msgs::printable;
 
-use crate::session::{self, Outcome, RunObserver};
-use crate::wall_clock::now;
-use simulation::lockstep::listed;
+use crate::session::{Outcome, RunObserver};
+use protocol::lockstep::listed;
+use simulation::scenario::Scenario;
 use simulation::world::World;
+use simulation::world::attainable::Attainable;
+use system::progress_bar::{self, TimeLeft};
+use system::wall_clock::now;
 
 /// Minimum wall time between two plain progress lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);
@@ -28,9 +32,22 @@ const LINE_PERIOD: Duration = Duration::from_secs(5);
 const SMALL_TEAM: u32 = 20;
 const WAITING_PERIOD: Duration = Duration::from_secs(1);
 
+/// Steps of the bar.
+const BAR_LENGTH: u64 = 10_000;
+
+/// What ends a run before its duration, by which progress is measured.
+#[derive(Debug, Clone, Copy)]
+enum End {
+    Explored,
+    Covered,
+    Duration,
+}
+
 /// Progress display on stderr.
 pub struct Terminal {
     bar: Option<ProgressBar>,
+    end: End,
+    time_left: TimeLeft,
     duration: Tick,
     agents: u32,
     started: Option<Instant>,
@@ -43,22 +60,26 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// For a run of this many agents with this maximum duration.
-    ///
-    /// # Panics
-    /// Never: the template of the bar is valid.
+    /// For a run of a scenario.
     #[must_use]
-    pub fn new(duration: Tick, agents: u32) -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::with_draw_target(Some(duration.0), ProgressDrawTarget::stderr());
-            let style = ProgressStyle::with_template("{bar:30} {msg}").expect("the template is right");
-            bar.set_style(style);
-            bar
-        });
+    pub fn of(scenario: &Scenario) -> Self {
+        let end = match scenario {
+            Scenario { stop_when_covered: true, .. } => End::Covered,
+            Scenario { stop_when_explored: true, .. } => End::Explored,
+            _ => End::Duration,
+        };
+        Self { end, agents: scenario.agents.count, ..Self::new(scenario.last_duration_ticks()) }
+    }
+
+    /// For what ends after a duration.
+    #[must_use]
+    pub fn new(duration: Tick) -> Self {
         Self {
-            bar,
+            bar: progress_bar::on_stderr(BAR_LENGTH),
+            end: End::Duration,
+            time_left: TimeLeft::default(),
             duration,
-            agents,
+            agents: 0,
             started: None,
             line_written: None,
             waiting_for: Vec::new(),
@@ -97,18 +118,18 @@ impl Terminal {
         }
     }
 
-    /// Shows progress: on the bar, or as a line every few seconds.
-    pub fn status(&mut self, tick: Tick, text: String) {
+    /// Shows progress, of which this share is done: on the bar, or as a line every few seconds.
+    pub fn status(&mut self, done: f64, text: &str) {
         match &self.bar {
             Some(bar) => {
-                bar.set_position(tick.0);
-                bar.set_message(printable::line(&text).into_owned());
+                bar.set_position((done * BAR_LENGTH as f64) as u64);
+                bar.set_message(printable::line(text).into_owned());
             }
             None if self.line_written.is_none_or(|line| line.elapsed() >= LINE_PERIOD) => {
                 self.line_written = Some(now());
-                self.say(&text);
+                self.say(text);
             }
-            None => {}
+            _ => {}
         }
     }
 
@@ -145,16 +166,26 @@ impl RunObserver for Terminal {
         let started = *self.started.get_or_insert(now);
         let sim_s = world.tick().time_ns() as f64 * 1e-9;
         let wall_s = now.duration_since(started).as_secs_f64();
+        let (explored, covered) = (world.coverage().explored(), world.coverage().covered());
+        let elapsed = world.tick().0 as f64 / self.duration.0.max(1) as f64;
+        let done = match self.end {
+            End::Explored => explored / attainable.map_or(1.0, Attainable::seen_share),
+            End::Covered => covered,
+            End::Duration => 0.0,
+        };
+        let until_limit = Duration::try_from_secs_f64(wall_s / elapsed * (1.0 - elapsed).max(0.0)).ok();
+        let left = [self.time_left.estimate(now, done), until_limit].into_iter().flatten().min();
         let text = format!(
-            "{} / {} | explored {:5.1} %{} | {:6.1} x real time | {} agents",
+            "{:5.1} % explored{}{} | {} left | {:.0} x real time | {} of at most {}",
+            explored * 100.0,
+            attainable.map_or_else(String::new, |team| format!(" of {:.1} %", team.seen_share() * 100.0)),
+            if let End::Covered = self.end { format!(", {:.1} % covered", covered * 100.0) } else { String::new() },
+            left.map_or_else(|| "?".to_owned(), progress_bar::clock),
+            if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },
             clock(world.tick()),
             clock(self.duration),
-            world.coverage().explored() * 100.0,
-            attainable.map_or_else(String::new, |team| format!(" of {:.1} %", team.seen_share() * 100.0)),
-            if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },
-            self.agents,
         );
-        self.status(world.tick(), text);
+        self.status(done.max(elapsed), &text);
     }
 
     fn started(&mut self) {
@@ -196,15 +227,16 @@ pub fn result_table(result: &maes_msgs::Result) -> String {
     let mut attainable = String::new();
     let mut counted = Vec::new();
     for Counter { name, value } in &result.counters {
-        let permille = name.strip_prefix(session::MILESTONE_COUNTER).and_then(|permille| permille.parse::<u32>().ok());
-        match permille {
-            _ if name == session::ATTAINABLE_COUNTER => {
+        match CounterName::parse(name) {
+            Some(CounterName::AttainablePpm) => {
                 let percent = *value as f64 / 1e4;
                 attainable = format!("bodies of the team can see {percent:.2} % of the free cells\n");
             }
-            Some(permille) => times.push(format!("{} % {}", f64::from(permille) / 10.0, clock(Tick(*value)))),
-            None if *value > 0 => counted.push(format!("{} {value}", printable::line(name))),
-            None => {}
+            Some(CounterName::TickExplored { permille }) => {
+                times.push(format!("{} % {}", permille as f64 / 10.0, clock(Tick(*value))))
+            }
+            _ if *value > 0 => counted.push(format!("{} {value}", printable::line(name))),
+            _ => {}
         }
     }
     let times = if times.is_empty() { String::new() } else { format!("time to see {}\n", times.join(", ")) };

@@ -18,11 +18,11 @@ use msgs::ids::Tick;
 use msgs::printable;
 use thiserror::Error;
 
-use crate::comparison::{Comparison, Difference};
-use crate::playback::{Playback, PlaybackError};
-use crate::recording::{End, Recording};
-use crate::session::{self, Checker, Mode, NullObserver, NullTransport, RecordingSinks, RunConfig, RunError};
+use crate::session::{self, Mode, NullObserver, NullTransport, RecordingSinks, RunConfig, RunError};
 use crate::setup::{self, SetupError};
+use recording::comparison::{Checker, Comparison, Difference};
+use recording::playback::{Playback, PlaybackError};
+use recording::{End, Recording};
 use simulation::digest::Digest;
 use simulation::end_reason::EndReason;
 

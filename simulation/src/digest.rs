@@ -14,9 +14,9 @@ use std::sync::Arc;
 use msgs::ids::Tick;
 
 use crate::workers::Workers;
-use crate::world::collision::Surface;
 use crate::world::{ExploredShares, Presence, World};
 use links::{Links, Piece};
+use protocol::observation::Surface;
 
 /// The digest up to and including a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

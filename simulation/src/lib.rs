@@ -1,11 +1,10 @@
-//! The pure core of a run: scenario, true world, lock-step, digest and the conversion to messages.
+//! The pure core of a run: scenario, true world, digest and the conversion to messages.
 //!
-//! In reading order: [`scenario`] defines a run; [`world`] is its physics; [`lockstep`] decides
-//! which agent is due and when the replies of a tick are complete; [`wire`] converts to and from
-//! messages; [`digest`] proves that two runs are equal; [`end_reason`] says why a run has ended;
-//! [`visualisation`] makes the standard
-//! messages of visualisation tools, [`twist`] the commands of externally controlled agents,
-//! [`parameters`] the ROS parameters of a scenario, and [`pacer`] limits the real-time factor.
+//! In reading order: [`scenario`] defines a run; [`world`] is its physics; [`wire`] makes messages
+//! of both; [`digest`] proves that two runs are equal; [`end_reason`] says why a run has ended;
+//! [`visualisation`] makes the standard messages of visualisation tools, [`twist`] the commands of
+//! externally controlled agents, and [`parameters`] the ROS parameters of a scenario. Which agent
+//! is due, and when the replies of a tick are complete, decides [`protocol::lockstep`].
 //!
 //! Invariants: no file, no network, no wall clock and no environment. No dependency provides them,
 //! and `tests/tidy.rs` finds whoever names those of the standard library.
@@ -14,8 +13,6 @@
 
 pub mod digest;
 pub mod end_reason;
-pub mod lockstep;
-pub mod pacer;
 pub mod parameters;
 pub mod scenario;
 pub mod twist;

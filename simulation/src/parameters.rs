@@ -3,7 +3,8 @@
 //! Descriptions and ranges are those of [`crate::scenario::keys`]. All parameters are read-only but
 //! the real-time factor, which changes no result.
 
-use msgs::parameters::{Parameter, Value};
+use msgs::parameters::DeclaredParameter;
+use msgs::rcl_interfaces::ParameterValue;
 
 use crate::scenario::keys::{self, Kind};
 use crate::scenario::{Rtf, Scenario};
@@ -23,7 +24,7 @@ const RTF_MAX: f64 = 1e6;
 /// # Panics
 /// Never: a scenario has string keys and plain values.
 #[must_use]
-pub fn of(scenario: &Scenario) -> Vec<Parameter> {
+pub fn of(scenario: &Scenario) -> Vec<DeclaredParameter> {
     let table = toml::Table::try_from(scenario).expect("a scenario has string keys and plain values");
     let mut parameters = vec![use_sim_time()];
     flatten("", &table, &mut parameters);
@@ -32,19 +33,19 @@ pub fn of(scenario: &Scenario) -> Vec<Parameter> {
 
 /// The parameters of a replay at this rate.
 #[must_use]
-pub fn of_replay(rate: Rtf) -> Vec<Parameter> {
+pub fn of_replay(rate: Rtf) -> Vec<DeclaredParameter> {
     let meaning = "greatest real-time factor: sim seconds per second of wall time; 0: as fast as possible";
-    let rate = Parameter::fixed(RATE, value_of(rate), meaning).with_range(0.0, RTF_MAX);
+    let rate = DeclaredParameter::fixed(RATE, value_of(rate), meaning).with_range(0.0, RTF_MAX);
     let rate = rate.with_constraints("0, or 0.001 to 1e6; it may be set during playback").settable();
     vec![use_sim_time(), rate]
 }
 
 /// The server publishes /clock, so it does not follow it.
-fn use_sim_time() -> Parameter {
-    Parameter::fixed("use_sim_time", false, "whether this node follows /clock: no, it publishes it")
+fn use_sim_time() -> DeclaredParameter {
+    DeclaredParameter::fixed("use_sim_time", false, "whether this node follows /clock: no, it publishes it")
 }
 
-fn flatten(prefix: &str, table: &toml::Table, parameters: &mut Vec<Parameter>) {
+fn flatten(prefix: &str, table: &toml::Table, parameters: &mut Vec<DeclaredParameter>) {
     for (key, value) in table {
         let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
         match value {
@@ -60,11 +61,12 @@ fn flatten(prefix: &str, table: &toml::Table, parameters: &mut Vec<Parameter>) {
 }
 
 /// A parameter with what the declaration of the keys says about it.
-fn described(name: &str, value: Value) -> Parameter {
+fn described(name: &str, value: ParameterValue) -> DeclaredParameter {
     let Some(key) = keys::find(name) else {
-        return Parameter::fixed(name, value, meaning_of_table(name));
+        return DeclaredParameter::fixed(name, value, meaning_of_table(name));
     };
-    let parameter = Parameter::fixed(name, value, key.meaning).with_constraints(&key.allowed().replace('`', ""));
+    let parameter =
+        DeclaredParameter::fixed(name, value, key.meaning).with_constraints(&key.allowed().replace('`', ""));
     match (key.kind, key.range) {
         (Kind::Seed, _) => parameter.with_range(0.0, i64::MAX as f64),
         (_, Some(range)) => parameter.with_range(range.low, range.high),
@@ -84,7 +86,7 @@ fn meaning_of_table(name: &str) -> &'static str {
 }
 
 /// A TOML value as the value of a parameter; what a parameter cannot hold becomes a text.
-fn converted(value: &toml::Value) -> Value {
+fn converted(value: &toml::Value) -> ParameterValue {
     match value {
         toml::Value::Boolean(value) => (*value).into(),
         toml::Value::Integer(value) => (*value).into(),
@@ -165,10 +167,11 @@ mod tests {
                 "{ kind = \"scattered\", seed = 3 }",
             ),
             (
-                "{ kind = \"building\", size = 30 }".to_owned(),
+                "{ kind = \"building\", size = 30, spheres = { random = \"unity\" } }".to_owned(),
                 "{ kind = \"box\", low = [1.0, 1.0, 1.0], high = [9.0, 9.0, 9.0] }",
             ),
             ("{ kind = \"mine\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),
+            ("{ kind = \"scene\", size = 30 }".to_owned(), "{ kind = \"scattered\" }"),
             (
                 format!("{{ kind = \"file\", file = \"a.pcd\", import = {{ {} }} }}", places[0]),
                 "{ kind = \"scattered\" }",
@@ -217,7 +220,7 @@ mod tests {
         assert_eq!((loss.from_value, loss.to_value), (0.0, 1.0));
         assert_eq!(
             named("map.kind").additional_constraints,
-            "\"spheres\", \"noise\", \"building\", \"mine\", \"file\""
+            "\"spheres\", \"noise\", \"building\", \"mine\", \"scene\", \"file\""
         );
     }
 

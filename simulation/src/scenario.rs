@@ -23,9 +23,9 @@ pub mod team;
 use std::collections::{BTreeMap, BTreeSet};
 
 use mapgen::import_options::OptionError;
-use msgs::body_model::BodyModel;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::BODIES_MAX;
+use protocol::body_model::BodyModel;
+use protocol::limits::BODIES_MAX;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -188,6 +188,9 @@ impl Scenario {
         if scenario.map.kind == MapKind::Mine {
             scenario.map.mine.get_or_insert_default();
         }
+        if scenario.map.kind == MapKind::Scene {
+            scenario.map.scene.get_or_insert_default();
+        }
         if scenario.map.kind != MapKind::File {
             scenario.map.cell_m.get_or_insert(1.0);
         }
@@ -295,12 +298,14 @@ impl Scenario {
                 false,
                 "a map from a file has the size of the file: leave this key out",
             ),
-            (MapKind::Spheres | MapKind::Noise | MapKind::Building | MapKind::Mine, None, _) => {
+            (MapKind::Spheres | MapKind::Noise | MapKind::Building | MapKind::Mine | MapKind::Scene, None, _) => {
                 needs("map.size", "a generated map needs a size: a number or [x, y, z], in cells")
             }
-            (MapKind::Spheres | MapKind::Noise | MapKind::Building | MapKind::Mine, Some(_), Some(file)) => {
-                checker.require("map.file", file.display(), false, "only a map of kind \"file\" has a file")
-            }
+            (
+                MapKind::Spheres | MapKind::Noise | MapKind::Building | MapKind::Mine | MapKind::Scene,
+                Some(_),
+                Some(file),
+            ) => checker.require("map.file", file.display(), false, "only a map of kind \"file\" has a file"),
             _ => Ok(()),
         }
     }

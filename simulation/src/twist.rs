@@ -10,8 +10,8 @@
 
 use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, Motion, ScanRequest, WakeCondition};
+use protocol::limits::PROTOCOL;
 
 use crate::wire::body_frame;
 
@@ -33,7 +33,7 @@ pub fn join(run: u64, agent: AgentId) -> Join {
 ///
 /// # Errors
 /// Describes a wrong stamp or frame. Numbers are checked as those of all commands
-/// ([`crate::wire::command`]).
+/// ([`protocol::command::Command::from_message`]).
 pub fn command(run: u64, agent: AgentId, twist: &TwistStamped) -> Result<Command, String> {
     let own_frame = body_frame(agent);
     let frame = twist.header.frame_id.trim_start_matches('/');
@@ -107,7 +107,7 @@ mod tests {
         assert_eq!(command.motion.kind, Motion::VELOCITY);
         assert_eq!(command.motion.linear_m_s, Vector3 { x: 1.0, y: 0.5, z: -0.25 });
         assert_eq!(command.motion.yaw_rate_rad_s, 0.5);
-        assert!(crate::wire::command(&command, 4).is_ok());
+        assert!(protocol::command::Command::from_message(&command, 4).is_ok());
     }
 
     #[test]
@@ -115,7 +115,7 @@ mod tests {
         let mut nonsense = twist(0, 0, "");
         nonsense.twist.linear.x = f64::NAN;
         let command = command(9, AGENT, &nonsense).unwrap();
-        assert!(crate::wire::command(&command, 4).is_err());
+        assert!(protocol::command::Command::from_message(&command, 4).is_err());
     }
 
     #[test]

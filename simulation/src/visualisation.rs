@@ -7,8 +7,8 @@
 //! without subscribers are not computed, and a new subscriber gets everything from the start.
 //!
 //! Invariants: the world does not change; no message is larger than
-//! [`msgs::limits::VIEW_BYTES_MAX`]; every stamp is sim time; a message with a stamp comes after
-//! the transforms of that stamp, to whoever receives both. Frames: `map` is the world,
+//! [`protocol::limits::VIEW_BYTES_MAX`]; every stamp is sim time; a message with a stamp comes
+//! after the transforms of that stamp, to whoever receives both. Frames: `map` is the world,
 //! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` coincides with the body, and
 //! `agent_<id>/odom` with `map`, because poses are known.
 //!
@@ -17,12 +17,14 @@
 mod cells;
 mod cloud;
 mod description;
+mod known;
 mod message;
 mod plane;
 mod poses;
 mod sent_transforms;
 mod status;
 mod topic;
+mod tree;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -213,6 +215,10 @@ fn recorded_as(topic: VisualisationTopic) -> Option<RecordedView> {
         VisualisationTopic::RobotDescription => Some(RecordedView::RobotDescription),
         VisualisationTopic::Occupancy => Some(RecordedView::Occupancy),
         VisualisationTopic::MapPoints => Some(RecordedView::MapPoints),
+        VisualisationTopic::Octomap => Some(RecordedView::Octomap),
+        VisualisationTopic::ExploredOctomap => Some(RecordedView::ExploredOctomap),
+        VisualisationTopic::ExploredOccupancy => Some(RecordedView::ExploredOccupancy),
+        VisualisationTopic::ExploredPoints => Some(RecordedView::ExploredPoints),
         VisualisationTopic::Clock => Some(RecordedView::Clock),
         VisualisationTopic::Transforms | VisualisationTopic::Digest | VisualisationTopic::Result => None,
     }
@@ -230,6 +236,8 @@ struct PublishState {
     walls: Vec<Marker>,
     /// Chunks of walls at the last time.
     wall_chunks: usize,
+    /// Number of explored cells in the last message of each topic of explored maps.
+    explored: BTreeMap<VisualisationTopic, usize>,
 }
 
 /// The state of one topic.
@@ -258,7 +266,7 @@ impl PublishState {
         match topic {
             VisualisationTopic::Path(agent) => drop(self.paths.remove(&agent)),
             VisualisationTopic::Unexplored => self.unexplored = None,
-            _ => {}
+            _ => drop(self.explored.remove(&topic)),
         }
     }
 
@@ -351,12 +359,26 @@ impl PublishState {
                 push(messages, topic, [VisualisationMessage::Text(description::robots(world))])
             }
             VisualisationTopic::Occupancy => {
-                let occupancy = plane::occupancy(world.terrain(), world.tick());
+                let terrain = world.terrain();
+                let occupancy = plane::occupancy(terrain.extent(), world.tick(), known::surfaces(terrain));
                 push(messages, topic, [VisualisationMessage::Occupancy(Box::new(occupancy))])
             }
             VisualisationTopic::MapPoints => {
-                let points = cloud::of_walls(world.terrain(), world.tick());
+                let terrain = world.terrain();
+                let points = cloud::of_walls(terrain.extent(), world.tick(), known::surfaces(terrain));
                 push(messages, topic, [VisualisationMessage::Points(points)])
+            }
+            VisualisationTopic::Octomap => {
+                let tree = tree::octomap(world.terrain().extent(), world.tick(), known::whole(world.terrain()));
+                push(messages, topic, [VisualisationMessage::Octomap(Box::new(tree))])
+            }
+            VisualisationTopic::ExploredOctomap
+            | VisualisationTopic::ExploredOccupancy
+            | VisualisationTopic::ExploredPoints => {
+                let count = world.coverage().explored_count();
+                if self.explored.insert(topic, count) != Some(count) {
+                    push(messages, topic, [explored(topic, world)]);
+                }
             }
             VisualisationTopic::Clock => {
                 push(messages, topic, [VisualisationMessage::Clock(Clock { clock: world.tick().into() })])
@@ -377,6 +399,19 @@ impl PublishState {
         let is_there = chunk.is_some();
         push(messages, topic, chunk.map(|marker| VisualisationMessage::Marker(Box::new(marker))));
         is_there
+    }
+}
+
+/// What the team has seen of the map, as the message of a topic of explored maps.
+fn explored(topic: VisualisationTopic, world: &World) -> VisualisationMessage {
+    let (extent, tick) = (world.terrain().extent(), world.tick());
+    let known = known::explored(world.terrain(), world.coverage().explored_cells());
+    match topic {
+        VisualisationTopic::ExploredOctomap => {
+            VisualisationMessage::Octomap(Box::new(tree::octomap(extent, tick, known)))
+        }
+        VisualisationTopic::ExploredPoints => VisualisationMessage::Points(cloud::of_walls(extent, tick, known)),
+        _ => VisualisationMessage::Occupancy(Box::new(plane::occupancy(extent, tick, known))),
     }
 }
 

@@ -10,14 +10,13 @@
 //! alone. Helpers cast scans, each of which writes to the memory of its own agent.
 //!
 //! This module has no ROS, no files and no wall clock, and does not decide which agent is due: see
-//! [`crate::lockstep`].
+//! [`protocol::lockstep`].
 
 pub mod attainable;
 pub mod body;
 pub mod collision;
 pub mod comms;
 pub mod coverage;
-mod interface;
 pub mod lidar;
 pub mod map_change;
 pub mod noise;
@@ -27,16 +26,19 @@ mod radio_medium;
 pub mod relays;
 mod sensing;
 pub mod spawn;
+mod totals;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, OnceLock};
 
-use msgs::body_model::BodyModel;
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
-use msgs::relay_id::RelayId;
-use msgs::scan_request::ScanRequest;
 use nalgebra::Point3;
+use protocol::body_model::BodyModel;
+use protocol::command::Command;
+use protocol::event_mask::EventMask;
+use protocol::observation::{Cells, Contact, Observation, Relay, RequestKind};
+use protocol::relay_id::RelayId;
+use protocol::scan_request::ScanRequest;
 use voxels::{Cell, Grid, OpenSpace, Terrain};
 
 use crate::workers::Workers;
@@ -46,14 +48,14 @@ use body::{Body, Motion, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
-pub use interface::{Action, Observation, RequestKind, Totals};
-use lidar::{NoisyScan, Scanner, SensorMemory};
+use lidar::{CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
 use radio_medium::{RadioMedium, ReportedContacts};
 pub use sensing::ExploredShares;
 use sensing::{Lidar, Sensor};
+pub use totals::Totals;
 
 /// The parameters of a world, apart from its terrain.
 #[derive(Debug, Clone)]
@@ -384,18 +386,18 @@ impl World {
             if state.next_scan != Some(tick) {
                 continue;
             }
-            self.totals.scans += 1;
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
             let pose = *state.body.pose();
             let Lidar { scanner, noise, .. } = &*self.lidar;
             let is_of_present_map = |scan: &(Pose, Tick)| self.map_changed_at.is_none_or(|changed| scan.1 >= changed);
-            let last_scan = state.last_scan.filter(is_of_present_map);
-            let sees_the_same = last_scan.is_some_and(|(last, _)| scanner.sees_the_same(&last, &pose));
+            let last = state.last_scan.filter(is_of_present_map).map(|(last, _)| last);
             state.last_scan = Some((pose, tick));
-            // With noise, a repeated scan from the same pose differs from the first.
-            if noise.affects_scans() || !sees_the_same {
-                self.totals.scans_cast += 1;
-                self.request_scan(index, workers);
+            match NotCast::of_scan(scanner, noise.affects_scans(), last.as_ref(), &pose) {
+                Some(reason) => self.totals.scans.add(&CastCount::without(1, reason)),
+                None => {
+                    self.totals.scans.add(&CastCount::of(1));
+                    self.request_scan(index, workers);
+                }
             }
         }
         if !workers.has_helpers() && !self.has_no_pending_scans() {
@@ -425,7 +427,8 @@ impl World {
     pub fn observe(&mut self, agent: AgentId, kind: RequestKind) -> Observation {
         let change_of_contacts = self.change_of_contacts(agent);
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
-        let contacts = contacts.into_iter().map(|other| (other, self.measured_position(other))).collect();
+        let contacts =
+            contacts.into_iter().map(|agent| Contact { agent, position: self.measured_position(agent) }).collect();
         let position = self.measured_position(agent);
         self.collect_scans(agent.index());
         let Lidar { scanner, noise, .. } = &*self.lidar;
@@ -445,21 +448,23 @@ impl World {
             collision: state.body.collision(),
             events,
             contacts,
-            relays: relays.clone(),
+            relays: relays.iter().map(|&(id, position)| Relay { id, position }).collect(),
             messages: delta.messages,
             scan_tick: state.last_scan.map(|(_, tick)| tick),
-            seen_free: delta.free,
-            seen_wall: delta.wall,
+            seen: Cells { free: delta.free, wall: delta.wall },
             view: None,
+            change: None,
         };
         if state.want_view
             && let Some((pose, tick)) = &state.last_scan
             && self.map_changed_at.is_none_or(|changed| *tick >= changed)
         {
-            observation.view = Some(match noise.affects_scans() {
-                true => scanner.view_noisy(&state.sensor.state().memory, pose, NoisyScan { noise, agent, tick: *tick }),
-                false => scanner.view(&state.sensor.state().memory, pose),
-            });
+            let memory = &state.sensor.state().memory;
+            let view = match noise.affects_scans() {
+                true => scanner.view_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick }),
+                false => scanner.view(memory, pose),
+            };
+            observation.view = Some(Cells { free: view.free, wall: view.wall });
         }
         if kind == RequestKind::Scheduled {
             state.reported_relays = relays;
@@ -468,20 +473,20 @@ impl World {
         observation
     }
 
-    /// Phases communicate and move, and the end of the tick. Agents without an action continue
+    /// Phases communicate and move, and the end of the tick. Agents without a command continue
     /// their tasks.
-    pub fn step(&mut self, actions: BTreeMap<AgentId, Action>) {
-        self.communicate(&actions);
+    pub fn step(&mut self, commands: BTreeMap<AgentId, Command>) {
+        self.communicate(&commands);
         self.with_task.clear();
-        for (agent, action) in actions {
+        for (agent, command) in commands {
             let next_tick = self.tick.after(1);
             let state = &mut self.agents[agent.index()];
-            state.want_view = action.want_view;
-            if action.motion != Motion::Keep {
+            state.want_view = command.want_view;
+            if command.motion != Motion::Keep {
                 self.with_task.push(agent.index());
             }
-            state.body.set_task(action.motion);
-            match (action.lidar, self.params.schedule) {
+            state.body.set_task(command.motion);
+            match (command.lidar, self.params.schedule) {
                 (ScanRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
                 (ScanRequest::Never, _) => {
                     state.scan_period_ticks = None;

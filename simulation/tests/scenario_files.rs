@@ -7,7 +7,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use msgs::body_model::BodyModel;
+use protocol::body_model::BodyModel;
 use serde_json::{Value, json};
 use simulation::scenario::keys::{self, DefaultValue, Key, Kind, TABLES, Table};
 

@@ -13,9 +13,9 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-use msgs::signing;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use protocol::signing;
 use simulation::scenario::team::ID_MARK;
 use simulation::scenario::{AgentsSection, Scenario};
 use simulation::wire;

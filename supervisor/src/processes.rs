@@ -6,13 +6,14 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use msgs::signing;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use protocol::signing;
 use signal_hook::SigId;
 use signal_hook::consts::SIGCHLD;
+use system::wall_clock::now;
 
 use crate::SupervisorError;
 use crate::binaries;
@@ -177,9 +178,4 @@ pub(crate) fn await_end(mut agents: Vec<AgentProcess>, events: &mut ChildEvents)
 /// Sends a signal to a process; one that is not there needs none.
 pub(crate) fn send(child: &ChildGuard, signal: Signal) {
     drop(child.signal(signal));
-}
-
-#[expect(clippy::disallowed_methods, reason = "a bounded wait for processes to end")]
-fn now() -> Instant {
-    Instant::now()
 }

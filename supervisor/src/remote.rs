@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use msgs::signing;
+use protocol::signing;
+use system::wall_clock::now;
 
 use crate::child::Signal;
 use crate::hosts::connection::Connection;
@@ -185,9 +186,4 @@ impl RemoteProcess {
     pub(crate) fn signal(&self, signal: Signal) {
         self.connection.signal(self.first, signal);
     }
-}
-
-#[expect(clippy::disallowed_methods, reason = "a bounded wait for hosts")]
-fn now() -> Instant {
-    Instant::now()
 }

@@ -11,11 +11,14 @@ use map_files::export;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
 use msgs::maes_msgs::JoinReply;
-use msgs::parameters::{ListRequest, Named, NamesRequest, SetRequest, Value};
-use msgs::simulation_interfaces::{
-    EntityRequest, EntityState, FilterRequest, SetEntityStateRequest, SpawnEntityRequest, StepRequest,
+use msgs::rcl_interfaces::{
+    GetParametersRequest, ListParametersRequest, Parameter, ParameterValue, SetParametersRequest,
 };
-use sim_server::recording::Recording;
+use msgs::simulation_interfaces::{
+    EntityState, GetEntitiesRequest, GetEntityStateRequest, SetEntityStateRequest, SimulateStepsGoal,
+    SpawnEntityRequest,
+};
+use recording::Recording;
 use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::Scenario;
@@ -74,17 +77,19 @@ fn main() {
     for (name, bytes) in [
         ("join_reply", cdr::encode(&JoinReply { reason: "no".to_owned(), ..JoinReply::default() })),
         ("twist", cdr::encode(&TwistStamped::default())),
-        ("names", cdr::encode(&NamesRequest { names: names() })),
-        ("list", cdr::encode(&ListRequest { prefixes: names(), depth: 2 })),
+        ("names", cdr::encode(&GetParametersRequest { names: names() })),
+        ("list", cdr::encode(&ListParametersRequest { prefixes: names(), depth: 2 })),
         (
             "set",
-            cdr::encode(&SetRequest { parameters: vec![Named { name: "rtf".to_owned(), value: Value::default() }] }),
+            cdr::encode(&SetParametersRequest {
+                parameters: vec![Parameter { name: "rtf".to_owned(), value: ParameterValue::default() }],
+            }),
         ),
-        ("entity", cdr::encode(&EntityRequest::default())),
-        ("filter", cdr::encode(&FilterRequest::default())),
+        ("entity", cdr::encode(&GetEntityStateRequest::default())),
+        ("filter", cdr::encode(&GetEntitiesRequest::default())),
         ("set_state", cdr::encode(&set_state)),
         ("spawn", cdr::encode(&SpawnEntityRequest::default())),
-        ("step", cdr::encode(&StepRequest::default())),
+        ("step", cdr::encode(&SimulateStepsGoal::default())),
     ] {
         seed("messages", &format!("request_{name}"), &bytes);
     }

@@ -7,16 +7,11 @@
 
 use std::hint::black_box;
 use std::path::PathBuf;
-use std::time::Instant;
 
 use msgs::maes_msgs::{Command, Observation};
-use msgs::signing::{SessionKey, is_equal};
-use sim_server::recording::Recording;
-
-#[expect(clippy::disallowed_methods, reason = "wall time is what is measured")]
-fn now() -> Instant {
-    Instant::now()
-}
+use protocol::signing::{SessionKey, is_equal};
+use recording::Recording;
+use system::wall_clock::now;
 
 #[expect(clippy::print_stdout, reason = "this is what the program is for")]
 fn main() {

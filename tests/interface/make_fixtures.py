@@ -46,6 +46,7 @@ STANDARD = [
     "nav_msgs/OccupancyGrid",
     "nav_msgs/Odometry",
     "nav_msgs/Path",
+    "octomap_msgs/Octomap",
     "rcl_interfaces/Log",
     "rosgraph_msgs/Clock",
     "sensor_msgs/CompressedImage",

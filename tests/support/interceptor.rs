@@ -5,9 +5,9 @@ use std::time::Duration;
 use in_memory::ServerEnd;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
-use msgs::signing::NONE;
-use sim_server::control::Request;
-use sim_server::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput, Transport};
+use protocol::signing::NONE;
+use transport::control::Request;
+use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput, Transport};
 
 /// What a test does with the messages of a server; by default they pass unchanged.
 pub(crate) trait Interceptor {

@@ -11,18 +11,18 @@ use agent_node::control_loop::{Agent, Reaction};
 use agent_node::controllers::{Controller, Registry};
 use agent_node::host::Options;
 use agent_node::transport::{Inbound, ServerTransport};
-use agent_node::wire;
 use in_memory::{self, AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
-use msgs::limits::PROTOCOL;
 use msgs::maes_msgs::{Command, Join, JoinReply};
-use sim_server::playback::Playback;
-use sim_server::recording::Recording;
+use protocol::limits::PROTOCOL;
+use protocol::run_info::RunInfo;
+use recording::Recording;
+use recording::playback::Playback;
 use sim_server::session::{self, JoinPolicy, Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup;
-use sim_server::transport::Transport;
 use simulation::scenario::Scenario;
 use simulation::world::World;
+use transport::Transport;
 
 use super::{HANG, bounded};
 
@@ -185,7 +185,7 @@ pub(crate) fn serve(
             Inbound::Scenario(scenario) => {
                 run = scenario.run;
                 for &id in ids {
-                    let run_info = wire::run_info(&scenario, id).expect("the server's scenario is legal");
+                    let run_info = RunInfo::from_message(&scenario, id).expect("the server's scenario is legal");
                     agents.insert(id.0, Agent::new(id, run_info, controller(id)));
                     let controller = "of the test".to_owned();
                     let last_tick = Join::NONE;

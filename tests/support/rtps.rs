@@ -4,7 +4,9 @@
 use std::cell::Cell;
 use std::fs;
 use std::net::{IpAddr, Ipv4Addr, UdpSocket};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use system::wall_clock::now;
 
 use super::HANG;
 
@@ -279,9 +281,4 @@ fn submessages(packet: &[u8]) -> impl Iterator<Item = (u8, &[u8])> {
         Some((header[0], body))
     })
     .filter(|(kind, _)| *kind != INFO_DST)
-}
-
-#[expect(clippy::disallowed_methods, reason = "it only turns a hang into a failure")]
-fn now() -> Instant {
-    Instant::now()
 }

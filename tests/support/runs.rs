@@ -70,7 +70,7 @@ impl Site {
             .env_remove("ROS_LOCALHOST_ONLY")
             .env("MAES_BIN_DIR", binaries::folder())
             // So that a test can start an agent of a run by hand.
-            .env(msgs::signing::JOIN_SECRET, JOIN_SECRET);
+            .env(protocol::signing::JOIN_SECRET, JOIN_SECRET);
         command
     }
 

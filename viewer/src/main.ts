@@ -2,8 +2,8 @@
  * Entry point of the page: opens the recording that its address names, and loads the page
  * meanwhile.
  *
- * `?recording=URL`, `?beside=URL` (a second recording, shown beside it), `?server=ws://host:port`,
- * `?picture=1`, and the view (`shared-link.ts`): `?time=S`, `?agent=N`, `?layers=NAME,...`,
+ * `?recording=URL`, `?beside=URL` (a second recording, shown beside it), `?room=URL` (what answers
+ * questions about a map), `?server=ws://host:port`, `?picture=1`, and the view (`shared-link.ts`): `?time=S`, `?agent=N`, `?layers=NAME,...`,
  * `?camera=X,Y,Z,YAW,PITCH,DISTANCE`. Without a recording or a server, an exported page shows its
  * recordings (`exported.ts`); another one connects to the simulator that served it, and shows the
  * welcome screen if there is none.

@@ -20,6 +20,7 @@ function showOne(root: HTMLElement, search: string, opening: Promise<Run> | null
   const app = new App(root, {
     view: parseLink(search),
     isPicture: query.get("picture") === "1",
+    room: query.get("room"),
   });
 
   const handle: Handle = {

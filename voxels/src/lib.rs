@@ -24,6 +24,7 @@ pub mod extent;
 pub mod grid;
 pub mod lattice;
 pub mod m3dm;
+pub mod octree;
 pub mod open_space;
 pub mod packed;
 pub mod projection;

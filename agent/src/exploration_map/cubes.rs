@@ -4,18 +4,11 @@ use voxels::Cell;
 
 use super::ExplorationMap;
 
-/// The lowest bit of each of eight cells' bytes.
-const LANES: u64 = 0x01_01_01_01_01_01_01_01;
-
-/// Moves the lowest bits of eight bytes to the highest byte of the product, that of the first byte
-/// lowest.
-const GATHER: u64 = 0x01_02_04_08_10_20_40_80;
-
 impl ExplorationMap {
     /// The cells known to be free in a cube of at most 5 cells along each axis whose lowest cell is
     /// inside the map: one bit each, x first.
     pub fn free_in(&self, corner: Cell, side: i32) -> u128 {
-        self.in_rows(corner, side, |start, count| self.free_run(start, count))
+        self.in_rows(corner, side, |start, count| self.free_cells.run(start, count))
     }
 
     /// The cells known to be free in a row of at most 64 cells along x, one bit each; those outside
@@ -31,27 +24,7 @@ impl ExplorationMap {
             return 0;
         }
         let start = (first.z * size_y + first.y) * size_x + low;
-        self.free_run(start as usize, (high - low) as usize) << (low - first.x)
-    }
-
-    /// The cells known to be free of at most 64 from an index on.
-    #[inline]
-    fn free_run(&self, start: usize, count: usize) -> u64 {
-        let cells = self.cells.as_slice();
-        let mut bits = 0;
-        for place in (0..count).step_by(8) {
-            let states = match cells[start + place..].first_chunk() {
-                Some(&eight) => u64::from_le_bytes(eight),
-                None => {
-                    let rest = &cells[start + place..];
-                    (0..).zip(rest).fold(0, |states, (at, &packed): (u32, _)| states | u64::from(packed) << (8 * at))
-                }
-            };
-            // One of the two lower bits of a byte is set.
-            let lanes = (states ^ states >> 1) & LANES;
-            bits |= (lanes.wrapping_mul(GATHER) >> 56) << place;
-        }
-        if count < 64 { bits & ((1 << count) - 1) } else { bits }
+        self.free_cells.run(start as usize, (high - low) as usize) << (low - first.x)
     }
 
     /// The frontiers in such a cube.

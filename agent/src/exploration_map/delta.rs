@@ -92,10 +92,7 @@ impl Delta {
         let layout = Layout::new(extent);
         self.blocks.iter().flat_map(move |block| {
             let cells = bits(block.known & layout.inside(block.index));
-            cells.map(move |number| {
-                let [x, y, z] = layout.cell((block.index, number)).map(i32::cast_unsigned);
-                ((z * layout.size[1] + y) * layout.size[0] + x, block.finding(number))
-            })
+            cells.map(move |number| (layout.index_of((block.index, number)) as u32, block.finding(number)))
         })
     }
 }
@@ -151,6 +148,7 @@ impl DeltaBuilder {
 /// The layout of the blocks of a map.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layout {
+    extent: Extent,
     size: [u32; 3],
     blocks: [u32; 3],
     /// Whether all cells of all blocks are inside the map.
@@ -161,7 +159,13 @@ impl Layout {
     pub(crate) fn new(extent: Extent) -> Self {
         let size = extent.size();
         let is_filled = size.iter().all(|cells| cells.is_multiple_of(SIDE));
-        Self { size, blocks: size.map(|cells| cells.div_ceil(SIDE)), is_filled }
+        Self { extent, size, blocks: size.map(|cells| cells.div_ceil(SIDE)), is_filled }
+    }
+
+    /// The extent of the map.
+    #[inline]
+    pub(super) fn extent(&self) -> Extent {
+        self.extent
     }
 
     /// Number of blocks.
@@ -183,6 +187,21 @@ impl Layout {
         (index, spread(x) | spread(y) << 1 | spread(z) << 2)
     }
 
+    /// The block of the cell with this index, and the number of the cell in it.
+    pub(super) fn place_of(&self, cell: u32) -> (u32, u32) {
+        self.place(self.at(cell))
+    }
+
+    /// The index of the cell with these coordinates.
+    pub(super) fn index(&self, [x, y, z]: [u32; 3]) -> usize {
+        ((z * self.size[1] + y) * self.size[0] + x) as usize
+    }
+
+    /// The index of the cell with this number in a block.
+    pub(super) fn index_of(&self, place: (u32, u32)) -> usize {
+        self.index(self.cell(place).map(i32::cast_unsigned))
+    }
+
     /// The coordinates of the cell with this number in a block.
     pub(super) fn cell(&self, (block, number): (u32, u32)) -> [i32; 3] {
         cell_in(self.lowest(block), number)
@@ -192,6 +211,21 @@ impl Layout {
     pub(super) fn lowest(&self, block: u32) -> [u32; 3] {
         let row = block / self.blocks[0];
         [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]].map(|at| at * SIDE)
+    }
+
+    /// The block beside a block across an axis, the lower or the upper one; `None`: the map ends
+    /// there.
+    pub(super) fn beside(&self, block: u32, (axis, is_upper): (usize, bool)) -> Option<u32> {
+        let [size_x, size_y, _] = self.blocks;
+        let (stride, at) = match axis {
+            0 => (1, block % size_x),
+            1 => (size_x, block / size_x % size_y),
+            _ => (size_x * size_y, block / (size_x * size_y)),
+        };
+        match is_upper {
+            true => (at + 1 < self.blocks[axis]).then(|| block + stride),
+            false => (at > 0).then(|| block - stride),
+        }
     }
 
     /// The cells of a block that lie inside the map.

@@ -9,6 +9,8 @@
 //! |---|---|
 //! | 0 | the block is another one; the difference follows, zigzag and LEB128 |
 //! | 1 | the source is another one; 1 + its number follows, LEB128 |
+//! | 63 | many cells of the block, ascending: their bits follow, then those of walls and of covered
+//! cells |
 //! | others | the block is another one; the difference is 32 less |
 
 use super::Finding;
@@ -24,6 +26,10 @@ const BIAS: i32 = 32;
 /// The upper six bits of the bytes without a difference.
 const FAR: u8 = 0;
 const SOURCE: u8 = 1;
+const MANY: u8 = 63;
+
+/// Changes from which on the words of a block take fewer bytes.
+const MANY_MIN: usize = 26;
 
 /// A change in 8 bytes. `what` has the block of the cell in the upper 24 bits, its number in the
 /// block in the next 6, and the finding in the lower two: a map of 1024^3 cells has 256^3 blocks.
@@ -99,8 +105,9 @@ impl Journal {
 fn pack(entries: &[Entry]) -> Box<[u8]> {
     let mut bytes = Vec::with_capacity(2 * entries.len());
     let (mut block, mut source) = (0_u32, 0_u32);
-    for entry in entries {
-        let (to, from) = (entry.what >> 8, entry.from.wrapping_add(1));
+    let is_ascending = |a: &Entry, b: &Entry| a.place() < b.place() && a.place().0 == b.place().0 && a.from == b.from;
+    for run in entries.chunk_by(is_ascending) {
+        let (to, from) = (run[0].what >> 8, run[0].from.wrapping_add(1));
         if from != source {
             bytes.push(SOURCE << 2);
             put(&mut bytes, from);
@@ -108,8 +115,8 @@ fn pack(entries: &[Entry]) -> Box<[u8]> {
         }
         if to != block {
             let by = to.wrapping_sub(block).cast_signed();
-            match u8::try_from(by + BIAS) {
-                Ok(near @ 2..64) => bytes.push(near << 2),
+            match u8::try_from(by.saturating_add(BIAS)) {
+                Ok(near @ 2..MANY) => bytes.push(near << 2),
                 _ => {
                     bytes.push(FAR << 2);
                     put(&mut bytes, (by << 1 ^ by >> 31).cast_unsigned());
@@ -117,7 +124,16 @@ fn pack(entries: &[Entry]) -> Box<[u8]> {
             }
             block = to;
         }
-        bytes.push(entry.what as u8);
+        if run.len() < MANY_MIN {
+            bytes.extend(run.iter().map(|entry| entry.what as u8));
+            continue;
+        }
+        let mut report = run[0].report();
+        run.iter().for_each(|entry| report.say(entry.report()));
+        bytes.push(MANY << 2);
+        for word in [report.known, report.wall, report.covered] {
+            bytes.extend(word.to_le_bytes());
+        }
     }
     bytes.into()
 }
@@ -136,11 +152,13 @@ struct Unpacked<'b> {
     bytes: std::slice::Iter<'b, u8>,
     block: u32,
     source: u32,
+    /// What is left of many cells of the block.
+    many: Block,
 }
 
 impl<'b> Unpacked<'b> {
     fn new(bytes: &'b [u8]) -> Self {
-        Self { bytes: bytes.iter(), block: 0, source: 0 }
+        Self { bytes: bytes.iter(), block: 0, source: 0, many: Block::default() }
     }
 
     fn number(&mut self) -> Option<u32> {
@@ -154,6 +172,12 @@ impl<'b> Unpacked<'b> {
             shift += 7;
         }
     }
+
+    fn word(&mut self) -> Option<u64> {
+        let (word, rest) = self.bytes.as_slice().split_first_chunk()?;
+        self.bytes = rest.iter();
+        Some(u64::from_le_bytes(*word))
+    }
 }
 
 impl Iterator for Unpacked<'_> {
@@ -162,6 +186,12 @@ impl Iterator for Unpacked<'_> {
     #[inline]
     fn next(&mut self) -> Option<Entry> {
         loop {
+            if self.many.known != 0 {
+                let number = self.many.known.trailing_zeros();
+                self.many.known &= self.many.known - 1;
+                let from = self.source.wrapping_sub(1);
+                return Some(Entry::new((self.block, number), self.many.finding(number), from));
+            }
             let byte = *self.bytes.next()?;
             if byte & 3 != 0 {
                 let what = self.block << 8 | u32::from(byte);
@@ -174,6 +204,10 @@ impl Iterator for Unpacked<'_> {
                     self.block = self.block.wrapping_add(by);
                 }
                 SOURCE => self.source = self.number()?,
+                MANY => {
+                    let [known, wall, covered] = [self.word()?, self.word()?, self.word()?];
+                    self.many = Block { index: self.block, known, wall, covered };
+                }
                 near => self.block = self.block.wrapping_add_signed(i32::from(near) - BIAS),
             }
         }
@@ -190,17 +224,23 @@ mod tests {
         let block = prop_oneof![4 => 1000_u32..1070, 1 => 0_u32..1 << 24];
         let from = prop_oneof![3 => Just(u32::MAX), 1 => 0_u32..1000];
         let finding = prop::sample::select(vec![Finding::Free, Finding::Covered, Finding::Wall]);
-        let entry = (block, 0_u32..64, finding, from);
-        prop::collection::vec(
-            entry.prop_map(|(block, number, finding, from)| Entry::new((block, number), finding, from)),
-            0..200,
-        )
+        // Single cells, and all cells of a block from a number on.
+        let count = prop_oneof![3 => Just(1_u32), 1 => 20_u32..64];
+        let entries = (block, 0_u32..64, count, finding, from).prop_map(|(block, first, count, finding, from)| {
+            let numbers = first..(first + count).min(64);
+            let entry = move |number: u32| {
+                let finding = if number.is_multiple_of(5) { Finding::Wall } else { finding };
+                Entry::new((block, number), finding, from)
+            };
+            numbers.map(entry).collect::<Vec<Entry>>()
+        });
+        prop::collection::vec(entries, 0..60).prop_map(|entries| entries.concat())
     }
 
     proptest! {
         #[test]
         fn entries_are_read_as_written(
-            entries in entries(), ranges in prop::collection::vec((0_usize..210, 0_usize..210), 8),
+            entries in entries(), ranges in prop::collection::vec((0_usize..900, 0_usize..900), 8),
         ) {
             let mut journal = Journal::default();
             entries.iter().for_each(|&entry| journal.push(entry));
@@ -210,6 +250,17 @@ mod tests {
                 prop_assert!(journal.entries(start..end).eq(expected.iter().copied()));
             }
         }
+    }
+
+    #[test]
+    fn many_cells_of_a_block_take_less_than_a_byte_each() {
+        let mut journal = Journal::default();
+        let count = 64 * SECTION as u32;
+        for cell in 0..count {
+            journal.push(Entry::new((7000 + cell / 64, cell % 64), Finding::Free, 3));
+        }
+        let bytes: usize = journal.packed.iter().map(|section| section.len()).sum();
+        assert!(bytes < count as usize, "{bytes}");
     }
 
     #[test]

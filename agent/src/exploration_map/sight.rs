@@ -11,7 +11,7 @@ impl ExplorationMap {
     /// Whether the straight segment between two points (metres, frame `map`) crosses only cells
     /// known to be free.
     pub fn is_free_between(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
-        let end = walk_segment(self.extent(), from, to, |cell| match self.state(cell).is_free() {
+        let end = walk_segment(self.extent(), from, to, |cell| match self.is_free(cell) {
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(()),
         });

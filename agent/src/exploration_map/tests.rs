@@ -103,6 +103,23 @@ fn own_sensor_overrides_reports() {
 }
 
 #[test]
+fn cells_are_seen_again_once_and_only_after_reports() {
+    let extent = Extent::new([6, 1, 1], 1.0).unwrap();
+    let mut map = ExplorationMap::new(extent);
+    map.note_free(&[0]);
+    map.merge(&report(extent, &[0, 1, 2], Finding::Free), A);
+    map.merge(&report(extent, &[3, 4], Finding::Wall), A);
+    assert_eq!(map.seen_again(), 0, "reports of others, and a cell that nobody had reported before");
+    for _ in 0..2 {
+        map.note_free(&[0, 1, 3]);
+        map.note_wall(&[4]);
+        assert_eq!(map.seen_again(), 1, "3 was reported as a wall, 4 is one");
+    }
+    map.note_covered(extent.cell_at(2));
+    assert_eq!(map.seen_again(), 2);
+}
+
+#[test]
 fn free_overrides_wall_among_reports_in_any_order() {
     let extent = Extent::new([3, 1, 1], 1.0).unwrap();
     let (free, wall) = (report(extent, &[1], Finding::Free), report(extent, &[1], Finding::Wall));
@@ -276,11 +293,14 @@ proptest! {
             }
             by_blocks.merge(&delta, AgentId(from));
             for (cell, finding) in delta.findings(extent) {
-                by_cells.learn_at(&Place::of(cell, extent.size()), finding, from);
+                by_cells.learn(by_cells.layout.place_of(cell), cell as usize, finding, from);
             }
+            by_cells.update_frontiers();
             prop_assert!(by_blocks.changes_since(0).eq(by_cells.changes_since(0)));
-            prop_assert_eq!(by_blocks.cells.as_slice(), by_cells.cells.as_slice());
-            prop_assert_eq!(&by_blocks.blocks, &by_cells.blocks);
+            prop_assert_eq!(states(&by_blocks), states(&by_cells));
+            let words = |map: &ExplorationMap| (0..=map.layout.count()).map(|block| map.blocks.get(block)).collect();
+            let [one, other]: [Vec<Option<Words>>; 2] = [words(&by_blocks), words(&by_cells)];
+            prop_assert_eq!(one, other);
             let counts = |map: &ExplorationMap| (map.contradictions(), map.corrections(), map.free(), map.covered());
             prop_assert_eq!(counts(&by_blocks), counts(&by_cells));
             prop_assert!(by_blocks.frontiers().eq(by_cells.frontiers()));

@@ -1,5 +1,5 @@
-use msgs::event_mask::EventMask;
 use proptest::prelude::*;
+use protocol::event_mask::EventMask;
 
 use super::*;
 use crate::testing::{RADIUS_M, drawn, flat, is_through_free_cells};

@@ -200,7 +200,7 @@ impl<'a> Graph<'a> {
     /// Whether the body at the place of a cell touches only cells known to be free.
     #[must_use]
     pub fn is_usable(&self, cell: Cell) -> bool {
-        !self.moves.sphere.is_empty() && self.moves.sphere.iter().all(|&offset| is_free(self.map, cell + offset))
+        self.moves.footprint.has_room(self.map, cell)
     }
 
     /// Whether the body is [wider than a cell](Moves::are_wide).
@@ -296,5 +296,5 @@ impl Steps<'_> {
 
 /// Whether a cell is known to be free.
 pub(super) fn is_free(map: &ExplorationMap, cell: Cell) -> bool {
-    map.state(cell).is_free()
+    map.is_free(cell)
 }

@@ -1,8 +1,8 @@
 //! Straight legs: whether a leg to a cell is clear, and as few waypoints as possible for a path
 //! (string pulling).
 
-use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
+use protocol::limits::PATH_POINTS_MAX;
 use voxels::{BodyLattice, Cell};
 
 use super::Path;

@@ -11,8 +11,8 @@
 //! Invariants: every leg is clear; by the prediction the waypoints take less time than those that
 //! are given; they depend on these, the path, the map, the body and its pose alone.
 
-use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::{Point3, Vector3};
+use protocol::limits::PATH_POINTS_MAX;
 use voxels::{BodyLattice, Cell};
 
 use super::Path;

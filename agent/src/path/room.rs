@@ -82,6 +82,15 @@ impl Footprint {
         Self { body, steps, reach: of_steps.max(of_body + 1) }
     }
 
+    /// Whether the body has room at a cell.
+    pub(super) fn has_room(&self, map: &ExplorationMap, cell: Cell) -> bool {
+        let is_clear = |&Span { y, z, low, high }: &Span| {
+            let count = (high - low + 1).cast_unsigned();
+            map.free_row(cell + Cell::new(low, y, z), count) == low_bits(count)
+        };
+        !self.body.is_empty() && self.body.iter().all(is_clear)
+    }
+
     /// The cells of a cube, at most 5 along each axis, in which the body has room: one bit each, x
     /// first.
     pub(super) fn usable_in(&self, map: &ExplorationMap, corner: Cell, side: i32) -> u128 {

@@ -2,9 +2,9 @@ use std::collections::BTreeSet;
 use std::task::Poll;
 
 use msgs::ids::Tick;
-use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
 use proptest::prelude::*;
+use protocol::limits::PATH_POINTS_MAX;
 use voxels::{BodyLattice, Cell, Extent};
 
 use super::sweep::{clearance, place, touched};

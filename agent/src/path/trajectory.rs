@@ -16,10 +16,10 @@ mod pursuit;
 #[cfg(test)]
 mod tests;
 
-use msgs::body_model::{BodyKind, BodyModel};
 use msgs::ids::Tick;
-use msgs::kinematics::{turned, wrapped};
 use nalgebra::{Point3, Vector3};
+use protocol::body_model::{BodyKind, BodyModel};
+use protocol::kinematics::{turned, wrapped};
 
 use super::sweep::clearance;
 use crate::exploration_map::ExplorationMap;

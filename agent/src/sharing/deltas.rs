@@ -7,8 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use msgs::ids::AgentId;
-use msgs::limits::AGENT_MESSAGE_BYTES_BARE;
 use msgs::shared_bytes::SharedBytes;
+use protocol::limits::AGENT_MESSAGE_BYTES_BARE;
 
 use super::agent_set::AgentSet;
 use super::outbox::{copies, is_dense};

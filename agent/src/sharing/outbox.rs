@@ -1,12 +1,12 @@
 //! The messages of a command: addressed, or broadcast.
 
 use msgs::ids::AgentId;
-use msgs::limits::AGENT_MESSAGE_BYTES_BARE;
-use msgs::message_type::MessageType;
 use msgs::shared_bytes::SharedBytes;
+use protocol::limits::AGENT_MESSAGE_BYTES_BARE;
+use protocol::message_type::MessageType;
 
 use super::Totals;
-use crate::command::AgentMessage;
+use crate::command::{AgentMessage, Peer};
 use crate::observation::Contact;
 
 /// A message for more receivers than this is broadcast, and not repeated for each of them.
@@ -31,11 +31,11 @@ impl Outbox<'_> {
         self.budget -= bytes;
         self.totals.messages_sent += copies as u64;
         self.totals.bytes_sent += (copies * data.len()) as u64;
-        let message = |to| AgentMessage { to, kind: MessageType::Map.number(), data: data.clone() };
+        let message = |peer| AgentMessage { peer, kind: MessageType::Map.number(), data: data.clone() };
         if is_broadcast(receivers.len(), self.contacts) {
-            self.messages.push(message(None));
+            self.messages.push(message(Peer::Broadcast));
         } else {
-            self.messages.extend(receivers.iter().map(|&receiver| message(Some(receiver))));
+            self.messages.extend(receivers.iter().map(|&receiver| message(Peer::One(receiver))));
         }
         true
     }

@@ -3,8 +3,8 @@
 //!
 //! Invariants: two agents agree on their order in a period. This module sends nothing.
 
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
+use protocol::event_mask::EventMask;
 
 use super::map_message::SenderState;
 use super::outbox::is_dense;

@@ -2,15 +2,15 @@ mod dense;
 mod team;
 mod trust;
 
-use msgs::event_mask::EventMask;
-use msgs::message_type::MessageType;
 use nalgebra::Point3;
 use proptest::prelude::*;
+use protocol::event_mask::EventMask;
+use protocol::message_type::MessageType;
 use voxels::Cell;
 
 use super::updates::{BUDGET_MIN, INBOX_BYTES};
 use super::*;
-use crate::command::WakeCondition;
+use crate::command::{Peer, WakeCondition};
 use crate::exploration_map::CellState;
 use team::{BUDGET, SimulatedTeam, all_pairs, extent};
 
@@ -271,7 +271,7 @@ proptest! {
                 data[0] = VERSION;
                 data[1] %= 3;
             }
-            let message = ReceivedMessage { from: AgentId(1), kind: MessageType::Map.number(), data: data.clone().into() };
+            let message = AgentMessage { peer: Peer::One(AgentId(1)), kind: MessageType::Map.number(), data: data.clone().into() };
             let report = sharing.incoming(&mut map, &[message]);
             count += report.messages + report.for_others + report.refused.len();
         }

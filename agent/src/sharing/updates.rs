@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
+use protocol::limits::AGENT_MESSAGE_BYTES_MAX;
 
 use super::agent_set::AgentSet;
 use super::deltas::{self, DeltaBatch, State};

@@ -1,16 +1,15 @@
 use std::mem::take;
 use std::sync::{Arc, Mutex};
 
-use msgs::event_mask::EventMask;
 use msgs::maes_msgs::{AgentMessage as Message, CellRuns, Contact};
-use msgs::message_type::MessageType;
 use nalgebra::Point3;
+use protocol::event_mask::EventMask;
+use protocol::message_type::MessageType;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use agent::command::AgentMessage;
-use agent::observation::ReceivedMessage;
+use agent::command::{AgentMessage, Peer};
 use agent::sharing::VERSION;
 
 /// Counts its decisions.
@@ -37,7 +36,7 @@ fn run_info(agents: u32) -> RunInfo {
         share_period_ticks: 10,
         ..Default::default()
     };
-    wire::run_info(&scenario, AgentId(2)).unwrap()
+    RunInfo::from_message(&scenario, AgentId(2)).unwrap()
 }
 
 fn agent() -> Agent {
@@ -103,9 +102,11 @@ impl Controller for Whim {
             motion: if rng.random_bool(0.5) { Motion::Turn { angle_rad } } else { Motion::Keep },
             want_view: rng.random_bool(0.2),
             messages: match rng.random_range(0..4) {
-                0 => vec![AgentMessage { to: None, kind: rng.random_range(0..3), data: noise(rng).into() }],
+                0 => {
+                    vec![AgentMessage { peer: Peer::Broadcast, kind: rng.random_range(0..3), data: noise(rng).into() }]
+                }
                 1 => vec![AgentMessage {
-                    to: None,
+                    peer: Peer::Broadcast,
                     kind: 9,
                     data: vec![0; rng.random_range(0..AGENT_MESSAGE_BYTES_MAX)].into(),
                 }],
@@ -151,7 +152,7 @@ fn play(
         duration_ticks: 10_000,
         ..Default::default()
     };
-    let run_info = wire::run_info(&scenario, AgentId(2)).unwrap();
+    let run_info = RunInfo::from_message(&scenario, AgentId(2)).unwrap();
     let mut rng = voxels::random_streams::stream(seed, 0, "world");
     let mut agents = Vec::new();
     let mut shown = Vec::new();
@@ -224,7 +225,7 @@ fn play(
                 wake: command.wake,
                 known_free: command.known_free,
                 failed_searches: command.failed_searches,
-                ..wire::command(AgentId(id), Tick(tick), Command::keep(WakeCondition::NEXT_TICK))
+                ..Command::keep(WakeCondition::NEXT_TICK).into_message(AgentId(id), Tick(tick))
             };
             if !is_due && command == nothing {
                 continue;
@@ -306,7 +307,7 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
     let shown = take(&mut *shown.lock().unwrap());
     assert_eq!(shown.iter().map(|observation| observation.tick.0).collect::<Vec<_>>(), [5, 30]);
     assert_eq!(shown[1].seen.free, [2, 4, 9]);
-    let received = ReceivedMessage { from: AgentId(1), kind: 7, data: vec![3].into() };
+    let received = AgentMessage { peer: Peer::One(AgentId(1)), kind: 7, data: vec![3].into() };
     assert_eq!(shown[1].messages, [received.clone(), received]);
     assert_eq!(shown[1].events.bits(), 0b111);
     // Four cells seen, of which its own is covered, and one received.
@@ -315,7 +316,7 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
 
 #[test]
 fn controllers_messages_have_priority_in_the_budget() {
-    let message = |bytes| AgentMessage { to: None, kind: 3, data: vec![0; bytes].into() };
+    let message = |bytes| AgentMessage { peer: Peer::Broadcast, kind: 3, data: vec![0; bytes].into() };
     let mut command = Command::keep(WakeCondition::NEXT_TICK);
     assert_eq!(message_budget(&command), AGENT_MESSAGE_BYTES_MAX);
     command.messages = vec![message(50_000)];

@@ -1,7 +1,7 @@
 //! Authentication of a process towards the server, and of the server towards it.
 
 use msgs::maes_msgs::{Join, JoinReply, Scenario, SignedJoin};
-use msgs::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey, is_equal};
+use protocol::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey, is_equal};
 
 /// How a process authenticates itself.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use msgs::ids::AgentId;
-use msgs::limits::PROTOCOL;
+use protocol::limits::PROTOCOL;
 use thiserror::Error;
 
 use super::Credentials;

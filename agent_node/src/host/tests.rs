@@ -196,7 +196,7 @@ fn unsigned_observations_are_ignored() {
 fn replies_without_proof_are_ignored() {
     let refusal = JoinReply { run: OURS, instance: 3, reason: "go away".to_owned(), ..JoinReply::default() };
     let mut server = Server::saying(vec![scenario(OURS), Inbound::JoinReply(refusal)], 0);
-    let secret = msgs::signing::JoinSecret::new(b"the secret of the run").unwrap();
+    let secret = protocol::signing::JoinSecret::new(b"the secret of the run").unwrap();
     server.credentials = Some(Credentials { secret: Some(secret), nonce: [1; 32], starts: 1 });
     let error = server.runs().unwrap_err().to_string();
     assert!(error.starts_with("agent 0: the server does not prove the join secret; it says: go away;"), "{error}");

@@ -4,8 +4,8 @@
 //! the bodies nearby except where it starts. This module chooses neither the goal nor what happens
 //! if there is no such motion.
 
-use msgs::limits::PATH_POINTS_MAX;
 use nalgebra::Point3;
+use protocol::limits::PATH_POINTS_MAX;
 use voxels::Cell;
 
 use super::super::Ctx;

@@ -83,7 +83,7 @@ impl Driving {
 
 #[cfg(test)]
 mod tests {
-    use msgs::event_mask::EventMask;
+    use protocol::event_mask::EventMask;
 
     use voxels::Cell;
 

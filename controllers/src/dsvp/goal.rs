@@ -41,6 +41,11 @@ pub(super) enum Goal {
         /// The centre of the region.
         cell: Cell,
     },
+    /// The place of a planned meeting.
+    Meeting {
+        /// The place.
+        cell: Cell,
+    },
     /// Evasion of other agents that block the path.
     Evasion {
         /// The cell to evade to.
@@ -57,6 +62,7 @@ impl Goal {
             | Self::Sight { cell, .. }
             | Self::Pursuit { cell, .. }
             | Self::Wandering { cell }
+            | Self::Meeting { cell }
             | Self::Evasion { cell } => cell,
         }
     }
@@ -66,7 +72,7 @@ impl Goal {
         match self {
             Self::Viewpoint { .. } => Stage::Exploring,
             Self::Frontier { .. } | Self::Sight { .. } => Stage::Relocating,
-            Self::Pursuit { .. } | Self::Wandering { .. } => Stage::Carrying,
+            Self::Pursuit { .. } | Self::Wandering { .. } | Self::Meeting { .. } => Stage::Carrying,
             Self::Evasion { .. } => Stage::Waiting,
         }
     }
@@ -80,6 +86,7 @@ impl Goal {
             Self::Sight { cell, .. } => format!("to {}, to look from there", at(cell)),
             Self::Pursuit { agent, cell } => format!("with news to agent {agent}, last at {}", at(cell)),
             Self::Evasion { cell } => format!("out of the way to {}", at(cell)),
+            Self::Meeting { cell } => format!("to the meeting at {}", at(cell)),
             Self::Wandering { cell } => format!("with news to {}", at(cell)),
         }
     }

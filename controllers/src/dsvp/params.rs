@@ -1,6 +1,6 @@
 //! The parameters of DSVP with their defaults and sources.
 
-use msgs::body_model::BodyKind;
+use protocol::body_model::BodyKind;
 
 use super::super::settings::{SettingError, Settings};
 use super::avoidance::Waypoints;

@@ -14,12 +14,12 @@
 use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::message_type::MessageType;
+use protocol::message_type::MessageType;
 use voxels::{Cell, Extent};
 
 use super::goal::Goal;
 use agent::command::Command;
-use agent::observation::{Contact, Observation, ReceivedMessage};
+use agent::observation::{Contact, Observation};
 
 const VERSION: u8 = 1;
 
@@ -74,9 +74,9 @@ impl Pursuit {
             }
             self.last_known[place] = Some(LastKnown { cell, seen: observation.tick, is_absent: false });
         }
-        for ReceivedMessage { kind, data, .. } in &observation.messages {
-            if *kind == MessageType::Finished.number()
-                && let Some(received) = decode(data, self.agents)
+        for message in &observation.messages {
+            if message.is_from_agent(MessageType::Finished)
+                && let Some(received) = decode(&message.data, self.agents)
             {
                 self.merge(&received, observation.tick);
             }
@@ -191,6 +191,8 @@ fn decode(data: &[u8], agents: u32) -> Option<Reports> {
 
 #[cfg(test)]
 mod tests {
+    use agent::command::{AgentMessage, Peer};
+
     use super::*;
     use crate::testing::idle;
 
@@ -204,7 +206,7 @@ mod tests {
     /// After receiving these reports in this tick.
     fn received(pursuit: &mut Pursuit, now: u64, reports: &[(AgentId, Report)]) {
         let data = encode(&reports.iter().copied().collect()).into();
-        let messages = vec![ReceivedMessage { from: OTHER, kind: MessageType::Finished.number(), data }];
+        let messages = vec![AgentMessage { peer: Peer::One(OTHER), kind: MessageType::Finished.number(), data }];
         let observation = Observation { tick: Tick(now), messages, ..idle() };
         pursuit.receive(&observation, Extent::new([10; 3], 1.0).unwrap());
     }

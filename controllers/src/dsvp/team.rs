@@ -2,39 +2,30 @@
 //! that see what is behind all frontiers, and follows its own.
 //!
 //! It takes the place of the exploration stage. At each plan the tasks of the nearest regions with
-//! frontiers are found anew ([`viewpoints`]), weighted by the number of free cells that they are
+//! frontiers are found anew ([`super::tasks`]), weighted by the number of free cells that they are
 //! expected to show ([`super::expectation`]) and by the probability that no other agent has seen
 //! them in the meantime ([`sightings`]), and divided among this agent, from where it is, and the
-//! others, from their claimed goals ([`division`]). Claims are exchanged as in the auction, which
-//! also settles conflicts. An agent without a task in that division plans for itself alone; one
-//! without any task at all relocates.
+//! others, from their claimed goals ([`super::division`]). Claims are exchanged as in the auction,
+//! which also settles conflicts. An agent without a task in that division plans for itself alone;
+//! one without any task at all relocates.
 //!
 //! Invariants: it goes only where the graph knows a path; it depends on the map, the graph and the
 //! observations alone.
 
-mod division;
 mod sightings;
-mod viewpoints;
-
-use std::collections::BTreeMap;
 
 use msgs::ids::{AgentId, Tick};
-use voxels::Cell;
 
-use super::avoidance::motion_to;
 use super::coordination::Coordination;
-use super::gain::GainEstimator;
-use super::goal::Goal;
+use super::division::Division;
 use super::obstacles::Obstacles;
-use super::{ATTEMPTS, Dsvp, Plan, has_gain_left};
+use super::tasks::{ReachedTask, Task, TaskSearch, lengths_between};
+use super::{Dsvp, Plan};
 use crate::Ctx;
 use crate::auction::{Auction, AuctionParams};
-use agent::abstract_graph::{AbstractGraph, PathLengths, RegionId};
-use agent::command::{Command, WakeCondition};
+use agent::abstract_graph::{AbstractGraph, PathLengths};
 use agent::observation::{Observation, RunInfo};
-use division::Division;
 use sightings::{Prospect, Sighting, Sightings};
-use viewpoints::{Candidate, Task, Viewpoints};
 
 /// Duration of a leg that is not possible, seconds: more than any tour takes.
 const UNREACHABLE_S: f64 = 1e6;
@@ -76,7 +67,7 @@ pub(super) struct TeamParams {
 pub(super) struct TourCoordination {
     params: TeamParams,
     auction: Auction,
-    viewpoints: Viewpoints,
+    search: TaskSearch,
     sightings: Sightings,
     lengths: PathLengths,
 }
@@ -105,29 +96,29 @@ impl TourCoordination {
     /// That of an agent of a run, which knows nothing yet.
     pub(super) fn new(params: TeamParams, agent: AgentId, run_info: &RunInfo) -> Self {
         Self {
+            search: TaskSearch::new(run_info.extent, params.regions, params.expected_min),
             params: params.of(run_info.bodies.of(agent).kind),
             auction: Auction::new(params.auction, &run_info.bodies, agent, run_info.extent),
-            viewpoints: Viewpoints::new(run_info.extent),
             sightings: Sightings::default(),
             lengths: PathLengths::default(),
         }
     }
 
     /// The tasks that are worth most for their time, with the times to them.
-    fn valued(&mut self, tasks: Vec<Task>, own_m: &BTreeMap<RegionId, f64>, world: &TeamContext<'_>) -> Vec<Valued> {
+    fn valued(&mut self, tasks: Vec<ReachedTask>, world: &TeamContext<'_>) -> Vec<Valued> {
         let TeamParams { leg_s, exponent, .. } = self.params;
         let mut arrivals_s: Vec<Vec<f64>> = vec![Vec::new(); tasks.len()];
         self.lengths.renew(world.graph);
         for (_, sighting) in self.sightings.iter() {
-            self.lengths.begin(world.graph, sighting.cell, tasks.iter().map(|task| task.region));
-            for (arrivals_s, task) in arrivals_s.iter_mut().zip(&tasks) {
+            self.lengths.begin(world.graph, sighting.cell, tasks.iter().map(|reached| reached.task.region));
+            for (arrivals_s, ReachedTask { task, .. }) in arrivals_s.iter_mut().zip(&tasks) {
                 let length = self.lengths.to(world.graph, task.region);
                 let travel_s = world.leg_s(length, sighting.speed_m_s, leg_s);
                 arrivals_s.push(sighting.free_s - seconds(world.now) + travel_s);
             }
         }
-        let valued = tasks.into_iter().zip(arrivals_s).map(|(task, arrivals_s)| {
-            let own_s = own_m[&task.region] / world.speed_m_s + leg_s;
+        let valued = tasks.into_iter().zip(arrivals_s).map(|(ReachedTask { task, own_m }, arrivals_s)| {
+            let own_s = own_m / world.speed_m_s + leg_s;
             let valued = Valued { task, own_s, arrivals_s, weight: 0.0 };
             let chance = |((_, sighting), &arrival_s): ((AgentId, &Sighting), &f64)| {
                 sighting.chance_seen(valued.prospect(), arrival_s, world.now)
@@ -151,22 +142,11 @@ impl TourCoordination {
     fn own_tour(&mut self, valued: &[Valued], world: &TeamContext<'_>) -> Vec<usize> {
         let TeamParams { leg_s, latency_weight, memory_s, .. } = self.params;
         let tasks: Vec<Task> = valued.iter().map(|valued| valued.task).collect();
-        let mut between_s = vec![vec![UNREACHABLE_S; tasks.len()]; tasks.len()];
-        // A path is as long as the way back. The searches from the tasks farthest from here come
-        // first: they cover the map, and those that are left stay among the tasks nearby.
         let mut farthest_first: Vec<usize> = (0..tasks.len()).collect();
         farthest_first.sort_by(|&a, &b| valued[b].own_s.total_cmp(&valued[a].own_s).then(a.cmp(&b)));
-        for (done, &from) in farthest_first.iter().enumerate() {
-            let left = &farthest_first[done..];
-            self.lengths.begin(world.graph, tasks[from].cell, left.iter().map(|&to| tasks[to].region));
-            for &to in left {
-                let other = &tasks[to];
-                let length = self.lengths.to(world.graph, other.region);
-                let leg_s = world.leg_s(length, world.speed_m_s, leg_s);
-                between_s[from][to] = leg_s;
-                between_s[to][from] = leg_s;
-            }
-        }
+        let between = lengths_between(&mut self.lengths, world.graph, &tasks, &farthest_first);
+        let leg_s = |length: Option<f64>| world.leg_s(length, world.speed_m_s, leg_s);
+        let between_s: Vec<Vec<f64>> = between.into_iter().map(|row| row.into_iter().map(leg_s).collect()).collect();
         let whole: f64 = valued.iter().map(|valued| valued.weight).sum();
         let weights: Vec<f64> = valued.iter().map(|valued| valued.weight / whole).collect();
         let own: Vec<f64> = valued.iter().map(|valued| valued.own_s).collect();
@@ -174,7 +154,8 @@ impl TourCoordination {
         let others = self.sightings.iter().enumerate().filter(|(_, (_, sighting))| takes_part(sighting));
         let arrivals_s = others.map(|(other, _)| arrivals_s(valued, other));
         let first_s = std::iter::once(own.clone()).chain(arrivals_s).collect();
-        let division = Division { first_s, between_s: &between_s, weights: &weights, latency_weight };
+        let load_max = f64::INFINITY;
+        let division = Division { first_s, between_s: &between_s, weights: &weights, latency_weight, load_max };
         let tour = division.tours().swap_remove(0);
         if tour.is_empty() { Division { first_s: vec![own], ..division }.tours().swap_remove(0) } else { tour }
     }
@@ -196,12 +177,12 @@ impl TeamContext<'_> {
 }
 
 impl Coordination for TourCoordination {
-    fn wake(&self) -> WakeCondition {
-        Coordination::wake(&self.auction)
+    fn auction(&self) -> Option<&Auction> {
+        Some(&self.auction)
     }
 
-    fn receive(&mut self, observation: &Observation, agents: u32) {
-        Coordination::receive(&mut self.auction, observation, agents);
+    fn auction_mut(&mut self) -> Option<&mut Auction> {
+        Some(&mut self.auction)
     }
 
     /// The tour stage: to the first task of the own tour that can be reached.
@@ -211,77 +192,18 @@ impl Coordination for TourCoordination {
         ctx: &mut Ctx<'_>,
         obstacles: &Obstacles,
     ) -> Plan {
-        let Dsvp { params, graph, paths, gain_estimator, coordination: team, unproductive, abandoned, .. } = planner;
-        let (map, here, now) = (ctx.map(), ctx.cell(), observation.tick);
-        if has_gain_left(planner.goal, here, map, gain_estimator, params.gain_min) {
-            unproductive.insert(here);
-        }
+        let (mut at, team) = planner.split();
         team.sightings.update(&team.auction, observation);
-        let cell_m = map.extent().cell_m();
+        let cell_m = ctx.map().extent().cell_m();
+        let (graph, now) = (at.graph, observation.tick);
         let world = TeamContext { graph, cell_m, speed_m_s: team.auction.own_speed_m_s(), now };
-        let mut candidates = Vec::new();
-        let mut own_m = BTreeMap::new();
-        paths.begin(graph, here);
-        while candidates.len() < team.params.regions
-            && paths.has_frontiers_left()
-            && let Some((id, region, length)) = paths.next(graph)
-        {
-            let Some(candidate) = Candidate::new(graph, id, region, here, abandoned) else { continue };
-            if candidate.cell == here {
-                abandoned.insert(candidate.frontier);
-                continue;
-            }
-            candidates.push(candidate);
-            own_m.insert(id, length * cell_m);
-        }
-        let is_unproductive = |cell: Cell| cell == here || unproductive.contains(&cell);
-        let least = team.params.expected_min;
-        let tasks = team.viewpoints.tasks(map, gain_estimator, &candidates, &is_unproductive, least);
+        let tasks = team.search.tasks(&mut at, ctx);
         if tasks.is_empty() {
             return Plan::Nothing;
         }
-        let valued = team.valued(tasks, &own_m, &world);
-        for number in team.own_tour(&valued, &world).into_iter().take(ATTEMPTS) {
-            let task = &valued[number].task;
-            if let Some(motion) = motion_to(ctx, graph, paths, task.cell, obstacles, params.waypoints) {
-                return Plan::Go(goal(task, gain_estimator, ctx, params.gain_min, least), motion);
-            }
-        }
-        Plan::Blocked
-    }
-
-    fn is_outbid(&self, now: Tick) -> bool {
-        self.auction.is_outbid(now)
-    }
-
-    fn claim(&mut self, goal: Cell, path_m: f64, now: Tick) {
-        self.auction.claim(goal, path_m, now);
-    }
-
-    fn withdraw(&mut self) {
-        self.auction.withdraw();
-    }
-
-    fn utility_factor(&self, viewpoint: Cell, path_m: f64, now: Tick) -> f64 {
-        self.auction.utility_factor(viewpoint, path_m, now)
-    }
-
-    fn penalty_m(&self, viewpoint: Cell, path_m: f64, observation: &Observation) -> f64 {
-        Coordination::penalty_m(&self.auction, viewpoint, path_m, observation)
-    }
-
-    fn with_claims(&self, command: Command, observation: &Observation) -> Command {
-        self.auction.with_claims(command, observation)
-    }
-}
-
-/// The goal of a task: its viewpoint, if that has a gain, or else its frontier.
-fn goal(task: &Task, gain_estimator: &mut GainEstimator, ctx: &Ctx<'_>, gain_min: u32, expected_min: f64) -> Goal {
-    let gain = gain_estimator.gain(ctx.map(), task.cell);
-    if gain >= gain_min && task.expected_cells >= expected_min {
-        Goal::Viewpoint { cell: task.cell, gain }
-    } else {
-        Goal::Frontier { cell: task.cell, frontier: task.frontier }
+        let valued = team.valued(tasks, &world);
+        let tour = team.own_tour(&valued, &world);
+        team.search.go(tour.into_iter().map(|number| &valued[number].task), &mut at, ctx, obstacles)
     }
 }
 

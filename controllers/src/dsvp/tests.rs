@@ -1,13 +1,14 @@
 use msgs::ids::AgentId;
-use msgs::message_type::MessageType;
 use nalgebra::Point3;
+use protocol::message_type::MessageType;
 
 use super::super::testing::World;
 use super::coordination::Alone;
 use super::*;
 use crate::settings::Settings;
+use agent::command::{AgentMessage, Peer};
 use agent::exploration_map::{CellState, Delta};
-use agent::observation::{Contact, ReceivedMessage};
+use agent::observation::Contact;
 
 /// A planner that leaves others out of account, with these settings.
 fn planner(world: &World, settings: &[&str]) -> Dsvp<Alone> {
@@ -176,7 +177,7 @@ fn after_contact_with(finished: &[u32]) -> (Vec<String>, bool) {
     let report = |id: &u32| [&id.to_le_bytes()[..], &7_u64.to_le_bytes(), &[1]].concat();
     let data: Vec<u8> = [1].into_iter().chain(finished.iter().flat_map(report)).collect();
     world.observation.messages =
-        vec![ReceivedMessage { from: AgentId(2), kind: MessageType::Finished.number(), data: data.into() }];
+        vec![AgentMessage { peer: Peer::One(AgentId(2)), kind: MessageType::Finished.number(), data: data.into() }];
     world.observation.scan_tick = Some(world.observation.tick);
     let sent = world.ask(&mut controller).messages;
     world.observation.messages.clear();

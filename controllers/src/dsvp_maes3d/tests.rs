@@ -1,7 +1,7 @@
 use super::*;
 use crate::testing::{RADIUS_M, World, drawn, flat};
 use agent::path::Moves;
-use msgs::event_mask::EventMask;
+use protocol::event_mask::EventMask;
 
 /// The moves of a body that fits into a cell.
 fn moves() -> Moves {

@@ -1,9 +1,9 @@
-use msgs::event_mask::EventMask;
 use msgs::ids::AgentId;
+use protocol::event_mask::EventMask;
 
 use super::*;
 use crate::testing::World;
-use agent::observation::{Cells, Contact};
+use agent::observation::{Cells, Collision, Contact, Surface};
 
 const FIELD: &str = "\
 ###############
@@ -150,6 +150,7 @@ fn unvisited_cell_in_view_ends_search_mode_at_own_centre() {
         world.map.note_covered(cell);
     }
     observation.contacts = vec![contact(13, 13, 0)];
+    observation.pose.yaw_rad = std::f64::consts::FRAC_PI_2;
     let command = world.ask_about(&mut lvd, &observation);
     assert_eq!((command.motion, lvd.is_in_search_mode), (to(MIDDLE), false));
     observation.events = EventMask::empty();
@@ -179,6 +180,36 @@ fn without_destination_it_retries_every_tick() {
     observation.tick = Tick(5);
     assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(WakeCondition::NEXT_TICK));
     assert!(lvd.is_in_search_mode);
+}
+
+#[test]
+fn vertical_legs_begin_with_a_turn() {
+    let layer = "#####\n#...#\n#####\n".to_owned();
+    let shaft = "#####\n#.###\n#####\n".to_owned();
+    let rock = "#####\n#####\n#####\n".to_owned();
+    let layers = [&rock, &layer, &shaft, &shaft, &shaft, &shaft, &rock].map(String::as_str);
+    let mut world = World::new(&layers.join("\n"), Cell::new(1, 1, 1));
+    let mut lvd = LvdMaes3d { notices_at: Some(Tick::ZERO), ..LvdMaes3d::new() };
+    world.sense();
+    let above = Cell::new(1, 1, 5);
+    let mut observation = world.observation.clone();
+    observation.view = Some(Cells { free: vec![world.map.extent().index(above).unwrap() as u32], wall: vec![] });
+    let turn = world.ask_about(&mut lvd, &observation);
+    assert_eq!(turn.motion, Motion::turn(std::f64::consts::FRAC_PI_2));
+    // Between two legs it chooses nothing, and loses no tick.
+    observation.tick = Tick(100);
+    observation.events = EventMask::TASK_DONE;
+    observation.pose.yaw_rad = std::f64::consts::FRAC_PI_2;
+    let up = world.ask_about(&mut lvd, &observation);
+    assert_eq!(up.motion, Motion::Path(vec![world.map.extent().centre(above)]));
+    observation.tick = Tick(200);
+    assert_eq!(world.ask_about(&mut lvd, &observation).wake, WakeCondition::at(Tick(201)));
+    // A collision ends the path.
+    let mut observation = Observation { tick: Tick(201), collision: None, ..observation };
+    observation.pose.yaw_rad = 0.0;
+    assert_eq!(world.ask_about(&mut lvd, &observation).motion, turn.motion);
+    observation.collision = Some(Collision { surface: Surface::Wall, with_agent: false });
+    assert_eq!(world.ask_about(&mut lvd, &observation).motion, turn.motion, "it sets out again");
 }
 
 #[test]

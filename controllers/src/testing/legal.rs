@@ -2,22 +2,20 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
-use msgs::relay_id::RelayId;
 use msgs::shared_bytes::SharedBytes;
 use nalgebra::{Point3, Vector3};
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
+use protocol::event_mask::EventMask;
+use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
+use protocol::relay_id::RelayId;
 use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::{AGENT, World};
 use crate::{NAMES, build};
-use agent::command::{Command, Motion, ScanRequest};
-use agent::observation::{
-    Cells, Collision, Contact, Observation, Pose, Reading, ReceivedMessage, Relay, RunInfo, Surface,
-};
+use agent::command::{AgentMessage, Command, Motion, Peer, ScanRequest};
+use agent::observation::{Cells, Collision, Contact, Observation, Pose, Relay, RunInfo, Surface};
 
 /// Size of the world of the observations, cells.
 const SIZE: [u32; 3] = [6, 5, 6];
@@ -52,10 +50,10 @@ pub(super) fn assert_legal(command: &Command) {
     assert!(is_legal_motion, "{command:?}");
     assert_ne!(command.lidar, ScanRequest::Every(0), "{command:?}");
     assert!(command.info.len() <= INFO_BYTES_MAX, "{command:?}");
-    let of_messages = command.messages.iter().map(|message| message.data.len());
-    let of_relays = command.relays.iter().map(|order| order.data.len());
-    assert!(of_relays.clone().all(|bytes| bytes <= RELAY_BYTES_MAX), "{command:?}");
-    assert!(of_messages.chain(of_relays).sum::<usize>() <= AGENT_MESSAGE_BYTES_MAX, "{command:?}");
+    let mut to_relays = command.messages.iter().filter(|message| message.peer.is_relay());
+    assert!(to_relays.all(|message| message.data.len() <= RELAY_BYTES_MAX), "{command:?}");
+    let bytes: usize = command.messages.iter().map(|message| message.data.len()).sum();
+    assert!(bytes <= AGENT_MESSAGE_BYTES_MAX, "{command:?}");
 }
 
 /// Mostly in the map, else on its edges, outside, or not finite.
@@ -99,7 +97,8 @@ prop_compose! {
         Observation {
             tick: Tick(tick),
             pose: Pose { position, yaw_rad },
-            velocity_m_s: Vector3::zeros(),
+            agent: AGENT,
+            velocity_in_map_m_s: Vector3::zeros(),
             yaw_rate_rad_s: 0.0,
             is_active,
             collision,
@@ -109,13 +108,11 @@ prop_compose! {
                 .map(|(agent, position)| Contact { agent: AgentId(agent), position })
                 .collect(),
             relays: relays.iter().map(|&(number, position)| Relay { id: relay(number), position }).collect(),
-            readings: relays
+            messages: relays
                 .iter()
-                .map(|&(number, _)| Reading { relay: relay(number), kind: 1, data: SharedBytes::default() })
-                .collect(),
-            messages: messages
-                .into_iter()
-                .map(|(from, kind, data)| ReceivedMessage { from: AgentId(from), kind, data: data.into() })
+                .map(|&(number, _)| (Peer::Relay(relay(number)), 1, SharedBytes::default()))
+                .chain(messages.into_iter().map(|(from, kind, data)| (Peer::One(AgentId(from)), kind, data.into())))
+                .map(|(peer, kind, data)| AgentMessage { peer, kind, data })
                 .collect(),
             scan_tick: has_scanned.then_some(Tick(tick)),
             seen,

@@ -3,8 +3,10 @@
 //!
 //! ```sh
 //! cargo build --release
-//! maes run --controller zigzag --set 'agents.command=["target/release/own_controller"]'
+//! maes run --controller zigzag --set 'agents.command=["target/release/zigzag"]' --transport memory
 //! ```
+//!
+//! With `--features ros` it is a ROS 2 node as well, and `--transport memory` may be left out.
 
 use std::process::ExitCode;
 

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use sim_server::input_file::{self, TEXT_BYTES_MAX};
+use system::input_file::{self, TEXT_BYTES_MAX};
 
 use super::{BenchmarkError, EXPLORATION_1, Entry, RADIOS, Scope, TEAMS, WORLDS, worlds};
 use crate::plan::BUILD;

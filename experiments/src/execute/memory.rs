@@ -8,6 +8,7 @@ use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
 use sim_server::session::{EndReason, Phase, RunObserver};
 use simulation::world::World;
+use system::wall_clock;
 
 use super::{RunFailure, machine};
 use crate::measure::{self, Trace};
@@ -26,11 +27,12 @@ pub(super) fn carry_out(
     let mut scenario = run.scenario.clone();
     scenario.execution.threads = 1;
     scenario.execution.record = recording;
-    let times = DecisionTimes::default();
+    let times = DecisionTimes::new(wall_clock::now);
     let options = AgentOptions {
         threads: ThreadLayout::Together,
         decision_times: Some(times.clone()),
         registry,
+        programs_from: Some(run.folder.clone()),
         ..AgentOptions::default()
     };
     let own_stop = AtomicBool::new(stop.load(Ordering::Relaxed));
@@ -44,10 +46,11 @@ pub(super) fn carry_out(
     let wall = measure::wall_row(Tick(result.tick), completed.outcome.wall, &times.sorted(), &machine());
     let trace = Trace {
         size: completed.size,
-        progress: &completed.progress,
+        cell_m: completed.cell_m,
+        progress: &completed.course.progress,
         result,
-        stages: &completed.stages,
-        seen_again: Some(times.all().iter().map(|decision| u64::from(decision.seen_again)).sum()),
+        stages: &completed.course.stages,
+        seen_again: completed.course.seen_again,
         wall,
     };
     Ok(measure::record(run, trace))

@@ -38,7 +38,7 @@ pub(super) fn check(plan: &Plan) -> Result<(), ExecuteError> {
     let mut checked = BTreeSet::new();
     for run in &plan.runs {
         let agents = &run.scenario.agents;
-        if agents.of_ros_only().is_none() {
+        if agents.of_ros_only(false).is_none() {
             continue;
         }
         if let Some(agent) = agents.cmd_vel.iter().find(|&&agent| !agents.is_commanded(agent)) {
@@ -116,7 +116,8 @@ impl Launcher {
         let mut stages = StageTimes::default();
         named.into_iter().for_each(|(agent, tick, stage)| stages.enter(agent, tick, stage));
         let (stages, progress, result) = (&stages, &progress, &result);
-        Ok(measure::record(run, Trace { size: scenario.size, progress, result, stages, seen_again: None, wall }))
+        let (size, cell_m) = (scenario.size, scenario.cell_m);
+        Ok(measure::record(run, Trace { size, cell_m, progress, result, stages, seen_again: None, wall }))
     }
 }
 

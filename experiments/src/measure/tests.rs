@@ -1,6 +1,6 @@
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Counter;
-use msgs::stage::Stage;
+use protocol::stage::Stage;
 use std::path::Path;
 
 use super::*;
@@ -53,7 +53,15 @@ fn metrics_match_hand_calculation() {
     assert_eq!(wall_row(Tick(1), Duration::ZERO, &[], "here").decision_p50_us, None);
     let RunRecord { row, series } = record(
         &plan.runs[0],
-        Trace { size: [24; 3], progress: &progress, result: &result, stages: &stages, seen_again: Some(20), wall },
+        Trace {
+            size: [24; 3],
+            cell_m: 0.5,
+            progress: &progress,
+            result: &result,
+            stages: &stages,
+            seen_again: Some(20),
+            wall,
+        },
     );
     assert_eq!((row.end_s, row.t50_s, row.t90_s), (24.0, Some(10.02), None));
     // 10 s at 0.25 on average, 10 s at 0.75, 4 s at 1, and 16 s of 40 that stay at 1.
@@ -70,6 +78,7 @@ fn metrics_match_hand_calculation() {
     // first explored cell on.
     assert_eq!((row.contact_share, row.staleness), (2.0 / 3.0, 0.25));
     assert_eq!((row.distance_m, row.distance_max_m, row.refusals, row.free_cells), (8.0, 5.0, 3, 100));
+    assert_eq!(row.explored_m3, Some(100.0 * row.explored / 8.0));
     assert_eq!(row.bytes_by_kind, BTreeMap::from([(1, 7)]));
     assert_eq!(series.iter().map(|sample| sample.t_s).collect::<Vec<_>>(), [0.0, 10.0, 20.0, 24.0]);
     let second = AgentSample { explored: 0.25, covered: 0.125, believed: 0.5, distance_m: 2.0 };

@@ -75,7 +75,7 @@ fn at_a_tick(time_s: f64) -> f64 {
 
 /// No body covers more than this in a second. The end of a leg may add a step that is no motion,
 /// which its start from rest outweighs unless the body accelerates at once.
-fn greatest_speed_m_s(body: &msgs::body_model::BodyModel) -> f64 {
+fn greatest_speed_m_s(body: &protocol::body_model::BodyModel) -> f64 {
     let snap_m_s = SNAP_M / Tick::TICK_S;
     let first_m_s = body.acceleration_m_s2.max(body.deceleration_m_s2) * Tick::TICK_S;
     body.speed_max_m_s + if first_m_s + snap_m_s <= body.speed_max_m_s { 0.0 } else { snap_m_s }

@@ -20,12 +20,12 @@ use agent_node::bodies::{self, BodyModel};
 use agent_node::exploration_map::ExplorationMap;
 use agent_node::path::{Goal, Graph, Moves, Neighbours, Search, direct, find, nearest_distances, straighten_from};
 use msgs::ids::{AgentId, Tick};
-use msgs::scan_request::ScanRequest;
 use nalgebra::Point3;
+use protocol::command::{Command, WakeCondition};
+use protocol::motion::Motion;
+use protocol::scan_request::ScanRequest;
 use simulation::workers::Workers;
-use simulation::world::Action;
 use simulation::world::World;
-use simulation::world::body::Motion;
 use simulation::world::lidar::Scanner;
 use voxels::{Cell, Terrain};
 
@@ -255,7 +255,7 @@ impl<'a> Flight<'a> {
         is_free
     }
 
-    fn decide(&mut self, agent: usize) -> Option<Action> {
+    fn decide(&mut self, agent: usize) -> Option<Command> {
         let id = AgentId::from_index(agent);
         let now = self.world.tick();
         let was_called = std::mem::take(&mut self.pilots[agent].is_called);
@@ -266,7 +266,7 @@ impl<'a> Flight<'a> {
                 (pilot.at, pilot.target, pilot.attempts) = (target, None, 0);
                 if self.is_needed(target) {
                     self.pilots[agent].phase = Phase::Scanning(now);
-                    return Some(Action { lidar: ScanRequest::Every(self.period_ticks), ..still() });
+                    return Some(Command { lidar: ScanRequest::Every(self.period_ticks), ..still() });
                 }
             } else if !self.is_needed(target) {
                 self.pilots[agent].target = None;
@@ -349,7 +349,7 @@ impl<'a> Flight<'a> {
     }
 
     /// The motion to a place.
-    fn go(&mut self, agent: usize, target: usize) -> Option<Action> {
+    fn go(&mut self, agent: usize, target: usize) -> Option<Command> {
         let position = self.world.body(AgentId::from_index(agent)).pose().position;
         let goal = self.places[target].cell;
         let graph = Graph::new(&self.map, &self.moves);
@@ -368,7 +368,7 @@ impl<'a> Flight<'a> {
     }
 
     /// What an agent does whose way another body blocks.
-    fn yield_way(&mut self, agent: usize) -> Option<Action> {
+    fn yield_way(&mut self, agent: usize) -> Option<Command> {
         self.note_attempt(agent);
         let Some(target) = self.pilots[agent].target else { return Some(still()) };
         let other = self.nearest_other(agent);
@@ -394,7 +394,7 @@ impl<'a> Flight<'a> {
         }
     }
 
-    fn decide_called(&mut self, agent: usize) -> Option<Action> {
+    fn decide_called(&mut self, agent: usize) -> Option<Command> {
         self.pilots[agent].is_called = false;
         self.choose(agent);
         match self.pilots[agent].target {
@@ -412,7 +412,7 @@ impl<'a> Flight<'a> {
     }
 
     /// A path from cell to cell that keeps away from all other bodies.
-    fn go_round(&mut self, agent: usize, target: usize) -> Option<Action> {
+    fn go_round(&mut self, agent: usize, target: usize) -> Option<Command> {
         let extent = self.map.extent();
         let here = self.world.body(AgentId::from_index(agent)).pose().position;
         let others: Vec<Point3<f64>> = (0..self.pilots.len())
@@ -444,12 +444,12 @@ impl<'a> Flight<'a> {
 }
 
 /// The body ends its task; its LiDAR continues as it was.
-fn still() -> Action {
-    Action { motion: Motion::Stop, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() }
+fn still() -> Command {
+    Command::new(Motion::Stop, WakeCondition::NEXT_TICK)
 }
 
-fn moving(waypoints: Vec<Point3<f64>>) -> Action {
-    Action { motion: Motion::Path(waypoints), ..still() }
+fn moving(waypoints: Vec<Point3<f64>>) -> Command {
+    Command { motion: Motion::Path(waypoints), ..still() }
 }
 
 /// Times between places, ms: those of a leg along the shortest path.

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use msgs::ids::Tick;
 use serde::Deserialize;
-use sim_server::input_file::{self, TEXT_BYTES_MAX};
 use sim_server::setup;
 use simulation::scenario::{Scenario, ScenarioError};
+use system::input_file::{self, TEXT_BYTES_MAX};
 use toml::Spanned;
 
 use super::dimensions::{Change, VARIANT};

@@ -1,8 +1,7 @@
 //! `maes map check`: what agents could do in a map.
 //!
-//! The map is repaired as a run repairs it. A body goes from place to place
-//! ([`voxels::BodyLattice`]) along the axes, and fits where no wall is nearer than its radius. What
-//! it sees from there no team of such bodies can exceed.
+//! The map is repaired as a run repairs it. What a body sees from the places that it reaches
+//! ([`super::reach`]) no team of such bodies can exceed.
 
 use std::io::Write;
 
@@ -10,9 +9,9 @@ use mapgen::repair;
 use simulation::world::attainable::{Attainable, Bodies};
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnSpec};
-use voxels::clearance::REACH_CELLS;
 use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
 
+use super::reach::{Reach, radius_max_m};
 use super::{CheckArgs, MapCliError, Report, by, import, picture};
 
 /// Share of the free cells that a part behind a passage has at least.
@@ -35,10 +34,9 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let spec = import(&args.file, &args.import, args.cell_m)?;
     let imported = spec.read()?;
     let extent = imported.terrain.extent();
-    let radius_cells = args.radius_m / extent.cell_m();
-    let reach = f64::from(REACH_CELLS);
-    if !(radius_cells > 0.0 && radius_cells <= reach) {
-        return Err(MapCliError::Radius { radius_m: args.radius_m, most_m: reach * extent.cell_m() });
+    let most_m = radius_max_m(extent.cell_m());
+    if !(args.radius_m > 0.0 && args.radius_m <= most_m) {
+        return Err(MapCliError::Radius { radius_m: args.radius_m, most_m });
     }
     let mut advice = Vec::new();
     let mut report = Report::new(out);
@@ -64,33 +62,33 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let terrain = repair(&spec.file, imported.terrain, 0)?.terrain;
     let free = mapgen::free_cells(&terrain);
     report.cells(extent, free)?;
-    let body_on = |clearance: &Clearance, radius_m: f64| Body::new(clearance, radius_m / extent.cell_m(), free);
+    let body_on = |clearance: &Clearance, radius_m: f64| Reach::new(clearance, radius_m / extent.cell_m(), free);
     let body = |radius_m: f64| body_on(&Clearance::for_body(radius_m, &terrain), radius_m);
     let clearance = Clearance::for_body(args.radius_m, &terrain);
     let here = body_on(&clearance, args.radius_m);
-    let (room, reached) = (100.0 * here.room, 100.0 * here.reached);
+    let (room, reached) = (100.0 * here.fits(), 100.0 * here.reached());
     report.line("body", format_args!("radius {} m: fits in {room:.1} % of the free cells", args.radius_m))?;
     report.line("reachable", format_args!("{reached:.1} % of the free cells, from the largest part with room"))?;
-    let starts_at: Vec<voxels::Cell> = here.start.iter().map(|&index| extent.cell_at(index)).collect();
+    let starts_at: Vec<voxels::Cell> = here.start().into_iter().map(|index| extent.cell_at(index)).collect();
     let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, f64::INFINITY, std::f64::consts::TAU);
     let seen = Attainable::of(&terrain, &scanner, &[Bodies { radius_m: args.radius_m, starts: starts_at }]);
     report.line("seen", format_args!("{:.1} % of the free cells, from there", 100.0 * seen.seen_share()))?;
     // Where bodies of this size are in a cell decides which passages are narrow for them.
     let passages = clearance.passages(((PART * free as f64) as usize).max(1));
     narrow(&mut report, &passages, extent)?;
-    if here.reached < ENOUGH {
+    if here.reached() < ENOUGH {
         let half_m = extent.cell_m() / 2.0;
         let narrow = passages.iter().map(|passage| passage.radius_cells * extent.cell_m());
         let mut radii_m: Vec<f64> = narrow.chain([half_m]).filter(|&radius_m| radius_m < args.radius_m).collect();
         radii_m.sort_by(f64::total_cmp);
         radii_m.dedup();
         // A smaller body reaches no less.
-        let count = radii_m.partition_point(|&radius_m| body(radius_m).reached >= ENOUGH);
+        let count = radii_m.partition_point(|&radius_m| body(radius_m).reached() >= ENOUGH);
         advice.push(if let Some(&radius_m) = radii_m[..count].last() {
-            let share = 100.0 * body(radius_m).reached;
+            let share = 100.0 * body(radius_m).reached();
             format!("body.radius_m = {} reaches {share:.1} %", in_millimetres(radius_m))
         } else {
-            let share = 100.0 * body(half_m).reached;
+            let share = 100.0 * body(half_m).reached();
             // Only what is made of points and triangles can be divided into shorter cells.
             let remedy = if has_option("scale") {
                 "shorter cells (map.cell_m) tell narrow passages apart"
@@ -118,29 +116,6 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
 /// A length in metres, rounded down to millimetres so that it still fits.
 fn in_millimetres(length_m: f64) -> f64 {
     (length_m * 1000.0).floor() / 1000.0
-}
-
-/// What a body of one radius has of the free cells.
-struct Body {
-    /// Share in which it fits.
-    room: f64,
-    /// Share of the largest connected part of those.
-    reached: f64,
-    /// Index of a cell of that part.
-    start: Option<usize>,
-}
-
-impl Body {
-    fn new(clearance: &Clearance, radius_cells: f64, free: u64) -> Self {
-        let parts = free_components(&clearance.room(radius_cells));
-        let share = |cells: usize| cells as f64 / free as f64;
-        let largest = parts.largest().map(|part| part as usize);
-        Self {
-            room: share(parts.sizes.iter().sum()),
-            reached: share(largest.map_or(0, |part| parts.sizes[part])),
-            start: largest.map(|part| parts.firsts[part]),
-        }
-    }
 }
 
 /// Free cells in the outermost layer, by side. Returns whether there are any.

@@ -4,8 +4,8 @@
 
 use std::path::Path;
 
+use foxglove_server::capture::{self, MapPicture};
 use sim_server::exit;
-use sim_server::foxglove::capture::{self, MapPicture};
 use voxels::{Grid, Terrain, packed};
 
 use super::{CheckArgs, MapCliError};

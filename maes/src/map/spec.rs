@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::{GenerateArgs, MapCliError, MapKind};
-use mapgen::{BuildingSpec, MapSpec, MineSpec, NoiseSpec, SpheresSpec};
+use mapgen::{BuildingSpec, MapSpec, MineSpec, NoiseSpec, SceneSpec, SpheresSpec};
 use simulation::scenario::one_line;
 
 /// What the options say, with the generator's defaults for what they leave out.
@@ -18,6 +18,7 @@ pub(super) fn of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
                 radius_max: args.radius_max.unwrap_or(default.radius_max),
                 connections: args.connections.unwrap_or(default.connections),
                 smoothing: args.smoothing.unwrap_or(default.smoothing),
+                random: default.random,
             };
             changed(spec, &args.set).map(MapSpec::Spheres)
         }
@@ -33,6 +34,10 @@ pub(super) fn of(args: &GenerateArgs) -> Result<MapSpec, MapCliError> {
         MapKind::Mine => {
             refuse_options(args, "mine", "--set KEY=VALUE", &[])?;
             changed(MineSpec::default(), &args.set).map(MapSpec::Mine)
+        }
+        MapKind::Scene => {
+            refuse_options(args, "scene", "--set KEY=VALUE", &[])?;
+            changed(SceneSpec::default(), &args.set).map(MapSpec::Scene)
         }
         MapKind::Building => {
             refuse_options(args, "building", "--set KEY=VALUE", &[])?;

@@ -1,17 +1,21 @@
 //! A run in this process: the server and its agents on threads, and no network.
 
 use std::fs::{self, File};
+#[cfg(feature = "ros")]
+use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use agent_node::stopwatch::{self, DecisionTimes};
 use anyhow::Context;
 use in_memory::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
+use recording::Recording;
 use sim_server::exit;
 use sim_server::profile::{Decision, Profile, Profiled};
-use sim_server::recording::Recording;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
+use system::wall_clock;
 
 use super::RunArgs;
 use crate::output::{print, say};
@@ -26,9 +30,14 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         }
         file.get_or_insert_with(|| folder.join("server.log"));
     }
+    #[cfg(feature = "ros")]
+    if !scenario.agents.command.is_empty() {
+        args.check_command(scenario)?;
+        supervisor::outside::check(scenario, Path::new("")).with_context(|| args.name())?;
+    }
     let stop = signals::stop_flag()?;
     let log = file.map(|file| File::create(&file).context(file.display().to_string())).transpose()?;
-    let mut terminal = Terminal::new(scenario.last_duration_ticks(), scenario.agents.count).with_log(log);
+    let mut terminal = Terminal::of(scenario).with_log(log);
     let chaos_delay = Duration::from_millis(args.chaos_delay_ms.unwrap_or(0));
     let threads = match args.together {
         true => ThreadLayout::Together,
@@ -36,10 +45,16 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         false if !chaos_delay.is_zero() => ThreadLayout::PerAgent,
         false => ThreadLayout::Team,
     };
-    let decision_times = (args.decision_times || args.profile.is_some()).then(DecisionTimes::default);
+    let decision_times = (args.decision_times || args.profile.is_some()).then(|| DecisionTimes::new(wall_clock::now));
     let mut profile = args.profile.as_ref().map(|_| Profile::default());
-    let options =
-        AgentOptions { threads, chaos_delay, decision_times: decision_times.clone(), ..AgentOptions::default() };
+    let options = AgentOptions {
+        threads,
+        chaos_delay,
+        decision_times: decision_times.clone(),
+        // Without ROS 2, nothing has checked it.
+        programs_from: cfg!(feature = "ros").then(PathBuf::new),
+        ..AgentOptions::default()
+    };
     let mut observer = Profiled { inner: &mut terminal, profile: profile.as_mut() };
     let finished = match args.fork.point() {
         Some((file, at)) => {
@@ -56,7 +71,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         let decisions: Vec<Decision> = times
             .all()
             .into_iter()
-            .map(|stopwatch::Decision { agent, tick, start, duration, .. }| Decision { agent, tick, start, duration })
+            .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
             .collect();
         say(&profile.table(&scenario.agents.controllers_label(), &decisions));
         if !file.as_os_str().is_empty() {

@@ -8,11 +8,11 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::{ArgMatches, Args};
 use experiments::plan::BUILD;
+use foxglove_server::{TOKEN_VARIABLE, Token};
+use recording::Recording;
+use recording::playback::{Horizon, Playback};
 use sim_server::cli::KeyArgs;
 use sim_server::exit;
-use sim_server::foxglove::{TOKEN_VARIABLE, Token};
-use sim_server::playback::{Horizon, Playback};
-use sim_server::recording::Recording;
 use simulation::scenario::Scenario;
 use supervisor::hosts::Hosts;
 use supervisor::run::{Console, RemoteHosts, Run, Source};
@@ -58,7 +58,7 @@ impl RunArgs {
     }
 
     /// Refuses to start a program because a recording, which may come from anywhere, names it.
-    fn check_command(&self, scenario: &Scenario) -> anyhow::Result<()> {
+    pub(super) fn check_command(&self, scenario: &Scenario) -> anyhow::Result<()> {
         let command = &scenario.agents.command;
         let is_recording = |file: &&PathBuf| file.extension().is_some_and(|extension| extension == "mcap");
         let source = self.resume.as_ref().or(self.scenario.as_ref()).filter(is_recording);

@@ -8,8 +8,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use foxglove_server::RecordingPaths;
 use sim_server::exit;
-use sim_server::foxglove::RecordingPaths;
 use thiserror::Error;
 
 /// The port of `python3 -m http.server`.

@@ -1,4 +1,5 @@
-//! Runs on the page: one that begins paused, or one after the other as they are started there.
+//! Runs on the page: one that begins paused, at five times real time, or one after the other as
+//! they are started there.
 
 use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
@@ -9,7 +10,8 @@ use std::time::Duration;
 
 use anyhow::bail;
 use clap::ArgMatches;
-use sim_server::foxglove::{ServerAddress, Token};
+use foxglove_server::{ServerAddress, Token};
+use simulation::scenario::Rtf;
 use supervisor::idle::IdleServer;
 use supervisor::{binaries, logs};
 
@@ -21,6 +23,9 @@ use crate::signals;
 /// Wall time between two attempts to connect, and their number.
 const PERIOD: Duration = Duration::from_millis(100);
 const ATTEMPTS: usize = 600;
+
+/// Real-time factor of a run that is shown: at full speed, most are over before one has looked.
+const SHOWN_RTF: u32 = 5;
 
 /// An attempt to open the page, given up when this is dropped.
 struct Opening {
@@ -38,6 +43,9 @@ pub(super) fn show_run(mut run: RunArgs, given: &ArgMatches, shown: Shown) -> an
     if !is_given(given, "paused") {
         run.begin_paused();
         server_flags.push("--paused=true".into());
+    }
+    if !is_given(given, "rtf") && matches!(run.scenario()?.execution.rtf, Rtf::Max(_)) {
+        server_flags.push(flag("rtf", SHOWN_RTF.to_string()));
     }
     run.check_transport()?;
     let _opening = open_when_served(Browser::new(shown.browser), &shown.address, &shown.token);

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::SystemTime;
 
-use sim_server::foxglove::FoxgloveServerError;
-use sim_server::{exit, foxglove};
+use foxglove_server::FoxgloveServerError;
+use sim_server::exit;
+use system::wall_clock;
 use thiserror::Error;
 
 use super::browser::in_path;
@@ -78,7 +79,7 @@ pub(super) fn folder(named: Option<&Path>) -> Result<PageFolder, PageError> {
         build(&sources, false)?;
         return Ok(sources.join("dist").into());
     }
-    match foxglove::page(named)? {
+    match foxglove_server::page(named)? {
         Some(folder) => Ok(folder.into()),
         None => embedded(),
     }
@@ -170,9 +171,8 @@ fn newest(folder: &Path) -> Option<SystemTime> {
 }
 
 /// npm leaves the time of the folder as it was if there is nothing to change.
-#[expect(clippy::disallowed_methods, reason = "the time of a folder is compared with that of the lock file")]
 fn touch(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.set_modified(SystemTime::now())
+    File::open(folder)?.set_modified(wall_clock::system_time())
 }
 
 #[cfg(test)]

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use sim_server::{exit, os};
+use sim_server::exit;
+use system::os;
 use thiserror::Error;
 
 use super::browser::in_path;

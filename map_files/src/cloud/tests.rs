@@ -5,7 +5,7 @@ use crate::ImportOptions;
 use voxels::Cell;
 
 fn map(spec: &ImportSpec, points: &[[f64; 3]], sensors: Sensors, notes: Vec<Note>) -> Result<Imported, FormatError> {
-    super::map(spec, Cloud { points: points.to_vec(), sensors, notes, ..Cloud::default() })
+    super::map(spec, Cloud { points: points.to_vec().into(), sensors, notes, ..Cloud::default() })
 }
 
 fn spec(options: ImportOptions, cell_m: f64) -> ImportSpec {
@@ -168,7 +168,7 @@ fn times_of_points_choose_the_position() {
     let trajectory = [line(0.0, here), line(1.0, here), line(2.0, there), line(3.0, there)].concat();
     let options = ImportOptions { trajectory: Some("poses.txt".into()), ..ImportOptions::default() };
     let spec = ImportSpec { trajectory: Some(trajectory.into_bytes()), ..spec(options, 0.5) };
-    let cloud = |times_s| Cloud { points: points.clone(), times_s, ..Cloud::default() };
+    let cloud = |times_s| Cloud { points: points.clone().into(), times_s, ..Cloud::default() };
     let timed = super::map(&spec, cloud(points.iter().map(|point| if point[0] <= 6.0 { 0.5 } else { 2.5 }).collect()));
     let timed = timed.unwrap();
     let nearest = super::map(&spec, cloud(Vec::new())).unwrap();

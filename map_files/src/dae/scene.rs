@@ -18,6 +18,9 @@ pub(super) struct Scene<'a, 'i> {
     ids: BTreeMap<&'a str, Node<'a, 'i>>,
 }
 
+/// A geometry with the matrix that places it and the name of its node.
+type Instance<'a, 'i> = (Node<'a, 'i>, Matrix4<f64>, &'a str);
+
 impl<'a, 'i> Scene<'a, 'i> {
     pub(super) fn of(root: Node<'a, 'i>) -> Self {
         let named = root
@@ -34,41 +37,42 @@ impl<'a, 'i> Scene<'a, 'i> {
         found.ok_or_else(|| xml::fault(element, format_args!("{attribute} = {name:?} names nothing in the file")))
     }
 
-    /// The geometries of the scene with the matrices that place them; all of them once, where they
-    /// are, if there is no scene.
+    /// The geometries of the scene with the matrices that place them, and the names of their nodes,
+    /// or else of the nodes above; all of them once, where they are, if there is no scene.
     ///
     /// # Errors
     /// If a reference leads nowhere, a transform is malformed, or there are too many nodes.
-    pub(super) fn instances(&self) -> Result<Vec<(Node<'a, 'i>, Matrix4<f64>)>, FormatError> {
+    pub(super) fn instances(&self) -> Result<Vec<Instance<'a, 'i>>, FormatError> {
         let chosen = xml::child(self.root, "scene").and_then(|scene| xml::child(scene, "instance_visual_scene"));
         let chosen = chosen.map(|instance| self.get(instance, "url")).transpose()?;
         let first = || self.root.descendants().find(|node| node.tag_name().name() == "visual_scene");
         let Some(scene) = chosen.or_else(first) else {
             let geometries = self.root.descendants().filter(|node| node.tag_name().name() == "geometry");
-            return Ok(geometries.map(|geometry| (geometry, Matrix4::identity())).collect());
+            return Ok(geometries.map(|geometry| (geometry, Matrix4::identity(), "")).collect());
         };
         let mut found = Vec::new();
-        let mut open: Vec<(Node<'a, 'i>, Matrix4<f64>, usize)> =
-            nodes_in(scene).map(|node| (node, Matrix4::identity(), 0)).collect();
+        let mut open: Vec<(Node<'a, 'i>, Matrix4<f64>, usize, &'a str)> =
+            nodes_in(scene).map(|node| (node, Matrix4::identity(), 0, "")).collect();
         let mut count = 0;
-        while let Some((node, above, depth)) = open.pop() {
+        while let Some((node, above, depth, name_above)) = open.pop() {
             count += 1;
             if depth > DEPTH_MAX || count > NODES_MAX {
                 let reason = format!("its scene has more than {NODES_MAX} nodes, or nodes deeper than {DEPTH_MAX}");
                 return Err(xml::fault(node, reason));
             }
             let here = above * transform(node)?;
+            let name = node.attribute("name").unwrap_or(name_above);
             for child in node.children().filter(Node::is_element) {
                 match child.tag_name().name() {
-                    "node" => open.push((child, here, depth + 1)),
-                    "instance_node" => open.push((self.get(child, "url")?, here, depth + 1)),
-                    "instance_geometry" => found.push((self.get(child, "url")?, here)),
+                    "node" => open.push((child, here, depth + 1, name)),
+                    "instance_node" => open.push((self.get(child, "url")?, here, depth + 1, name)),
+                    "instance_geometry" => found.push((self.get(child, "url")?, here, name)),
                     "instance_controller" => {
                         let controller = self.get(child, "url")?;
                         if let Some(skin) = xml::child(controller, "skin") {
                             let shape = xml::child(skin, "bind_shape_matrix").map(matrix).transpose()?;
                             let shape = shape.unwrap_or_else(Matrix4::identity);
-                            found.push((self.get(skin, "source")?, here * shape));
+                            found.push((self.get(skin, "source")?, here * shape, name));
                         }
                     }
                     _ => {}

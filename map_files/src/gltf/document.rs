@@ -54,6 +54,8 @@ pub(super) struct Scene {
 #[derive(Deserialize)]
 pub(super) struct Node {
     #[serde(default)]
+    pub(super) name: String,
+    #[serde(default)]
     pub(super) children: Vec<usize>,
     pub(super) mesh: Option<usize>,
     pub(super) matrix: Option<Box<[f64; 16]>>,

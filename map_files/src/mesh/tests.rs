@@ -83,7 +83,7 @@ fn triangles_without_an_area_are_dropped() {
     let Imported { terrain, notes, .. } = read(&mesh, options(Fill::Solid, Kind::Free));
     assert_eq!(free_cells(&terrain), 8);
     assert_eq!(notes[0].text, "14 triangles in 1 part(s), 2 dropped because they have no area or are not finite");
-    let nothing = Mesh { vertices: vec![[0.0; 3]], triangles: vec![[0; 3]] };
+    let nothing = Mesh { vertices: vec![[0.0; 3]], triangles: vec![[0; 3]], ..Mesh::default() };
     let error = map(&ImportSpec::new("a.obj", Vec::new()), &nothing, Vec::new()).unwrap_err();
     assert_eq!(error.to_string(), "the file has no triangle");
 }

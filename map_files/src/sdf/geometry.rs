@@ -10,6 +10,10 @@ use super::path_of;
 /// Largest number of corners of a polyline.
 const CORNERS_MAX: usize = 1 << 16;
 
+/// Distance of the last corner of a loop from the first one within which they are the same, metres;
+/// that of gz-common.
+const CLOSED_M: f64 = 1e-4;
+
 /// A shape in its own frame, lengths in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Geometry {
@@ -23,12 +27,21 @@ pub(super) enum Geometry {
     Cone { radius: f64, length: f64 },
     /// A cylinder with two half spheres at its ends.
     Capsule { radius: f64, length: f64 },
-    /// A wall of a ground plan from z = 0 upwards.
-    Polyline { corners: Vec<[f64; 2]>, height: f64 },
+    /// A wall of a ground plan from z = 0 upwards. Loops within others are holes, and islands in
+    /// these.
+    Polyline { loops: Vec<Vec<[f64; 2]>>, height: f64 },
     /// The upper side of what is below it.
     Plane { normal: [f64; 3], size: [f64; 2] },
-    /// A mesh of a file.
-    Mesh { file: PathBuf, scale: [f64; 3] },
+    /// A mesh of a file, or parts of it.
+    Mesh { file: PathBuf, scale: [f64; 3], part: Option<Part> },
+}
+
+/// The parts of a mesh that have a name.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Part {
+    pub(super) name: String,
+    /// Whether its middle is to be at the origin.
+    pub(super) is_centred: bool,
 }
 
 impl Geometry {
@@ -64,19 +77,17 @@ impl Geometry {
             "cone" => Self::Cone { radius: one("radius")?, length: one("length")? },
             "capsule" => Self::Capsule { radius: one("radius")?, length: one("length")? },
             "polyline" => {
-                let mut corners = Vec::new();
-                for point in xml::children(shape, "point") {
-                    let numbers = xml::numbers::<f64>(point, 2)?;
-                    if numbers.len() != 2 || !numbers.iter().all(|number| number.is_finite()) {
-                        return Err(xml::fault(point, "expected 2 finite numbers"));
-                    }
-                    corners.push([numbers[0], numbers[1]]);
+                let loops: Result<Vec<_>, _> = xml::children(element, "polyline").map(corners).collect();
+                let loops = loops?;
+                if loops.iter().map(Vec::len).sum::<usize>() > CORNERS_MAX {
+                    return Err(xml::fault(shape, format_args!("polylines have at most {CORNERS_MAX} points")));
                 }
-                if xml::children(element, "polyline").count() > 1 || !(3..=CORNERS_MAX).contains(&corners.len()) {
-                    let reason = "polylines with holes, of less than 3 points or of many are not read; save a mesh";
-                    return Err(xml::fault(shape, reason));
+                // That of the first loop counts for all.
+                let height = optional("height", 1)?.map_or(1.0, |height| height[0]);
+                if height <= 0.0 {
+                    return Err(xml::fault(shape, "height is not above 0"));
                 }
-                Self::Polyline { corners, height: one("height")? }
+                Self::Polyline { loops, height }
             }
             "plane" => {
                 let normal = optional("normal", 3)?.map_or([0.0, 0.0, 1.0], three);
@@ -90,10 +101,8 @@ impl Geometry {
                 let uri = xml::child(shape, "uri").and_then(|uri| uri.text()).map(str::trim).unwrap_or_default();
                 let file = path_of(uri, folder);
                 let file = file.map_err(|reason| xml::fault(shape, format_args!("uri {uri:?} {reason}")))?;
-                if xml::child(shape, "submesh").is_some() {
-                    return Err(xml::fault(shape, "submesh is not read; save the part as a file of its own"));
-                }
-                Self::Mesh { file, scale: optional("scale", 3)?.map_or([1.0; 3], three) }
+                let part = xml::child(shape, "submesh").map(part).transpose()?;
+                Self::Mesh { file, scale: optional("scale", 3)?.map_or([1.0; 3], three), part }
             }
             "heightmap" => {
                 let reason = "height maps are not read; export the terrain as a mesh (.dae, .obj, .stl)";
@@ -105,4 +114,41 @@ impl Geometry {
             }
         }))
     }
+}
+
+/// The corners of a loop, of which the last one may be the first again.
+fn corners(polyline: Node<'_, '_>) -> Result<Vec<[f64; 2]>, FormatError> {
+    let mut corners = Vec::new();
+    for point in xml::children(polyline, "point") {
+        let numbers = xml::numbers::<f64>(point, 2)?;
+        if numbers.len() != 2 || !numbers.iter().all(|number| number.is_finite()) {
+            return Err(xml::fault(point, "expected 2 finite numbers"));
+        }
+        corners.push([numbers[0], numbers[1]]);
+    }
+    if let (Some(first), Some(last)) = (corners.first(), corners.last())
+        && (0..2).all(|axis| (last[axis] - first[axis]).abs() <= CLOSED_M)
+    {
+        corners.pop();
+    }
+    let enough = corners.len() >= 3;
+    if enough { Ok(corners) } else { Err(xml::fault(polyline, "a polyline has at least 3 points")) }
+}
+
+/// The part that a submesh names.
+fn part(submesh: Node<'_, '_>) -> Result<Part, FormatError> {
+    let text = |name| xml::child(submesh, name).and_then(|child| child.text()).map(str::trim).unwrap_or_default();
+    let name = text("name").to_owned();
+    let is_centred = match text("center") {
+        "" | "0" | "false" => false,
+        "1" | "true" => true,
+        other => {
+            let reason = format!("center is {:?}, expected true or false", other.escape_debug().to_string());
+            return Err(xml::fault(submesh, reason));
+        }
+    };
+    if name.is_empty() {
+        return Err(xml::fault(submesh, "it has no name; name the part of the mesh, or leave it out"));
+    }
+    Ok(Part { name, is_centred })
 }

@@ -16,12 +16,12 @@ pub(super) fn mesh(shape: &Geometry) -> Mesh {
     match shape {
         Geometry::Box(size) => {
             let [x, y, _] = size.map(|along| along / 2.0);
-            prism(&[[-x, -y], [x, -y], [x, y], [-x, y]], -size[2] / 2.0, size[2] / 2.0)
+            prism(&[vec![[-x, -y], [x, -y], [x, y], [-x, y]]], -size[2] / 2.0, size[2] / 2.0)
         }
         Geometry::Cylinder { radius, length } => {
             let corners: Vec<[f64; 2]> =
                 (0..SEGMENTS).map(|segment| on_circle(segment).map(|at| at * radius)).collect();
-            prism(&corners, -length / 2.0, length / 2.0)
+            prism(&[corners], -length / 2.0, length / 2.0)
         }
         Geometry::Cone { radius, length } => turned(&[(*radius, -length / 2.0)], -length / 2.0, length / 2.0),
         Geometry::Ellipsoid(radii) => {
@@ -34,7 +34,7 @@ pub(super) fn mesh(shape: &Geometry) -> Mesh {
         Geometry::Capsule { radius, length } => {
             turned(&arcs(*radius, length / 2.0), -length / 2.0 - radius, length / 2.0 + radius)
         }
-        Geometry::Polyline { corners, height } => prism(corners, 0.0, *height),
+        Geometry::Polyline { loops, height } => prism(&facing(loops), 0.0, *height),
         Geometry::Plane { .. } | Geometry::Mesh { .. } => Mesh::default(),
     }
 }
@@ -55,13 +55,13 @@ pub(super) fn slab(
     let in_world = place.transform_vector(&normal);
     if in_world.z > 1.0 - 1e-9 {
         let level = place[(2, 3)];
-        let corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
-        return Some((prism(&corners, level - cell_m, level), Matrix4::identity()));
+        let corners = vec![[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
+        return Some((prism(&[corners], level - cell_m, level), Matrix4::identity()));
     }
     let turn = UnitQuaternion::rotation_between_axis(&up, &normal);
     let turn = turn.unwrap_or_else(|| super::super::placing::turn([1.0, 0.0, 0.0], PI));
     let [x, y] = size.map(|along| along / 2.0);
-    let flat = prism(&[[-x, -y], [x, -y], [x, y], [-x, y]], -cell_m, 0.0);
+    let flat = prism(&[vec![[-x, -y], [x, -y], [x, y], [-x, y]]], -cell_m, 0.0);
     Some((flat, place * turn.to_homogeneous()))
 }
 
@@ -71,17 +71,57 @@ fn on_circle(segment: usize) -> [f64; 2] {
     [cosine, sine]
 }
 
-/// A ground plan between two heights; triangles of one that goes round clockwise face inwards,
-/// which the import of meshes mends.
-fn prism(corners: &[[f64; 2]], low: f64, high: f64) -> Mesh {
-    let count = corners.len() as u32;
+/// Loops that go round counterclockwise, and clockwise within an odd number of others.
+fn facing(loops: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
+    let turned = |(number, corners): (usize, &Vec<[f64; 2]>)| {
+        let others = loops.iter().enumerate().filter(|&(other, _)| other != number);
+        let depth = others.filter(|(_, other)| is_inside(other, corners[0])).count();
+        let is_hole = depth % 2 == 1;
+        let mut corners = corners.clone();
+        if (area(&corners) < 0.0) != is_hole {
+            corners.reverse();
+        }
+        corners
+    };
+    loops.iter().enumerate().map(turned).collect()
+}
+
+/// Twice the area of a loop, positive if it goes round counterclockwise.
+fn area(corners: &[[f64; 2]]) -> f64 {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum()
+}
+
+/// Whether a loop goes round a point, by the edges that a line from the point to the right crosses.
+fn is_inside(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
+    let next = corners.iter().cycle().skip(1);
+    let crosses = |(a, b): &(&[f64; 2], &[f64; 2])| {
+        (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+    };
+    corners.iter().zip(next).filter(crosses).count() % 2 == 1
+}
+
+/// A ground plan of loops between two heights. The triangles of its floor and its ceiling lie
+/// between the first corner of all and each edge: outside of the plan they overlap, and their turns
+/// cancel. Those of a plan that goes round clockwise face inwards, which the import of meshes
+/// mends.
+fn prism(loops: &[Vec<[f64; 2]>], low: f64, high: f64) -> Mesh {
+    let count = loops.iter().map(Vec::len).sum::<usize>() as u32;
     let mut mesh = Mesh::default();
-    mesh.vertices.extend([low, high].into_iter().flat_map(|z| corners.iter().map(move |&[x, y]| [x, y, z])));
-    mesh.add_polygon(&(0..count).rev().collect::<Vec<u32>>());
-    mesh.add_polygon(&(count..2 * count).collect::<Vec<u32>>());
-    for at in 0..count {
-        let next = (at + 1) % count;
-        mesh.add_polygon(&[at, next, next + count, at + count]);
+    for z in [low, high] {
+        mesh.vertices.extend(loops.iter().flatten().map(|&[x, y]| [x, y, z]));
+    }
+    let mut first = 0;
+    for corners in loops {
+        let length = corners.len() as u32;
+        for at in 0..length {
+            let [from, to] = [first + at, first + (at + 1) % length];
+            if from != 0 && to != 0 {
+                mesh.triangles.extend([[0, to, from], [count, from + count, to + count]]);
+            }
+            mesh.add_polygon(&[from, to, to + count, from + count]);
+        }
+        first += length;
     }
     mesh
 }

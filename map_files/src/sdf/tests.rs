@@ -116,6 +116,89 @@ fn primitives_have_their_volumes() {
     assert_eq!(read_world(&(on_ground + &ground)), ([14, 10, 7], 32 + 60, [-2.0, -2.0, -3.0]));
 }
 
+/// Walls of each layer of a map of polylines, from below.
+fn layers_of(shape: &str) -> Vec<usize> {
+    let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+    let spec = ImportSpec { options, ..of(&world(&model("a", "0 0 0 0 0 0", shape)), &[]) };
+    let terrain = spec.read().unwrap_or_else(|error| panic!("{error}")).terrain;
+    let [x, y, z] = terrain.extent().size().map(|cells| cells as i32);
+    let is_wall = |x, y, z| terrain.get(voxels::Cell::new(x, y, z)) == Some(&Terrain::Wall);
+    let layer = |z| (1..x - 1).flat_map(|x| (1..y - 1).map(move |y| (x, y))).filter(|&(x, y)| is_wall(x, y, z)).count();
+    (2..z - 2).map(layer).collect()
+}
+
+/// As libsdformat 12.3 reads the elements (a height that is missing is 1) and gz-common extrudes
+/// them: the height of the first loop, and what lies within an odd number of loops.
+#[test]
+fn polylines_within_each_other_are_holes_and_islands() {
+    let polyline = |corners: &[[i32; 2]], height: &str| {
+        let points: String = corners.iter().map(|[x, y]| format!("<point>{x} {y}</point>")).collect();
+        format!("<polyline>{points}{height}</polyline>")
+    };
+    let outer = polyline(&[[0, 0], [10, 0], [10, 8], [0, 8]], "<height>3</height>");
+    let hole = polyline(&[[2, 2], [8, 2], [8, 6], [2, 6]], "<height>9</height>");
+    let island = polyline(&[[4, 3], [4, 5], [6, 5], [6, 3], [4, 3]], "");
+    assert_eq!(layers_of(&format!("{outer}{hole}")), [56; 3]);
+    assert_eq!(layers_of(&format!("{outer}{hole}{island}")), [60; 3]);
+    let clockwise = polyline(&[[2, 6], [8, 6], [8, 2], [2, 2]], "");
+    assert_eq!(layers_of(&format!("{outer}{clockwise}{island}")), [60; 3]);
+    // Two holes side by side, and a plan of two pieces.
+    let holes = polyline(&[[1, 1], [3, 1], [3, 7], [1, 7]], "") + &polyline(&[[7, 1], [7, 7], [9, 7], [9, 1]], "");
+    assert_eq!(layers_of(&format!("{outer}{holes}")), [56; 3]);
+    let apart = polyline(&[[20, 0], [24, 0], [24, 8], [20, 8]], "");
+    assert_eq!(layers_of(&format!("{outer}{hole}{apart}")), [88; 3]);
+    assert_eq!(layers_of(&island), [4]);
+}
+
+#[test]
+fn parts_of_meshes_are_chosen_by_name() {
+    let cube = |at: usize, [x, y, z]: [i32; 3]| {
+        let corners: String =
+            (0..8).map(|c| format!("v {} {} {}\n", x + (c & 1) * 2, y + (c >> 1 & 1) * 2, z + (c >> 2) * 2)).collect();
+        let faces = [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]];
+        let faces = faces.map(|face| format!("f {}\n", face.map(|corner| (8 * at + corner).to_string()).join(" ")));
+        (corners, faces.concat())
+    };
+    let cubes = [cube(0, [0, 0, 0]), cube(1, [6, 0, 0]), cube(2, [6, 6, 0])];
+    let corners: String = cubes.iter().map(|(corners, _)| corners.as_str()).collect();
+    let obj = format!("{corners}o one\n{}g two big\n{}o one\n{}", cubes[0].1, cubes[1].1, cubes[2].1);
+    let positions: String =
+        cubes[0].0.lines().flat_map(|line| line.split(' ').skip(1)).map(|number| format!("{number} ")).collect();
+    let indices: String = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+        .iter()
+        .flatten()
+        .map(|corner| format!("{corner} "))
+        .collect();
+    let dae = format!(
+        "<COLLADA version=\"1.4.1\"><asset><up_axis>Z_UP</up_axis></asset><library_geometries><geometry id=\"g\"><mesh>\
+         <source id=\"p\"><float_array>{positions}</float_array></source><vertices id=\"v\"><input semantic=\"POSITION\" \
+         source=\"#p\"/></vertices><polylist><input semantic=\"VERTEX\" source=\"#v\" offset=\"0\"/><vcount>4 4 4 4 4 4\
+         </vcount><p>{indices}</p></polylist></mesh></geometry></library_geometries><library_visual_scenes>\
+         <visual_scene id=\"s\"><node name=\"one\"><instance_geometry url=\"#g\"/></node><node name=\"far\"><node>\
+         <translate>6 6 0</translate><instance_geometry url=\"#g\"/></node></node></visual_scene></library_visual_scenes>\
+         <scene><instance_visual_scene url=\"#s\"/></scene></COLLADA>"
+    );
+    let files = [("a.obj", obj.as_str()), ("a.dae", dae.as_str())];
+    let read = |mesh: &str| {
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        let text = world(&model("a", "0 0 0 0 0 0", &format!("<mesh>{mesh}</mesh>")));
+        ImportSpec { options, ..of(&text, &files) }.read().map(|imported| measured(&imported))
+    };
+    let sub = |file: &str, name: &str, rest: &str| {
+        read(&format!("<uri>{file}</uri><submesh><name> {name} </name>{rest}</submesh>")).unwrap()
+    };
+    assert_eq!(sub("a.obj", "two big", ""), ([6, 6, 6], 8, [4.0, -2.0, -2.0]));
+    assert_eq!(sub("a.obj", "two big", "<center>1</center>"), ([6, 6, 6], 8, [-3.0; 3]));
+    assert_eq!(sub("a.obj", "one", "<center>false</center>"), ([12, 12, 6], 16, [-2.0; 3]), "all of the name");
+    assert_eq!(sub("a.dae", "far", ""), ([6, 6, 6], 8, [4.0, 4.0, -2.0]), "the name of the node above");
+    assert_eq!(sub("a.dae", "one", "<center>true</center>"), ([6, 6, 6], 8, [-3.0; 3]));
+    let scaled =
+        read("<uri>a.obj</uri><submesh><name>two big</name><center>true</center></submesh><scale>2 1 1</scale>");
+    assert_eq!(scaled.unwrap(), ([8, 6, 6], 16, [-4.0, -3.0, -3.0]), "scaled about its middle");
+    let refused = read("<uri>a.obj</uri><submesh><name>three</name></submesh>").unwrap_err().to_string();
+    assert!(refused.contains("a.obj: submesh \"three\" is no part of it; it has \"one\", \"two big\""), "{refused}");
+}
+
 #[test]
 fn models_are_included_with_their_meshes() {
     let config = "<model><sdf version=\"1.4\">old.sdf</sdf><sdf version=\"1.10\">model.sdf</sdf></model>";
@@ -175,7 +258,11 @@ fn what_is_not_read_is_named() {
             .contains("line 2: <heightmap>: height maps are not read; export")
     );
     assert!(refuse("<mesh><uri>a.dae</uri></mesh>").starts_with("a.world: a.dae: is not found below the folder"));
-    assert!(refuse("<mesh><uri>a.dae</uri><submesh><name>b</name></submesh></mesh>").contains("submesh is not read"));
+    let centred = "<mesh><uri>a.dae</uri><submesh><center>true</center></submesh></mesh>";
+    assert!(refuse(centred).contains("<submesh>: it has no name"));
+    assert!(
+        refuse("<polyline><point>0 0</point><point>1 0</point><point>0 0</point></polyline>").contains("at least 3")
+    );
     assert!(refuse("<image/>").contains("geometries of kind image are not read"));
     assert!(refuse("<box><size>0 1 1</size></box>").contains("size is not above 0"));
     let text = world(&format!("<actor name=\"a\"/>{}", model("a", "0 0 0 0 0 0", BOX)));

@@ -3,7 +3,9 @@
 //! MAES3D draws a radius and a centre until the centre is a wall cell, which never ends once none
 //! is left. Here the same loop runs for a bounded number of draws; after that the remaining wall
 //! cells are listed and one is drawn from the list, with the probability that the endless loop
-//! would have given it. So the bound decides only how fast a map is made.
+//! would have given it. So the bound decides only how fast a map is made. With the random numbers
+//! of MAES3D's engine ([`SphereRandom`]) the loop is the reference's, draw by draw, up to the
+//! bound.
 
 use std::ops::RangeInclusive;
 
@@ -11,7 +13,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use voxels::{Cell, Extent, Grid, Terrain};
 
-use super::Sphere;
+use super::unity::Unity;
+use super::{MapError, Sphere, SphereRandom, SpheresSpec};
 
 /// Draws without success before the remaining wall cells are listed. At this bound the list of even
 /// the largest map is short (wall cells are rarer than about one in ten thousand), and all draws
@@ -23,15 +26,26 @@ pub(super) struct Centres {
     extent: Extent,
     radii: RangeInclusive<u32>,
     rng: ChaCha8Rng,
+    /// The source of the loop, if it is not `rng`.
+    unity: Option<Unity>,
     /// Once drawing has failed: the wall cells that can be a centre of at least the smallest
     /// sphere.
     left: Option<Vec<Cell>>,
 }
 
 impl Centres {
-    /// Spheres of these radii, which must all fit into the extent.
-    pub(super) fn new(extent: Extent, radii: RangeInclusive<u32>, seed: u64) -> Self {
-        Self { extent, radii, rng: voxels::random_streams::stream(seed, 0, "map.spheres"), left: None }
+    /// Spheres of the radii of a spec, which must all fit into the extent.
+    ///
+    /// # Errors
+    /// If the generator of MAES3D's engine cannot take the seed.
+    pub(super) fn new(extent: Extent, spec: &SpheresSpec, seed: u64) -> Result<Self, MapError> {
+        let unity = match spec.random {
+            SphereRandom::Chacha => None,
+            SphereRandom::Unity => Some(Unity::of_seed(seed)?),
+            SphereRandom::UnityNamed => Some(Unity::of_named_map(seed)?),
+        };
+        let rng = voxels::random_streams::stream(seed, 0, "map.spheres");
+        Ok(Self { extent, radii: spec.radius_min..=spec.radius_max, rng, unity, left: None })
     }
 
     /// A sphere whose centre is a wall cell, or `None` if no radius has such a centre left.
@@ -46,9 +60,21 @@ impl Centres {
     }
 
     fn try_draw(&mut self, terrain: &Grid<Terrain>) -> Option<Sphere> {
-        let radius = self.rng.random_range(self.radii.clone());
-        let [x, y, z] = legal_centres(self.extent, radius).map(|axis| self.rng.random_range(axis));
-        let centre = Cell::new(x, y, z);
+        let (radius, centre) = match &mut self.unity {
+            None => {
+                let radius = self.rng.random_range(self.radii.clone());
+                let [x, y, z] = legal_centres(self.extent, radius).map(|axis| self.rng.random_range(axis));
+                (radius, Cell::new(x, y, z))
+            }
+            Some(unity) => {
+                let radius = unity.integer(self.radii.start().cast_signed()..=self.radii.end().cast_signed());
+                let radius = radius.cast_unsigned();
+                // The reference's y is up, and drawn before its z.
+                let [x, y, z] = legal_centres(self.extent, radius);
+                let [x, z, y] = [x, z, y].map(|axis| unity.integer(axis));
+                (radius, Cell::new(x, y, z))
+            }
+        };
         (terrain.get(centre) == Some(&Terrain::Wall)).then_some(Sphere { centre, radius })
     }
 
@@ -115,13 +141,18 @@ fn wall_cells(terrain: &Grid<Terrain>, [x, y, z]: [RangeInclusive<i32>; 3]) -> V
 mod tests {
     use super::*;
 
+    fn centres(extent: Extent, radii: RangeInclusive<u32>, seed: u64) -> Centres {
+        let spec = SpheresSpec { radius_min: *radii.start(), radius_max: *radii.end(), ..SpheresSpec::default() };
+        Centres::new(extent, &spec, seed).unwrap()
+    }
+
     #[test]
     fn no_wall_left_is_none() {
         let extent = Extent::new([9; 3], 1.0).unwrap();
         let mut terrain = Grid::new(extent, Terrain::Free);
         // Solid, and yet no legal centre of radius 1, which are 2 to 5.
         terrain.set(Cell::new(1, 4, 4), Terrain::Wall);
-        assert_eq!(Centres::new(extent, 1..=2, 1).draw(&terrain), None);
+        assert_eq!(centres(extent, 1..=2, 1).draw(&terrain), None);
     }
 
     #[test]
@@ -130,10 +161,10 @@ mod tests {
         let mut terrain = Grid::new(extent, Terrain::Free);
         let corner = Cell::new(4, 4, 94);
         terrain.set(corner, Terrain::Wall);
-        let mut centres = Centres::new(extent, 3..=8, 1);
-        assert_eq!(centres.draw(&terrain), Some(Sphere { centre: corner, radius: 3 }));
+        let mut last = centres(extent, 3..=8, 1);
+        assert_eq!(last.draw(&terrain), Some(Sphere { centre: corner, radius: 3 }));
         terrain.set(corner, Terrain::Free);
-        assert_eq!(centres.draw(&terrain), None);
+        assert_eq!(last.draw(&terrain), None);
     }
 
     /// Both ways of drawing give every (centre, radius) the same probability.
@@ -156,10 +187,10 @@ mod tests {
             counts
         };
         let (for_loop, for_list) = (terrain.clone(), terrain);
-        let mut centres = Centres::new(extent, 1..=2, 1);
-        let by_loop = count(Box::new(move || centres.draw(&for_loop).unwrap()));
-        let mut centres = Centres::new(extent, 1..=2, 2);
-        let by_list = count(Box::new(move || centres.draw_from_list(&for_list).unwrap()));
+        let mut first = centres(extent, 1..=2, 1);
+        let by_loop = count(Box::new(move || first.draw(&for_loop).unwrap()));
+        let mut second = centres(extent, 1..=2, 2);
+        let by_list = count(Box::new(move || second.draw_from_list(&for_list).unwrap()));
 
         // 64 legal cells of radius 1 and 8 of radius 2: the five pairs weigh 1, 1, 1, 8 and 8.
         let pairs = [(walls[0], 1), (walls[1], 1), (walls[2], 1), (walls[1], 2), (walls[2], 2)];

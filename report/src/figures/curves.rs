@@ -34,7 +34,7 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
             sheet.svg.end_group();
         }
         for (variant, runs) in &cells {
-            let (mean, band) = mean_and_band(runs)?;
+            let (mean, band) = mean_and_band(runs, shown_until_s(study, condition))?;
             let position = |(time_s, share): &(f64, f64)| panel.at(time_s / unit.seconds, 100.0 * share);
             let band: Vec<_> = band.iter().map(position).collect();
             let mean: Vec<_> = mean.iter().map(position).collect();
@@ -63,9 +63,8 @@ pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
 /// (Time in seconds, share).
 type Points = Vec<(f64, f64)>;
 
-/// The mean over the runs, and the outline of its band.
-fn mean_and_band(runs: &[&RunRecord]) -> Result<(Points, Points), StatisticsError> {
-    let end_s = runs.iter().map(|run| run.row.duration_s).fold(0.0, f64::max);
+/// The mean over the runs until a time, and the outline of its band.
+fn mean_and_band(runs: &[&RunRecord], end_s: f64) -> Result<(Points, Points), StatisticsError> {
     let mut mean = Vec::with_capacity(POINTS + 1);
     let (mut lower, mut upper) = (Vec::with_capacity(2 * POINTS + 2), Vec::with_capacity(POINTS + 1));
     for i in 0..=POINTS {
@@ -157,9 +156,7 @@ fn over_time(
     let mut sheet = Sheet::new(layout);
     for (i, (environment, agents, condition)) in panels.conditions.iter().enumerate() {
         let end_s = match condition {
-            Some(condition) => {
-                cells(study, condition).flat_map(|(_, runs)| runs).map(|run| run.row.duration_s).fold(0.0, f64::max)
-            }
+            Some(condition) => shown_until_s(study, condition),
             None => study.runs.iter().map(|run| run.row.duration_s).fold(0.0, f64::max),
         };
         let x = Axis::linear(0.0, end_s / unit.seconds, 6);
@@ -174,6 +171,15 @@ fn over_time(
         }
     }
     Ok(sheet.finish())
+}
+
+/// The sim time at which the axis of a condition ends, s: a little after the last run has ended, at
+/// most with the duration.
+fn shown_until_s(study: &Study, condition: &Condition) -> f64 {
+    let rows = || cells(study, condition).flat_map(|(_, runs)| runs).map(|run| &run.row);
+    let duration_s = rows().map(|row| row.duration_s).fold(0.0, f64::max);
+    let end_s = rows().map(|row| if row.failure().is_some() { row.duration_s } else { row.end_s }).fold(0.0, f64::max);
+    if end_s > 0.0 { duration_s.min(1.05 * end_s) } else { duration_s }
 }
 
 /// The variants that have runs under a condition, with these runs.

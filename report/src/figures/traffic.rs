@@ -167,6 +167,8 @@ fn kind_name(kind: u8) -> String {
         Some(MessageType::Map) => format!("maps (kind {kind})"),
         Some(MessageType::Claims) => format!("claims (kind {kind})"),
         Some(MessageType::Finished) => format!("nothing left (kind {kind})"),
+        Some(MessageType::Meeting) => format!("meetings (kind {kind})"),
+        Some(MessageType::Parts) => format!("parts (kind {kind})"),
         None => format!("kind {kind}"),
     }
 }

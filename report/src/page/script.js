@@ -10,6 +10,19 @@
   const cursor = document.createElementNS('http://www.w3.org/2000/svg', 'line');
   cursor.id = 'cursor';
 
+  // A link opens the section that it leads into.
+  const reveal = () => {
+    let element = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    for (const target = element; element; element = element.parentElement) {
+      if (element.tagName === 'DETAILS' && !element.open) {
+        element.open = true;
+        target.scrollIntoView();
+      }
+    }
+  };
+  addEventListener('hashchange', reveal);
+  reveal();
+
   // Points of a line in pixels of its image, parsed once.
   const parsed = new WeakMap();
   const points = (line) => {

@@ -5,7 +5,7 @@ use std::pin::pin;
 use std::rc::Rc;
 
 use msgs::service::Reply;
-use msgs::simulation_interfaces::{ResultResponse, StepRequest, StepsFeedback};
+use msgs::simulation_interfaces::{SimulateStepsFeedback, SimulateStepsGoal, SimulateStepsResult};
 use ros2_client::action::{ActionServer, ActionServerQosPolicies, GoalId};
 use ros2_client::action_msgs::GoalStatusArray;
 use ros2_client::{ActionTypeName, CreateError, Name, Node, RmwRequestId};
@@ -15,7 +15,7 @@ use crate::dds::{qos_profile, topic_name};
 use crate::services::{CallerDiscovery, Wire, mapping, qos};
 use crate::{EndpointFactory, Inbox, RosError, ThrottledWarning};
 
-type Steps = ActionServer<Wire<StepRequest>, Wire<ResultResponse>, Wire<StepsFeedback>>;
+type Steps = ActionServer<Wire<SimulateStepsGoal>, Wire<SimulateStepsResult>, Wire<SimulateStepsFeedback>>;
 
 /// The server, and the callers of its services that are discovered.
 struct Server {
@@ -126,7 +126,7 @@ fn reply<R: 'static>(
 struct Published(Rc<Server>);
 
 impl Topics for Published {
-    fn feedback(&self, goal: GoalId, feedback: StepsFeedback) -> Result<(), String> {
+    fn feedback(&self, goal: GoalId, feedback: SimulateStepsFeedback) -> Result<(), String> {
         self.0.steps.borrow().send_feedback(goal, Wire(feedback)).map_err(|error| error.to_string())
     }
 

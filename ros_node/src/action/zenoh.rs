@@ -3,8 +3,10 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use msgs::service::{CANCEL_GOAL, GOAL_STATUS_ARRAY, Reply, SIMULATE_STEPS};
-use msgs::simulation_interfaces::StepsFeedback;
+use msgs::action_msgs::{CancelGoal, GoalStatusArray as StatusMessage};
+use msgs::message::Message;
+use msgs::service::{Action, Reply, Service};
+use msgs::simulation_interfaces::{SimulateSteps, SimulateStepsFeedback};
 use ros2_client::action::{
     CancelGoalRequest, CancelGoalResponse, FeedbackMessage, GetResultRequest, GoalId, SendGoalResponse,
 };
@@ -34,13 +36,13 @@ pub(super) fn steps_action<T>(
     convert: Rc<impl Fn(Result<Option<StepsEvent>, String>) -> T + 'static>,
 ) -> Result<(), RosError> {
     let ActionHashes { send_goal, get_result, feedback } =
-        type_hash::of_action("simulation_interfaces", "SimulateSteps", SIMULATE_STEPS);
-    let cancel_goal = type_hash::of_service("action_msgs", "CancelGoal", CANCEL_GOAL);
+        type_hash::of_action(SimulateSteps::PACKAGE, SimulateSteps::NAME, SimulateSteps::DEFINITION);
+    let cancel_goal = type_hash::of_service(CancelGoal::PACKAGE, CancelGoal::NAME, CancelGoal::DEFINITION);
     let of_action = |part: &str| format!("{name}/_action/{part}");
     let own = |part: &str| format!("{TYPE_NAME}_{part}_");
     let feedback = node.writer_of(&of_action("feedback"), own("FeedbackMessage"), feedback, FEEDBACK_QOS)?;
     let status_type = "action_msgs::msg::dds_::GoalStatusArray_".to_owned();
-    let status = node.writer_of(&of_action("status"), status_type, type_hash::of(GOAL_STATUS_ARRAY), STATUS_QOS)?;
+    let status = node.writer_of(&of_action("status"), status_type, type_hash::of(StatusMessage::TYPE), STATUS_QOS)?;
     let published = Published { feedback: RefCell::new(feedback), status: RefCell::new(status) };
     let shared = ActionState::new(name, Box::new(published));
     let (goals, cancels) = (Rc::clone(&shared), Rc::clone(&shared));
@@ -88,7 +90,7 @@ fn serve<T, Q: DeserializeOwned + 'static, R: Serialize + 'static>(
 }
 
 impl Topics for Published {
-    fn feedback(&self, goal_id: GoalId, feedback: StepsFeedback) -> Result<(), String> {
+    fn feedback(&self, goal_id: GoalId, feedback: SimulateStepsFeedback) -> Result<(), String> {
         self.feedback.borrow_mut().publish(&FeedbackMessage { goal_id, feedback: Wire(feedback) })
     }
 

@@ -12,11 +12,11 @@ use std::os::unix::net::UnixStream;
 use std::time::{Duration, Instant};
 
 use msgs::cdr;
-use msgs::limits::OBSERVATION_BYTES_MAX;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use protocol::limits::OBSERVATION_BYTES_MAX;
 use serde::Serialize;
 
-use crate::now;
+use system::wall_clock::now;
 
 /// Longest content of a frame, bytes: a message, and what signs it.
 const CONTENT_BYTES_MAX: usize = OBSERVATION_BYTES_MAX + 1024;

@@ -3,7 +3,7 @@
 //!
 //! Each number has eight bytes, the lowest first; the id has its length before it.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use system::wall_clock;
 
 /// Bytes of an id, and its length as it is written.
 const ID_BYTES: u8 = 16;
@@ -22,9 +22,8 @@ pub(super) struct Attachment {
 
 impl Attachment {
     /// Of a message that is sent now.
-    #[expect(clippy::disallowed_methods, reason = "rmw_zenoh states when a message was sent; no result depends on it")]
     pub(super) fn now(sequence: i64, gid: [u8; 16]) -> Self {
-        let passed = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let passed = wall_clock::since_epoch();
         Attachment { sequence, sent_ns: i64::try_from(passed.as_nanos()).unwrap_or(i64::MAX), gid }
     }
 

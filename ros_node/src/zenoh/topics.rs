@@ -14,9 +14,9 @@ use ::zenoh::pubsub::{Publisher, Subscriber};
 use ::zenoh::qos::{CongestionControl, Reliability as ZenohReliability};
 use ::zenoh::sample::SourceInfo;
 use msgs::cdr;
-use msgs::limits::OBSERVATION_BYTES_MAX;
 use msgs::message::Message;
 use msgs::topics::{Durability, Qos, Reliability, Topic};
+use protocol::limits::OBSERVATION_BYTES_MAX;
 use serde::Serialize;
 use zenoh_ext::{
     AdvancedPublisher, AdvancedPublisherBuilderExt, AdvancedSubscriber, AdvancedSubscriberBuilderExt, CacheConfig,

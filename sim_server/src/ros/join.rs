@@ -6,7 +6,7 @@
 
 use msgs::maes_msgs::{Join, SignedJoin};
 use msgs::message::{Message, MessageType};
-use msgs::signing::{Bytes, NONE};
+use protocol::signing::{Bytes, NONE};
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

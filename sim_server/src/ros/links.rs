@@ -13,7 +13,7 @@ use ros_node::{Connected, Context, Inbox, MessageKind, SocketSample, Sockets, Su
 use serde::Serialize;
 
 use super::{Item, incoming, join};
-use crate::transport::Inbound;
+use transport::Inbound;
 
 /// The number of the topic of the replies to joins, before those of the observations.
 const REPLIES: usize = 0;

@@ -4,7 +4,7 @@
 //! Invariants: messages are published as recorded, with the type and QoS they have in a run;
 //! readers are waited for, in the middle and at the end, but each only while it acknowledges
 //! something (see [`ros_node::BlockingPublisher`]); a late reader of a latched topic receives every
-//! message that still holds. [`crate::replay`] decides when a message is due.
+//! message that still holds. [`recording::replay`] decides when a message is due.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -19,13 +19,13 @@ use ros_node::{
 };
 
 use super::services::{ServiceEvent, Services};
-use crate::recording::Recording;
-use crate::replay::{
+use crate::terminal::{self, Terminal};
+use recording::Recording;
+use recording::replay::{
     LatchedCache, PlaybackCursor, PlaybackSchedule, PlaybackTiming, Player, PlayerAction, ScheduledMessage,
 };
-use crate::terminal::{self, Terminal};
-use crate::wall_clock::now;
 use simulation::parameters;
+use system::wall_clock::now;
 
 const NODE: &str = "replay";
 
@@ -82,7 +82,8 @@ pub fn play(
         node.poll(&mut player, Duration::ZERO);
         if reported.is_none_or(|reported: Instant| reported.elapsed() >= REPORT_PERIOD) {
             reported = Some(now());
-            terminal.status(player.position(), node.status(&player));
+            let done = player.position().0 as f64 / schedule.ticks().1.0.max(1) as f64;
+            terminal.status(done, &node.status(&player));
         }
         match player.next_action(node.wall_ns()) {
             PlayerAction::Play(tick) => {

@@ -1,20 +1,21 @@
 //! The services and parameters of the server and of a replay, converted into [`Request`]s.
 //!
-//! Parameter services are answered at once; all other requests are queued for the run loop.
+//! DeclaredParameter services are answered at once; all other requests are queued for the run loop.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-use msgs::parameters::{Named, Parameter, ParameterEvent, Parameters};
+use msgs::parameters::{DeclaredParameter, Parameters};
+use msgs::rcl_interfaces::{Parameter, ParameterEvent};
 use msgs::service::{Ask, Service};
 use msgs::simulation_interfaces::Result as Outcome;
 use msgs::topics;
 use ros_node::{EndpointFactory, Goal, Inbox, Node, Publisher, RosError, StepsEvent, ThrottledWarning};
 
-use crate::control::{Request, Steps};
 use simulation::parameters;
 use simulation::scenario::Rtf;
+use transport::control::{Request, Steps};
 
 /// Maximum queued requests; a further one is not answered.
 const REQUESTS_MAX: usize = 256;
@@ -23,7 +24,7 @@ const REQUESTS_MAX: usize = 256;
 pub(super) enum ServiceEvent {
     /// A request for the run.
     Request(Box<Request>),
-    Set(Vec<Named>),
+    Set(Vec<Parameter>),
     /// A request that was answered at once.
     Answered,
     /// Undecodable bytes.
@@ -49,7 +50,7 @@ impl Services {
         node: &mut Node,
         endpoints: &mut EndpointFactory,
         inbox: &mut Inbox<T>,
-        declared: Vec<Parameter>,
+        declared: Vec<DeclaredParameter>,
     ) -> Result<Self, RosError> {
         let mut offer = ServiceOffer { name: "/sim_server", node, endpoints, inbox };
         offer.time_control()?;
@@ -70,7 +71,7 @@ impl Services {
         node: &mut Node,
         endpoints: &mut EndpointFactory,
         inbox: &mut Inbox<T>,
-        declared: Vec<Parameter>,
+        declared: Vec<DeclaredParameter>,
     ) -> Result<Self, RosError> {
         let mut offer = ServiceOffer { name: "/replay", node, endpoints, inbox };
         offer.time_control()?;
@@ -98,14 +99,14 @@ impl Services {
 
     /// Sets the parameter of the real-time factor, whatever has changed it.
     pub(super) fn set_rtf(&mut self, node: &mut Node, rtf: Rtf) {
-        let named = Named { name: parameters::RTF.to_owned(), value: parameters::value_of(rtf).into() };
+        let named = Parameter { name: parameters::RTF.to_owned(), value: parameters::value_of(rtf).into() };
         let is_known = self.parameters.borrow().values(std::slice::from_ref(&named.name)) == [named.value.clone()];
         if !is_known && self.parameters.borrow_mut().set(&named).is_ok() {
             self.publish_event(node, vec![named]);
         }
     }
 
-    fn publish_event(&mut self, node: &mut Node, changed_parameters: Vec<Named>) {
+    fn publish_event(&mut self, node: &mut Node, changed_parameters: Vec<Parameter>) {
         let event = ParameterEvent { node: self.name.to_owned(), changed_parameters, ..ParameterEvent::default() };
         self.events.publish(node, &event);
     }
@@ -127,7 +128,7 @@ impl Services {
 }
 
 /// Refuses a real-time factor that is in range but not legal.
-fn check_rtf(named: &Named) -> Result<(), String> {
+fn check_rtf(named: &Parameter) -> Result<(), String> {
     if parameters::is_pace(&named.name) {
         parameters::pace(&named.name, named.value.double_value).map(drop)
     } else {
@@ -170,7 +171,7 @@ impl<T: From<ServiceEvent> + 'static> ServiceOffer<'_, T> {
     }
 
     /// The parameters, which come last.
-    fn parameters(self, declared: Vec<Parameter>) -> Result<Services, RosError> {
+    fn parameters(self, declared: Vec<DeclaredParameter>) -> Result<Services, RosError> {
         let Self { name, node, endpoints, inbox } = self;
         let mut parameters = Parameters::default();
         parameters.declare(declared);

@@ -20,11 +20,11 @@ use ros_node::{Context, EndpointFactory, Inbox, Node, Publisher, RosError, Sampl
 
 use super::Item;
 use super::visualisation::VisualisationPublishers;
-use crate::transport::{Inbound, Incoming};
-use crate::wall_clock::now;
-use simulation::lockstep::SourceId;
+use protocol::lockstep::SourceId;
 use simulation::twist;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
+use system::wall_clock::now;
+use transport::{Inbound, Incoming};
 
 /// Wall time between two polls for publishers of velocities.
 const POLL_PERIOD: Duration = Duration::from_millis(50);

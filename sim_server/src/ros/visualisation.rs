@@ -9,6 +9,7 @@ use msgs::diagnostic_msgs::DiagnosticArray;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Digest, Result as Outcome};
 use msgs::nav_msgs::{OccupancyGrid, Odometry, Path};
+use msgs::octomap_msgs::Octomap;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::std_msgs;
 use msgs::tf2_msgs::TFMessage;
@@ -38,6 +39,7 @@ enum TopicPublisher {
     Info(Publisher<DiagnosticArray>),
     Text(Publisher<std_msgs::String>),
     Occupancy(Publisher<OccupancyGrid>),
+    Octomap(Publisher<Octomap>),
     Digest(Publisher<Digest>),
     Result(Publisher<Outcome>),
 }
@@ -64,7 +66,7 @@ impl VisualisationPublishers {
                     TopicPublisher::Transforms(endpoints.publisher(node, &topic)?)
                 }
                 VisualisationTopic::Odometry(_) => TopicPublisher::Odometry(endpoints.publisher(node, &topic)?),
-                VisualisationTopic::Points(_) | VisualisationTopic::MapPoints => {
+                VisualisationTopic::Points(_) | VisualisationTopic::MapPoints | VisualisationTopic::ExploredPoints => {
                     TopicPublisher::Points(endpoints.publisher(node, &topic)?)
                 }
                 VisualisationTopic::Path(_) => TopicPublisher::Path(endpoints.publisher(node, &topic)?),
@@ -75,7 +77,12 @@ impl VisualisationPublishers {
                     TopicPublisher::Info(endpoints.publisher(node, &topic)?)
                 }
                 VisualisationTopic::RobotDescription => TopicPublisher::Text(endpoints.publisher(node, &topic)?),
-                VisualisationTopic::Occupancy => TopicPublisher::Occupancy(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Occupancy | VisualisationTopic::ExploredOccupancy => {
+                    TopicPublisher::Occupancy(endpoints.publisher(node, &topic)?)
+                }
+                VisualisationTopic::Octomap | VisualisationTopic::ExploredOctomap => {
+                    TopicPublisher::Octomap(endpoints.publisher(node, &topic)?)
+                }
                 // The transport publishes it itself.
                 VisualisationTopic::Clock => continue,
                 VisualisationTopic::Digest => TopicPublisher::Digest(endpoints.publisher(node, &topic)?),
@@ -156,6 +163,9 @@ impl VisualisationPublishers {
             (TopicPublisher::Info(publisher), VisualisationMessage::Info(message)) => publisher.publish(node, message),
             (TopicPublisher::Text(publisher), VisualisationMessage::Text(message)) => publisher.publish(node, message),
             (TopicPublisher::Occupancy(publisher), VisualisationMessage::Occupancy(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::Octomap(publisher), VisualisationMessage::Octomap(message)) => {
                 publisher.publish(node, message)
             }
             (TopicPublisher::Digest(publisher), VisualisationMessage::Digest(message)) => {

@@ -9,8 +9,8 @@ use super::agents::POLL_PERIOD;
 use super::control::Phase;
 use super::log::EntryKind;
 use super::{EndReason, RunError, Session};
-use crate::playback::Playback;
-use crate::transport::Level;
+use recording::playback::Playback;
+use transport::Level;
 
 impl Session<'_, '_> {
     /// Waits until every id has a process. Breaks with the reason if the run ends before its first

@@ -8,17 +8,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::RECORDED_PROTOCOL;
 use msgs::maes_msgs::{Join, Scenario};
+use protocol::limits::RECORDED_PROTOCOL;
 
 use super::log::SessionLog;
 use super::{Phase, PhaseTimes, RunError, RunObserver};
-use crate::difference;
-use crate::recorder::RecordError;
-use crate::transport::{Level, Transport};
-use simulation::lockstep::{
+use protocol::lockstep::{
     AgentSessions, Event, MissingReplies, ObservationRequest, Replies, TimeoutPolicy, Transmit, listed,
 };
+use recording::difference;
+use recording::recorder::RecordError;
+use transport::{Level, Transport};
 
 /// Wall time for which the session waits for a message before it attends to its other duties.
 pub(super) const POLL_PERIOD: Duration = Duration::from_millis(50);

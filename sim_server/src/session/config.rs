@@ -1,11 +1,12 @@
 //! The configuration of a run: its scenario, its mode, and the identity that distinguishes it from
 //! other runs.
 
-use simulation::lockstep::{JoinPolicy, RunIdentity};
+use protocol::lockstep::{JoinPolicy, RunIdentity};
 use simulation::scenario::{Rtf, Scenario};
 
-use super::{Checker, RunError};
-use crate::playback::Playback;
+use super::RunError;
+use recording::comparison::Checker;
+use recording::playback::Playback;
 
 /// What a session runs.
 pub struct RunConfig<'a> {

@@ -10,14 +10,14 @@ use std::time::Duration;
 
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
-    INVALID_POSE, INVALID_SPAWN_POSE, Result as Outcome, ResultResponse, SetEntityStateRequest, SpawnEntityRequest,
+    DeleteEntityResponse, Result as Outcome, SetEntityStateRequest, SetEntityStateResponse, SpawnEntityRequest,
     SpawnEntityResponse,
 };
 
 use super::agents::POLL_PERIOD;
+use super::entities::{self, Team};
 use super::{RunError, Session};
-use crate::control::Request;
-use crate::control::entities::{self, Team};
+use transport::control::Request;
 
 /// Most requests that are answered between two ticks, so that a flood does not stop the clock.
 const REQUESTS_MAX: usize = 32;
@@ -119,11 +119,11 @@ impl Session<'_, '_> {
             Request::EntityBounds(ask) => self.with_team(|team| ask.answer(|request| team.bounds(&request.entity))),
             Request::SetEntityState(Ask { request, reply }) => {
                 let result = self.set_entity_state(&request, phase)?;
-                reply.send(ResultResponse { result });
+                reply.send(SetEntityStateResponse { result });
             }
             Request::Delete(Ask { request, reply }) => {
                 let result = self.delete(&request.entity, phase)?;
-                reply.send(ResultResponse { result });
+                reply.send(DeleteEntityResponse { result });
             }
             Request::Spawn(Ask { request, reply }) => reply.send(self.spawn(&request, phase)?),
             _ => unreachable!("requests that concern time alone are answered by the simulation control"),
@@ -151,7 +151,8 @@ impl Session<'_, '_> {
             return Ok(not_now("pause the simulation before a state is set"));
         }
         let placed = self.engine.place(agent, pose, &mut self.log)?;
-        Ok(placed.map_or_else(|reason| Outcome::failure(INVALID_POSE, reason), |()| Outcome::ok()))
+        Ok(placed
+            .map_or_else(|reason| Outcome::failure(SetEntityStateResponse::INVALID_POSE, reason), |()| Outcome::ok()))
     }
 
     fn delete(&mut self, entity: &str, phase: Phase) -> Result<Outcome, RunError> {
@@ -179,11 +180,11 @@ impl Session<'_, '_> {
         };
         Ok(match self.engine.join(agent, pose, &mut self.log)? {
             Ok(()) => SpawnEntityResponse { result: Outcome::ok(), entity_name: entities::name(agent) },
-            Err(reason) => refused(Outcome::failure(INVALID_SPAWN_POSE, reason)),
+            Err(reason) => refused(Outcome::failure(SpawnEntityResponse::INVALID_POSE, reason)),
         })
     }
 }
 
 fn not_now(reason: &str) -> Outcome {
-    Outcome::failure(Outcome::INCORRECT_STATE, reason)
+    Outcome::failure(Outcome::RESULT_INCORRECT_STATE, reason)
 }

@@ -15,25 +15,28 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use msgs::cdr;
+use msgs::counters::CounterName;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Counter, Observation as Fragment, Progress};
 use msgs::shared_bytes::SharedBytes;
 
+use super::RunError;
 use super::log::{EntryKind, SessionLog};
-use super::{ATTAINABLE_COUNTER, MILESTONE_COUNTER, RunError};
-use crate::playback::RecordedTick;
 use crate::setup;
-use msgs::stage::Stage;
-use msgs::wake_condition::WakeCondition;
+use protocol::command::Command;
+use protocol::lockstep::{CommandReply, ObservationRequest, Replies};
+use protocol::observation::{RequestKind, fragments};
+use protocol::stage::Stage;
+use protocol::wake_condition::WakeCondition;
+use recording::playback::RecordedTick;
 use simulation::digest::{Chain, Digest};
-use simulation::lockstep::{CommandReply, ObservationRequest, Replies};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent};
 use simulation::wire::{self, Change};
 use simulation::workers::Workers;
 use simulation::world::attainable::Attainable;
 use simulation::world::body::Pose;
 use simulation::world::map_change::MapChange;
-use simulation::world::{Action, Presence, RequestKind, World};
+use simulation::world::{Presence, World};
 
 /// A committed exchange with an agent.
 pub(super) struct CommittedReply {
@@ -254,7 +257,7 @@ impl<'a> Engine<'a> {
     /// The observation of an agent as a request.
     pub(super) fn request(&mut self, agent: AgentId, kind: RequestKind, phase: u8) -> ObservationRequest {
         let observation = self.world.observe(agent, kind);
-        ObservationRequest { agent, kind, fragments: Arc::new(wire::observation_parts(observation, phase)) }
+        ObservationRequest { agent, kind, fragments: Arc::new(fragments::split(observation, phase)) }
     }
 
     /// Commits and logs the exchanges of a tick. Returns them, and the actions for
@@ -264,13 +267,13 @@ impl<'a> Engine<'a> {
         requests: Vec<ObservationRequest>,
         mut replies: Replies,
         log: &mut SessionLog<'_>,
-    ) -> Result<(Vec<CommittedReply>, BTreeMap<AgentId, Action>), RunError> {
+    ) -> Result<(Vec<CommittedReply>, BTreeMap<AgentId, Command>), RunError> {
         let tick = self.tick();
         let mut committed = Vec::new();
         let mut actions = BTreeMap::new();
         for ObservationRequest { agent, kind, fragments } in requests {
             let Some(reply) = replies.remove(&agent) else {
-                actions.insert(agent, Action::LOST);
+                actions.insert(agent, Command::LOST);
                 continue;
             };
             let fragments = match kind {
@@ -285,7 +288,7 @@ impl<'a> Engine<'a> {
                 }
             }
             log.write_digested(EntryKind::Command(agent), tick, &reply.message, &mut self.chain)?;
-            self.wake_conditions[agent.index()] = reply.wake;
+            self.wake_conditions[agent.index()] = reply.command.wake;
             self.decisions += 1;
             self.world.note_belief(agent, reply.message.known_free);
             self.failed_searches[agent.index()] = reply.message.failed_searches;
@@ -295,15 +298,15 @@ impl<'a> Engine<'a> {
             if !reply.message.info.is_empty() {
                 self.infos[agent.index()].clone_from(&reply.message.info);
             }
-            actions.insert(agent, reply.action.clone());
+            actions.insert(agent, reply.command.clone());
             committed.push(CommittedReply { agent, fragments, reply });
         }
         Ok((committed, actions))
     }
 
     /// Advances the world by one tick.
-    pub(super) fn step(&mut self, mut actions: BTreeMap<AgentId, Action>) {
-        actions.extend(std::mem::take(&mut self.removed).into_iter().map(|agent| (agent, Action::LOST)));
+    pub(super) fn step(&mut self, mut actions: BTreeMap<AgentId, Command>) {
+        actions.extend(std::mem::take(&mut self.removed).into_iter().map(|agent| (agent, Command::LOST)));
         self.world.step(actions);
         self.world.cast_ahead(&self.workers);
         self.chain.close(&self.world);
@@ -482,52 +485,51 @@ impl<'a> Engine<'a> {
     pub(super) fn counters(&self) -> Vec<Counter> {
         let totals = self.world.totals();
         let mut counters = vec![
-            counter("free_cells", self.world.coverage().free_cells() as u64),
-            counter("decisions", self.decisions),
-            counter("failed_searches", self.failed_searches.iter().copied().map(u64::from).sum()),
-            counter("scans", totals.scans),
-            counter("scans_cast", totals.scans_cast),
-            counter("collisions", totals.collisions),
-            counter("messages_sent", totals.messages_sent),
-            counter("messages_delivered", totals.messages_delivered),
-            counter("messages_out_of_contact", totals.messages_out_of_contact),
-            counter("messages_inbox_full", totals.messages_inbox_full),
-            counter("message_bytes_delivered", totals.message_bytes_delivered),
-            counter("agents_dropped", self.lost.difference(&self.retired).count() as u64),
+            Counter::new(CounterName::FreeCells, self.world.coverage().free_cells() as u64),
+            Counter::new(CounterName::Decisions, self.decisions),
+            Counter::new(CounterName::FailedSearches, self.failed_searches.iter().copied().map(u64::from).sum()),
+            Counter::new(CounterName::Scans, totals.scans.due()),
+            Counter::new(CounterName::ScansCast, totals.scans.cast()),
+            Counter::new(CounterName::Collisions, totals.collisions),
+            Counter::new(CounterName::MessagesSent, totals.messages_sent),
+            Counter::new(CounterName::MessagesDelivered, totals.messages_delivered),
+            Counter::new(CounterName::MessagesOutOfContact, totals.messages_out_of_contact),
+            Counter::new(CounterName::MessagesInboxFull, totals.messages_inbox_full),
+            Counter::new(CounterName::MessageBytesDelivered, totals.message_bytes_delivered),
+            Counter::new(CounterName::AgentsDropped, self.lost.difference(&self.retired).count() as u64),
         ];
         let map_changes = u64::from(self.world.map_revision());
         // Counters of features that the scenario does not use are left out.
         let radios = || std::iter::once(self.scenario).chain(&self.changed).map(|held| &held.communication);
         let communication = &self.scenario.communication;
         counters.extend(
-            radios().any(|radio| radio.loss > 0.0).then(|| counter("messages_lost_radio", totals.messages_lost_radio)),
+            radios()
+                .any(|radio| radio.loss > 0.0)
+                .then(|| Counter::new(CounterName::MessagesLostRadio, totals.messages_lost_radio)),
         );
         if radios().any(|radio| radio.bytes_per_s.is_finite()) {
-            counters.push(counter("messages_queue_full", totals.messages_queue_full));
+            counters.push(Counter::new(CounterName::MessagesQueueFull, totals.messages_queue_full));
         }
         if communication.relays.per_agent > 0 {
             counters.extend([
-                counter("relays_left", totals.relays_left),
-                counter("relays_refused", totals.relays_refused),
-                counter("relay_writings", totals.relay_writings),
-                counter("relay_writings_lost", totals.relay_writings_lost),
-                counter("relay_readings", totals.relay_readings),
+                Counter::new(CounterName::RelaysLeft, totals.relays_left),
+                Counter::new(CounterName::RelaysRefused, totals.relays_refused),
+                Counter::new(CounterName::RelayWritings, totals.relay_writings),
+                Counter::new(CounterName::RelayWritingsLost, totals.relay_writings_lost),
+                Counter::new(CounterName::RelayReadings, totals.relay_readings),
             ]);
         }
         let kinds = totals.message_bytes_by_kind.iter();
-        counters.extend(kinds.map(|(kind, &bytes)| counter(&format!("message_bytes_delivered_kind_{kind}"), bytes)));
+        counters.extend(kinds.map(|(kind, &bytes)| Counter::new(CounterName::MessageBytesOfType(*kind), bytes)));
         let milestones = self.world.coverage().milestones();
-        counters.extend(milestones.map(|(permille, tick)| counter(&format!("{MILESTONE_COUNTER}{permille}"), tick.0)));
+        counters
+            .extend(milestones.map(|(permille, tick)| Counter::new(CounterName::TickExplored { permille }, tick.0)));
         let attainable = self.world.attainable().map(Attainable::seen_share);
-        counters.extend(attainable.map(|share| counter(ATTAINABLE_COUNTER, (share * 1e6).round() as u64)));
-        counters.extend((self.interventions > 0).then(|| counter("interventions", self.interventions)));
-        counters.extend((map_changes > 0).then(|| counter("map_changes", map_changes)));
+        counters.extend(attainable.map(|share| Counter::new(CounterName::AttainablePpm, (share * 1e6).round() as u64)));
+        counters.extend((self.interventions > 0).then(|| Counter::new(CounterName::Interventions, self.interventions)));
+        counters.extend((map_changes > 0).then(|| Counter::new(CounterName::MapChanges, map_changes)));
         counters
     }
-}
-
-pub(super) fn counter(name: &str, value: u64) -> Counter {
-    Counter { name: name.to_owned(), value }
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@ use msgs::ids::{AgentId, Tick};
 use thiserror::Error;
 
 use super::RunStart;
-use crate::playback::PlaybackError;
-use crate::recorder::RecordError;
-use simulation::lockstep::listed;
+use protocol::lockstep::listed;
+use recording::playback::PlaybackError;
+use recording::recorder::RecordError;
 
 /// The reason why a run has no complete result.
 #[derive(Debug, Error)]

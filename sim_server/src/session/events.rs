@@ -12,8 +12,8 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::Observation as Fragment;
 
 use super::{RunError, SHUTDOWN_TIMEOUT, Session};
+use protocol::observation::RequestKind;
 use simulation::scenario::EventAction;
-use simulation::world::RequestKind;
 
 impl Session<'_, '_> {
     /// Executes the events of the present tick.

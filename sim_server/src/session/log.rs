@@ -10,8 +10,9 @@ use msgs::maes_msgs::Command;
 use msgs::topics::{self, Topic};
 use serde::Serialize;
 
-use crate::live_stream::LiveStream;
-use crate::recorder::{RecordError, RunRecorder};
+use recording::comparison::Checker;
+use recording::live_stream::LiveStream;
+use recording::recorder::{RecordError, RunRecorder};
 use simulation::digest::Chain;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 
@@ -46,16 +47,6 @@ impl From<Option<RunRecorder>> for RecordingSinks {
     fn from(recorder: Option<RunRecorder>) -> Self {
         Self { recorder, live: None }
     }
-}
-
-/// A checker of everything that a run writes, in order.
-pub trait Checker {
-    /// Checks a message, given as CDR with its encapsulation header.
-    fn take(&mut self, topic: &str, tick: Tick, cdr: &[u8]);
-    /// Whether a difference was found, so that the rest of the run need not be executed.
-    fn is_done(&self) -> bool;
-    /// Stops checking: later messages are ignored.
-    fn close(&mut self);
 }
 
 /// The destination of messages besides the digest.

@@ -8,7 +8,7 @@ use msgs::maes_msgs::{JoinReply, Observation, Scenario};
 use simulation::world::World;
 
 use super::RunObserver;
-use crate::transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
+use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 
 /// Discards what is sent, and receives nothing.
 #[derive(Debug, Clone, Copy)]

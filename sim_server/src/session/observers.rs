@@ -9,13 +9,13 @@ use msgs::ids::{AgentId, Tick};
 
 use super::engine::{Engine, Shown};
 use super::{Phase, PhaseTimes};
-use crate::transport::Transport;
-use crate::wall_clock::nanoseconds;
 use simulation::scenario::{RecordedView, Scenario};
 use simulation::visualisation::{
     self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
 };
 use simulation::world::World;
+use system::wall_clock::nanoseconds;
+use transport::Transport;
 
 /// The visualisation topics of a run, and its wall clock.
 pub(super) struct Observers {

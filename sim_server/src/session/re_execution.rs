@@ -12,13 +12,14 @@ use msgs::maes_msgs::{Intervention, Observation as Fragment};
 use super::agents::{Awaited, recorded_join};
 use super::log::EntryKind;
 use super::{EndReason, RunError, Session, timeout_policy};
-use crate::playback::{Ending, Playback, RecordedTick};
-use crate::transport::Level;
+use protocol::lockstep::{CommandReply, MissingReplies, ObservationRequest, Replies};
+use protocol::observation::RequestKind;
+use recording::playback::{Ending, Playback, RecordedTick};
 use simulation::digest::Digest;
-use simulation::lockstep::{CommandReply, MissingReplies, ObservationRequest, Replies};
 use simulation::scenario::OnAgentLoss;
 use simulation::wire::{self, Change};
-use simulation::world::{Presence, RequestKind};
+use simulation::world::Presence;
+use transport::Level;
 
 /// What a recording says of the present tick.
 enum NextTick {
@@ -195,9 +196,9 @@ impl Session<'_, '_> {
         for agent in requests.iter().map(|request| request.agent) {
             match recorded.commands.remove(&agent) {
                 Some(message) => {
-                    let (action, wake) = wire::command(&message, self.scenario.agents.count)
+                    let reply = CommandReply::new(message, self.scenario.agents.count)
                         .map_err(|reason| misfit(format!("the command of agent {agent}: {reason}")))?;
-                    replies.insert(agent, CommandReply { message, action, wake });
+                    replies.insert(agent, reply);
                 }
                 None if self.scenario.faults.on_agent_loss == OnAgentLoss::Drop => {
                     self.engine.lose(agent);

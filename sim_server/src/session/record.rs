@@ -6,10 +6,10 @@ use msgs::maes_msgs;
 
 use super::log::EntryKind;
 use super::{RunError, Session};
-use simulation::lockstep::ObservationRequest;
+use protocol::lockstep::ObservationRequest;
+use protocol::observation::RequestKind;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use simulation::wire;
-use simulation::world::RequestKind;
 
 /// Sim time between two digests in the recording: one second.
 const DIGEST_TICKS: u64 = 50;

@@ -3,17 +3,16 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use msgs::maes_msgs::{self, Observation as Fragment};
+use msgs::maes_msgs::{self, Counter, Observation as Fragment};
 
 use super::agents::WaitContext;
-use super::engine::counter;
 use super::log::EntryKind;
 use super::{EndReason, Outcome, RunError, SHUTDOWN_TIMEOUT, Session};
-use crate::transport::Level;
+use protocol::lockstep::ObservationRequest;
+use protocol::observation::RequestKind;
 use simulation::digest::Digest;
-use simulation::lockstep::ObservationRequest;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
-use simulation::world::RequestKind;
+use transport::Level;
 
 impl Session<'_, '_> {
     /// Shuts the agents down, and completes the recording.
@@ -41,7 +40,7 @@ impl Session<'_, '_> {
         let digest = self.engine.digest();
         let progress = self.engine.progress();
         let mut counters = self.engine.counters();
-        counters.extend(self.agents.sessions().refusals().map(|(name, value)| counter(name, value)));
+        counters.extend(self.agents.sessions().refusals().map(|(name, value)| Counter::new(name, value)));
         let result = maes_msgs::Result {
             header: progress.header,
             tick: tick.0,

@@ -1,5 +1,7 @@
-use super::*;
 use tempfile::TempDir;
+use voxels::{Grid, Terrain};
+
+use super::*;
 
 /// A recording holds the cells of a building, but not where its entrances are.
 #[test]

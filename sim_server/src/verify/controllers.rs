@@ -13,8 +13,8 @@ use msgs::{printable, topics};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::comparison::{self, Difference};
-use crate::recording::{Message, Recording};
+use recording::comparison::{self, Difference};
+use recording::{Message, Recording};
 
 /// Creates agents.
 pub trait ControllerFactory: Sync {
@@ -209,9 +209,9 @@ pub fn text(checked: &Checked) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recorder::{Document, Recorder};
-    use crate::recording::SCENARIO_ATTACHMENT;
     use msgs::cdr;
+    use recording::SCENARIO_ATTACHMENT;
+    use recording::recorder::{Document, Recorder};
 
     /// Counts the fragments it receives.
     struct Counting(u32);

@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use msgs::body_model::{BodyKeys, BodyModel};
 use msgs::ids::AgentId;
+use protocol::body_model::{BodyKeys, BodyModel};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

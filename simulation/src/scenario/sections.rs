@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Deserializer, Serialize, de};
 
 use crate::visualisation::VisualisationTopic;
-use mapgen::{BuildingSpec, ImportOptions, MineSpec, NoiseSpec, SpheresSpec};
+use mapgen::{BuildingSpec, ImportOptions, MineSpec, NoiseSpec, SceneSpec, SpheresSpec};
 
 /// `[map]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -50,6 +50,9 @@ pub struct MapSection {
     /// Parameters of `kind = "mine"`; a checked scenario of that kind has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mine: Option<MineSpec>,
+    /// Parameters of `kind = "scene"`; a checked scenario of that kind has them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene: Option<SceneSpec>,
 }
 
 impl MapSection {
@@ -72,6 +75,8 @@ pub enum MapKind {
     Building,
     /// Levels of drifts with crosscuts, stopes and a ramp.
     Mine,
+    /// A place of the literature at true scale.
+    Scene,
     /// A map file.
     File,
 }
@@ -318,7 +323,10 @@ impl ViewsSection {
             VisualisationTopic::Odometry(_) => self.odom_period_ticks,
             VisualisationTopic::Points(_) => self.points_period_ticks,
             VisualisationTopic::Path(_) => self.path_period_ticks,
-            VisualisationTopic::Unexplored => self.unexplored_period_ticks,
+            VisualisationTopic::Unexplored
+            | VisualisationTopic::ExploredOctomap
+            | VisualisationTopic::ExploredOccupancy
+            | VisualisationTopic::ExploredPoints => self.unexplored_period_ticks,
             VisualisationTopic::Contacts => self.contacts_period_ticks,
             VisualisationTopic::Info | VisualisationTopic::Diagnostics => self.info_period_ticks,
             VisualisationTopic::StaticTransforms
@@ -326,6 +334,7 @@ impl ViewsSection {
             | VisualisationTopic::RobotDescription
             | VisualisationTopic::Occupancy
             | VisualisationTopic::MapPoints
+            | VisualisationTopic::Octomap
             | VisualisationTopic::Clock
             | VisualisationTopic::Digest
             | VisualisationTopic::Result => 1,
@@ -368,6 +377,14 @@ pub enum RecordedView {
     Occupancy,
     /// `/sim/map_points`.
     MapPoints,
+    /// `/sim/octomap`.
+    Octomap,
+    /// `/sim/explored_octomap`.
+    ExploredOctomap,
+    /// `/sim/explored_map`.
+    ExploredOccupancy,
+    /// `/sim/explored_points`.
+    ExploredPoints,
     /// `/clock`.
     Clock,
 }
@@ -387,6 +404,10 @@ impl RecordedView {
         "robot_description",
         "occupancy",
         "map_points",
+        "octomap",
+        "explored_octomap",
+        "explored_occupancy",
+        "explored_points",
         "clock",
     ];
 }

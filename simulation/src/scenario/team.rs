@@ -26,10 +26,18 @@ impl AgentsSection {
         (0..self.count).filter(|&agent| self.is_commanded(agent))
     }
 
-    /// The first key that needs ROS 2, and its value.
+    /// Whether the program of `command` is based on `agent_node`: so that a run in memory can start
+    /// it as well. Other programs name the id in their arguments, or do not sign.
     #[must_use]
-    pub fn of_ros_only(&self) -> Option<(&'static str, String)> {
-        if !self.command.is_empty() {
+    pub fn is_command_a_node(&self) -> bool {
+        self.command_signs && !self.command.is_empty() && !self.command.iter().any(|word| word.contains(ID_MARK))
+    }
+
+    /// The first key that needs ROS 2, and its value; a program based on `agent_node` does not,
+    /// where programs may be started.
+    #[must_use]
+    pub fn of_ros_only(&self, starts_programs: bool) -> Option<(&'static str, String)> {
+        if !(self.command.is_empty() || starts_programs && self.is_command_a_node()) {
             Some(("agents.command", format!("{:?}", self.command)))
         } else if !self.cmd_vel.is_empty() {
             Some(("agents.cmd_vel", format!("{:?}", self.cmd_vel)))

@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use fixedbitset::FixedBitSet;
 use msgs::ids::Tick;
-use msgs::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 use msgs::std_msgs::ColorRGBA;
 use msgs::visualization_msgs::Marker;
+use protocol::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 use voxels::{Blocks, Cell, Extent, Grid, Terrain};
 
 use crate::wire::{header, point};

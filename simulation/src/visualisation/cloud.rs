@@ -1,13 +1,12 @@
 //! Point clouds of LiDAR scans.
 
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use msgs::sensor_msgs::{PointCloud2, PointField};
 use msgs::std_msgs::Header;
 use nalgebra::Point3;
-use voxels::{Grid, Terrain};
+use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
+use voxels::{Cell, Extent, Terrain};
 
-use super::cells::visible_walls;
 use crate::wire::{body_frame, header};
 use crate::world::World;
 use crate::world::body::Pose;
@@ -29,11 +28,11 @@ pub fn points(world: &World, agent: AgentId) -> Option<PointCloud2> {
     Some(cloud(header, &pose, &world.hits_from(agent, &pose)))
 }
 
-/// The centres of the walls that share a face with a free cell, metres, in the frame `map`. More
-/// than 4957 are thinned evenly.
-pub(super) fn of_walls(terrain: &Grid<Terrain>, tick: Tick) -> PointCloud2 {
-    let extent = terrain.extent();
-    let centres: Vec<Point3<f64>> = visible_walls(terrain).into_iter().map(|cell| extent.centre(cell)).collect();
+/// The centres of the walls that are known, metres, in the frame `map`. More than 4957 are thinned
+/// evenly.
+pub(super) fn of_walls(extent: Extent, tick: Tick, known: impl Fn(Cell) -> Option<Terrain>) -> PointCloud2 {
+    let walls = extent.cells().filter(|&cell| known(cell) == Some(Terrain::Wall));
+    let centres: Vec<Point3<f64>> = walls.map(|cell| extent.centre(cell)).collect();
     cloud(header(tick), &Pose { position: Point3::origin(), yaw_rad: 0.0 }, &centres)
 }
 

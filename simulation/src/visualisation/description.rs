@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use msgs::std_msgs;
+use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
 use crate::wire::body_frame;
 use crate::world::World;

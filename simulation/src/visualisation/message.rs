@@ -4,6 +4,7 @@ use msgs::builtin_interfaces::Time;
 use msgs::diagnostic_msgs::DiagnosticArray;
 use msgs::maes_msgs;
 use msgs::nav_msgs::{OccupancyGrid, Odometry, Path};
+use msgs::octomap_msgs::Octomap;
 use msgs::rosgraph_msgs::Clock;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::std_msgs;
@@ -21,7 +22,8 @@ pub enum VisualisationMessage {
     Transforms(TFMessage),
     /// Of [`VisualisationTopic::Odometry`].
     Odometry(Box<Odometry>),
-    /// Of [`VisualisationTopic::Points`] and [`VisualisationTopic::MapPoints`].
+    /// Of [`VisualisationTopic::Points`], [`VisualisationTopic::MapPoints`] and
+    /// [`VisualisationTopic::ExploredPoints`].
     Points(PointCloud2),
     /// Of [`VisualisationTopic::Path`].
     Path(Path),
@@ -32,8 +34,10 @@ pub enum VisualisationMessage {
     Info(DiagnosticArray),
     /// Of [`VisualisationTopic::RobotDescription`].
     Text(std_msgs::String),
-    /// Of [`VisualisationTopic::Occupancy`].
+    /// Of [`VisualisationTopic::Occupancy`] and [`VisualisationTopic::ExploredOccupancy`].
     Occupancy(Box<OccupancyGrid>),
+    /// Of [`VisualisationTopic::Octomap`] and [`VisualisationTopic::ExploredOctomap`].
+    Octomap(Box<Octomap>),
     /// Of [`VisualisationTopic::Clock`].
     Clock(Clock),
     /// Of [`VisualisationTopic::Digest`].
@@ -54,6 +58,7 @@ impl VisualisationMessage {
             Self::Marker(message) => &message.header,
             Self::Info(message) => &message.header,
             Self::Occupancy(message) => &message.header,
+            Self::Octomap(message) => &message.header,
             Self::Digest(message) => &message.header,
             Self::Clock(message) => return Some(message.clock),
             Self::Text(_) | Self::Result(_) => return None,
@@ -74,6 +79,7 @@ impl Serialize for VisualisationMessage {
             Self::Info(message) => message.serialize(serializer),
             Self::Text(message) => message.serialize(serializer),
             Self::Occupancy(message) => message.serialize(serializer),
+            Self::Octomap(message) => message.serialize(serializer),
             Self::Clock(message) => message.serialize(serializer),
             Self::Digest(message) => message.serialize(serializer),
             Self::Result(message) => message.serialize(serializer),

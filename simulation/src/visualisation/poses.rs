@@ -4,13 +4,13 @@ use msgs::geometry_msgs::{
     Covariance, Pose, PoseStamped, PoseWithCovariance, TransformStamped, Twist, TwistWithCovariance, Vector3,
 };
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 use msgs::nav_msgs::{Odometry, Path};
 use msgs::std_msgs::ColorRGBA;
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics::TRANSFORMS_MAX;
 use msgs::visualization_msgs::Marker;
 use nalgebra::Point3;
+use protocol::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 
 use crate::wire::{body_frame, header, point, rotation, vector};
 use crate::world::World;

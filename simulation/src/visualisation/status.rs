@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use msgs::ids::AgentId;
-use msgs::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
+use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
 use crate::wire::header;
 use crate::world::{Presence, World};

@@ -2,12 +2,12 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use fixedbitset::FixedBitSet;
-use msgs::body_model::BodyModel;
 use msgs::cdr;
-use msgs::limits::VIEW_BYTES_MAX;
-use msgs::scan_request::ScanRequest;
 use msgs::topics::{self, Topic};
 use nalgebra::Vector3;
+use protocol::body_model::BodyModel;
+use protocol::command::{Command, WakeCondition};
+use protocol::limits::VIEW_BYTES_MAX;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
@@ -15,7 +15,7 @@ use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
 use crate::world::noise::SensorNoise;
-use crate::world::{Action, ScanSchedule, WorldParams};
+use crate::world::{ScanSchedule, WorldParams};
 
 /// A tunnel of 1 x 1 x 8 free cells of 1 m along x, from (1, 1, 1) to (8, 1, 1).
 fn tunnel() -> Grid<Terrain> {
@@ -45,7 +45,7 @@ fn world() -> World {
 
 fn step(world: &mut World, actions: impl IntoIterator<Item = (u32, Motion)>) {
     world.sense(&crate::workers::Workers::new(1).unwrap());
-    let action = |motion| Action { motion, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() };
+    let action = |motion| Command::new(motion, WakeCondition::NEXT_TICK);
     world.step(actions.into_iter().map(|(agent, motion)| (AgentId(agent), action(motion))).collect());
 }
 

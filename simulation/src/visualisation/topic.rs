@@ -32,6 +32,14 @@ pub enum VisualisationTopic {
     Occupancy,
     /// The centres of the visible walls of the map.
     MapPoints,
+    /// The map as a tree of OctoMap.
+    Octomap,
+    /// What the team has seen of the map, as a tree of OctoMap.
+    ExploredOctomap,
+    /// What the team has seen of the map, projected to the plane.
+    ExploredOccupancy,
+    /// The centres of the walls that the team has seen.
+    ExploredPoints,
     /// The clock, as it is recorded; live, the session publishes it.
     Clock,
     /// The digest of the run so far.
@@ -54,6 +62,10 @@ impl VisualisationTopic {
             Self::RobotDescription,
             Self::Occupancy,
             Self::MapPoints,
+            Self::Octomap,
+            Self::ExploredOctomap,
+            Self::ExploredOccupancy,
+            Self::ExploredPoints,
             Self::Digest,
             Self::Result,
         ];
@@ -65,9 +77,15 @@ impl VisualisationTopic {
     /// have that of their scan.
     pub(super) fn needs_present_transforms(self) -> bool {
         match self {
-            Self::Odometry(_) | Self::Path(_) | Self::Unexplored | Self::Contacts | Self::Info | Self::Diagnostics => {
-                true
-            }
+            Self::Odometry(_)
+            | Self::Path(_)
+            | Self::Unexplored
+            | Self::Contacts
+            | Self::Info
+            | Self::Diagnostics
+            | Self::ExploredOctomap
+            | Self::ExploredOccupancy
+            | Self::ExploredPoints => true,
             Self::Transforms
             | Self::StaticTransforms
             | Self::Points(_)
@@ -75,6 +93,7 @@ impl VisualisationTopic {
             | Self::RobotDescription
             | Self::Occupancy
             | Self::MapPoints
+            | Self::Octomap
             | Self::Clock
             | Self::Digest
             | Self::Result => false,
@@ -88,7 +107,15 @@ impl VisualisationTopic {
 
     /// Whether it is published once, because it does not change while the map does not.
     pub(super) fn is_static(self) -> bool {
-        matches!(self, Self::StaticTransforms | Self::Map | Self::RobotDescription | Self::Occupancy | Self::MapPoints)
+        matches!(
+            self,
+            Self::StaticTransforms
+                | Self::Map
+                | Self::RobotDescription
+                | Self::Occupancy
+                | Self::MapPoints
+                | Self::Octomap
+        )
     }
 
     /// Whether it is published in chunks.
@@ -113,6 +140,10 @@ impl VisualisationTopic {
             Self::RobotDescription => topics::robot_description(),
             Self::Occupancy => topics::occupancy(),
             Self::MapPoints => topics::map_points(),
+            Self::Octomap => topics::octomap(),
+            Self::ExploredOctomap => topics::explored_octomap(),
+            Self::ExploredOccupancy => topics::explored_occupancy(),
+            Self::ExploredPoints => topics::explored_points(),
             Self::Clock => topics::clock(),
             Self::Digest => topics::digest(),
             Self::Result => topics::result(),

@@ -19,61 +19,19 @@ mod ramp;
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 
-use msgs::body_model::{BodyKind, BodyModel};
-use msgs::kinematics::{turned, wrapped};
 use nalgebra::{Point3, Vector3};
+use protocol::body_model::{BodyKind, BodyModel};
+use protocol::kinematics::{turned, wrapped};
+pub use protocol::motion::Motion;
+pub use protocol::observation::{Collision, Pose};
 
-use super::collision::{Contact, Obstacles, Sphere, Surface};
+use super::collision::{Obstacles, Sphere, surface_of};
 use aerial::Flight;
 use ramp::{Ramp, RampLimits};
 
 /// A leg with less than this to go is finished; 0.001 voxel and 0.001 degree in MAES3D.
 const MOVE_REST_M: f64 = 1e-3;
 const TURN_REST_RAD: f64 = 1e-3 * PI / 180.0;
-
-/// Position and heading of a body in the frame `map`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pose {
-    /// Centre of the body, metres.
-    pub position: Point3<f64>,
-    /// Heading, radians: 0 along x, positive to the left, in (-pi, pi].
-    pub yaw_rad: f64,
-}
-
-/// A motion task.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Motion {
-    /// Continue the present task.
-    Keep,
-    /// End the present task, at rest at once.
-    Stop,
-    /// Straight along the heading, raised by `pitch_rad`, for `distance_m` (infinity: until a
-    /// collision).
-    Move {
-        /// Elevation above the horizontal, radians, -pi/2 ..= pi/2.
-        pitch_rad: f64,
-        /// Distance, metres, at least 0.
-        distance_m: f64,
-    },
-    /// Turn about the vertical.
-    Turn {
-        /// Angle, radians, positive to the left, -2 pi ..= 2 pi.
-        angle_rad: f64,
-    },
-    /// Visit waypoints (metres, frame `map`) in order: a submarine turns towards each and then
-    /// moves straight, an aerial body moves at once.
-    Path(Vec<Point3<f64>>),
-    /// Hold a velocity, clamped to the limits of the body, until the next task.
-    Velocity {
-        /// Linear velocity, m/s, in the frame of the body: x forward, y left, z up. A submarine
-        /// cannot move sideways and takes y as 0.
-        linear_in_body_m_s: Vector3<f64>,
-        /// Turn rate, rad/s, positive to the left.
-        yaw_rate_rad_s: f64,
-        /// Where that is to lead, for people; metres, frame `map`.
-        path: Vec<Point3<f64>>,
-    },
-}
 
 #[derive(Debug, Clone, PartialEq)]
 enum Task {
@@ -102,15 +60,6 @@ pub struct MotionOutcome {
     pub collided: bool,
     /// Distance moved in this tick, metres.
     pub distance_m: f64,
-}
-
-/// A refused motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Collision {
-    /// The kind of surface that was hit.
-    pub surface: Surface,
-    /// Whether another agent was in the way.
-    pub with_agent: bool,
 }
 
 /// A body and its motion task.
@@ -370,7 +319,7 @@ impl Body {
     /// Moves the centre by `displacement` (metres, frame `map`) unless something blocks it.
     fn translate(&mut self, displacement: Vector3<f64>, obstacles: &Obstacles<'_>, dt_s: f64) -> MotionOutcome {
         if let Some(contact) = obstacles.first_contact(&self.pose.position, &displacement, self.model.radius_m) {
-            self.collision = Some(Collision::from(contact));
+            self.collision = Some(Collision { surface: surface_of(&contact.normal), with_agent: contact.with_agent });
             return MotionOutcome { task_done: true, collided: true, distance_m: 0.0 };
         }
         self.pose.position += displacement;
@@ -400,12 +349,6 @@ impl Body {
     fn stop(&mut self) {
         self.velocity_in_body_m_s = Vector3::zeros();
         self.yaw_rate_rad_s = 0.0;
-    }
-}
-
-impl From<Contact> for Collision {
-    fn from(contact: Contact) -> Self {
-        Self { surface: Surface::of_normal(&contact.normal), with_agent: contact.with_agent }
     }
 }
 

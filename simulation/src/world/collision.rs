@@ -8,11 +8,13 @@
 //! Everything outside the map is wall.
 
 use nalgebra::{Point3, Vector3};
+use protocol::observation::Surface;
 use voxels::{Cell, Grid, Terrain};
 
-/// Cosine of 45 degrees: a surface whose normal is closer to the vertical is a floor or a ceiling
-/// (as in MAES3D).
-const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Cosine of 45 degrees: a surface whose normal is closer to the vertical is a floor or a ceiling,
+/// and one at 45 degrees a wall (as in MAES3D). The margin holds rounding off: bodies that start at
+/// cell centres and rise at 45 degrees meet edges at exactly this angle.
+const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2 + 1e-6;
 
 /// A body that is farther away than this after a motion is not touched, whatever the rounding,
 /// metres.
@@ -23,28 +25,15 @@ const FAR_M: f64 = 1e-3;
 /// whatever the rounding of lengths that are no binary fractions.
 const SLACK_M2: f64 = 1e-12;
 
-/// The kind of surface that a body has hit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Surface {
-    /// Beside the body.
-    Wall,
-    /// Below it.
-    Floor,
-    /// Above it.
-    Ceiling,
-}
-
-impl Surface {
-    /// The kind of a surface with this unit normal (pointing towards the body).
-    #[must_use]
-    pub fn of_normal(normal: &Vector3<f64>) -> Self {
-        if normal.z > STEEP {
-            Self::Floor
-        } else if normal.z < -STEEP {
-            Self::Ceiling
-        } else {
-            Self::Wall
-        }
+/// The side of a body at which a surface with this unit normal (pointing towards the body) is.
+#[must_use]
+pub fn surface_of(normal: &Vector3<f64>) -> Surface {
+    if normal.z > STEEP {
+        Surface::Floor
+    } else if normal.z < -STEEP {
+        Surface::Ceiling
+    } else {
+        Surface::Wall
     }
 }
 

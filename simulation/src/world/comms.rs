@@ -1,4 +1,4 @@
-//! The contact models of the radios, and the messages between agents.
+//! The contact models of the radios.
 //!
 //! Contact is symmetric and depends on the positions of the two radios and on the terrain alone;
 //! bodies do not block it (as in MAES3D, which casts lines against the map only). The assumptions
@@ -8,9 +8,6 @@
 
 mod contact_table;
 
-use msgs::ids::AgentId;
-use msgs::relay_id::RelayId;
-use msgs::shared_bytes::SharedBytes;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 use voxels::{Grid, Terrain, length_in_walls_m, line_of_sight};
@@ -122,7 +119,7 @@ pub struct Comms {
     pub bytes_per_s: f64,
     /// Capacity of an agent's transmit queue, bytes.
     pub queue_bytes: u64,
-    /// Relays that each agent can deploy, at most [`msgs::limits::RELAYS_PER_AGENT_MAX`].
+    /// Relays that each agent can deploy, at most [`protocol::limits::RELAYS_PER_AGENT_MAX`].
     pub relays_per_agent: u32,
     /// Distance within which a relay in contact can be read and written, metres; infinity: contact
     /// suffices.
@@ -146,33 +143,6 @@ impl Comms {
             seed: 0,
         }
     }
-}
-
-/// A message between agents, or between an agent and a relay.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct AgentMessage {
-    /// In a command: the receiver; in an inbox: the sender.
-    pub peer: Peer,
-    /// The kind of content, chosen by the sender, for accounting.
-    pub kind: u8,
-    /// The content.
-    pub data: SharedBytes,
-}
-
-/// The other end of a message, seen from an agent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Peer {
-    /// One agent.
-    One(AgentId),
-    /// All agents in contact (as a receiver only).
-    Broadcast,
-    /// A relay: as a receiver it stores the content, as a sender it reports what it stores.
-    Relay(RelayId),
-    /// A relay that is deployed at the position of the agent and stores the content (as a receiver
-    /// only).
-    NewRelay,
-    /// The server, which sends the scenario that holds from now on (as a sender only).
-    Server,
 }
 
 #[cfg(test)]

@@ -6,31 +6,55 @@
 //! the two. Rays are fixed in the frame `map` and do not turn with the body
 //! (docs/reference-model.md, "LiDAR"); the heading only selects which of them are used if the field
 //! of view is limited. Scans are exact, except for those of `noisy`. Bodies do not occlude what is
-//! behind them. `culling` says which rays find nothing new and need not be cast.
+//! behind them.
+//!
+//! Layers, each of which knows only those above it:
+//!
+//! - this file, `pattern`, `slots`, `marks` and `memory`: what a scan is, its rays, and what a
+//! sensor
+//!   has seen;
+//! - `engine`: the trait of all that casts scans, and [`NotCast`], the reasons why a scan or a ray
+//!   is not cast;
+//! - `cast`: how one ray, or a bundle of them, is followed;
+//! - `naive`: the engine that casts every ray, the oracle of the others;
+//! - `culling`: the engine that leaves out the rays that can find nothing new;
+//! - `noisy`: the engine of scans with noise;
+//! - `speculation`: the engine that casts scans ahead, and takes them back if others become due.
 //!
 //! Invariants: a scan changes only the seen marks of its memory, and these are the same on every
-//! processor; if a scan that was cast ahead is taken back, the memory is as if it had never been
-//! cast. When scans are due is decided in [`super::World::sense`].
+//! processor and with each engine; if a scan that was cast ahead is taken back, the memory is as if
+//! it had never been cast. When scans are due is decided in [`super::World::sense`].
 
 mod cast;
 mod culling;
+mod engine;
+mod marks;
+mod memory;
+mod naive;
 mod noisy;
 mod pattern;
 mod revision;
+mod slots;
+mod speculation;
 
 use std::f64::consts::TAU;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use nalgebra::{Point3, Vector3};
-use voxels::{Extent, Grid, Terrain};
+use nalgebra::Vector3;
+use voxels::Extent;
 
 use super::body::Pose;
-use cast::{CellLists, FREE, Field, Kernel, OUTSIDE, Start, WALL};
-use culling::{Culling, CullingState, Frontier, UndoEntry};
-pub use noisy::NoisyScan;
+use cast::Start;
+use culling::{Culling, CullingEngine};
+pub use engine::{CastCount, NotCast};
+pub(super) use engine::{Engine, NewCells};
+pub use memory::SensorMemory;
+pub use naive::ScanView;
+pub(super) use noisy::NoisyScan;
 use pattern::Bundle;
 pub(super) use revision::change_kinds;
+pub(super) use speculation::SpeculativeEngine;
 
 /// The directions of the rays of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,101 +165,24 @@ impl Scanner {
         a.position == b.position && (self.cone_cos.is_none() || a.yaw_rad == b.yaw_rad)
     }
 
-    /// Casts a scan from `pose` and marks the cells it hits as seen.
+    /// Casts a scan from `pose` and marks the cells it hits as seen. Returns the count of its rays.
     ///
     /// Appends the indices of the cells that this memory has not seen before: crossed free cells
     /// (and the body's own) to `new_free`, walls that ended a ray to `new_wall`. **They come in no
     /// particular order, and that order differs between processors: sort before anything depends on
     /// it.** A position outside the map sees nothing.
-    pub fn scan(&self, memory: &mut SensorMemory, pose: &Pose, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
-        let first = [new_free.len(), new_wall.len()];
-        self.cast(memory, pose, &mut CellLists { free: new_free, wall: new_wall });
-        for slot in new_free[first[0]..].iter_mut().chain(&mut new_wall[first[1]..]) {
-            *slot = memory.index_of(*slot);
-        }
+    pub fn scan(
+        &self,
+        memory: &mut SensorMemory,
+        pose: &Pose,
+        new_free: &mut Vec<u32>,
+        new_wall: &mut Vec<u32>,
+    ) -> CastCount {
+        CullingEngine.cast(self, memory, pose, NewCells { free: new_free, wall: new_wall })
     }
 
-    /// Casts a scan before it is due. It may be taken back ([`SensorMemory::take_back`]) unless a
-    /// later one is not cast ahead.
-    pub fn scan_ahead(&self, memory: &mut SensorMemory, pose: &Pose) -> ScanAhead {
-        let (mut free, mut wall) = (Vec::new(), Vec::new());
-        let undo = self.cast(memory, pose, &mut CellLists { free: &mut free, wall: &mut wall });
-        ScanAhead { pose: *pose, free, wall, undo }
-    }
-
-    /// Casts a scan, marks the cells it hits as seen, and adds the slots of the new ones. Returns
-    /// what it has replaced of what was known.
-    fn cast(&self, memory: &mut SensorMemory, pose: &Pose, found: &mut CellLists<'_>) -> Option<UndoEntry> {
-        let start = self.start(memory, pose)?;
-        let first = found.free.len();
-        let mut undo = None;
-        let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
-        found.mark(&mut field, start.slot());
-        let kernel = Kernel::best();
-        if let Some(culling) = &self.rays.culling {
-            let range_cells = self.unit_range_cells(memory.extent);
-            let active = culling.active_bundles(&start, range_cells, field.seen, &mut memory.culling);
-            undo = active.undo;
-            for active in active.bundles {
-                kernel.scan(&mut field, &start, &self.rays.bundles[active], found);
-            }
-        } else {
-            kernel.scan(&mut field, &start, &self.rays.bundles, found);
-        }
-        found.free[first..].iter().for_each(|&slot| memory.culling.note_free(slot as usize));
-        undo
-    }
-
-    /// Everything that a scan from `pose` sees, whether seen before or not.
-    pub fn view(&self, memory: &SensorMemory, pose: &Pose) -> ScanView {
-        let mut view = ScanView::default();
-        let Some(start) = self.start(memory, pose) else { return view };
-        let cell_m = memory.extent.cell_m();
-        let mut met = vec![false; memory.kinds.len()];
-        let mut lists = CellLists { free: &mut view.free, wall: &mut view.wall };
-        let mut meet = |slot: usize, lists: &mut CellLists<'_>| {
-            if !std::mem::replace(&mut met[slot], true) {
-                lists.add(memory.kinds[slot], slot);
-            }
-        };
-        meet(start.slot(), &mut lists);
-        for bundle in &self.rays.bundles {
-            for lane in bundle.lanes(start.cone()) {
-                let end = cast::cast_ray(&start, bundle, lane, |slot| {
-                    meet(slot, &mut lists);
-                    !cast::is_stop(memory.kinds[slot])
-                });
-                if let Some((slot, entry)) = end
-                    && cast::is_wall(memory.kinds[slot])
-                {
-                    view.hits.push(pose.position + bundle.direction(lane) * (entry * cell_m));
-                }
-            }
-        }
-        for list in [&mut view.free, &mut view.wall] {
-            list.iter_mut().for_each(|slot| *slot = memory.index_of(*slot));
-            list.sort_unstable();
-        }
-        view
-    }
-
-    /// The points where the rays of a scan from `pose` hit walls, metres, frame `map`: the hits of
-    /// its [`Scanner::view`].
-    pub fn hits(&self, memory: &SensorMemory, pose: &Pose) -> Vec<Point3<f64>> {
-        let mut hits = Vec::new();
-        let Some(start) = self.start(memory, pose) else { return hits };
-        let cell_m = memory.extent.cell_m();
-        for bundle in &self.rays.bundles {
-            for lane in bundle.lanes(start.cone()) {
-                let end = cast::cast_ray(&start, bundle, lane, |slot| !cast::is_stop(memory.kinds[slot]));
-                if let Some((slot, entry)) = end
-                    && cast::is_wall(memory.kinds[slot])
-                {
-                    hits.push(pose.position + bundle.direction(lane) * (entry * cell_m));
-                }
-            }
-        }
-        hits
+    fn bundles(&self) -> &[Bundle] {
+        &self.rays.bundles
     }
 
     /// The range of rays whose direction has length 1, in cells; infinite if they have other
@@ -247,160 +194,23 @@ impl Scanner {
         }
     }
 
+    /// The start of the rays of a scan; `None`: outside the map.
     fn start(&self, memory: &SensorMemory, pose: &Pose) -> Option<Start> {
-        let cell_m = memory.extent.cell_m();
-        let cell = memory.extent.cell_of(&pose.position);
-        let slot = memory.extent.contains(cell).then(|| memory.slot_of(cell))?;
-        let position = memory.extent.in_cells(&pose.position);
+        let extent = memory.extent();
+        let cell = extent.cell_of(&pose.position);
+        if !extent.contains(cell) {
+            return None;
+        }
+        let position = extent.in_cells(&pose.position);
         let limit = match self.rays.pattern {
-            Pattern::Lattice { .. } => self.range_m / cell_m,
+            Pattern::Lattice { .. } => self.range_m / extent.cell_m(),
             Pattern::Shell { .. } => 1.0,
         };
         let cone = self
             .cone_cos
             .map(|cone_cos| (Vector3::new(libm::cos(pose.yaw_rad), libm::sin(pose.yaw_rad), 0.0), cone_cos));
-        Some(Start::new(cell, slot, memory.strides, position, limit, cone))
+        Some(Start::new(*memory.marks().slots(), cell, position, limit, cone))
     }
-}
-
-/// The cells that one agent's LiDAR has seen so far. One byte per cell holds its kind once it has
-/// been seen; the kinds of all cells are shared by all agents. Pages of cells that were never seen
-/// take no memory where the system commits it on first write.
-///
-/// One layer of marks for the outside surrounds the cells, so that a ray needs no range test.
-#[derive(Clone)]
-pub struct SensorMemory {
-    extent: Extent,
-    strides: [usize; 3],
-    kinds: Arc<Vec<u8>>,
-    /// The kind of each cell that has been seen, 0 for the others.
-    seen: Vec<u8>,
-    /// By cell index the number of rays that crossed it minus those that ended in it; empty without
-    /// noise.
-    votes: Vec<i8>,
-    culling: CullingState,
-}
-
-/// Omits the cells, of which there are millions.
-impl fmt::Debug for SensorMemory {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("SensorMemory").field("extent", &self.extent).finish_non_exhaustive()
-    }
-}
-
-impl SensorMemory {
-    /// The memory of a LiDAR that has seen nothing yet.
-    pub fn new(terrain: &Grid<Terrain>) -> Self {
-        let extent = terrain.extent();
-        let [x, y, z] = extent.size().map(|cells| cells as usize + 2);
-        let nothing = Self {
-            extent,
-            strides: [1, x, x * y],
-            kinds: Arc::default(),
-            seen: Vec::new(),
-            votes: Vec::new(),
-            culling: CullingState::new(Frontier::new([x, y, z])),
-        };
-        let mut kinds = vec![OUTSIDE; x * y * z];
-        for (number, row) in terrain.as_slice().chunks_exact(x - 2).enumerate() {
-            let (at_y, at_z) = (number % (y - 2), number / (y - 2));
-            let first = (at_z + 1) * x * y + (at_y + 1) * x + 1;
-            for (kind, terrain) in kinds[first..].iter_mut().zip(row) {
-                *kind = kind_of(*terrain);
-            }
-        }
-        let seen = vec![0; kinds.len()];
-        Self { kinds: Arc::new(kinds), seen, ..nothing }
-    }
-
-    /// An empty memory for another LiDAR in the same terrain.
-    #[must_use]
-    pub fn unused(&self) -> Self {
-        let (extent, strides, kinds) = (self.extent, self.strides, Arc::clone(&self.kinds));
-        let (seen, culling) = (vec![0; self.seen.len()], self.culling.unused());
-        Self { extent, strides, kinds, seen, votes: Vec::new(), culling }
-    }
-
-    /// Takes back the last scans of this memory, which were cast ahead: the latest first.
-    pub fn take_back(&mut self, scans: impl Iterator<Item = ScanAhead>) {
-        for ScanAhead { free, wall, undo, .. } in scans {
-            // Marks of the outside may stay: no cell is there.
-            free.iter().chain(&wall).for_each(|&slot| self.seen[slot as usize] = 0);
-            for &slot in &free {
-                self.culling.forget_free(slot as usize);
-            }
-            for &slot in free.iter().chain(&wall) {
-                self.note_free_beside(slot as usize);
-            }
-            self.culling.restore(undo);
-        }
-    }
-
-    /// Adds the seen free neighbours of a cell that has been forgotten to the frontier.
-    fn note_free_beside(&mut self, slot: usize) {
-        for neighbour in self.strides.into_iter().flat_map(|stride| [slot - stride, slot + stride]) {
-            if self.seen[neighbour] == FREE {
-                self.culling.note_free(neighbour);
-            }
-        }
-    }
-
-    /// The slot of a cell of the map in `kinds` and `seen`.
-    fn slot_of(&self, cell: voxels::Cell) -> usize {
-        let [x, y, z] = self.strides;
-        (cell.x + 1) as usize * x + (cell.y + 1) as usize * y + (cell.z + 1) as usize * z
-    }
-
-    /// The cell index of a slot that holds a cell of the map.
-    fn index_of(&self, slot: u32) -> u32 {
-        let [_, row, layer] = self.strides.map(|stride| stride as u32);
-        let [size_x, size_y, _] = self.extent.size();
-        let (z, in_layer) = (slot / layer - 1, slot % layer);
-        (z * size_y + in_layer / row - 1) * size_x + in_layer % row - 1
-    }
-}
-
-/// The mark of a cell.
-fn kind_of(terrain: Terrain) -> u8 {
-    match terrain {
-        Terrain::Free => FREE,
-        Terrain::Wall => WALL,
-    }
-}
-
-/// A scan that was cast ahead.
-#[derive(Debug)]
-pub struct ScanAhead {
-    pose: Pose,
-    /// Slots of the new cells.
-    free: Vec<u32>,
-    wall: Vec<u32>,
-    undo: Option<UndoEntry>,
-}
-
-impl ScanAhead {
-    /// The pose it is cast from.
-    pub(super) fn pose(&self) -> &Pose {
-        &self.pose
-    }
-
-    /// Appends what [`Scanner::scan`] would: the scan is due, and will not be taken back.
-    pub fn report(&self, memory: &SensorMemory, new_free: &mut Vec<u32>, new_wall: &mut Vec<u32>) {
-        new_free.extend(self.free.iter().map(|&slot| memory.index_of(slot)));
-        new_wall.extend(self.wall.iter().map(|&slot| memory.index_of(slot)));
-    }
-}
-
-/// Everything that one scan sees.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ScanView {
-    /// Indices of the free cells, the body's own included, ascending.
-    pub free: Vec<u32>,
-    /// Indices of the walls that ended a ray, ascending.
-    pub wall: Vec<u32>,
-    /// The points where rays hit walls, metres, frame `map`, in the fixed order of the scanner's
-    /// rays.
-    pub hits: Vec<Point3<f64>>,
 }
 
 #[cfg(test)]

@@ -16,9 +16,9 @@
 //! Invariants: no body and no relay is inside a wall; a scan after a change finds what one without
 //! memory of the map before it would find; a world whose map has not changed pays nothing.
 
-use msgs::event_mask::EventMask;
 use msgs::ids::AgentId;
 use nalgebra::{Point3, Vector3};
+use protocol::event_mask::EventMask;
 use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::{PendingObservation, Presence, World};

@@ -4,10 +4,10 @@
 //! Invariant: [`PendingObservation::commit`] returns the same however often
 //! [`PendingObservation::speculate`] was called before, so look-ahead does not change a run.
 
-use msgs::event_mask::EventMask;
-use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
+use protocol::event_mask::EventMask;
+use protocol::limits::AGENT_MESSAGE_BYTES_MAX;
 
-use super::comms::AgentMessage;
+use protocol::agent_message::AgentMessage;
 
 /// Bytes charged for a message in addition to its data, so that empty messages fill an inbox as
 /// well.

@@ -7,14 +7,14 @@
 //!
 //! Invariant: no body overlaps another, whoever joins.
 
-use msgs::event_mask::EventMask;
 use msgs::ids::AgentId;
 use msgs::shared_bytes::SharedBytes;
 use nalgebra::Point3;
+use protocol::event_mask::EventMask;
 
 use super::body::{Body, Pose};
-use super::comms::{AgentMessage, Peer};
 use super::{ScanSchedule, World, index_of, spawn};
+use protocol::agent_message::{AgentMessage, Peer};
 
 /// Whether an agent is in the world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

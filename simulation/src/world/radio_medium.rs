@@ -13,18 +13,20 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use msgs::event_mask::EventMask;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, RELAYS_TOLD_MAX};
-use msgs::relay_id::RelayId;
 use nalgebra::Point3;
+use protocol::event_mask::EventMask;
+use protocol::limits::{AGENT_MESSAGE_BYTES_BARE, RELAYS_TOLD_MAX};
+use protocol::relay_id::RelayId;
 use rand_chacha::rand_core::Rng;
 use voxels::OpenSpace;
 
 use super::collision::Sphere;
-use super::comms::{AgentMessage, Comms, ContactRules, ContactTable, Peer, Radio};
+use super::comms::{Comms, ContactRules, ContactTable, Radio};
 use super::relays::{Relay, Relays};
-use super::{Action, AgentState, World};
+use super::{AgentState, World};
+use protocol::agent_message::{AgentMessage, Peer};
+use protocol::command::Command;
 
 /// Draws reserved for one message, more than it can have receivers.
 const RECEIVERS_MAX: u128 = 1 << 32;
@@ -154,14 +156,14 @@ impl World {
         self.radio.relays.links()
     }
 
-    pub(super) fn communicate(&mut self, actions: &BTreeMap<AgentId, Action>) {
-        self.deploy_relays(actions);
-        self.write_relays(actions);
+    pub(super) fn communicate(&mut self, commands: &BTreeMap<AgentId, Command>) {
+        self.deploy_relays(commands);
+        self.write_relays(commands);
         let comms = &self.params.comms;
         let (bytes_per_tick, queue_bytes) = (comms.bytes_per_s * Tick::TICK_S, comms.queue_bytes);
         let is_unlimited = comms.bytes_per_s == f64::INFINITY;
         for sender in self.agents() {
-            let messages = actions.get(&sender).map_or(&[][..], |action| &action.messages);
+            let messages = commands.get(&sender).map_or(&[][..], |command| &command.messages);
             let to_agents = messages.iter().filter(|message| matches!(message.peer, Peer::One(_) | Peer::Broadcast));
             let queue = &mut self.radio.queues[sender.index()];
             if is_unlimited {
@@ -209,10 +211,10 @@ impl World {
         }
     }
 
-    fn deploy_relays(&mut self, actions: &BTreeMap<AgentId, Action>) {
-        for (&owner, action) in actions {
+    fn deploy_relays(&mut self, commands: &BTreeMap<AgentId, Command>) {
+        for (&owner, command) in commands {
             for AgentMessage { kind, data, .. } in
-                action.messages.iter().filter(|message| message.peer == Peer::NewRelay)
+                command.messages.iter().filter(|message| message.peer == Peer::NewRelay)
             {
                 let position = self.spheres[owner.index()].centre;
                 let content = (*kind, data.clone());
@@ -226,9 +228,9 @@ impl World {
         }
     }
 
-    fn write_relays(&mut self, actions: &BTreeMap<AgentId, Action>) {
-        for (&writer, action) in actions {
-            for AgentMessage { peer, kind, data } in &action.messages {
+    fn write_relays(&mut self, commands: &BTreeMap<AgentId, Command>) {
+        for (&writer, command) in commands {
+            for AgentMessage { peer, kind, data } in &command.messages {
                 let Peer::Relay(relay) = *peer else { continue };
                 let from = self.spheres[writer.index()].centre;
                 let content = (*kind, data.clone());

@@ -8,12 +8,13 @@
 //! order of deployment.
 
 use msgs::ids::AgentId;
-use msgs::relay_id::RelayId;
 use msgs::shared_bytes::SharedBytes;
 use nalgebra::Point3;
+use protocol::relay_id::RelayId;
 use voxels::{Grid, Terrain};
 
-use super::comms::{AgentMessage, Comms, ContactModel, Peer};
+use super::comms::{Comms, ContactModel};
+use protocol::agent_message::{AgentMessage, Peer};
 
 /// A deployed relay.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,10 +7,13 @@ use proptest::prelude::*;
 use voxels::Extent;
 
 use super::body::Motion;
-use super::comms::{AgentMessage, ContactModel, Peer};
+use protocol::agent_message::{AgentMessage, Peer};
+use protocol::wake_condition::WakeCondition;
+
+use super::comms::ContactModel;
 use super::lidar::Pattern;
-use msgs::event_mask::EventMask;
-use msgs::limits::AGENT_MESSAGE_BYTES_MAX;
+use protocol::event_mask::EventMask;
+use protocol::limits::AGENT_MESSAGE_BYTES_MAX;
 
 use super::*;
 use crate::digest::Chain;
@@ -56,8 +59,8 @@ fn at(x: f64, y: f64, z: f64) -> Pose {
     Pose { position: Point3::new(x, y, z), yaw_rad: 0.0 }
 }
 
-fn action(motion: Motion) -> Action {
-    Action { motion, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() }
+fn command(motion: Motion) -> Command {
+    Command::new(motion, WakeCondition::NEXT_TICK)
 }
 
 fn endless(pitch_rad: f64) -> Motion {
@@ -77,11 +80,11 @@ fn first_scan_explores_a_hall() {
     assert!(world.coverage().is_explored());
     assert_eq!(world.coverage().explored(), 1.0);
     let observation = world.observe(A, RequestKind::Scheduled);
-    assert_eq!(observation.seen_free.len(), 60);
-    assert!(observation.seen_free.is_sorted() && observation.seen_wall.is_sorted());
+    assert_eq!(observation.seen.free.len(), 60);
+    assert!(observation.seen.free.is_sorted() && observation.seen.wall.is_sorted());
     assert_eq!(observation.scan_tick, Some(Tick::ZERO));
     let again = world.observe(A, RequestKind::Scheduled);
-    assert!(again.seen_free.is_empty() && again.seen_wall.is_empty());
+    assert!(again.seen.free.is_empty() && again.seen.wall.is_empty());
 }
 
 #[test]
@@ -95,7 +98,7 @@ fn scan_schedule_follows_scenario_and_requests() {
                 world.sense(&workers);
                 let scanned = world.observe(A, RequestKind::Scheduled).scan_tick == Some(Tick(tick));
                 let lidar = if tick == first { request.unwrap_or_default() } else { ScanRequest::Keep };
-                world.step([(A, Action { lidar, ..action(Motion::Keep) })].into());
+                world.step([(A, Command { lidar, ..command(Motion::Keep) })].into());
                 scanned
             })
             .collect()
@@ -105,7 +108,7 @@ fn scan_schedule_follows_scenario_and_requests() {
     assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Never), 20), [30]);
     assert_eq!(scan_ticks(&mut world, Some(ScanRequest::Once), 20), [51]);
     // The body has not moved: only its first scan had to be cast.
-    assert_eq!((world.totals().scans, world.totals().scans_cast), (7, 1));
+    assert_eq!((world.totals().scans.due(), world.totals().scans.cast()), (7, 1));
 }
 
 #[test]
@@ -117,7 +120,7 @@ fn one_agent_scans_per_tick_in_turn() {
         world.sense(&workers);
         let scanned = [A, B].map(|agent| world.observe(agent, RequestKind::Scheduled).scan_tick == Some(Tick(tick)));
         assert_eq!(scanned, [tick % 2 == 0, tick % 2 == 1]);
-        world.step([(A, Action { lidar: ScanRequest::Never, ..action(Motion::Keep) })].into());
+        world.step([(A, Command { lidar: ScanRequest::Never, ..command(Motion::Keep) })].into());
     }
 }
 
@@ -148,7 +151,7 @@ fn deferred_scans_change_nothing() {
         let mut unsettled = 0;
         let walk = |points: &[(f64, f64)], period| {
             let points = points.iter().map(|&(x, y)| Point3::new(x, y, 1.5)).collect();
-            Action { lidar: ScanRequest::Every(period), ..action(Motion::Path(points)) }
+            Command { lidar: ScanRequest::Every(period), ..command(Motion::Path(points)) }
         };
         world.step([(A, walk(&[(1.5, 2.5), (6.5, 2.5)], 3)), (B, walk(&[(7.5, 3.5)], 4))].into());
         for tick in 0..400 {
@@ -173,7 +176,7 @@ fn deferred_scans_change_nothing() {
         }
         assert_eq!(unsettled > 0, threads > 1);
         let milestones: Vec<_> = world.coverage().milestones().collect();
-        assert!(milestones.len() > 3 && observed.iter().any(|observation| !observation.seen_free.is_empty()));
+        assert!(milestones.len() > 3 && observed.iter().any(|observation| !observation.seen.free.is_empty()));
         (observed, chain.digest(), milestones, world.coverage().explored_by())
     };
     let alone = run(1, false);
@@ -190,7 +193,7 @@ fn walls_and_range_end_contact() {
         let mut world = World::new(two_rooms(), params, &starts);
         [0, 1, 2].map(|agent| {
             let contacts = world.observe(AgentId(agent), RequestKind::Scheduled).contacts;
-            contacts.into_iter().map(|(other, _)| other.0).collect::<Vec<_>>()
+            contacts.into_iter().map(|contact| contact.agent.0).collect::<Vec<_>>()
         })
     };
     // Through the door only the third one is seen from the first.
@@ -205,7 +208,7 @@ fn messages_reach_agents_in_contact() {
     let message = |peer, data: &[u8]| AgentMessage { peer, kind: 7, data: data.into() };
     let messages =
         vec![message(Peer::Broadcast, b"all"), message(Peer::One(B), b"one"), message(Peer::One(A), b"self")];
-    world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
+    world.step([(A, Command { messages, ..command(Motion::Keep) })].into());
     assert_eq!(world.observe(B, RequestKind::Scheduled).messages, []);
     let third = world.observe(AgentId(2), RequestKind::Scheduled);
     assert_eq!(third.messages, [message(Peer::One(A), b"all")]);
@@ -221,7 +224,7 @@ fn full_inbox_drops_messages() {
     for _ in 0..70 {
         let messages =
             vec![AgentMessage { peer: Peer::One(B), kind: 0, data: vec![0; AGENT_MESSAGE_BYTES_MAX].into() }];
-        world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
+        world.step([(A, Command { messages, ..command(Motion::Keep) })].into());
     }
     assert_eq!((world.totals().messages_delivered, world.totals().messages_inbox_full), (64, 6));
     assert_eq!(world.observe(B, RequestKind::Scheduled).messages.len(), 64);
@@ -232,7 +235,7 @@ fn events_are_reported_once() {
     let workers = workers(1);
     let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 1.5, 1.5)]);
     world.observe(A, RequestKind::Scheduled);
-    world.step([(A, action(Motion::Path(vec![Point3::new(1.5, 2.5, 1.5)])))].into());
+    world.step([(A, command(Motion::Path(vec![Point3::new(1.5, 2.5, 1.5)])))].into());
     let mut happened = EventMask::empty();
     for _ in 0..500 {
         world.sense(&workers);
@@ -252,7 +255,7 @@ fn events_are_reported_once() {
     assert_eq!(world.observe(A, RequestKind::Scheduled).events, EventMask::TASK_DONE | EventMask::NEW_CELL);
     assert_eq!(world.observe(A, RequestKind::Scheduled).events, EventMask::empty());
     // Into the line of the door, then along it.
-    world.step([(B, action(Motion::Path(vec![Point3::new(7.5, 2.5, 1.5)])))].into());
+    world.step([(B, command(Motion::Path(vec![Point3::new(7.5, 2.5, 1.5)])))].into());
     for _ in 0..500 {
         world.step(BTreeMap::new());
     }
@@ -267,19 +270,19 @@ fn speculative_observations_do_not_commit() {
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(1.5, 1.5, 1.5), at(3.5, 3.5, 1.5)]);
     world.sense(&workers);
     let first = world.observe(A, RequestKind::Polled);
-    assert_eq!(first.seen_free.len(), 60);
+    assert_eq!(first.seen.free.len(), 60);
     let message = |data: &[u8]| AgentMessage { peer: Peer::One(A), kind: 0, data: data.into() };
-    world.step([(B, Action { messages: vec![message(b"x")], ..action(Motion::Keep) })].into());
+    world.step([(B, Command { messages: vec![message(b"x")], ..command(Motion::Keep) })].into());
     let second = world.observe(A, RequestKind::Polled);
     assert_eq!(
-        (second.seen_free.len(), second.messages.len(), second.events & EventMask::MESSAGE),
+        (second.seen.free.len(), second.messages.len(), second.events & EventMask::MESSAGE),
         (0, 1, EventMask::MESSAGE)
     );
     let third = world.observe(A, RequestKind::Polled);
     assert_eq!((third.messages.len(), third.events & EventMask::MESSAGE), (0, EventMask::empty()));
     let counted = world.observe(A, RequestKind::Scheduled);
     assert_eq!(
-        (counted.seen_free.len(), counted.messages.len(), counted.events & EventMask::MESSAGE),
+        (counted.seen.free.len(), counted.messages.len(), counted.events & EventMask::MESSAGE),
         (60, 1, EventMask::MESSAGE)
     );
 }
@@ -290,10 +293,10 @@ fn view_is_included_on_request() {
     let mut world = World::new(hall([5, 4, 3]), params(), &[at(3.5, 3.5, 2.5)]);
     world.sense(&workers);
     assert_eq!(world.observe(A, RequestKind::Scheduled).view, None);
-    world.step([(A, Action { want_view: true, ..action(Motion::Keep) })].into());
+    world.step([(A, Command { want_view: true, ..command(Motion::Keep) })].into());
     let view = world.observe(A, RequestKind::Scheduled).view.unwrap();
     assert_eq!(view.free.len(), 60);
-    world.step([(A, action(Motion::Keep))].into());
+    world.step([(A, command(Motion::Keep))].into());
     assert_eq!(world.observe(A, RequestKind::Scheduled).view, None);
 }
 
@@ -301,7 +304,7 @@ fn view_is_included_on_request() {
 fn head_on_bodies_never_overlap() {
     let mut world =
         World::new(hall([20, 3, 3]), params(), &[at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }]);
-    world.step([(A, action(endless(0.0))), (B, action(endless(0.0)))].into());
+    world.step([(A, command(endless(0.0))), (B, command(endless(0.0)))].into());
     for _ in 0..2000 {
         world.step(BTreeMap::new());
         let gap = world.body(A).pose().position - world.body(B).pose().position;
@@ -335,7 +338,7 @@ proptest! {
         let terrain = two_rooms();
         let mut world = World::new(terrain.clone(), params(), &[at(1.5, 1.5, 1.5), at(7.5, 3.5, 1.5)]);
         for (of_a, of_b, ticks) in commands {
-            world.step([(A, action(of_a)), (B, action(of_b))].into());
+            world.step([(A, command(of_a)), (B, command(of_b))].into());
             for _ in 0..ticks {
                 world.step(BTreeMap::new());
                 let positions = [A, B].map(|agent| world.body(agent).pose().position);
@@ -357,7 +360,7 @@ proptest! {
 #[test]
 fn place_needs_room_and_reports_task_done() {
     let mut world = World::new(two_rooms(), params(), &[at(1.5, 1.5, 1.5), at(6.5, 1.5, 1.5)]);
-    world.step(BTreeMap::from([(A, action(endless(0.0)))]));
+    world.step(BTreeMap::from([(A, command(endless(0.0)))]));
     assert!(world.body(A).is_active());
     let moved = world.body(A).pose().position;
     for (x, y) in [(4.5, 1.5), (3.7, 1.5), (6.0, 1.5), (100.0, 1.5), (f64::MAX, 1.5)] {
@@ -381,7 +384,7 @@ fn mixed_bodies_touch_at_the_sum_of_their_radii() {
     let params = WorldParams { other_bodies: [(B, small)].into(), ..params() };
     let facing = [at(2.5, 2.5, 2.5), Pose { yaw_rad: PI, ..at(19.5, 2.5, 2.5) }];
     let mut world = World::new(hall([20, 3, 3]), params, &facing);
-    world.step([(A, action(endless(0.0))), (B, action(endless(0.0)))].into());
+    world.step([(A, command(endless(0.0))), (B, command(endless(0.0)))].into());
     for _ in 0..2000 {
         world.step(BTreeMap::new());
     }
@@ -415,7 +418,7 @@ fn noise_depends_neither_on_threads_nor_on_speculation() {
     assert!((first[0].pose.position - starts[0].position).amax() <= 0.5);
     // B is where it says it is.
     assert_eq!(
-        first[0].contacts.iter().find(|(other, _)| *other == B).map(|(_, at)| *at),
+        first[0].contacts.iter().find(|contact| contact.agent == B).map(|contact| contact.position),
         Some(first[1].pose.position)
     );
 }
@@ -429,11 +432,11 @@ fn walls_seen_as_free_are_not_explored() {
         world.sense(&workers);
         world.step(BTreeMap::new());
     }
-    let seen = world.observe(A, RequestKind::Scheduled).seen_free;
+    let seen = world.observe(A, RequestKind::Scheduled).seen.free;
     let truly_free = seen.iter().filter(|&&cell| world.terrain().as_slice()[cell as usize] == Terrain::Free).count();
     assert!(truly_free < seen.len());
     let score = world.coverage().explored() * world.coverage().free_cells() as f64;
     assert_eq!(score.round() as usize, truly_free);
     // Bodies that keep still scan again all the same.
-    assert_eq!(world.totals().scans_cast, 10);
+    assert_eq!(world.totals().scans.cast(), 10);
 }

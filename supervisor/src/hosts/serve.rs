@@ -13,6 +13,8 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use system::wall_clock::now;
+
 use super::messages::{FromHost, LINE_MAX, ToHost, line};
 use crate::SupervisorError;
 use crate::child::{ChildGuard, Signal, exit_code};
@@ -150,8 +152,3 @@ fn kill_with_this_process(command: &mut Command) {
 /// Other systems leave them alone: they end when their server does.
 #[cfg(not(target_os = "linux"))]
 fn kill_with_this_process(_command: &mut Command) {}
-
-#[expect(clippy::disallowed_methods, reason = "a bounded wait for processes to end")]
-fn now() -> Instant {
-    Instant::now()
-}

@@ -16,13 +16,14 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use sim_server::playback::{Horizon, Playback};
-use sim_server::recording::Recording;
+use recording::Recording;
+use recording::playback::{Horizon, Playback};
 use supervisor::child::{ChildGuard, Signal};
 
 use super::plan::{At, Fault, Plan, Timed, Which};
 use super::watch::Watch;
-use crate::processes::{in_domain, now, pause};
+use crate::processes::{in_domain, pause};
+use system::wall_clock::now;
 
 /// Wall time after which a run hangs.
 const HANG: Duration = Duration::from_secs(240);

@@ -6,10 +6,10 @@
 use std::time::Duration;
 
 use msgs::ids::AgentId;
-use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, PROTOCOL};
 use msgs::maes_msgs::{AgentMessage, Command, Join, Motion, Scenario, SignedCommand, SignedJoin};
-use msgs::signing::{Bytes, NONE};
 use msgs::topics;
+use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, PROTOCOL};
+use protocol::signing::{Bytes, NONE};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use ros_node::ros_env::RosEnv;

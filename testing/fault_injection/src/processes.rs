@@ -1,9 +1,9 @@
-//! Helpers of fault injection: processes in a ROS domain, polling, and wall time.
+//! Helpers of fault injection: processes in a ROS domain, and polling.
 
 use std::path::Path;
 use std::process::Command;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use supervisor::domain;
 
@@ -21,10 +21,4 @@ pub(crate) fn in_domain(program: &Path, id: u32) -> Command {
 #[expect(clippy::disallowed_methods, reason = "a process has no condition to wait on together with a recording")]
 pub(crate) fn pause() {
     thread::sleep(PERIOD);
-}
-
-/// Wall time.
-#[expect(clippy::disallowed_methods, reason = "it positions faults, and turns a hang into a failure")]
-pub(crate) fn now() -> Instant {
-    Instant::now()
 }

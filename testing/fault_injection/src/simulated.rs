@@ -31,11 +31,12 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use sim_server::recorder::Recorder;
-use sim_server::recording::Recording;
+use recording::Recording;
+use recording::recorder::Recorder;
 use sim_server::session::NullObserver;
-use sim_server::{setup, wall_clock};
+use sim_server::setup;
 use simulation::scenario::Scenario;
+use system::wall_clock;
 
 use crate::verdict::{self, Equivalence};
 pub use adversary::Mutation;

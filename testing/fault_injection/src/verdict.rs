@@ -8,8 +8,8 @@ use std::path::Path;
 
 use msgs::maes_msgs;
 use msgs::topics;
-use sim_server::difference;
-use sim_server::recording::{End, Message, Recording, RecordingError};
+use recording::difference;
+use recording::{End, Message, Recording, RecordingError};
 
 /// Prefix of the names of refusal counters.
 const REFUSED: &str = "refused_";

@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use sim_server::recording::Recording;
+use recording::Recording;
 
-use crate::processes::now;
+use system::wall_clock::now;
 
 /// Wall time between two reads of the recording.
 const READ_PERIOD: Duration = Duration::from_millis(150);

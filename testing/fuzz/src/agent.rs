@@ -2,14 +2,14 @@
 
 use agent_node::control_loop::{Agent, Reaction};
 use agent_node::controllers;
-use agent_node::wire;
 use arbitrary::{Result, Unstructured};
 use msgs::cdr;
 use msgs::geometry_msgs::{Point, Vector3};
 use msgs::ids::AgentId;
-use msgs::limits::OBSERVATION_BYTES_MAX;
 use msgs::maes_msgs::{AgentMessage, Body, CellRuns, Contact, Lidar, Observation as Part, Scenario};
-use msgs::message_type::MessageType;
+use protocol::limits::OBSERVATION_BYTES_MAX;
+use protocol::message_type::MessageType;
+use protocol::run_info::RunInfo;
 
 use crate::hostile_messages::number;
 
@@ -46,7 +46,7 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         share_period_ticks,
         ..Scenario::default()
     };
-    let run_info = wire::run_info(&scenario, OWN).expect("a legal scenario");
+    let run_info = RunInfo::from_message(&scenario, OWN).expect("a legal scenario");
     let controller = controllers::build(name, &[], OWN, &run_info).expect("there is such a controller");
     let mut agent = Agent::new(OWN, run_info, controller);
     let mut tick = 0;
@@ -58,7 +58,8 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
         let Ok(Reaction::Reply(command) | Reaction::Acknowledge(command)) = agent.take(part(data, tick)?) else {
             continue;
         };
-        simulation::wire::command(&command, AGENTS).unwrap_or_else(|reason| panic!("{name} answers: {reason}"));
+        protocol::command::Command::from_message(&command, AGENTS)
+            .unwrap_or_else(|reason| panic!("{name} answers: {reason}"));
         assert_eq!(command.agent, OWN.0);
         assert!(cdr::encode(&command).len() <= OBSERVATION_BYTES_MAX, "an answer fits into a sample");
     }

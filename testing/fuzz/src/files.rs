@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use experiments::plan::Plan;
+use recording::{End, Recording};
 use sim_server::info;
-use sim_server::recording::{End, Recording};
 use simulation::scenario::Scenario;
 use voxels::{Grid, m3dm};
 

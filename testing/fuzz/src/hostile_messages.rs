@@ -3,10 +3,10 @@
 
 use arbitrary::{Result, Unstructured};
 use msgs::geometry_msgs::{Point, Vector3};
-use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use msgs::maes_msgs::{AgentMessage, Command, Join, Motion, ScanRequest, WakeCondition};
 use msgs::shared_bytes::SharedBytes;
-use sim_server::transport::Inbound;
+use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
+use transport::Inbound;
 
 /// What a hostile sender knows from listening to all topics.
 pub(crate) struct Known {

@@ -18,7 +18,7 @@ mod server;
 pub type Target = fn(&[u8]);
 
 /// All targets by name, which is also the name of the folder of their corpus.
-pub const TARGETS: [(&str, Target); 22] = [
+pub const TARGETS: [(&str, Target); 25] = [
     ("m3dm", files::map),
     ("packed", maps::packed),
     ("bt", maps::octomap),
@@ -35,6 +35,9 @@ pub const TARGETS: [(&str, Target); 22] = [
     ("dae", maps::collada),
     ("sdf", maps::world),
     ("e57", maps::survey),
+    ("xyz", maps::text_cloud),
+    ("picture", maps::picture),
+    ("trajectory", maps::trajectory),
     ("scenario", files::scenario),
     ("plan", files::plan),
     ("recording", files::recording),

@@ -100,6 +100,27 @@ pub(crate) fn survey(bytes: &[u8]) {
     read("fuzz.e57", bytes, ImportOptions::default());
 }
 
+/// Points as text.
+pub(crate) fn text_cloud(bytes: &[u8]) {
+    read("fuzz.xyz", bytes, ImportOptions::default());
+}
+
+/// A floor plan in each format of pictures, and as a layer of a stack.
+pub(crate) fn picture(bytes: &[u8]) {
+    for file in ["fuzz.png", "fuzz.bmp", "fuzz.jpg"] {
+        read(file, bytes, ImportOptions::default());
+    }
+    read_spec(ImportSpec::stack("fuzz", vec![("1.png".to_owned(), bytes.to_vec())]));
+}
+
+/// Positions of a sensor, for a cloud with times.
+pub(crate) fn trajectory(bytes: &[u8]) {
+    let cloud = b"FIELDS x y z t\nPOINTS 2\nDATA ascii\n0.5 0.5 0.5 1\n4.5 3.5 2.5 2\n";
+    let options = ImportOptions { trajectory: Some("fuzz.txt".into()), ..ImportOptions::default() };
+    let spec = ImportSpec { options, trajectory: Some(bytes.to_vec()), ..ImportSpec::new("fuzz.pcd", cloud.to_vec()) };
+    read_spec(spec);
+}
+
 /// A mesh, filled as a solid and as a shell.
 fn mesh(file: &str, bytes: &[u8]) {
     for fill in [Fill::Solid, Fill::Shell] {

@@ -1,25 +1,29 @@
 //! Target `messages`: decoding and validation of all messages and requests, on both sides.
 
-use agent_node::wire as agent_wire;
 use msgs::cdr;
 use msgs::geometry_msgs::TwistStamped;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{
     Body, Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation,
 };
-use msgs::parameters::{
-    DescribeParameters, GetParameterTypes, GetParameters, ListParameters, ListRequest, Named, NamesRequest, Parameters,
-    SetParameters, SetParametersAtomically, SetRequest,
+use msgs::parameters::Parameters;
+use msgs::rcl_interfaces::{
+    DescribeParameters, DescribeParametersRequest, GetParameterTypes, GetParameterTypesRequest, GetParameters,
+    GetParametersRequest, ListParameters, ListParametersRequest, Parameter, SetParameters, SetParametersAtomically,
+    SetParametersAtomicallyRequest, SetParametersRequest,
 };
 use msgs::service::Service;
 use msgs::simulation_interfaces::{
     DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds, GetEntityInfo, GetEntityState, GetSimulationState,
-    GetSimulatorFeatures, ResetSimulation, SetEntityState, SetSimulationState, SpawnEntity, StepRequest,
+    GetSimulatorFeatures, ResetSimulation, SetEntityState, SetSimulationState, SimulateStepsGoal, SpawnEntity,
     StepSimulation,
 };
+use protocol::command;
+use protocol::observation::fragments::FragmentReassembler;
+use protocol::run_info::RunInfo;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use simulation::{parameters, scenario, twist, wire};
+use simulation::{parameters, scenario, twist};
 
 /// Number of agents of the run.
 const AGENTS: u32 = 4;
@@ -49,8 +53,8 @@ fn to_the_server(bytes: &[u8]) {
     let twist = decoded::<TwistStamped>(bytes);
     let of_twist = twist.and_then(|twist| twist::command(1, AgentId(0), &twist).ok());
     for command in command.into_iter().chain(of_twist) {
-        if let Ok((_, wake)) = wire::command(&command, AGENTS) {
-            assert!(wake.at.0 > command.tick || command.tick == u64::MAX, "an agent is due in a later tick");
+        if let Ok(legal) = command::Command::from_message(&command, AGENTS) {
+            assert!(legal.wake.at.0 > command.tick || command.tick == u64::MAX, "an agent is due in a later tick");
         }
     }
 }
@@ -59,14 +63,14 @@ fn to_an_agent(bytes: &[u8]) {
     decoded::<JoinReply>(bytes);
     decoded::<SignedObservation>(bytes);
     if let Some(scenario) = decoded::<Scenario>(bytes) {
-        let _briefing = agent_wire::run_info(&scenario, AgentId(0));
+        let _briefing = RunInfo::from_message(&scenario, AgentId(0));
     }
     if let Some(part) = decoded::<Observation>(bytes) {
         let (bodies, body_of) = (vec![Body::default()], vec![0; AGENTS as usize]);
         let scenario = Scenario { size: [40; 3], cell_m: 1.0, agents: AGENTS, bodies, body_of, ..Scenario::default() };
-        let run_info = agent_wire::run_info(&Scenario { duration_ticks: u64::MAX, ..scenario }, AgentId(0));
+        let run_info = RunInfo::from_message(&Scenario { duration_ticks: u64::MAX, ..scenario }, AgentId(0));
         let run_info = run_info.expect("a legal one");
-        let _collected = agent_wire::FragmentReassembler::default().take(part, &run_info);
+        let _collected = FragmentReassembler::default().take(part, &run_info);
     }
 }
 
@@ -85,28 +89,35 @@ fn requests(bytes: &[u8]) {
     request::<DeleteEntity>(bytes);
     request::<SpawnEntity>(bytes);
     // The goal of the action `SimulateSteps`.
-    decoded::<StepRequest>(bytes);
+    decoded::<SimulateStepsGoal>(bytes);
     let mut known = Parameters::default();
     known.declare(parameters::of(&run()));
-    for NamesRequest { names } in
-        [request::<GetParameters>(bytes), request::<GetParameterTypes>(bytes), request::<DescribeParameters>(bytes)]
-            .into_iter()
-            .flatten()
+    for names in [
+        request::<GetParameters>(bytes).map(|GetParametersRequest { names }| names),
+        request::<GetParameterTypes>(bytes).map(|GetParameterTypesRequest { names }| names),
+        request::<DescribeParameters>(bytes).map(|DescribeParametersRequest { names }| names),
+    ]
+    .into_iter()
+    .flatten()
     {
         let _values = (known.values(&names), known.descriptors(&names));
     }
-    if let Some(ListRequest { prefixes, depth }) = request::<ListParameters>(bytes) {
+    if let Some(ListParametersRequest { prefixes, depth }) = request::<ListParameters>(bytes) {
         let _listed = known.list(&prefixes, depth);
     }
-    for SetRequest { parameters } in
-        [request::<SetParameters>(bytes), request::<SetParametersAtomically>(bytes)].into_iter().flatten()
+    for parameters in [
+        request::<SetParameters>(bytes).map(|SetParametersRequest { parameters }| parameters),
+        request::<SetParametersAtomically>(bytes).map(|SetParametersAtomicallyRequest { parameters }| parameters),
+    ]
+    .into_iter()
+    .flatten()
     {
         let before = known.clone();
         if known.set_all(&parameters).is_err() {
             assert_eq!(known, before, "what is refused changes nothing");
         }
         for named in &parameters {
-            let Named { name, .. } = named;
+            let Parameter { name, .. } = named;
             let _set = known.set(named);
             let _values = known.values(std::slice::from_ref(name));
         }

@@ -16,19 +16,18 @@ use std::time::Duration;
 use arbitrary::Unstructured;
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
 use msgs::maes_msgs::{
     self, AgentMessage, Command, Join, JoinReply, Motion, Observation, SignedCommand, SignedJoin, SignedObservation,
     WakeCondition,
 };
-use msgs::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
+use protocol::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
+use protocol::lockstep::SourceId;
+use protocol::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::{JoinPolicy, RunConfig, RunObserver};
 use sim_server::setup;
-use sim_server::transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
-use simulation::lockstep::SourceId;
 use simulation::scenario::Scenario;
-use simulation::wire;
 use simulation::world::World;
+use transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
 
 use crate::hostile_messages::{self, Known};
 
@@ -265,7 +264,7 @@ impl<'a> Script<'a> {
             && command.tick == self.tick
             && self.phase == Observation::RUNNING
             && self.asked.contains(&1)
-            && wire::command(command, AGENTS).is_ok()
+            && protocol::command::Command::from_message(command, AGENTS).is_ok()
         {
             self.taken.entry(self.tick).or_insert_with(|| command.clone());
         }

@@ -9,10 +9,11 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::time::TimeSpec;
+use system::wall_clock::now;
 use thiserror::Error;
 
 use crate::device;
@@ -185,9 +186,4 @@ fn read(device: &mut &File, frame: &mut [u8]) -> Option<usize> {
             Err(_) => return None,
         }
     }
-}
-
-#[expect(clippy::disallowed_methods, reason = "an emulated link has delays of wall time")]
-fn now() -> Instant {
-    Instant::now()
 }

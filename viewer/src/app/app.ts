@@ -2,6 +2,7 @@
  * The application: owns the state of the page (run, time, selection, layers), executes actions, and
  * updates the panels. Each part of the page is rendered in its own module.
  */
+import { roomAt, type AskRoom } from "../data/map-room.ts";
 import type { Run } from "../data/run.ts";
 import { openFile, openLive, openUrl } from "../data/sources.ts";
 import type { LiveFeed } from "../data/sources.ts";
@@ -15,6 +16,7 @@ import { el } from "./dom.ts";
 import { PLAYBACK_EVENT, type HandleState, type Playback } from "./handle.ts";
 import { listenToKeys } from "./keys.ts";
 import { browserEnvironment, LiveConnection, socketAddress } from "./live.ts";
+import { MapRoom } from "./map-room.ts";
 import { ViewSettings } from "./view-settings.ts";
 import { RenderLoop } from "./render-loop.ts";
 import { waitUntilKnown } from "./panel-state.ts";
@@ -50,6 +52,8 @@ export interface PageOptions {
   readonly view: SharedView;
   /** Whether only the image and a caption are shown. */
   readonly isPicture: boolean;
+  /** Address of the answers to questions about the map; null: nobody answers. */
+  readonly room: string | null;
 }
 
 export class App implements PageActions {
@@ -61,6 +65,8 @@ export class App implements PageActions {
   run: Run | null = null;
   live: LiveConnection | null = null;
   #selected: number | null = null;
+  /** The tools for a map; null: a run is shown, or nothing. */
+  #room: MapRoom | null = null;
   #busy: string | null = null;
   /** Incremented by every opening; an opening that was superseded is dropped. */
   #opening = 0;
@@ -108,6 +114,7 @@ export class App implements PageActions {
     });
     this.shell.onResize((width, height) => this.loop.resize(width, height));
     this.shell.onPick((x, y) => {
+      this.#room?.clicked(this.scene?.surfaceAt(x, y) ?? null);
       const agent = this.scene?.pick(x, y) ?? null;
       if (agent !== null) this.select(agent);
     });
@@ -239,7 +246,8 @@ export class App implements PageActions {
     this.#unlisten = run.onUpdate(() => this.#updated());
     document.title = `${run.title} - MAES viewer`;
     const { timeS, agent, camera } = this.#options.view;
-    this.#options = { ...this.#options, view: NO_VIEW };
+    this.#room = run.setup.agents === 0 ? this.#roomOf(run) : null;
+    this.#options = { ...this.#options, view: NO_VIEW, room: null };
     this.#isSeeking = timeS !== null;
     if (timeS !== null) void this.#seekWhenKnown(run, timeS);
     else if (this.live) this.clock.follow();
@@ -251,6 +259,17 @@ export class App implements PageActions {
     if (this.scene === null) this.shell.setOpening(false);
     if (this.#isSeeking || this.scene === null || document.hidden) run.readOn();
     this.#changed();
+  }
+
+  /** The tools for a map. Only the map of the address has somebody who answers. */
+  #roomOf({ terrain }: Run): MapRoom {
+    const { room } = this.#options;
+    const ask: AskRoom | null = room === null ? null : roomAt(new URL(room, location.href).href);
+    const tools: MapRoom = new MapRoom(ask, terrain.walls.length, () => {
+      this.scene?.setMarks(tools, tools.reach);
+      this.#changed();
+    });
+    return tools;
   }
 
   /** More of the run is known. */
@@ -509,7 +528,7 @@ export class App implements PageActions {
       live,
       realTimeFactor: clock.realTimeFactor,
     };
-    shell.update(panel, clock, live, this.#busy);
+    shell.update(panel, this.#room, clock, live, this.#busy);
     const isMap = run?.setup.agents === 0;
     if (scene) shell.legend.update(scene.view, scene.pixelM, isMap);
     // In a run, labels would cover agents.

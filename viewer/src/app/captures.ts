@@ -18,6 +18,11 @@ export function captureName(title: string, timeS: number, extension: string): st
   return `${stem || "run"}-${time.map((part, index) => part + units[index]).join("")}.${extension}`;
 }
 
+/** Saves a text as a file. */
+export function saveText(name: string, text: string): void {
+  save(name, new Blob([text], { type: "text/plain" }));
+}
+
 function save(name: string, blob: Blob): void {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);

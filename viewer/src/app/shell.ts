@@ -14,6 +14,8 @@ import { openHelp } from "./dialogs.ts";
 import { el, iconButton, setHidden, setIcon, setText } from "./dom.ts";
 import { RenderStats } from "./render-stats.ts";
 import { LayersPanel } from "./layers-panel.ts";
+import { MapCard } from "./map-card.ts";
+import type { MapRoom } from "./map-room.ts";
 import { Legend } from "./legend.ts";
 import type { LiveConnection } from "./live.ts";
 import type { PageActions } from "./page-actions.ts";
@@ -39,6 +41,7 @@ export class Shell {
   readonly #camera: CameraBar;
   readonly #layers: LayersPanel | null;
   readonly #simulator: SimulatorCard;
+  readonly #map = new MapCard();
   readonly #run = new RunCard();
   readonly #agents: AgentsCard;
   readonly #agent: AgentCard;
@@ -70,7 +73,7 @@ export class Shell {
     canvas.setAttribute("data-testid", "canvas");
     this.#sceneName = new SceneName(canvas);
 
-    const file = el("input", { type: "file", accept: ".mcap", hidden: true, testid: "file" });
+    const file = el("input", { type: "file", accept: ".mcap,.m3dm", hidden: true, testid: "file" });
     file.addEventListener("change", () => {
       const chosen = file.files?.[0];
       file.value = "";
@@ -156,6 +159,7 @@ export class Shell {
     const side = el(
       "aside",
       { class: "side", testid: "side", "aria-label": "Run" },
+      this.#map.root,
       this.#run.root,
       this.#simulator.root,
       this.#run.facts,
@@ -213,8 +217,17 @@ export class Shell {
     this.#movie.setAttribute("aria-pressed", String(isCapturing));
   }
 
-  update(panel: PanelState | null, clock: Clock, live: LiveConnection | null, busy: string | null): void {
+  /** `room`: the tools for a map; null: a run is shown, or nothing. */
+  update(
+    panel: PanelState | null,
+    room: MapRoom | null,
+    clock: Clock,
+    live: LiveConnection | null,
+    busy: string | null,
+  ): void {
     this.#frame.classList.toggle("has-run", panel !== null || this.#isOpening);
+    this.#frame.classList.toggle("is-map", room !== null);
+    this.#stage.classList.toggle("is-picking", room !== null && room.tool !== "look");
     setHidden(this.#welcome.root, panel !== null || this.#isPicture);
     if (!panel) {
       this.#welcome.update(busy, live);
@@ -230,6 +243,8 @@ export class Shell {
     this.#camera.update(selected, this.#view?.layers.unexplored ?? false);
     if (this.#view) this.#layers?.update(this.#view, selected);
     if (!this.#frame.classList.contains("has-panel")) return;
+    this.#map.update(run, room);
+    if (room !== null) return;
     this.#run.update(panel);
     this.#simulator.update(live);
     this.#agent.update(panel);

@@ -9,7 +9,7 @@
 import { Group, Vector3, type WebGLRenderer } from "three";
 import type { Belief, RunUpdate, Run, Terrain, Vec3 } from "../data/run.ts";
 import type { CellSet } from "../data/cell-set.ts";
-import { FLAT_CELLS_MAX } from "../data/cell-times.ts";
+import { CellTimes, FLAT_CELLS_MAX } from "../data/cell-times.ts";
 import { DetailLevel, type Progress } from "./detail-level.ts";
 import type { SharedUniforms } from "./glsl.ts";
 import { blockModelOf, type BlockModel } from "./block-model.ts";
@@ -35,6 +35,7 @@ export class Cave {
   readonly #details = new Map<BlockModel, DetailLevel>();
   readonly #frame: Segments;
   #belief: Belief | null = null;
+  #reach: CellTimes | null = null;
   #hasForeground = false;
 
   constructor(
@@ -67,6 +68,14 @@ export class Cave {
   setBelief(belief: Belief | null): void {
     this.#belief = belief;
     for (const detail of this.#details.values()) detail.setBelief(belief);
+  }
+
+  /** Shows cells that a body reaches, or null. */
+  setReach(cells: CellSet | null): void {
+    this.#reach = cells && new CellTimes(cells.length);
+    for (let cell = 0; cells !== null && cell < cells.length; cell++)
+      if (cells.has(cell)) this.#reach!.set(cell, 0);
+    for (const detail of this.#details.values()) detail.setReach(this.#reach);
   }
 
   /**
@@ -161,6 +170,7 @@ export class Cave {
     if (detail === undefined) {
       detail = new DetailLevel(this.run, model, this.common, this.gl);
       detail.setBelief(this.#belief);
+      detail.setReach(this.#reach);
       this.#details.set(model, detail);
       this.root.add(detail.group);
     }

@@ -8,6 +8,7 @@ import { QuadBuffers } from "./faces.ts";
 import type { SharedUniforms } from "./glsl.ts";
 import { computeOcclusion } from "./ambient-occlusion.ts";
 import { BlockTimes, type BlockModel } from "./block-model.ts";
+import type { CellTimes } from "../data/cell-times.ts";
 import type { View } from "./view.ts";
 import { edgeMaxOf, occlusionUniforms, TimesVolume, type OcclusionUniforms } from "./volumes.ts";
 import { Walls } from "./walls.ts";
@@ -39,6 +40,8 @@ export class DetailLevel {
   readonly #seen: BlockTimes;
   /** Created when it is first shown. */
   #covered: { readonly times: BlockTimes; readonly layer: CellLayer } | null = null;
+  /** Cells that a body reaches, of a map without a run. */
+  #reach: CellLayer | null = null;
   readonly #buffers: QuadBuffers;
   readonly #occlusion: OcclusionUniforms;
   readonly #times: TimesVolume;
@@ -102,6 +105,15 @@ export class DetailLevel {
     this.#known = { belief, times, volume, revision: belief.revision };
   }
 
+  /** Shows the cells that have a time as those that a body reaches; null: none. */
+  setReach(cells: CellTimes | null): void {
+    if (this.#reach !== null) {
+      this.group.remove(this.#reach.group);
+      this.#reach.dispose();
+    }
+    this.#reach = cells && this.#layer(new BlockTimes(this.model, cells), REACH);
+  }
+
   /** Builds missing parts for a tick within the time budget. */
   make(tick: number, { layers }: View, budgetMs: number): Progress {
     const endMs = performance.now() + budgetMs;
@@ -115,6 +127,7 @@ export class DetailLevel {
     for (const [layer, isShown] of [
       [this.#unexplored, layers.unexplored],
       [this.#coveredLayer(layers.covered), layers.covered],
+      [this.#reach, true],
     ] as const) {
       if (layer === null) continue;
       layer.group.visible = isShown;
@@ -136,13 +149,15 @@ export class DetailLevel {
     this.#times.upload(renderer);
     const eye = this.common.eye.value.clone().divideScalar(this.model.cellM);
     this.#showWalls(renderer, view, eye, isCut);
-    for (const layer of [this.#unexplored, this.#covered?.layer]) layer?.selectFacing(eye, isCut);
+    for (const layer of [this.#unexplored, this.#covered?.layer, this.#reach])
+      layer?.selectFacing(eye, isCut);
   }
 
   dispose(): void {
     this.#walls.dispose();
     this.#unexplored.dispose();
     this.#covered?.layer.dispose();
+    this.#reach?.dispose();
     this.#times.dispose();
     this.#occlusion.occlusion.value.dispose();
     this.#known?.volume.dispose();
@@ -180,6 +195,13 @@ const UNEXPLORED = {
   colour: [1, 0.25, 0.2],
   alphas: [0.17, 0.5],
   renderOrder: 5,
+} as const;
+
+const REACH = {
+  isBefore: false,
+  colour: [0.45, 0.95, 0.5],
+  alphas: [0.22, 0.4],
+  renderOrder: 4,
 } as const;
 
 const COVERED = {

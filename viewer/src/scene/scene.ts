@@ -7,6 +7,8 @@
  */
 
 import { Scene as Graph, Vector2, Vector3, WebGLRenderer } from "three";
+import type { CellSet } from "../data/cell-set.ts";
+import { surfaceHit, type SurfaceHit } from "../data/surface-hit.ts";
 import { TICK_S, type Belief, type Hits, type Run, type RunUpdate, type Vec3 } from "../data/run.ts";
 import { Background } from "./background.ts";
 import type { Cave } from "./cave.ts";
@@ -15,6 +17,7 @@ import { CameraRig, type CameraMove } from "./camera-rig.ts";
 import { makeSharedUniforms, type SharedUniforms } from "./glsl.ts";
 import { openGraphics } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
+import { MapMarks, type Marks } from "./map-marks.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
 import { ReducedFrame } from "./reduced-frame.ts";
 import { Team } from "./team.ts";
@@ -58,6 +61,7 @@ interface LoadedRun {
   readonly run: Run;
   readonly caves: Caves;
   readonly team: Team;
+  readonly marks: MapMarks;
   readonly stopListening: () => void;
 }
 
@@ -87,6 +91,7 @@ export class Scene {
   readonly #cameraRig: CameraRig;
   #loaded: LoadedRun | null = null;
   #selected: number | null = null;
+  #reach: CellSet | null = null;
   #size = { width: 1, height: 1 };
   #timeS = 0;
   #lastFrameMs = -Infinity;
@@ -166,13 +171,14 @@ export class Scene {
     const caves = new Caves(run, this.#common, this.#gl);
     const cave = caves.start;
     const team = new Team(run, this.#common, this.#labelCommon);
+    const marks = new MapMarks(this.#common, caves.root);
     this.#graph.add(caves.root, team.root);
     this.#labels.add(team.labels);
     const stopListening = run.onUpdate((update) => {
       caves.markChanged(update);
       this.#isDirty ||= this.#concerns(update);
     });
-    this.#loaded = { run, caves, team, stopListening };
+    this.#loaded = { run, caves, team, marks, stopListening };
     const { cellM } = run.terrain;
     const reachM = Math.hypot(...cave.extentM) / 2;
     this.#cameraRig.setLimits([1.5 * cellM, reachM * 7], reachM);
@@ -238,6 +244,28 @@ export class Scene {
   /** The agent at a position of the canvas in the last frame, CSS pixels. */
   pick(x: number, y: number): number | null {
     return this.#loaded?.team.pick(x, y) ?? null;
+  }
+
+  /** The wall at a position of the canvas in the last frame, CSS pixels; null: there is none. */
+  surfaceAt(x: number, y: number): SurfaceHit | null {
+    const loaded = this.#loaded;
+    if (loaded === null) return null;
+    const { camera } = this.#cameraRig;
+    const { width, height } = this.#size;
+    const from = camera.position.toArray();
+    const towards = new Vector3((2 * x) / width - 1, 1 - (2 * y) / height, 0.5).unproject(camera);
+    const direction = towards.sub(camera.position).normalize().toArray();
+    return surfaceHit(loaded.run.terrain, this.view.cut, from, direction);
+  }
+
+  /** Shows marks on the map, and the cells that a body reaches. */
+  setMarks(marks: Marks, reach: CellSet | null): void {
+    if (this.#loaded === null) return;
+    this.#loaded.marks.show(marks);
+    this.#isDirty = true;
+    if (reach === this.#reach) return;
+    this.#reach = reach;
+    this.#loaded.caves.start.setReach(reach);
   }
 
   /** Must be called after `view` was changed. */
@@ -317,6 +345,7 @@ export class Scene {
     const loaded = this.#loaded;
     this.#loaded = null;
     this.#selected = null;
+    this.#reach = null;
     this.#followed = null;
     this.#hits = null;
     this.#pendingHits = null;
@@ -327,6 +356,7 @@ export class Scene {
     this.#labels.remove(loaded.team.labels);
     loaded.caves.dispose();
     loaded.team.dispose();
+    loaded.marks.dispose();
   }
 
   #draw(timeS: number, effort: RenderEffort): void {

@@ -31,6 +31,18 @@ export class Servers {
     return (await server.prints("stdout", /^(http:\S+)$/m))[1]!;
   }
 
+  /** Serves the page with a map, in a folder where its scenarios are run; returns its address. */
+  async map(file: string, folder: string, flags: readonly string[] = []): Promise<string> {
+    const all = ["view", file, "--address", "127.0.0.1:0", "--page", PAGE, "--browser", "false", ...flags];
+    const server = this.#program(binary("maes"), all, folder);
+    return (await server.prints("stdout", /^(http:\S+)$/m))[1]!;
+  }
+
+  /** What `maes` prints in a folder. */
+  async maes(args: readonly string[], folder: string): Promise<string> {
+    return outputOf(binary("maes"), args, this.#env, folder);
+  }
+
   /** Serves a folder by a static web server, which knows nothing of runs; returns its address. */
   async folder(path: string): Promise<string> {
     const server = this.#program("python3", ["-u", "-m", "http.server", "0", "--bind", "127.0.0.1"], path);

@@ -70,13 +70,14 @@ export class Program {
   }
 }
 
-/** Executes a program to its end; returns its standard output. */
+/** Executes a program to its end, in a folder; returns its standard output. */
 export async function outputOf(
   path: string,
   args: readonly string[],
   env: NodeJS.ProcessEnv,
+  folder?: string,
 ): Promise<string> {
-  const program = new Program(path, args, env);
+  const program = new Program(path, args, env, folder);
   const code = await program.ended;
   if (code !== 0)
     throw new Error(`${program.name} has ended with ${code}: ${program.stdout}${program.stderr}`);

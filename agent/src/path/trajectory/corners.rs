@@ -1,8 +1,8 @@
 //! The corners of a way, and how each one is passed.
 
-use msgs::body_model::BodyModel;
-use msgs::kinematics::wrapped;
 use nalgebra::{Point3, Vector3};
+use protocol::body_model::BodyModel;
+use protocol::kinematics::wrapped;
 
 use super::BodyState;
 

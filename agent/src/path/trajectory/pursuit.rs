@@ -6,10 +6,10 @@
 
 use std::f64::consts::PI;
 
-use msgs::body_model::BodyModel;
 use msgs::ids::Tick;
-use msgs::kinematics::wrapped;
 use nalgebra::{Point3, Vector3};
+use protocol::body_model::BodyModel;
+use protocol::kinematics::wrapped;
 
 use super::corners::{Corner, Passage};
 use super::{BodyState, HeldVelocity, Step, Trajectory};

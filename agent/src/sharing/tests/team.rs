@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
-use msgs::event_mask::EventMask;
-use msgs::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX};
 use nalgebra::Point3;
+use protocol::event_mask::EventMask;
+use protocol::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX};
 use voxels::Extent;
 
 use super::super::*;
-use crate::command::WakeCondition;
+use crate::command::{Peer, WakeCondition};
 use crate::exploration_map::{CellState, Delta};
 use crate::sharing::deltas::{ByOthers, DeltaBatch, Deltas, State};
 use crate::sharing::map_message::Message;
@@ -24,7 +24,7 @@ const EXCHANGE_TICKS: u64 = 4;
 pub(super) struct SimulatedTeam {
     pub(super) maps: Vec<ExplorationMap>,
     pub(super) sharings: Vec<Sharing>,
-    pub(super) inboxes: Vec<Vec<ReceivedMessage>>,
+    pub(super) inboxes: Vec<Vec<AgentMessage>>,
     /// Number of messages sent so far, those to all once for each receiver.
     pub(super) posted: usize,
     /// Cells sent so far: from, to, cell, finding.
@@ -90,8 +90,8 @@ impl SimulatedTeam {
             if let Some(due) = &mut self.due {
                 due[index] = (self.sharings[index].next_wake(&contacts, Tick(now)), in_contact.clone());
             }
-            for AgentMessage { to, kind, data } in messages {
-                let receivers = to.map_or_else(|| in_contact.clone(), |to| vec![to]);
+            for AgentMessage { peer, kind, data } in messages {
+                let receivers = if let Peer::One(to) = peer { vec![to] } else { in_contact.clone() };
                 let extent = self.maps[index].extent();
                 let message = map_message::decode(&data, extent, self.maps.len() as u32).unwrap();
                 let (named, delta) = match message {
@@ -103,13 +103,16 @@ impl SimulatedTeam {
                 for &receiver in &receivers {
                     // A broadcast for many reaches all.
                     let is_named = named.contains(&receiver);
-                    assert!(is_named || to.is_none() && named.len() > ADDRESSED_MAX);
+                    assert!(is_named || peer == Peer::Broadcast && named.len() > ADDRESSED_MAX);
                     if is_named {
                         let findings = delta.findings(extent);
                         self.delivered.extend(findings.map(|(cell, finding)| (agent, receiver.0, cell, finding as u8)));
                     }
                     if !self.losses.next().unwrap_or(false) {
-                        posted.push((receiver, ReceivedMessage { from: AgentId(agent), kind, data: data.clone() }));
+                        posted.push((
+                            receiver,
+                            AgentMessage { peer: Peer::One(AgentId(agent)), kind, data: data.clone() },
+                        ));
                     }
                 }
             }

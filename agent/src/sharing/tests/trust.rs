@@ -1,17 +1,18 @@
 //! Messages of senders that are faulty or malicious.
 
-use msgs::message_type::MessageType;
+use protocol::message_type::MessageType;
 use voxels::{Cell, Extent};
 
 use super::super::*;
 use super::team::extent;
+use crate::command::Peer;
 use crate::exploration_map::{CellState, Change, Delta, Finding};
 
 #[test]
 fn malformed_messages_are_rejected_and_other_kinds_ignored() {
     let mut map = ExplorationMap::new(extent(4));
     let mut sharing = Sharing::new(AgentId(0), 5, 3);
-    let message = |kind, data: &[u8]| ReceivedMessage { from: AgentId(2), kind, data: data.into() };
+    let message = |kind, data: &[u8]| AgentMessage { peer: Peer::One(AgentId(2)), kind, data: data.into() };
     let received = [
         message(MessageType::Map.number(), &[9]),
         message(0, &[1, 2, 3]),
@@ -35,10 +36,10 @@ fn malformed_messages_are_rejected_and_other_kinds_ignored() {
 }
 
 /// The most that one false message can report: the whole map is free, or all of it wall.
-fn whole_map(extent: Extent, finding: Finding) -> ReceivedMessage {
+fn whole_map(extent: Extent, finding: Finding) -> AgentMessage {
     let all = (0..extent.volume() as u32).map(|cell| Change { cell, finding, from: None });
-    ReceivedMessage {
-        from: AgentId(2),
+    AgentMessage {
+        peer: Peer::One(AgentId(2)),
         kind: MessageType::Map.number(),
         data: map_message::encode_update(&[AgentId(0), AgentId(3)], 1, &Delta::of(extent, all)).into(),
     }
@@ -63,7 +64,7 @@ fn flooding_sender_is_barred() {
     let lies = [whole_map(extent, Finding::Wall), whole_map(extent, Finding::Free)];
     let mut taken = Vec::new();
     for _ in 0..50 {
-        let flood: Vec<ReceivedMessage> = lies.iter().cycle().take(64).cloned().collect();
+        let flood: Vec<AgentMessage> = lies.iter().cycle().take(64).cloned().collect();
         taken.push(sharing.incoming(&mut map, &flood).messages);
     }
     assert_eq!((taken[0], taken.iter().sum()), (CHANGES_MAX, CHANGES_MAX));
@@ -72,7 +73,8 @@ fn flooding_sender_is_barred() {
     assert!(map.journal_len() as u64 <= CHANGES_MAX as u64 * volume);
     // Malformed messages get the same answer, since messages of barred senders are not decoded.
     let refused = |sharing: &mut Sharing, map: &mut ExplorationMap, from: u32, data: &[u8]| {
-        let message = ReceivedMessage { from: AgentId(from), kind: MessageType::Map.number(), data: data.into() };
+        let message =
+            AgentMessage { peer: Peer::One(AgentId(from)), kind: MessageType::Map.number(), data: data.into() };
         sharing.incoming(map, &[message]).refused
     };
     let barred = MapMessageError::Barred { allowance: 4 * volume };
@@ -90,7 +92,7 @@ fn summaries_that_know_more_than_there_is_are_rejected() {
     let mut sharing = Sharing::new(AgentId(0), 5, 3);
     let summary = |known: &[u32]| {
         let data = map_message::encode_summary((0, SenderState::default()), &[AgentId(0)], known, AgentId(1), 100);
-        ReceivedMessage { from: AgentId(1), kind: MessageType::Map.number(), data: data.into() }
+        AgentMessage { peer: Peer::One(AgentId(1)), kind: MessageType::Map.number(), data: data.into() }
     };
     let report = sharing.incoming(&mut map, &[summary(&[3, 7])]);
     assert_eq!(report.refused, [(AgentId(1), MapMessageError::Ahead { position: 3, entries: 2 })]);

@@ -1,7 +1,8 @@
 use nalgebra::Point3;
 use proptest::prelude::*;
 
-use super::super::gain::Likelihood;
+use super::super::gain::{GainEstimator, Likelihood};
+use super::super::tasks::{Candidate, Viewpoints};
 use super::super::with_team;
 use super::*;
 use crate::settings::Settings;
@@ -13,7 +14,7 @@ use agent::observation::Contact;
 use agent::path::{Graph, Moves, Neighbours};
 use msgs::ids::AgentId;
 use std::collections::BTreeSet;
-use voxels::Extent;
+use voxels::{Cell, Extent};
 
 const RANGE_CELLS: f64 = 5.0;
 

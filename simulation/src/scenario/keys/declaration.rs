@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use msgs::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
+use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
 
 use crate::scenario::{AGENTS_MAX, RecordedView};
 
@@ -33,7 +33,7 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 22] = [
+pub const TABLES: [Table; 23] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
@@ -49,7 +49,7 @@ pub const TABLES: [Table; 22] = [
             "ours").changeable(),
     ]),
     Table::new("map", &[
-        key("kind", Word(&["spheres", "noise", "building", "mine", "file"]), Required, NONE,
+        key("kind", Word(&["spheres", "noise", "building", "mine", "scene", "file"]), Required, NONE,
             "the generator of the map, or a map file", "reference").see("maps.md"),
         key("size", Size, Unset("required unless `\"file\"`"), between(5.0, 1024.0),
             "cells along each axis; one number for a cube", "reference: 30 to 100, 50 by default")
@@ -133,6 +133,9 @@ pub const TABLES: [Table; 22] = [
             "number of its nearest spheres to which each sphere is joined", "reference: 1 to 10, 3"),
         key("smoothing", Integer(""), Is("5"), between(0.0, 1000.0),
             "smoothing passes", "reference: 0 to 20, 5"),
+        key("random", Word(&["chacha", "unity", "unity-named"]), Is("\"chacha\""), NONE,
+            "the random numbers; with those of the reference's engine, a seed of 32 bits makes \
+             [the reference's map](maps.md#maps-of-maes3d)", "reference: unity"),
     ]).checked_by_mapgen(),
     Table::new("map.noise", &[
         key("fill", Number(""), Is("0.53"), between(0.0, 1.0),
@@ -211,6 +214,10 @@ pub const TABLES: [Table; 22] = [
         key("overbreak", Number(""), Is("0.15"), between(0.0, 1.0),
             "probability that a cell of a wall or roof breaks out", "ours"),
     ]).checked_by_mapgen(),
+    Table::new("map.scene", &[
+        key("name", Word(&["office", "octagon-maze", "tunnels", "garage"]), Is("\"office\""), NONE,
+            "which place", "ours; see [maps.md](maps.md#scenes-at-true-scale)"),
+    ]).checked_by_mapgen(),
     Table::new("agents", &[
         key("count", Integer(""), Required, between(1.0, AGENTS_MAX as f64),
             "number of agents; their ids are 0 to count - 1", "reference: 1 to 10, 3"),
@@ -230,7 +237,7 @@ pub const TABLES: [Table; 22] = [
             .limits("0 to `count` - 1, each once, and without `[[event]]`").see("ros2.md#services"),
         key("command", Texts, Is("[]"), NONE,
             "program of one's own, with its arguments, that runs agents; empty: agent_node", "ours")
-            .limits("a program, then its arguments, in which `{id}` is the id of the agent; over ROS 2 only")
+            .limits("a program, then its arguments, in which `{id}` is the id of the agent; over memory only without it")
             .see("controllers.md#in-a-program-of-your-own"),
         key("command_ids", Ids, Is("[]"), NONE,
             "agents that the program runs; empty: all", "ours")
@@ -410,7 +417,7 @@ pub const TABLES: [Table; 22] = [
         key("path_period_ticks", Integer("ticks"), Is("5"), PERIOD,
             "ticks between two checks whether /agent_<id>/path has changed", ""),
         key("unexplored_period_ticks", Integer("ticks"), Is("50"), PERIOD,
-            "ticks between two checks whether /sim/unexplored has changed", ""),
+            "ticks between two checks whether /sim/unexplored and the /sim/explored_* maps have changed", ""),
         key("contacts_period_ticks", Integer("ticks"), Is("50"), PERIOD,
             "ticks between two messages on /sim/contacts", ""),
         key("info_period_ticks", Integer("ticks"), Is("50"), PERIOD,

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use mapgen::MapSpec;
-use msgs::body_model::{BodyKind, BodyModel};
+use protocol::body_model::{BodyKind, BodyModel};
 use voxels::Extent;
 
 use super::*;
@@ -107,6 +107,9 @@ fn defaults_are_those_of_the_structs() {
             if table.path == "map.mine" {
                 without = with(without, "map.kind", "mine".into());
             }
+            if table.path == "map.scene" {
+                without = with(without, "map.kind", "scene".into());
+            }
             let path = table.path_of(key.name);
             match key.default {
                 DefaultValue::Is(value) => {
@@ -165,7 +168,7 @@ fn generators_refuse_numbers_out_of_range() {
     for table in TABLES.iter().filter(|table| table.is_checked_by_mapgen && table.path != "map.import") {
         let generator = table.path.trim_start_matches("map.");
         for key in table.keys {
-            let range = key.range.unwrap();
+            let Some(range) = key.range else { continue };
             for wrong in [range.low - 1.0, range.high + 1.0].into_iter().filter(|number| *number >= 0.0) {
                 let value = match key.kind {
                     Kind::Integer(_) => toml::Value::Integer(wrong as i64),
@@ -178,6 +181,7 @@ fn generators_refuse_numbers_out_of_range() {
                     MapKind::Spheres => MapSpec::Spheres(map.spheres),
                     MapKind::Noise => MapSpec::Noise(map.noise),
                     MapKind::Mine => MapSpec::Mine(map.mine.unwrap()),
+                    MapKind::Scene => MapSpec::Scene(map.scene.unwrap()),
                     _ => MapSpec::Building(map.building.unwrap()),
                 };
                 let error = mapgen::generate(&spec, Extent::new([30; 3], 1.0).unwrap(), 1).unwrap_err().to_string();

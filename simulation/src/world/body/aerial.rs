@@ -12,8 +12,8 @@
 
 use std::collections::VecDeque;
 
-use msgs::kinematics::{approached, turned, wrapped};
 use nalgebra::{Point3, Vector3};
+use protocol::kinematics::{approached, turned, wrapped};
 
 use super::ramp::{Ramp, landing_speed};
 use super::{Body, MOVE_REST_M, MotionOutcome, Obstacles};

@@ -1,5 +1,7 @@
 use voxels::{Extent, Grid, Terrain};
 
+use protocol::observation::Surface;
+
 use super::*;
 
 const DT_S: f64 = 0.02;

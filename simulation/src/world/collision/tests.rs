@@ -29,7 +29,7 @@ fn faces_are_met_at_the_radius() {
         let contact = contact(&terrain, from, by).unwrap();
         assert!((contact.time - 0.6).abs() < 1e-11, "{contact:?}");
         assert!((contact.normal - Vector3::from(normal)).norm() < 1e-12, "{contact:?}");
-        assert_eq!(Surface::of_normal(&contact.normal), surface);
+        assert_eq!(surface_of(&contact.normal), surface);
         assert!(!contact.with_agent);
     }
 }
@@ -44,6 +44,30 @@ fn edges_and_corners_are_round() {
     let diagonal = RADIUS_M / 2.0_f64.sqrt();
     assert!(contact(&terrain, [1.0, 2.0 - diagonal - 1e-6, 2.0 - diagonal - 1e-6], [3.0, 0.0, 0.0]).is_none());
     assert!(contact(&terrain, [1.0, 2.0 - diagonal + 1e-6, 2.0 - diagonal + 1e-6], [3.0, 0.0, 0.0]).is_some());
+}
+
+#[test]
+fn edge_at_exactly_45_degrees_is_a_wall() {
+    let terrain = one_block();
+    // Bodies move along one diagonal towards the lower and the upper edges of the block.
+    for (from_m, by) in [(0.5, 1.0), (0.7, 1.0), (4.3, -1.0), (4.5, -1.0)] {
+        for along in 0..2 {
+            let mut from = [2.5; 3];
+            from[along] = from_m;
+            from[2] = from_m;
+            let mut towards = [0.0; 3];
+            towards[along] = 2.0 * by;
+            towards[2] = 2.0 * by;
+            let contact = contact(&terrain, from, towards).unwrap();
+            let slope = contact.normal.z.abs();
+            assert!((slope - std::f64::consts::FRAC_1_SQRT_2).abs() < 1e-9, "{contact:?}");
+            assert_eq!(surface_of(&contact.normal), Surface::Wall, "{contact:?}");
+        }
+    }
+    let steeper = |by: f64| Vector3::new(libm::cos(by), 0.0, libm::sin(by));
+    let limit = std::f64::consts::FRAC_PI_4;
+    assert_eq!(surface_of(&steeper(limit + 1e-5)), Surface::Floor);
+    assert_eq!(surface_of(&steeper(-limit - 1e-5)), Surface::Ceiling);
 }
 
 #[test]

@@ -1,3 +1,4 @@
+use msgs::ids::AgentId;
 use proptest::prelude::*;
 use voxels::{Extent, OpenSpace};
 

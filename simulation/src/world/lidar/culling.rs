@@ -1,11 +1,11 @@
 //! Which rays of a scan can reach a cell that its memory has not seen. The others find nothing new,
-//! so [`super::Scanner::scan`] does not cast them.
+//! so [`CullingEngine`] does not cast them.
 //!
 //! **Why it is exact.** The cells that a ray visits before the first unseen one are seen and free,
-//! and the last of them belongs to the frontier. So it is enough to follow the rays through seen
-//! free cells to the frontier. They are followed all at once, as a set for each block of cells,
+//! and the last of them is at the edge of what is seen. So it is enough to follow the rays through
+//! seen free cells to the edge. They are followed all at once, as a set for each block of cells,
 //! from the body's cell outwards: the rays that may enter a block are those that may come from a
-//! neighbour and whose direction passes it. A face between a cell of the frontier and an unseen
+//! neighbour and whose direction passes it. A face between a cell of the edge and an unseen
 //! neighbour makes the rays *open* that pass both. The sets have more rays than truly pass, never
 //! fewer: they hold for every position in the body's cell, they tell groups of rays apart and not
 //! single ones, blocks are larger than cells, and all is widened by [`SLACK_CELLS`] against
@@ -22,7 +22,6 @@
 //! Invariant: the marks of a memory and the lists of new cells, with their order, are those of a
 //! cast of all rays, whatever the memory holds; tests compare the two.
 
-mod frontier;
 mod passing;
 
 use std::cell::RefCell;
@@ -30,10 +29,14 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::Pattern;
-use super::cast::Start;
+use super::cast::{Kernel, Start};
+use super::engine::{CastCount, Engine, NewCells, NotCast};
+use super::marks::Marks;
+use super::memory::Parts;
 use super::pattern::Bundle;
-pub(super) use frontier::Frontier;
+use super::slots::step;
+use super::{Pattern, Scanner, SensorMemory};
+use crate::world::body::Pose;
 use passing::Passing;
 
 /// Rays are followed for `1 << OFFSET_BITS` cells along each axis; those that are free for longer
@@ -49,6 +52,54 @@ const SLACK_CELLS: f64 = 1e-6;
 
 /// A set of groups of rays of one octant, one bit each.
 type Groups = u64;
+
+/// Casts the rays that can find something new, in bundles.
+#[derive(Debug)]
+pub(in crate::world) struct CullingEngine;
+
+impl Engine for CullingEngine {
+    fn cast(&mut self, scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose, new: NewCells<'_>) -> CastCount {
+        self.cast_undoable(scanner, memory, pose, new).0
+    }
+}
+
+impl CullingEngine {
+    /// As [`Engine::cast`]; also returns what the scan has replaced of what the memory knew about
+    /// rays.
+    pub(super) fn cast_undoable(
+        &self,
+        scanner: &Scanner,
+        memory: &mut SensorMemory,
+        pose: &Pose,
+        mut new: NewCells<'_>,
+    ) -> (CastCount, Option<UndoEntry>) {
+        let due = u64::from(scanner.rays());
+        let Some(start) = scanner.start(memory, pose) else {
+            return (CastCount::without(due, NotCast::OutsideMap), None);
+        };
+        let extent = memory.extent();
+        let Parts { marks, culling } = memory.parts();
+        marks.see(start.slot(), &mut new);
+        let kernel = Kernel::best();
+        let bundles = scanner.bundles();
+        let (active, undo) = match &scanner.rays.culling {
+            Some(rays) => {
+                let active = rays.active_bundles(&start, scanner.unit_range_cells(extent), marks, culling);
+                (active.bundles, active.undo)
+            }
+            None => (std::iter::once(0..bundles.len()).collect(), None),
+        };
+        let mut count = CastCount::of(due);
+        let (mut followed, mut cast) = (0, 0);
+        for active in active {
+            followed += bundles[active.clone()].iter().map(Bundle::rays).sum::<u64>();
+            cast += kernel.scan(marks, &start, &bundles[active], &mut new);
+        }
+        count.leave_out(due - followed, NotCast::NothingUnseen);
+        count.leave_out(followed - cast, NotCast::OutsideView);
+        (count, undo)
+    }
+}
 
 /// The rays of a scanner, in groups that are followed together.
 pub(super) struct Culling {
@@ -68,14 +119,13 @@ struct Octant {
 /// What a memory knows about the cells that it has not seen.
 #[derive(Clone)]
 pub(super) struct CullingState {
-    frontier: Frontier,
     /// The rays for which the rest is known.
     culling: Option<Arc<Culling>>,
     /// By slot of the body's cell, and by octant, the groups that were active at the last scan from
     /// there.
-    active_from: BTreeMap<usize, [Groups; 8]>,
+    active_from: BTreeMap<u64, [Groups; 8]>,
     /// The slot of the body's cell at the last scan.
-    slot: Option<usize>,
+    slot: Option<u64>,
     /// What is active from there, by octant.
     active: [ActiveSet; 8],
 }
@@ -89,7 +139,7 @@ pub(super) struct ActiveBundles {
 
 /// A slot of a body's cell, and what was known about scans from there.
 #[derive(Debug)]
-pub(super) struct UndoEntry(usize, Option<[Groups; 8]>);
+pub(super) struct UndoEntry(u64, Option<[Groups; 8]>);
 
 /// The active groups of one octant.
 #[derive(Clone, Copy)]
@@ -97,18 +147,22 @@ struct ActiveSet {
     groups: Groups,
     /// By group, the slot of an unseen cell that activates it; [`NO_WATCHED_CELL`] if it is active
     /// because it is free for too long.
-    watched_cells: [u32; Groups::BITS as usize],
+    watched_cells: WatchedCells,
 }
 
+/// By group, the slot of a cell.
+type WatchedCells = [u64; Groups::BITS as usize];
+
 /// No slot.
-const NO_WATCHED_CELL: u32 = u32::MAX;
+const NO_WATCHED_CELL: u64 = u64::MAX;
 
 /// A block that groups may enter.
 #[derive(Clone, Copy)]
 struct Offset {
     /// Its offset in blocks from that of the body, packed: x first.
     offset: u32,
-    block: u32,
+    /// The octant of the marks that it is, with the coordinates along which rays go down flipped.
+    flipped: u64,
 }
 
 /// Buffers for following rays.
@@ -154,18 +208,19 @@ impl Culling {
         self: &Arc<Self>,
         start: &Start,
         range_cells: f64,
-        seen: &[u8],
+        marks: &mut Marks,
         culling: &mut CullingState,
     ) -> ActiveBundles {
-        let mut changed = culling.changed(self, start.slot(), seen);
+        let mut changed = culling.changed(self, start.slot(), marks);
         SCRATCH.with_borrow_mut(|scratch| {
             scratch.entering.resize(1 << (3 * (self.offset_bits - 1)), 0);
             for ((octant, active), changed) in self.octants.iter().zip(&mut culling.active).zip(&mut changed) {
                 active.groups &= !*changed;
                 if *changed != 0 {
-                    let follow = Follow { octant, start, seen, range_cells, block_bits: self.offset_bits - 1 };
-                    active.groups |=
-                        follow.active_groups(*changed, &mut active.watched_cells, &mut culling.frontier, scratch);
+                    let flip = start.slots().flip(octant.goes_down);
+                    let block_bits = self.offset_bits - 1;
+                    let mut follow = Follow { octant, start, marks, range_cells, block_bits, flip };
+                    active.groups |= follow.active_groups(*changed, &mut active.watched_cells, scratch);
                 }
             }
         });
@@ -183,25 +238,9 @@ impl Culling {
 
 impl CullingState {
     /// The state before the first scan: every group is active.
-    pub(super) fn new(frontier: Frontier) -> Self {
+    pub(super) fn new() -> Self {
         let active = [ActiveSet { groups: 0, watched_cells: [NO_WATCHED_CELL; Groups::BITS as usize] }; 8];
-        Self { frontier, culling: None, active_from: BTreeMap::new(), slot: None, active }
-    }
-
-    /// As [`CullingState::new`], for a memory of the same size.
-    pub(super) fn unused(&self) -> Self {
-        Self::new(self.frontier.unused())
-    }
-
-    /// Notes that a free cell has been seen.
-    pub(super) fn note_free(&mut self, slot: usize) {
-        self.frontier.note_free(slot);
-    }
-
-    /// Notes that a free cell has not been seen after all. Its neighbours may belong to the
-    /// frontier then.
-    pub(super) fn forget_free(&mut self, slot: usize) {
-        self.frontier.forget_free(slot);
+        Self { culling: None, active_from: BTreeMap::new(), slot: None, active }
     }
 
     /// Takes back what is known since a scan that replaced this.
@@ -221,14 +260,14 @@ impl CullingState {
     }
 
     /// The groups to be followed for a scan from a slot, by octant.
-    fn changed(&mut self, culling: &Arc<Culling>, slot: usize, seen: &[u8]) -> [Groups; 8] {
+    fn changed(&mut self, culling: &Arc<Culling>, slot: u64, marks: &Marks) -> [Groups; 8] {
         let is_same = self.culling.as_ref().is_some_and(|known| Arc::ptr_eq(known, culling));
         if !is_same {
             self.culling = Some(Arc::clone(culling));
             self.active_from.clear();
         }
         if is_same && self.slot == Some(slot) {
-            return self.active.each_ref().map(|active| active.outdated(seen));
+            return self.active.each_ref().map(|active| active.outdated(marks));
         }
         self.slot = Some(slot);
         self.active.iter_mut().for_each(|active| active.groups = 0);
@@ -238,14 +277,14 @@ impl CullingState {
 
 impl ActiveSet {
     /// The groups whose watched cell has been seen.
-    fn outdated(&self, seen: &[u8]) -> Groups {
+    fn outdated(&self, marks: &Marks) -> Groups {
         let mut groups = self.groups;
         let mut outdated = 0;
         while groups != 0 {
             let group = groups.trailing_zeros();
             groups &= groups - 1;
             let watched = self.watched_cells[group as usize];
-            outdated |= Groups::from(watched != NO_WATCHED_CELL && seen[watched as usize] != 0) << group;
+            outdated |= Groups::from(watched != NO_WATCHED_CELL && !marks.is_unseen(watched)) << group;
         }
         outdated
     }
@@ -271,37 +310,34 @@ impl Octant {
 struct Follow<'a> {
     octant: &'a Octant,
     start: &'a Start,
-    seen: &'a [u8],
+    marks: &'a mut Marks,
     range_cells: f64,
     block_bits: u32,
+    /// The bits of the coordinates along which the rays go down.
+    flip: u64,
 }
 
+/// Bits of a slot that number the cell in its octant of the marks, which is a block here.
+const IN_BLOCK: u32 = 3;
+
 impl Follow<'_> {
-    /// The groups among `groups` that may reach a cell that has not been seen, with their
-    /// witnesses.
-    fn active_groups(
-        &self,
-        groups: Groups,
-        watched_cells: &mut [u32; Groups::BITS as usize],
-        frontier: &mut Frontier,
-        scratch: &mut Scratch,
-    ) -> Groups {
+    /// The groups among `groups` that may reach a cell that has not been seen, with their watched
+    /// cells.
+    fn active_groups(&mut self, groups: Groups, watched_cells: &mut WatchedCells, scratch: &mut Scratch) -> Groups {
         let Scratch { entering, layers: [present, next] } = scratch;
-        let goes_down = self.octant.goes_down;
-        let home = frontier.place(self.start.slot());
+        let home = self.start.slot() ^ self.flip;
         // Away from the body: 1 if its cell is the farther one of its block along an axis.
-        let ahead = [0, 1, 2].map(|axis| (home.inside[axis] ^ usize::from(goes_down[axis])) as u32);
+        let ahead = [0, 1, 2].map(|axis| (home >> axis & 1) as u32);
         let passing = self.octant.passing.blocks((ahead[0] | ahead[1] << 1 | ahead[2] << 2) as usize);
-        let strides = frontier.block_strides().map(|stride| stride as u32);
-        // Downward steps are two's complements.
-        let steps = [0, 1, 2].map(|axis| if goes_down[axis] { strides[axis].wrapping_neg() } else { strides[axis] });
+        let masks = self.start.slots().masks().map(|mask| mask >> IN_BLOCK);
+        let flip = self.flip >> IN_BLOCK;
         let last = (1_u32 << self.block_bits) - 1;
         // The rays leave the body's cell whatever it is.
-        let mut active = self.activated_at(groups, self.start.slot(), [0; 3], watched_cells);
+        let mut active = self.activated_at(groups, home, [0; 3], watched_cells);
         entering[0] = groups;
-        present.push(Offset { offset: 0, block: home.block as u32 });
+        present.push(Offset { offset: 0, flipped: home >> IN_BLOCK });
         while !present.is_empty() {
-            for Offset { offset, block } in present.drain(..) {
+            for Offset { offset, flipped } in present.drain(..) {
                 let mut entered = std::mem::take(&mut entering[offset as usize]) & passing[offset as usize] & !active;
                 let blocks = [0, 1, 2].map(|axis| offset >> (axis * self.block_bits) & last);
                 // The offset in cells of the nearest cell of the block; below 0 only behind the
@@ -310,10 +346,11 @@ impl Follow<'_> {
                 if entered == 0 || !self.is_in_range(nearest.map(|cells| cells.max(0) as u32)) {
                     continue;
                 }
-                let cells = frontier.of_block(block as usize);
+                let cells = self.marks.edges_of(flipped ^ flip);
                 if cells != 0 {
-                    let (activated, outdated) = self.activated_in_block(entered, cells, nearest, watched_cells);
-                    frontier.remove(block as usize, outdated);
+                    let (activated, outdated) =
+                        self.activated_in_block(entered, flipped, cells, nearest, watched_cells);
+                    self.marks.clear_edges(flipped ^ flip, outdated);
                     active |= activated;
                     entered &= !activated;
                 }
@@ -323,12 +360,12 @@ impl Follow<'_> {
                         set_watched_cell(watched_cells, entered, NO_WATCHED_CELL);
                         break;
                     }
-                    let block = block.wrapping_add(steps[axis]);
-                    if frontier.has_free(block as usize) {
+                    let beyond = step(flipped, masks[axis]);
+                    if self.marks.octant_passes(beyond ^ flip) {
                         let offset = offset + (1 << (axis as u32 * self.block_bits));
                         let entering = &mut entering[offset as usize];
                         if *entering == 0 {
-                            next.push(Offset { offset, block });
+                            next.push(Offset { offset, flipped: beyond });
                         }
                         *entering |= entered;
                     }
@@ -339,32 +376,28 @@ impl Follow<'_> {
         active
     }
 
-    /// The groups among `groups` that these cells of a block activate, and the cells that do not
-    /// belong to the frontier any more. The nearest cell of the block has this offset.
+    /// The groups among `groups` that these cells of a block activate, and the cells that are not
+    /// at the edge any more. The nearest cell of the block has this offset.
     fn activated_in_block(
         &self,
         groups: Groups,
+        block: u64,
         mut cells: u8,
         nearest: [i32; 3],
-        watched_cells: &mut [u32; Groups::BITS as usize],
+        watched_cells: &mut WatchedCells,
     ) -> (Groups, u8) {
-        let steps = self.start.steps(self.octant.goes_down);
+        let slots = self.start.slots();
         let (mut activated, mut outdated) = (0, 0);
         while cells != 0 {
             let cell = cells & cells.wrapping_neg();
             cells ^= cell;
-            let inside = cell.trailing_zeros();
-            let offset = [0, 1, 2].map(|axis| {
-                let away = (inside >> axis & 1) ^ u32::from(self.octant.goes_down[axis]);
-                nearest[axis] + away as i32
-            });
-            let way: i64 = (0..3).map(|axis| i64::from(offset[axis]) * steps[axis]).sum();
-            let slot = (self.start.slot() as i64 + way) as usize;
-            if !steps.iter().any(|&step| self.is_unseen(slot, step) || self.is_unseen(slot, -step)) {
+            let flipped = block << IN_BLOCK | u64::from(cell.trailing_zeros()) ^ self.flip & 7;
+            let offset = [0, 1, 2].map(|axis| nearest[axis] + (flipped >> axis & 1) as i32);
+            if !slots.beside(flipped ^ self.flip).into_iter().any(|beside| self.marks.is_unseen(beside)) {
                 outdated |= cell;
             } else if offset.iter().all(|&cells| cells >= 0) {
-                activated |=
-                    self.activated_at(groups & !activated, slot, offset.map(|cells| cells as u32), watched_cells);
+                let offset = offset.map(|cells| cells as u32);
+                activated |= self.activated_at(groups & !activated, flipped, offset, watched_cells);
             }
         }
         (activated, outdated)
@@ -372,30 +405,21 @@ impl Follow<'_> {
 
     /// The groups among `groups` that pass the free cell at an offset and a neighbour that has not
     /// been seen, with that as their watched cell.
-    fn activated_at(
-        &self,
-        groups: Groups,
-        slot: usize,
-        offset: [u32; 3],
-        watched_cells: &mut [u32; Groups::BITS as usize],
-    ) -> Groups {
+    fn activated_at(&self, groups: Groups, flipped: u64, offset: [u32; 3], watched_cells: &mut WatchedCells) -> Groups {
         let passing = &self.octant.passing;
         let groups = groups & passing.cell(offset);
         let mut activated = 0;
-        for (axis, step) in self.start.steps(self.octant.goes_down).into_iter().enumerate() {
+        for axis in 0..3 {
             let mut beside = offset;
             beside[axis] += 1;
-            if groups & !activated != 0 && self.is_unseen(slot, step) && self.is_in_range(beside) {
+            let slot = self.start.slots().above(flipped, axis) ^ self.flip;
+            if groups & !activated != 0 && self.marks.is_unseen(slot) && self.is_in_range(beside) {
                 let new = groups & !activated & passing.cell(beside);
-                set_watched_cell(watched_cells, new, (slot as i64 + step) as u32);
+                set_watched_cell(watched_cells, new, slot);
                 activated |= new;
             }
         }
         activated
-    }
-
-    fn is_unseen(&self, slot: usize, step: i64) -> bool {
-        self.seen[(slot as i64 + step) as usize] == 0
     }
 
     /// Whether a ray from some position in the body's cell can enter the cell at an offset within
@@ -410,7 +434,7 @@ impl Follow<'_> {
     }
 }
 
-fn set_watched_cell(watched_cells: &mut [u32; Groups::BITS as usize], mut groups: Groups, slot: u32) {
+fn set_watched_cell(watched_cells: &mut WatchedCells, mut groups: Groups, slot: u64) {
     while groups != 0 {
         watched_cells[groups.trailing_zeros() as usize] = slot;
         groups &= groups - 1;

@@ -16,7 +16,7 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 use voxels::{Cell, walk};
 
-use super::cast::{self, CellLists, Field};
+use super::engine::{CastCount, Engine, NewCells, NotCast};
 use super::{Pattern, ScanView, Scanner, SensorMemory};
 use crate::world::body::Pose;
 use crate::world::noise::SensorNoise;
@@ -24,15 +24,15 @@ use crate::world::noise::SensorNoise;
 /// The lead in votes with which a cell is reported.
 const VOTES: i8 = 3;
 
-/// Noise parameters, agent and tick of a noisy scan, which name its random stream.
+/// The engine of one noisy scan: noise parameters, agent and tick, which name its random stream.
 #[derive(Debug, Clone, Copy)]
-pub struct NoisyScan<'a> {
+pub(in crate::world) struct NoisyScan<'a> {
     /// Noise parameters.
-    pub noise: &'a SensorNoise,
+    pub(in crate::world) noise: &'a SensorNoise,
     /// The scanning agent.
-    pub agent: AgentId,
+    pub(in crate::world) agent: AgentId,
     /// Tick of the scan.
-    pub tick: Tick,
+    pub(in crate::world) tick: Tick,
 }
 
 /// The cells that one ray votes for.
@@ -44,27 +44,22 @@ struct RayVote<'a> {
     wall: Option<(Cell, Point3<f64>)>,
 }
 
-impl Scanner {
-    /// As [`Scanner::scan`], with noise: marks cells as seen and appends them once they have the
-    /// votes.
-    pub fn scan_noisy(
-        &self,
-        memory: &mut SensorMemory,
-        pose: &Pose,
-        scan: NoisyScan<'_>,
-        new_free: &mut Vec<u32>,
-        new_wall: &mut Vec<u32>,
-    ) {
-        let extent = memory.extent;
-        let Some(own) = extent.index(extent.cell_of(&pose.position)) else { return };
-        let mut votes = std::mem::take(&mut memory.votes);
-        votes.resize(extent.volume(), 0);
+/// Marks cells as seen and adds them once they have the votes; the kind that is reported may differ
+/// from the true one.
+impl Engine for NoisyScan<'_> {
+    fn cast(&mut self, scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose, new: NewCells<'_>) -> CastCount {
+        let extent = memory.extent();
+        let due = u64::from(scanner.rays());
+        let Some(own) = extent.index(extent.cell_of(&pose.position)) else {
+            return CastCount::without(due, NotCast::OutsideMap);
+        };
+        let mut votes = memory.take_votes();
         votes[own] = VOTES;
         let mut touched = vec![own];
-        self.follow(memory, pose, scan, |ray| {
+        let in_view = scanner.follow(memory, pose, *self, |ray| {
             let mut vote = |cell: Cell, vote: i8| {
                 if let Some(index) = extent.index(cell)
-                    && memory.seen[memory.slot_of(cell)] == 0
+                    && !memory.has_seen(cell)
                 {
                     votes[index] = votes[index].saturating_add(vote);
                     touched.push(index);
@@ -73,25 +68,27 @@ impl Scanner {
             ray.free.iter().for_each(|&(cell, _)| vote(cell, 1));
             ray.wall.iter().for_each(|&(cell, _)| vote(cell, -1));
         });
-        memory.votes = votes;
-        let mut truly_free = Vec::new();
+        let mut of_true_kinds = (Vec::new(), Vec::new());
         for index in touched {
-            let slot = memory.slot_of(extent.cell_at(index));
-            let leads = memory.votes[index];
-            if leads.unsigned_abs() < VOTES.unsigned_abs() || memory.seen[slot] != 0 {
+            let cell = extent.cell_at(index);
+            let leads = votes[index];
+            if leads.unsigned_abs() < VOTES.unsigned_abs() || memory.has_seen(cell) {
                 continue;
             }
-            // The reported kind may differ from the true one.
-            let mut field = Field { kinds: &memory.kinds, seen: &mut memory.seen };
-            CellLists { free: &mut truly_free, wall: &mut Vec::new() }.mark(&mut field, slot);
-            if leads > 0 { new_free.push(index as u32) } else { new_wall.push(index as u32) }
+            memory.see(cell, &mut NewCells { free: &mut of_true_kinds.0, wall: &mut of_true_kinds.1 });
+            if leads > 0 { new.free.push(index as u32) } else { new.wall.push(index as u32) }
         }
-        truly_free.iter().for_each(|&slot| memory.culling.note_free(slot as usize));
+        memory.put_votes(votes);
+        let mut count = CastCount::of(due);
+        count.leave_out(due - in_view, NotCast::OutsideView);
+        count
     }
+}
 
+impl Scanner {
     /// As [`Scanner::view`], with noise: the kind of each cell is that of most rays of the scan.
-    pub fn view_noisy(&self, memory: &SensorMemory, pose: &Pose, scan: NoisyScan<'_>) -> ScanView {
-        let extent = memory.extent;
+    pub(in crate::world) fn view_noisy(&self, memory: &SensorMemory, pose: &Pose, scan: NoisyScan<'_>) -> ScanView {
+        let extent = memory.extent();
         let mut votes = vec![0_i32; extent.volume()];
         let mut view = ScanView::default();
         self.follow(memory, pose, scan, |ray| {
@@ -115,16 +112,29 @@ impl Scanner {
     }
 
     /// As [`Scanner::hits`], with noise.
-    pub fn hits_noisy(&self, memory: &SensorMemory, pose: &Pose, scan: NoisyScan<'_>) -> Vec<Point3<f64>> {
+    pub(in crate::world) fn hits_noisy(
+        &self,
+        memory: &SensorMemory,
+        pose: &Pose,
+        scan: NoisyScan<'_>,
+    ) -> Vec<Point3<f64>> {
         let mut hits = Vec::new();
         self.follow(memory, pose, scan, |ray| hits.extend(ray.wall.map(|(_, hit)| hit)));
         hits
     }
 
-    fn follow(&self, memory: &SensorMemory, pose: &Pose, scan: NoisyScan<'_>, mut vote: impl FnMut(RayVote<'_>)) {
-        let Some(start) = self.start(memory, pose) else { return };
-        let extent = memory.extent;
-        let is_wall = |cell: Cell| cast::is_wall(memory.kinds[memory.slot_of(cell)]);
+    /// Follows all rays in the field of view; returns how many.
+    fn follow(
+        &self,
+        memory: &SensorMemory,
+        pose: &Pose,
+        scan: NoisyScan<'_>,
+        mut vote: impl FnMut(RayVote<'_>),
+    ) -> u64 {
+        let mut rays = 0;
+        let Some(start) = self.start(memory, pose) else { return rays };
+        let extent = memory.extent();
+        let is_wall = |cell: Cell| memory.is_wall(cell);
         // In lengths of a ray's direction; that of a shell's ray is as long as the ray.
         let reach = match self.rays.pattern {
             Pattern::Lattice { .. } => self.range_m,
@@ -134,6 +144,7 @@ impl Scanner {
         let mut crossed: Vec<(Cell, f64)> = Vec::new();
         for bundle in &self.rays.bundles {
             for lane in bundle.lanes(start.cone()) {
+                rays += 1;
                 let direction = bundle.direction(lane);
                 let length = direction.norm();
                 let noise = scan.noise.sample_return(&mut rng).map(|noise_m| noise_m / length);
@@ -167,6 +178,7 @@ impl Scanner {
                 }
             }
         }
+        rays
     }
 }
 
@@ -196,8 +208,8 @@ mod tests {
         let mut memory = SensorMemory::new(&hall());
         let (mut free, mut wall) = (Vec::new(), Vec::new());
         for tick in (0..scans).map(Tick) {
-            let scan = NoisyScan { noise, agent: AgentId(0), tick };
-            scanner().scan_noisy(&mut memory, &POSE, scan, &mut free, &mut wall);
+            let new = NewCells { free: &mut free, wall: &mut wall };
+            NoisyScan { noise, agent: AgentId(0), tick }.cast(&scanner(), &mut memory, &POSE, new);
         }
         free.sort_unstable();
         wall.sort_unstable();

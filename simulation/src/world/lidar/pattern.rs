@@ -83,6 +83,11 @@ impl Bundle {
         self.rays == LANES
     }
 
+    /// Number of rays.
+    pub(super) fn rays(&self) -> u64 {
+        self.rays as u64
+    }
+
     /// The direction of one ray; see [`Pattern::directions`].
     pub(super) fn direction(&self, lane: usize) -> Vector3<f64> {
         self.directions[lane]

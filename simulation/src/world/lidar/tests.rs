@@ -1,12 +1,14 @@
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
+use nalgebra::Point3;
 use proptest::prelude::*;
-use voxels::{Cell, is_wall_at, walk};
+use voxels::{Cell, Grid, Terrain, is_wall_at, walk};
 
+use super::cast::Kernel;
+use super::naive::NaiveEngine;
 use super::*;
-use crate::world::lidar::culling::Culling;
 use crate::world::lidar::pattern::LANES;
 
 fn pose(position: [f64; 3], yaw_rad: f64) -> Pose {
@@ -194,31 +196,49 @@ fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
     (pattern, prop_oneof![Just(f64::INFINITY), Just(1.0), 0.01..9.0], prop_oneof![Just(TAU), 0.1..TAU])
 }
 
-/// The scanner with every ray cast, and with those alone that can reach unseen cells within
-/// `1 << offset_bits` cells.
-fn full_and_pruned(pattern: Pattern, range_m: f64, fov_rad: f64, offset_bits: u32) -> [Scanner; 2] {
+/// A scanner whose rays are followed for `1 << offset_bits` cells to see whether they need be cast.
+fn with_culling(pattern: Pattern, range_m: f64, fov_rad: f64, offset_bits: u32) -> Scanner {
     let scanner = Scanner::new(pattern, range_m, fov_rad);
-    let culling = Arc::new(Culling::new(pattern, &scanner.rays.bundles, offset_bits));
-    [None, Some(culling)].map(|culling| {
-        let Rays { count, ref bundles, .. } = *scanner.rays;
-        Scanner { rays: Arc::new(Rays { pattern, count, bundles: bundles.clone(), culling }), ..scanner.clone() }
-    })
+    let culling = Some(Arc::new(Culling::new(pattern, scanner.bundles(), offset_bits)));
+    let Rays { count, ref bundles, .. } = *scanner.rays;
+    Scanner { rays: Arc::new(Rays { pattern, count, bundles: bundles.clone(), culling }), ..scanner }
 }
+
+/// The cells that an engine finds, ascending, and the count of its rays.
+fn cast_by(engine: &mut dyn Engine, scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose) -> Cast {
+    let (mut free, mut wall) = (Vec::new(), Vec::new());
+    let count = engine.cast(scanner, memory, pose, NewCells { free: &mut free, wall: &mut wall });
+    free.sort_unstable();
+    wall.sort_unstable();
+    ([free, wall], count)
+}
+
+type Cast = ([Vec<u32>; 2], CastCount);
 
 /// Marks cells as seen, whether they can be seen or not.
 fn see(memory: &mut SensorMemory, cells: &[bool]) {
-    for index in (0..memory.extent.volume()).filter(|&index| cells[index]) {
-        let slot = memory.slot_of(memory.extent.cell_at(index));
-        memory.seen[slot] = memory.kinds[slot];
-        if memory.kinds[slot] == FREE {
-            memory.culling.note_free(slot);
-        }
+    let (mut free, mut wall) = (Vec::new(), Vec::new());
+    for index in (0..memory.extent().volume()).filter(|&index| cells[index]) {
+        memory.see(memory.extent().cell_at(index), &mut NewCells { free: &mut free, wall: &mut wall });
     }
+}
+
+/// Poses on a way of some steps, in cells, that stays in the map.
+fn poses(extent: Extent, position: [f64; 3], steps: impl IntoIterator<Item = [f64; 3]>) -> Vec<Pose> {
+    let mut position = Point3::from(position);
+    let mut pose = |(step, yaw_rad): ([f64; 3], f64)| {
+        let next = position + Vector3::from(step) * extent.cell_m();
+        if extent.contains(extent.cell_of(&next)) {
+            position = next;
+        }
+        Pose { position, yaw_rad }
+    };
+    steps.into_iter().zip((0..).map(f64::from)).map(&mut pose).collect()
 }
 
 proptest! {
     #[test]
-    fn pruned_scans_are_those_of_a_full_cast(
+    fn culled_scans_are_those_of_the_naive_engine(
         (terrain, position) in any_world(),
         (pattern, range_m, fov_rad) in any_scanner(),
         offset_bits in 1_u32..5,
@@ -226,25 +246,25 @@ proptest! {
         sees_at_random in any::<bool>(),
         steps in prop::collection::vec(prop::array::uniform3(prop_oneof![Just(0.0), -0.4..0.4, -1.5..1.5]), 1..24),
     ) {
-        let scanners = full_and_pruned(pattern, range_m, fov_rad, offset_bits);
+        let scanner = with_culling(pattern, range_m, fov_rad, offset_bits);
         let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
         if sees_at_random {
             memories.iter_mut().for_each(|memory| see(memory, &seen));
         }
-        let mut position = Point3::from(position);
-        for (step, yaw_rad) in steps.into_iter().zip((0..).map(f64::from)) {
-            let next = position + Vector3::from(step) * terrain.extent().cell_m();
-            if terrain.extent().contains(terrain.extent().cell_of(&next)) {
-                position = next;
-            }
-            let [full, pruned] = [0, 1].map(|which| {
-                let (mut free, mut wall) = (Vec::new(), Vec::new());
-                scanners[which].scan(&mut memories[which], &Pose { position, yaw_rad }, &mut free, &mut wall);
-                (free, wall)
-            });
-            prop_assert_eq!(full, pruned);
-            // Slot 0 is where lanes wait whose rays are at an end.
-            prop_assert_eq!(&memories[0].seen[1..], &memories[1].seen[1..]);
+        let [naive, culled] = &mut memories;
+        for pose in poses(terrain.extent(), position, steps) {
+            let (expected, all) = cast_by(&mut NaiveEngine::default(), &scanner, naive, &pose);
+            let (found, count) = cast_by(&mut CullingEngine, &scanner, culled, &pose);
+            prop_assert_eq!(expected, found);
+            prop_assert!(naive.seen_cells().eq(culled.seen_cells()));
+            // Each ray is cast, or it is said once why not.
+            prop_assert_eq!(all.due(), u64::from(scanner.rays()));
+            prop_assert_eq!(all.cast() + all.not_cast(NotCast::OutsideView), all.due());
+            prop_assert_eq!(count.due(), all.due());
+            prop_assert!(count.cast() <= all.cast());
+            let left_out = [NotCast::NothingUnseen, NotCast::OutsideView].map(|reason| count.not_cast(reason));
+            prop_assert_eq!(count.cast() + left_out.iter().sum::<u64>(), count.due());
+            prop_assert!(left_out[1] <= all.not_cast(NotCast::OutsideView));
         }
     }
 
@@ -261,38 +281,27 @@ proptest! {
             1..24,
         ),
     ) {
-        let scanners = full_and_pruned(pattern, range_m, fov_rad, offset_bits);
+        let scanner = with_culling(pattern, range_m, fov_rad, offset_bits);
         let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
         if sees_at_random {
             memories.iter_mut().for_each(|memory| see(memory, &seen));
         }
-        let mut position = Point3::from(position);
-        let mut way = Vec::new();
-        for ((offset, ..), yaw_rad) in steps.iter().zip((0..).map(f64::from)) {
-            let next = position + Vector3::from(*offset) * terrain.extent().cell_m();
-            if terrain.extent().contains(terrain.extent().cell_of(&next)) {
-                position = next;
-            }
-            way.push(Pose { position, yaw_rad });
-        }
-        let mut ahead: VecDeque<ScanAhead> = VecDeque::new();
+        let [naive, ahead] = &mut memories;
+        let mut engine = SpeculativeEngine::default();
+        let way = poses(terrain.extent(), position, steps.iter().map(|&(step, ..)| step));
         for (now, pose) in way.iter().enumerate() {
             let (_, scans_ahead, goes_astray) = steps[now];
-            let next = now + ahead.len();
-            let poses = way.iter().skip(next).take(scans_ahead).chain(way.first().filter(|_| goes_astray));
-            ahead.extend(poses.map(|pose| scanners[1].scan_ahead(&mut memories[1], pose)));
-            let expected = scanned(&scanners[0], &mut memories[0], pose);
-            let found = if ahead.front().is_some_and(|scan| scan.pose() == pose) {
-                let (mut free, mut wall) = (Vec::new(), Vec::new());
-                ahead.pop_front().unwrap().report(&memories[1], &mut free, &mut wall);
-                free.sort_unstable();
-                wall.sort_unstable();
-                (free, wall)
-            } else {
-                memories[1].take_back(ahead.drain(..).rev());
-                scanned(&scanners[1], &mut memories[1], pose)
-            };
+            let mut previous = now.checked_sub(1).map(|last| way[last]);
+            let poses = way.iter().skip(now).take(scans_ahead).chain(way.first().filter(|_| goes_astray));
+            for pose in poses {
+                engine.cast_ahead(&scanner, ahead, previous.as_ref(), pose);
+                previous = Some(*pose);
+            }
+            let (expected, _) = cast_by(&mut NaiveEngine::default(), &scanner, naive, pose);
+            let is_ahead = engine.is_ahead(&scanner, 0, pose);
+            let (found, count) = cast_by(&mut engine, &scanner, ahead, pose);
             prop_assert_eq!(found, expected);
+            prop_assert_eq!(count.not_cast(NotCast::CastAhead) > 0, is_ahead);
         }
     }
 
@@ -318,16 +327,17 @@ proptest! {
         prop_assert_eq!(scanned(&scanner, &mut memory, &body), (vec![], vec![]));
 
         for kernel in Kernel::available() {
-            let mut seen = vec![0; fresh.kinds.len()];
-            let mut field = Field { kinds: &fresh.kinds, seen: &mut seen };
-            let (mut free, mut wall) = (Vec::new(), Vec::new());
-            let mut found = CellLists { free: &mut free, wall: &mut wall };
+            let mut memory = fresh.clone();
             let start = scanner.start(&fresh, &body).unwrap();
-            found.mark(&mut field, start.slot());
-            kernel.scan(&mut field, &start, &scanner.rays.bundles, &mut found);
-            // Slot 0 is where lanes wait whose rays are at an end.
-            prop_assert_eq!(&seen[1..], &memory.seen[1..]);
+            let (mut free, mut wall) = (Vec::new(), Vec::new());
+            let mut new = NewCells { free: &mut free, wall: &mut wall };
+            let marks = memory.parts().marks;
+            marks.see(start.slot(), &mut new);
+            let rays = kernel.scan(marks, &start, scanner.bundles(), &mut new);
+            prop_assert_eq!(rays, used(pattern, yaw_rad, fov_rad).count() as u64);
             prop_assert_eq!((free.len(), wall.len()), (expected.0.len(), expected.1.len()));
+            let seen: Vec<usize> = memory.seen_cells().collect();
+            prop_assert_eq!(seen.len(), free.len() + wall.len());
         }
     }
 
@@ -379,21 +389,30 @@ fn scans_of_a_known_place_cast_few_rays() {
     let extent = Extent::new([40; 3], 1.0).unwrap();
     let spec = mapgen::MapSpec::Spheres(mapgen::SpheresSpec::default());
     let terrain = mapgen::generate(&spec, extent, 1).unwrap().terrain;
-    let scanners = full_and_pruned(Pattern::Lattice { rays: 2000 }, f64::INFINITY, TAU, 5);
-    let [_, pruned] = &scanners;
+    let scanner = with_culling(Pattern::Lattice { rays: 2000 }, f64::INFINITY, TAU, 5);
     let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
-    let (mut cast, mut scans) = (0, 0);
+    let [naive, culled] = &mut memories;
+    let mut counts = CastCount::default();
     let free = extent.cells().filter(|&cell| !is_wall_at(&terrain, cell));
     for (cell, shift) in free.step_by(7).flat_map(|cell| [-0.2, 0.1, 0.1].map(|shift| (cell, shift))) {
         let body = Pose { position: extent.centre(cell) + Vector3::repeat(shift), yaw_rad: 0.0 };
-        let memory = &memories[1];
-        let start = pruned.start(memory, &body).unwrap();
-        let culling = pruned.rays.culling.as_ref().unwrap();
-        let active = culling.active_bundles(&start, f64::INFINITY, &memory.seen, &mut memory.culling.clone());
-        cast += active.bundles.iter().map(ExactSizeIterator::len).sum::<usize>();
-        scans += 1;
-        let [full, pruned] = [0, 1].map(|which| scanned(&scanners[which], &mut memories[which], &body));
-        assert_eq!(full, pruned);
+        let (found, count) = cast_by(&mut CullingEngine, &scanner, culled, &body);
+        assert_eq!(cast_by(&mut NaiveEngine::default(), &scanner, naive, &body).0, found);
+        counts.add(&count);
     }
-    assert!(cast * 5 < scans * pruned.rays.bundles.len(), "{cast} of {}", scans * pruned.rays.bundles.len());
+    assert!(counts.cast() * 5 < counts.due(), "{counts:?}");
+    assert_eq!(counts.cast() + counts.not_cast(NotCast::NothingUnseen), counts.due());
+}
+
+#[test]
+fn a_body_that_keeps_still_scans_once() {
+    let (exact, noisy) = (false, true);
+    let all_around = Scanner::new(Pattern::Lattice { rays: 10 }, 5.0, TAU);
+    let ahead = Scanner::new(Pattern::Lattice { rays: 10 }, 5.0, 3.0);
+    let (here, turned) = (pose([1.0; 3], 0.0), pose([1.0; 3], 1.0));
+    let reason = NotCast::of_scan;
+    assert_eq!(reason(&all_around, exact, None, &here), None, "the first scan");
+    assert_eq!(reason(&all_around, exact, Some(&here), &turned), Some(NotCast::SamePose));
+    assert_eq!(reason(&ahead, exact, Some(&here), &turned), None);
+    assert_eq!(reason(&all_around, noisy, Some(&here), &here), None);
 }

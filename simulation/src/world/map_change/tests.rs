@@ -2,16 +2,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use msgs::body_model::BodyModel;
 use msgs::ids::Tick;
-use msgs::scan_request::ScanRequest;
 use proptest::prelude::*;
+use protocol::body_model::BodyModel;
+use protocol::command::Command;
+use protocol::scan_request::ScanRequest;
+use protocol::wake_condition::WakeCondition;
 
 use super::super::body::{Motion, Pose};
 use super::super::comms::{Comms, ContactModel};
 use super::super::lidar::{Pattern, Scanner};
 use super::super::noise::SensorNoise;
-use super::super::{Action, RequestKind, ScanSchedule, WorldParams};
+use super::super::{RequestKind, ScanSchedule, WorldParams};
 use super::*;
 use crate::workers::Workers;
 
@@ -57,7 +59,7 @@ fn index(world: &World, cell: [i32; 3]) -> u32 {
 
 fn go(world: &mut World, agent: AgentId, to: Pose) {
     let motion = Motion::Path(vec![to.position]);
-    let action = Action { motion, lidar: ScanRequest::Keep, want_view: false, messages: Vec::new() };
+    let action = Command::new(motion, WakeCondition::NEXT_TICK);
     world.step([(agent, action)].into());
     while world.body(agent).is_active() {
         world.step(BTreeMap::new());
@@ -82,7 +84,7 @@ fn closed_door_is_seen_counted_and_seen_open_again() {
     let workers = Workers::new(1).unwrap();
     let mut world = World::new(two_rooms(), params(2000), &[at(2.5, 2.5)]);
     world.sense(&workers);
-    assert!(world.observe(A, RequestKind::Scheduled).seen_free.contains(&index(&world, [4, 2, 1])));
+    assert!(world.observe(A, RequestKind::Scheduled).seen.free.contains(&index(&world, [4, 2, 1])));
     let before = world.coverage().explored_count();
     assert!(before > 10 && world.coverage().free_cells() == 19);
 
@@ -99,8 +101,8 @@ fn closed_door_is_seen_counted_and_seen_open_again() {
     }
     assert_eq!(world.events(A, EventMask::empty()), EventMask::REVISED, "the next scan of the resting body sees it");
     let observation = world.observe(A, RequestKind::Scheduled);
-    assert_eq!(observation.seen_wall, [index(&world, [4, 2, 1])]);
-    assert!(observation.seen_free.is_empty() && observation.events.contains(EventMask::REVISED));
+    assert_eq!(observation.seen.wall, [index(&world, [4, 2, 1])]);
+    assert!(observation.seen.free.is_empty() && observation.events.contains(EventMask::REVISED));
 
     world.step(BTreeMap::new());
     world.change_map(&door(Terrain::Free)).unwrap();
@@ -110,7 +112,7 @@ fn closed_door_is_seen_counted_and_seen_open_again() {
         world.sense(&workers);
     }
     let observation = world.observe(A, RequestKind::Scheduled);
-    assert_eq!(observation.seen_free, [index(&world, [4, 2, 1])], "what is behind it was seen before");
+    assert_eq!(observation.seen.free, [index(&world, [4, 2, 1])], "what is behind it was seen before");
     assert_eq!((world.coverage().free_cells(), world.coverage().explored_count()), (19, before));
     assert_eq!(world.map_revision(), 2);
 }
@@ -196,8 +198,8 @@ fn with_state(cells: Vec<u32>, terrain: Terrain) -> impl Iterator<Item = (u32, T
 /// Adds the observation of an agent to what it knows.
 fn learn(known: &mut Known, world: &mut World, agent: AgentId) {
     let observation = world.observe(agent, RequestKind::Scheduled);
-    known.extend(with_state(observation.seen_free, Terrain::Free));
-    known.extend(with_state(observation.seen_wall, Terrain::Wall));
+    known.extend(with_state(observation.seen.free, Terrain::Free));
+    known.extend(with_state(observation.seen.wall, Terrain::Wall));
 }
 
 proptest! {
@@ -234,7 +236,7 @@ proptest! {
         for (is_wall, low, size, goal) in steps {
             for (agent, goal) in [(A, goal), (B, [goal[1], goal[0], goal[2]])] {
                 let motion = Motion::Path(vec![Point3::new(goal[0], goal[1], goal[2].min(4.9))]);
-                let action = Action { motion, lidar: ScanRequest::Every(3), want_view: false, messages: Vec::new() };
+                let action = Command { lidar: ScanRequest::Every(3), ..Command::new(motion, WakeCondition::NEXT_TICK) };
                 world.step([(agent, action)].into());
             }
             world.cast_ahead(&workers);

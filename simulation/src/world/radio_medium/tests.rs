@@ -1,13 +1,14 @@
 use std::f64::consts::TAU;
 
-use msgs::body_model::BodyModel;
-use msgs::event_mask::EventMask;
-use msgs::scan_request::ScanRequest;
 use proptest::prelude::*;
+use protocol::body_model::BodyModel;
+use protocol::event_mask::EventMask;
+use protocol::observation::Relay;
+use protocol::wake_condition::WakeCondition;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
-use crate::world::body::{Motion, Pose};
+use crate::world::body::Pose;
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
 use crate::world::noise::SensorNoise;
@@ -57,8 +58,8 @@ fn message(peer: Peer, data: &[u8]) -> AgentMessage {
     AgentMessage { peer, kind: 7, data: data.into() }
 }
 
-fn sends(messages: Vec<AgentMessage>) -> Action {
-    Action { motion: Motion::Keep, lidar: ScanRequest::Keep, want_view: false, messages }
+fn sends(messages: Vec<AgentMessage>) -> Command {
+    Command { messages, ..Command::keep(WakeCondition::NEXT_TICK) }
 }
 
 fn received(world: &mut World, agent: AgentId) -> Vec<AgentMessage> {
@@ -200,7 +201,7 @@ fn relays_connect_agents_and_store_content() {
     let first = RelayId { owner: A, number: 0 };
     let second = RelayId { owner: B, number: 0 };
     let observation = world.observe(A, RequestKind::Scheduled);
-    assert_eq!(observation.relays, [(first, Point3::new(1.5, 3.5, 1.5))]);
+    assert_eq!(observation.relays, [Relay { id: first, position: Point3::new(1.5, 3.5, 1.5) }]);
     assert_eq!(world.totals().relay_readings, 1, "B has read the corner from the other corner");
     received(&mut world, B);
     // Out of sight, so out of reach for writing; but messages go over both.

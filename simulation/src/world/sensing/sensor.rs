@@ -1,8 +1,7 @@
 //! The sensor of one agent. The loop requests its scans; the loop or a helper casts them.
 //!
-//! While no scan is due, helpers cast scans ahead: those that are due next if the task of the body
-//! does not change and nothing is in its way. When one from another pose becomes due, they are
-//! taken back, so they change no result.
+//! While no scan is due, helpers cast scans ahead ([`SpeculativeEngine`]): those that are due next
+//! if the task of the body does not change and nothing is in its way.
 //!
 //! Invariants: scans are cast in the order in which they became due; nothing waits for a thread
 //! that casts ahead, except a scan that is due.
@@ -15,7 +14,7 @@ use msgs::ids::{AgentId, Tick};
 
 use crate::workers::Workers;
 use crate::world::body::{Body, Pose};
-use crate::world::lidar::{NoisyScan, ScanAhead, Scanner, SensorMemory};
+use crate::world::lidar::{Engine, NewCells, NoisyScan, Scanner, SensorMemory, SpeculativeEngine};
 use crate::world::noise::SensorNoise;
 
 /// Scans that one sensor casts ahead at most. More are rarely due before the agent decides again.
@@ -82,8 +81,15 @@ struct Expected {
 #[derive(Debug)]
 pub(in crate::world) struct State {
     pub(in crate::world) memory: SensorMemory,
-    /// The scans that were cast ahead, by the time at which they are expected.
-    ahead: VecDeque<ScanAhead>,
+    engine: SpeculativeEngine,
+}
+
+impl State {
+    /// The memory without the scans that were cast ahead.
+    pub(in crate::world) fn without_scans_ahead(&mut self) -> &mut SensorMemory {
+        self.engine.take_all_back(&mut self.memory);
+        &mut self.memory
+    }
 }
 
 /// The results of scans that were not collected yet.
@@ -117,7 +123,7 @@ impl Lidar {
 
 impl Sensor {
     pub(in crate::world) fn new(agent: AgentId, lidar: &Arc<Lidar>, memory: SensorMemory) -> Self {
-        let state = Mutex::new(State { memory, ahead: VecDeque::new() });
+        let state = Mutex::new(State { memory, engine: SpeculativeEngine::default() });
         let (schedule, is_announced, found) = Default::default();
         Self(Arc::new(SensorCell { agent, lidar: Arc::clone(lidar), schedule, is_announced, state, found }))
     }
@@ -215,8 +221,12 @@ impl SensorCell {
             drop(schedule);
             let Some((pose, tick)) = next else { return };
             let Lidar { scanner, noise, .. } = &*self.lidar;
-            let scan = NoisyScan { noise, agent: self.agent, tick };
-            state.cast(scanner, scan, &pose, &mut self.found());
+            let mut noisy = NoisyScan { noise, agent: self.agent, tick };
+            let State { memory, engine } = state;
+            let engine: &mut dyn Engine = if noise.affects_scans() { &mut noisy } else { engine };
+            self.found().add(tick, |new| {
+                engine.cast(scanner, memory, &pose, new);
+            });
         }
     }
 
@@ -240,7 +250,8 @@ impl SensorCell {
         // A thread that casts now comes from the loop, which is ahead of this one.
         let Ok(mut state) = self.state.try_lock() else { return };
         self.cast_due(&mut state);
-        if state.cast_ahead(&self.lidar.scanner, expected.previous.as_ref(), &pose) {
+        let State { memory, engine } = &mut *state;
+        if engine.cast_ahead(&self.lidar.scanner, memory, expected.previous.as_ref(), &pose) {
             expected.left -= 1;
         }
         drop(state);
@@ -252,54 +263,14 @@ impl SensorCell {
     }
 }
 
-impl State {
-    fn cast(&mut self, scanner: &Scanner, scan: NoisyScan<'_>, pose: &Pose, found: &mut ScanResult) {
-        let ScanResult { free, wall, explored, ends } = found;
+impl ScanResult {
+    /// Adds what a scan of a tick finds.
+    fn add(&mut self, tick: Tick, scan: impl FnOnce(NewCells<'_>)) {
+        let Self { free, wall, explored, ends } = self;
         let first = free.len();
-        if scan.noise.affects_scans() {
-            scanner.scan_noisy(&mut self.memory, pose, scan, free, wall);
-        } else if self.is_ahead(scanner, 0, pose)
-            && let Some(scan) = self.ahead.pop_front()
-        {
-            scan.report(&self.memory, free, wall);
-        } else {
-            self.take_back(0);
-            scanner.scan(&mut self.memory, pose, free, wall);
-        }
+        scan(NewCells { free, wall });
         explored.extend_from_slice(&free[first..]);
-        ends.push((scan.tick, explored.len()));
-    }
-
-    /// Casts a scan ahead that is expected right after the one from `previous`; returns whether it
-    /// sees anything else.
-    fn cast_ahead(&mut self, scanner: &Scanner, previous: Option<&Pose>, pose: &Pose) -> bool {
-        if previous.is_some_and(|previous| scanner.sees_the_same(previous, pose)) {
-            return false;
-        }
-        let place_of = |pose| self.ahead.iter().position(|scan| scanner.sees_the_same(scan.pose(), pose));
-        let place = previous.and_then(place_of).map_or(0, |previous| previous + 1);
-        if !self.is_ahead(scanner, place, pose) {
-            self.take_back(place);
-            let scan = scanner.scan_ahead(&mut self.memory, pose);
-            self.ahead.push_back(scan);
-        }
-        true
-    }
-
-    /// Whether the scan at this place was cast ahead, and sees what one from `pose` does.
-    fn is_ahead(&self, scanner: &Scanner, place: usize, pose: &Pose) -> bool {
-        self.ahead.get(place).is_some_and(|scan| scanner.sees_the_same(scan.pose(), pose))
-    }
-
-    /// The memory without the scans that were cast ahead.
-    pub(in crate::world) fn without_scans_ahead(&mut self) -> &mut SensorMemory {
-        self.take_back(0);
-        &mut self.memory
-    }
-
-    /// Takes back the scans that were cast ahead, from this place on.
-    fn take_back(&mut self, place: usize) {
-        self.memory.take_back(self.ahead.drain(place..).rev());
+        ends.push((tick, explored.len()));
     }
 }
 
@@ -307,8 +278,8 @@ impl State {
 mod tests {
     use std::f64::consts::TAU;
 
-    use msgs::body_model::BodyModel;
     use nalgebra::Point3;
+    use protocol::body_model::BodyModel;
     use voxels::{Extent, Grid, Terrain};
 
     use super::*;
@@ -351,7 +322,7 @@ mod tests {
     }
 
     fn scans_ahead(sensor: &Sensor) -> usize {
-        sensor.0.state.lock().unwrap().ahead.len()
+        sensor.0.state.lock().unwrap().engine.scans_ahead()
     }
 
     #[test]

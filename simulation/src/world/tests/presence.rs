@@ -16,13 +16,13 @@ fn late_agents_are_not_there_before() {
     world.sense(&workers);
     assert!(world.observe(B, RequestKind::Scheduled).scan_tick.is_none() && world.in_contact_with(A).is_empty());
     // Through its place, and into it.
-    world.step([(A, action(Motion::Path(vec![Point3::new(3.5, 1.5, 1.5)])))].into());
+    world.step([(A, command(Motion::Path(vec![Point3::new(3.5, 1.5, 1.5)])))].into());
     while world.body(A).is_active() {
         world.step(BTreeMap::new());
     }
     assert_eq!((world.totals().collisions, world.presence(B)), (0, Presence::Absent));
     assert!(!world.join(B), "another body is in its place");
-    world.step([(A, action(Motion::Path(vec![Point3::new(1.5, 1.5, 1.5)])))].into());
+    world.step([(A, command(Motion::Path(vec![Point3::new(1.5, 1.5, 1.5)])))].into());
     while !world.join(B) {
         world.step(BTreeMap::new());
     }
@@ -53,7 +53,7 @@ fn late_agents_may_join_elsewhere() {
 fn broken_bodies_are_silent_obstacles_and_those_that_left_are_none() {
     let workers = workers(1);
     let towards = |world: &mut World| {
-        world.step([(A, action(endless(0.0)))].into());
+        world.step([(A, command(endless(0.0)))].into());
         while world.body(A).is_active() {
             world.step(BTreeMap::new());
         }
@@ -61,7 +61,7 @@ fn broken_bodies_are_silent_obstacles_and_those_that_left_are_none() {
     };
     let mut world = with_late_agent();
     assert!(world.join(B));
-    world.step([(B, action(Motion::Turn { angle_rad: 3.0 }))].into());
+    world.step([(B, command(Motion::Turn { angle_rad: 3.0 }))].into());
     world.break_down(B);
     assert!(!world.body(B).is_active() && world.in_contact_with(A).is_empty() && !world.is_on_air(B));
     let (x, is_agent) = towards(&mut world);
@@ -80,7 +80,7 @@ fn silent_radios_have_no_contacts() {
     let send = |world: &mut World| {
         let message = |peer| AgentMessage { peer, kind: 7, data: vec![1].into() };
         let messages = vec![message(Peer::One(B)), message(Peer::Broadcast)];
-        world.step([(A, Action { messages, ..action(Motion::Keep) })].into());
+        world.step([(A, Command { messages, ..command(Motion::Keep) })].into());
         world.observe(B, RequestKind::Scheduled).messages.len()
     };
     assert_eq!(send(&mut world), 2);

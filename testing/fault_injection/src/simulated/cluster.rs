@@ -23,13 +23,13 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{JoinReply, Observation, Scenario as Announcement};
 use msgs::topics;
 use rand::RngExt;
-use sim_server::playback::{Horizon, Playback};
-use sim_server::recorder::Recorder;
-use sim_server::recording::{Message, Recording};
+use recording::playback::{Horizon, Playback};
+use recording::recorder::Recorder;
+use recording::{Message, Recording};
 use sim_server::session::{self, Mode, NullObserver, Outcome, RunConfig, RunError};
 use sim_server::setup;
-use sim_server::transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, Level, ObserverOutput};
 use simulation::scenario::Scenario;
+use transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, Level, ObserverOutput};
 
 use super::adversary::{Adversary, Mutation, up_to};
 use super::disk::{SimulatedDisk, kill};
@@ -368,7 +368,7 @@ impl<'s> Cluster<'s> {
         let file = super::memory_file::MemoryFile::default();
         let documents = recording.attachments().iter();
         let documents: Vec<_> =
-            documents.map(|(name, data)| sim_server::recorder::Document { name, media_type: "", data }).collect();
+            documents.map(|(name, data)| recording::recorder::Document { name, media_type: "", data }).collect();
         let Ok(mut recorder) = Recorder::create_in(file.clone(), Path::new(FILE), &documents) else { return };
         let types = topics::all(self.scenario.agents.count);
         for message in recording.messages() {

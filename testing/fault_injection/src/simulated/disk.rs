@@ -12,7 +12,7 @@ use std::io;
 use std::rc::Rc;
 
 use rand::RngExt;
-use sim_server::recorder::Store;
+use recording::recorder::Store;
 
 use super::adversary::{Mutation, up_to};
 use super::network::{Killed, SharedNetwork};

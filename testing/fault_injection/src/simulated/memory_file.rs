@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::io;
 use std::rc::Rc;
 
-use sim_server::recorder::Store;
+use recording::recorder::Store;
 
 /// The content of a file; clones share it.
 #[derive(Debug, Clone, Default)]

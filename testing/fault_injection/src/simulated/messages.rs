@@ -3,7 +3,7 @@
 use agent_node::transport::Inbound as ToAgents;
 use msgs::cdr;
 use msgs::maes_msgs::{Observation, SignedCommand, SignedJoin, SignedObservation};
-use sim_server::transport::{Inbound as ToServer, Incoming};
+use transport::{Inbound as ToServer, Incoming};
 
 /// The bytes that a message has on the wire.
 pub(super) fn bytes_to_agents(message: &ToAgents) -> Vec<u8> {

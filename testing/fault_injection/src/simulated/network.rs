@@ -18,11 +18,11 @@ use std::time::{Duration, Instant};
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Scenario};
+use protocol::lockstep::SourceId;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use sim_server::transport::{Inbound as ToServer, Incoming};
-use sim_server::wall_clock;
-use simulation::lockstep::SourceId;
+use system::wall_clock;
+use transport::{Inbound as ToServer, Incoming};
 
 use super::adversary::{Adversary, DELAY_MAX, Mutation, steps, up_to};
 use super::messages::{bytes_to_agents, bytes_to_server, described, described_to_server};

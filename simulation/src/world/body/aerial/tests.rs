@@ -1,12 +1,13 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use msgs::body_model::BodyModel;
 use proptest::prelude::*;
+use protocol::body_model::BodyModel;
 use voxels::{Extent, Grid, Terrain};
 
 use super::super::super::spawn::check_room;
-use super::super::{Collision, Motion, Pose, Surface};
+use super::super::{Collision, Motion, Pose};
 use super::*;
+use protocol::observation::Surface;
 
 const DT_S: f64 = 0.02;
 

@@ -4,66 +4,64 @@
 //! multiplications and additions. All lanes compute in every round, and lanes whose rays have ended
 //! keep their slots.
 
-use super::{CellLists, Field, SEEN, Start};
+use super::{Marks, NewCells, Start};
 use crate::world::lidar::pattern::{Bundle, Cone, LANES};
+use crate::world::lidar::slots::{bit, word};
 
-/// Lanes in one word of marks.
-const WORD: usize = 8;
+/// A bit for each lane of a bundle, 1 if the lane is active.
+type LaneSet = u16;
 
-/// A word with all lanes active.
-const EACH: u64 = 0x0101_0101_0101_0101;
-
-/// One byte per lane of a bundle, the lowest byte first: 1 if the lane is active.
-type LaneMarks = [u64; LANES / WORD];
+const _: () = assert!(LaneSet::BITS as usize == LANES);
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-pub(super) fn scan_avx2(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
-    scan(field, start, bundles, found);
+pub(super) fn scan_avx2(marks: &mut Marks, start: &Start, bundles: &[Bundle], new: &mut NewCells<'_>) -> u64 {
+    scan(marks, start, bundles, new)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,avx512f,avx512vl,avx512dq,avx512bw")]
-pub(super) fn scan_avx512(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
-    scan(field, start, bundles, found);
+pub(super) fn scan_avx512(marks: &mut Marks, start: &Start, bundles: &[Bundle], new: &mut NewCells<'_>) -> u64 {
+    scan(marks, start, bundles, new)
 }
 
 #[inline(always)]
-fn scan(field: &mut Field<'_>, start: &Start, bundles: &[Bundle], found: &mut CellLists<'_>) {
+fn scan(marks: &mut Marks, start: &Start, bundles: &[Bundle], new: &mut NewCells<'_>) -> u64 {
     let is_limited = start.limit < f64::INFINITY;
+    let mut rays = 0;
     for bundle in bundles {
         let on = lanes_on(bundle, start.cone());
+        rays += u64::from(on.count_ones());
         if is_limited {
-            cast::<true>(field, start, bundle, on, found);
+            cast::<true>(marks, start, bundle, on, new);
         } else {
-            cast::<false>(field, start, bundle, on, found);
+            cast::<false>(marks, start, bundle, on, new);
         }
     }
+    rays
 }
 
 /// The lanes whose rays are within the field of view.
 #[inline(always)]
-fn lanes_on(bundle: &Bundle, cone: Option<&Cone>) -> LaneMarks {
+fn lanes_on(bundle: &Bundle, cone: Option<&Cone>) -> LaneSet {
     if cone.is_none() && bundle.is_full() {
-        return [EACH; LANES / WORD];
+        return LaneSet::MAX;
     }
-    let mut on = LaneMarks::default();
-    for lane in bundle.lanes(cone) {
-        on[lane / WORD] |= 1 << (8 * (lane % WORD));
-    }
-    on
+    bundle.lanes(cone).fold(0, |on, lane| on | 1 << lane)
 }
 
 /// Casts the rays of the lanes that are `on`.
 #[inline(always)]
 fn cast<const LIMITED: bool>(
-    field: &mut Field<'_>,
+    marks: &mut Marks,
     start: &Start,
     bundle: &Bundle,
-    mut on: LaneMarks,
-    found: &mut CellLists<'_>,
+    mut on: LaneSet,
+    new: &mut NewCells<'_>,
 ) {
-    let (first, [step_x, step_y, step_z]) = start.towards(bundle);
+    let first = start.first(bundle);
+    let flip = start.slots.flip(bundle.goes_down);
+    let [mask_x, mask_y, mask_z] = start.slots.masks();
     let [x, y, z] = bundle.inverse;
     // By loops, which are compiled for this processor; calls of `map` are not.
     let [mut next_x, mut next_y, mut next_z] = [x, y, z];
@@ -72,8 +70,14 @@ fn cast<const LIMITED: bool>(
         next_y[lane] *= first[1];
         next_z[lane] *= first[2];
     }
-    let mut slot = [start.slot as i64; LANES];
-    while on != LaneMarks::default() {
+    let mut flipped = [start.slot ^ flip; LANES];
+    let mut slots = [0; LANES];
+    let mut is_beyond = [0; LANES];
+    let mut active = [0; LANES];
+    for (lane, active) in active.iter_mut().enumerate() {
+        *active = mask(on >> lane & 1 != 0);
+    }
+    while on != 0 {
         for lane in 0..LANES {
             let is_x = next_x[lane] <= next_y[lane] && next_x[lane] <= next_z[lane];
             let is_y = !is_x && next_y[lane] <= next_z[lane];
@@ -81,27 +85,37 @@ fn cast<const LIMITED: bool>(
             // By masks of bits, so that the compiler keeps all lanes in registers. To add 0 changes
             // nothing.
             let [of_x, of_y, of_z] = [is_x, is_y, is_z].map(mask);
-            let entry = f64::from_bits(
-                next_x[lane].to_bits() & of_x | next_y[lane].to_bits() & of_y | next_z[lane].to_bits() & of_z,
-            );
+            if LIMITED {
+                let entry = f64::from_bits(
+                    next_x[lane].to_bits() & of_x | next_y[lane].to_bits() & of_y | next_z[lane].to_bits() & of_z,
+                );
+                is_beyond[lane] = mask(entry > start.limit);
+            }
             next_x[lane] += f64::from_bits(x[lane].to_bits() & of_x);
             next_y[lane] += f64::from_bits(y[lane].to_bits() & of_y);
             next_z[lane] += f64::from_bits(z[lane].to_bits() & of_z);
-            let is_on = on[lane / WORD] & 1 << (8 * (lane % WORD)) != 0;
-            let step = step_x as u64 & of_x | step_y as u64 & of_y | step_z as u64 & of_z;
-            slot[lane] += (step & mask(is_on)) as i64;
-            // Slot 0 is a corner of the layer around the map, where every ray ends.
-            slot[lane] = if LIMITED && entry > start.limit { 0 } else { slot[lane] };
+            // As `slots::step`; with no bits to add to, the slot stays.
+            let along = (mask_x & of_x | mask_y & of_y | mask_z & of_z) & active[lane];
+            let stepped = (flipped[lane] | !along).wrapping_add(1);
+            flipped[lane] = stepped & along | flipped[lane] & !along;
+            slots[lane] = flipped[lane] ^ flip;
         }
-        for (word, on) in on.iter_mut().enumerate() {
-            let slots = &slot[word * WORD..][..WORD];
-            let mut marks = u64::from_le_bytes(std::array::from_fn(|lane| field.seen[slots[lane] as usize]));
-            let new = !marks & *on & (EACH * u64::from(SEEN));
-            if new != 0 {
-                marks |= mark_lanes(field, slots, new, found);
+        if LIMITED {
+            let mut beyond: LaneSet = 0;
+            for lane in 0..LANES {
+                beyond |= ((is_beyond[lane] & active[lane]) as LaneSet & 1) << lane;
             }
-            // The bits of walls and of the outside, each shifted to the lowest bit of its lane.
-            *on &= !(marks >> 1 | marks >> 2);
+            on &= !end(beyond, &mut active);
+        }
+        let passes = marks.passes();
+        let mut halted: LaneSet = 0;
+        for (lane, &slot) in slots.iter().enumerate() {
+            halted |= LaneSet::from(passes[word(slot)] & bit(slot) == 0) << lane;
+        }
+        halted &= on;
+        if halted != 0 {
+            let ended = see_lanes(marks, &slots, halted, new);
+            on &= !end(ended, &mut active);
         }
     }
 }
@@ -112,30 +126,26 @@ fn mask(condition: bool) -> u64 {
     u64::from(condition).wrapping_neg()
 }
 
-/// Marks the cells of the lanes that have hit a new cell, and returns their marks. Several lanes
-/// may have hit the same cell.
-#[cold]
-#[inline(never)]
-fn mark_lanes(field: &mut Field<'_>, slots: &[i64], mut new: u64, found: &mut CellLists<'_>) -> u64 {
-    let mut marks = 0;
-    while new != 0 {
-        let lane = new.trailing_zeros() as usize / 8;
-        new &= new - 1;
-        marks |= u64::from(found.mark(field, slots[lane] as usize)) << (8 * lane);
+/// Ends the rays of these lanes.
+#[inline(always)]
+fn end(lanes: LaneSet, active: &mut [u64; LANES]) -> LaneSet {
+    let mut left = lanes;
+    while left != 0 {
+        active[left.trailing_zeros() as usize] = 0;
+        left &= left - 1;
     }
-    marks
+    lanes
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::world::lidar::cast::{OUTSIDE, WALL};
-
-    #[test]
-    fn every_stop_ends_a_lane() {
-        for mark in [WALL, OUTSIDE] {
-            let marks = EACH * u64::from(mark);
-            assert_eq!(EACH & !(marks >> 1 | marks >> 2), 0);
-        }
+/// Sees the cells of the lanes that have met one that they do not just pass; returns the lanes
+/// whose rays end there. Several lanes may have met the same cell.
+#[inline(never)]
+fn see_lanes(marks: &mut Marks, slots: &[u64; LANES], mut halted: LaneSet, new: &mut NewCells<'_>) -> LaneSet {
+    let mut ended = 0;
+    while halted != 0 {
+        let lane = halted.trailing_zeros();
+        halted &= halted - 1;
+        ended |= LaneSet::from(!marks.see(slots[lane as usize], new)) << lane;
     }
+    ended
 }

@@ -1,0 +1,146 @@
+//! What is known of each block of 4 x 4 x 4 cells, as bits by the numbers of the cells in it.
+//!
+//! Blocks without an explored cell take four bytes. The others are in the order in which they were
+//! first explored, so that near blocks are mostly near in memory.
+//!
+//! Invariants: a block has words if and only if one of its cells is explored; its open cells are up
+//! to date unless it is stale.
+
+use voxels::CellSet;
+
+use super::delta::Layout;
+
+/// What is known of the cells of a block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Words {
+    /// The explored cells.
+    pub(super) known: u64,
+    /// Those of them that are wall.
+    pub(super) wall: u64,
+    /// Those that have been visited.
+    pub(super) covered: u64,
+    /// Those that the own sensor found, apart from the mark of coverage.
+    pub(super) own: u64,
+    /// Those that the own sensor has scanned, and not only visited.
+    pub(super) scanned: u64,
+    /// The frontiers: free cells with an unexplored face neighbour inside the map.
+    pub(super) frontier: u64,
+}
+
+/// The blocks of a map.
+#[derive(Debug, Clone)]
+pub(super) struct Blocks {
+    layout: Layout,
+    /// By block 1 + the place of its words, or 0.
+    places: Vec<u32>,
+    words: Vec<Words>,
+    /// The blocks whose frontiers may have changed.
+    stale: CellSet,
+}
+
+impl Blocks {
+    /// The unexplored blocks of a map.
+    pub(super) fn new(layout: Layout) -> Self {
+        let count = layout.count() as usize;
+        Self { layout, places: vec![0; count], words: Vec::new(), stale: CellSet::new(count) }
+    }
+
+    /// What is known of a block; `None`: there is no such block.
+    #[inline]
+    pub(super) fn get(&self, block: u32) -> Option<Words> {
+        let &place = self.places.get(block as usize)?;
+        Some(place.checked_sub(1).map_or_else(Words::default, |place| self.words[place as usize]))
+    }
+
+    /// What is known of a block of the map, to be changed.
+    #[inline]
+    pub(super) fn of(&mut self, block: u32) -> &mut Words {
+        let place = &mut self.places[block as usize];
+        if *place == 0 {
+            self.words.push(Words::default());
+            *place = self.words.len() as u32;
+        }
+        &mut self.words[*place as usize - 1]
+    }
+
+    /// Notes that cells of a block have changed; those of them that were unexplored before also
+    /// concern the blocks beside it.
+    #[inline]
+    pub(super) fn note_changed(&mut self, block: u32, explored: u64) {
+        self.stale.insert(block as usize);
+        for (face, layer) in FACES.iter().zip(FACE_LAYERS) {
+            if explored & layer != 0
+                && let Some(beside) = self.layout.beside(block, *face)
+                && self.places[beside as usize] != 0
+            {
+                self.stale.insert(beside as usize);
+            }
+        }
+    }
+
+    /// Brings the frontiers of all blocks up to date; `changed` gets each block with frontiers that
+    /// changed, and the words of those that there were before and that there are now.
+    pub(super) fn update_frontiers(&mut self, mut changed: impl FnMut(u32, u64, u64)) {
+        for block in self.stale.iter() {
+            let Some(place) = self.places[block].checked_sub(1) else { continue };
+            let block = block as u32;
+            let Words { known, wall, frontier, .. } = self.words[place as usize];
+            let now = known & !wall & !self.closed(block);
+            if now != frontier {
+                self.words[place as usize].frontier = now;
+                changed(block, frontier, now);
+            }
+        }
+        self.stale.clear();
+    }
+
+    /// The cells of a block whose face neighbours inside the map are all explored.
+    fn closed(&self, block: u32) -> u64 {
+        let known = |block: Option<u32>| {
+            block.map_or(u64::MAX, |block| self.get(block).unwrap_or_default().known | !self.layout.inside(block))
+        };
+        let here = known(Some(block));
+        (0..3).fold(u64::MAX, |closed, axis| {
+            let [below, above] = [(axis, false), (axis, true)].map(|face| known(self.layout.beside(block, face)));
+            // By how much the number of a cell grows with one step along the axis from an even
+            // coordinate, from the middle, and back from the last to the first.
+            let (even, middle, whole) = (1 << axis, 7 << axis, 9 << axis);
+            let [first, second, third, fourth] = LAYERS[axis];
+            let upwards = here >> even & (first | third) | here >> middle & second | above << whole & fourth;
+            let downwards = here << even & (second | fourth) | here << middle & third | below >> whole & first;
+            closed & upwards & downwards
+        })
+    }
+}
+
+/// A face of a block: the axis across it, and whether it is the upper one.
+pub(super) type Face = (usize, bool);
+
+/// The faces of a block.
+const FACES: [Face; 6] = [(0, false), (0, true), (1, false), (1, true), (2, false), (2, true)];
+
+/// For each axis, the cells of a block with each coordinate.
+const LAYERS: [[u64; 4]; 3] = layers();
+
+/// The cells at each of the [`FACES`].
+const FACE_LAYERS: [u64; 6] = [LAYERS[0][0], LAYERS[0][3], LAYERS[1][0], LAYERS[1][3], LAYERS[2][0], LAYERS[2][3]];
+
+const fn layers() -> [[u64; 4]; 3] {
+    let mut layers = [[0; 4]; 3];
+    let mut at = 0;
+    while at < 3 * 64 {
+        let (axis, number) = (at / 64, at % 64);
+        let along = number >> axis & 1 | (number >> (axis + 3) & 1) << 1;
+        layers[axis][along] |= 1 << number;
+        at += 1;
+    }
+    layers
+}
+
+/// The cells of a row of a block along x, as the lowest four bits: the row with these coordinates.
+#[inline]
+pub(super) fn row_of(cells: u64, y: u32, z: u32) -> u8 {
+    let first = (y & 1) << 1 | (z & 1) << 2 | (y >> 1) << 4 | (z >> 1) << 5;
+    let row = cells >> first;
+    (row & 3 | row >> 6 & 12) as u8
+}

@@ -1,0 +1,188 @@
+//! Scenes at true scale: kinds of places that the literature on exploration compares on, drawn in
+//! metres into a map of any size and resolution.
+//!
+//! An office of cubicles, an octagonal maze, tunnels with junctions as of SubT, and a garage with
+//! ramps; each in a file of its own. Lengths are those of such places, so that a body, a sensor and
+//! a speed of the literature meet what they were made for; the seed decides doors, gaps and
+//! junctions.
+//!
+//! Invariants: one solid layer stands around it on every side, and its free space is connected but
+//! for pockets, which are filled as in every map.
+
+mod garage;
+mod octagon;
+mod office;
+mod tunnels;
+
+use serde::{Deserialize, Serialize};
+use voxels::{Cell, Extent, Grid, Terrain, close_shell};
+
+use super::{Draft, MapError, check_sides};
+
+/// Parameters of a scene.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SceneSpec {
+    /// Which place. Default office.
+    pub name: SceneName,
+}
+
+/// A kind of place.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SceneName {
+    /// Cubicles of 3 m along aisles.
+    #[default]
+    Office,
+    /// Lanes of 2.5 m between octagons, each with a gap and a barrier.
+    OctagonMaze,
+    /// Tunnels of 3 m between junctions 20 m apart, at different heights.
+    Tunnels,
+    /// Floors of 3 m with pillars, joined by ramps.
+    Garage,
+}
+
+impl SceneSpec {
+    pub(super) fn check(&self, extent: Extent) -> Result<(), MapError> {
+        check_sides(extent)?;
+        let needed = self.least_m().map(|along_m| (along_m / extent.cell_m()).ceil() as u32 + 2);
+        let is_large_enough = extent.size().iter().zip(needed).all(|(&cells, needed)| cells >= needed);
+        if is_large_enough {
+            return Ok(());
+        }
+        Err(MapError::SceneTooSmall { size: extent.size(), cell_m: extent.cell_m(), needed })
+    }
+
+    /// The least size inside the outer walls, metres.
+    fn least_m(&self) -> [f64; 3] {
+        match self.name {
+            SceneName::Office => [8.0, 10.0, 2.0],
+            SceneName::OctagonMaze => [14.0, 14.0, 2.0],
+            SceneName::Tunnels => [24.0, 24.0, 3.0],
+            SceneName::Garage => [30.0, 15.0, 3.0],
+        }
+    }
+}
+
+/// Draws the scene.
+pub(super) fn draft(spec: &SceneSpec, extent: Extent, seed: u64) -> Result<Draft, MapError> {
+    spec.check(extent)?;
+    let mut rng = voxels::random_streams::stream(seed, 0, "map.scene");
+    let mut canvas = Canvas::new(extent);
+    match spec.name {
+        SceneName::Office => office::draw(&mut canvas, &mut rng),
+        SceneName::OctagonMaze => octagon::draw(&mut canvas, &mut rng),
+        SceneName::Tunnels => tunnels::draw(&mut canvas, &mut rng),
+        SceneName::Garage => garage::draw(&mut canvas),
+    }
+    let mut terrain = canvas.terrain;
+    let shell_cells_closed = close_shell(&mut terrain, 1);
+    Ok(Draft { terrain, carved: None, shell_cells_closed })
+}
+
+/// A solid map into which boxes are drawn in metres from the corner inside its outer layer.
+struct Canvas {
+    terrain: Grid<Terrain>,
+    /// The size inside the outer layer, metres.
+    size_m: [f64; 3],
+}
+
+impl Canvas {
+    fn new(extent: Extent) -> Self {
+        let size_m = extent.size().map(|cells| f64::from(cells - 2) * extent.cell_m());
+        Self { terrain: Grid::new(extent, Terrain::Wall), size_m }
+    }
+
+    fn cell_m(&self) -> f64 {
+        self.terrain.extent().cell_m()
+    }
+
+    /// The thickness of a wall that is to be so thick, metres: at least a cell.
+    fn thick_m(&self, wall_m: f64) -> f64 {
+        wall_m.max(self.cell_m())
+    }
+
+    /// Sets the cells of a box, from its lowest to its highest corner; what is outside the outer
+    /// layer is left out, and the sides are rounded to whole cells.
+    fn fill(&mut self, low_m: [f64; 3], high_m: [f64; 3], terrain: Terrain) {
+        let (cell_m, size) = (self.cell_m(), self.terrain.extent().size());
+        let range = |axis: usize| {
+            let last = size[axis] as i32 - 1;
+            let to_cell = |at_m: f64| ((at_m / cell_m).round() as i32 + 1).clamp(1, last);
+            to_cell(low_m[axis])..to_cell(high_m[axis])
+        };
+        let [x, y, z] = [0, 1, 2].map(range);
+        for z in z {
+            for y in y.clone() {
+                for x in x.clone() {
+                    self.terrain.set(Cell::new(x, y, z), terrain);
+                }
+            }
+        }
+    }
+
+    /// Frees a box.
+    fn free(&mut self, low_m: [f64; 3], high_m: [f64; 3]) {
+        self.fill(low_m, high_m, Terrain::Free);
+    }
+
+    /// Fills a box with wall.
+    fn wall(&mut self, low_m: [f64; 3], high_m: [f64; 3]) {
+        self.fill(low_m, high_m, Terrain::Wall);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::assert_sound;
+    use crate::{MapSpec, generate};
+
+    const ALL: [SceneName; 4] = [SceneName::Office, SceneName::OctagonMaze, SceneName::Tunnels, SceneName::Garage];
+
+    fn spec(name: SceneName) -> MapSpec {
+        MapSpec::Scene(SceneSpec { name })
+    }
+
+    #[test]
+    fn scenes_are_sound_and_hardly_lose_pockets_at_any_resolution() {
+        for name in ALL {
+            for (size_m, cell_m) in [([42.0, 36.0, 7.0], 0.2), ([60.0, 32.0, 4.0], 0.25), ([44.0, 50.0, 8.0], 0.5)] {
+                let size = size_m.map(|along_m: f64| (along_m / cell_m).round() as u32);
+                let extent = Extent::new(size, cell_m).unwrap();
+                for seed in [1, 2] {
+                    let map = generate(&spec(name), extent, seed).unwrap();
+                    assert_sound(&map, 1);
+                    let lost = map.report.pocket_cells_removed as f64 / map.report.free_cells as f64;
+                    assert!(lost < 0.02, "{name:?} {size:?} of {cell_m} m, seed {seed}: {lost}");
+                    assert!((0.05..0.97).contains(&map.report.free_fraction), "{name:?}: {}", map.report.free_fraction);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn seeds_move_doors_gaps_and_junctions() {
+        let extent = Extent::new([200, 160, 20], 0.2).unwrap();
+        let terrain = |name, seed| generate(&spec(name), extent, seed).unwrap().terrain;
+        for name in [SceneName::Office, SceneName::OctagonMaze, SceneName::Tunnels] {
+            assert_ne!(terrain(name, 1), terrain(name, 2), "{name:?}");
+            assert_eq!(terrain(name, 1), terrain(name, 1), "{name:?}");
+        }
+    }
+
+    #[test]
+    fn scenes_that_do_not_fit_name_the_size_they_need() {
+        let extent = Extent::new([300, 300, 20], 0.1).unwrap();
+        let error = spec(SceneName::Garage).check(extent).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "300x300x20 cells of 0.1 m are too few for this scene, it needs at least 302x152x32; choose a larger map, or \
+             longer cells"
+        );
+        for name in ALL {
+            let least = SceneSpec { name }.least_m().map(|along_m| (along_m / 0.5).ceil() as u32 + 2);
+            assert_sound(&generate(&spec(name), Extent::new(least, 0.5).unwrap(), 3).unwrap(), 1);
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! What the world server and the agents say to each other: domain types, their conversions to and
+//! from messages, bounds, signatures and membership.
+//!
+//! In reading order: [`observation`] and [`command`] are what is exchanged in a tick, made of
+//! [`motion`], [`scan_request`], [`agent_message`], [`wake_condition`] and [`stage`]; [`run_info`]
+//! is what agents are told of a run, with the bodies of the team ([`body_model`], [`kinematics`]);
+//! [`lockstep`] is the protocol of the server, [`signing`] authenticates messages, and [`limits`]
+//! has all bounds.
+//!
+//! Invariants: what a conversion from a message returns is legal, whatever was received; both
+//! directions of a conversion stand in one file. There is no transport, no ROS client and no clock
+//! in here; the structs of the messages are in [`msgs`].
+//!
+//! ```
+//! use msgs::ids::{AgentId, Tick};
+//! use protocol::command::{Command, Motion, WakeCondition};
+//!
+//! let command = Command::new(Motion::straight(0.0, 2.0), WakeCondition::TASK_DONE);
+//! let message = command.clone().into_message(AgentId(0), Tick(7));
+//! assert_eq!(Command::from_message(&message, 1), Ok(command));
+//! ```
+
+#![warn(missing_docs)]
+
+pub mod agent_message;
+pub mod body_model;
+pub mod command;
+pub mod event_mask;
+pub mod geometry;
+pub mod kinematics;
+pub mod limits;
+pub mod lockstep;
+pub mod message_type;
+pub mod motion;
+pub mod observation;
+pub mod relay_id;
+pub mod run_info;
+pub mod scan_request;
+pub mod signing;
+pub mod stage;
+pub mod wake_condition;
+pub mod wire_error;
