@@ -17,6 +17,8 @@ const SMALL: [&str; 10] =
 const EVENTS: &str = "event=[{ kind = \"join\", at_s = 5.0, agent = 1 }, \
                       { kind = \"radio_off\", at_s = 8.0, agent = 0 }, { kind = \"leave\", at_s = 12.0, agent = 2 }, \
                       { kind = \"radio_on\", at_s = 16.0, agent = 0 }, \
+                      { kind = \"wall\", at_s = 17.0, low = [8.0, 8.0, 8.0], high = [14.0, 14.0, 14.0] }, \
+                      { kind = \"free\", at_s = 18.0, within_m = 3.0, low = [6.0, 6.0, 6.0], high = [12.0, 12.0, 18.0] }, \
                       { kind = \"set\", at_s = 20.0, set = { \"agents.controller\" = \"nearest-frontier\" } }, \
                       { kind = \"break_down\", at_s = 30.0, agent = 0 }]";
 

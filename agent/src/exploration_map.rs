@@ -385,7 +385,9 @@ impl ExplorationMap {
         let was_wall = words.wall & bit != 0;
         let was_covered = words.covered & bit != 0;
         let is_at_odds = !is_new && was_wall != (finding == Finding::Wall);
-        if is_at_odds && words.own & bit != 0 {
+        let is_scan = from == OWN && finding != Finding::Covered;
+        // A sensor reports a cell again only if it has changed.
+        if is_at_odds && words.own & bit != 0 && !(is_scan && words.scanned & bit != 0) {
             self.contradictions += 1;
             return;
         }
@@ -393,6 +395,7 @@ impl ExplorationMap {
             let is_first = words.own & bit == 0;
             self.seen_again += u64::from(is_first && !is_new && !is_at_odds && finding != Finding::Wall);
             words.own |= bit;
+            words.scanned |= if is_scan { bit } else { 0 };
         }
         let is_corrected = is_at_odds && (from == OWN || was_wall);
         let is_visited = !is_new && !was_wall && !was_covered && finding == Finding::Covered;

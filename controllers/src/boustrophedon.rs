@@ -143,6 +143,11 @@ impl Controller for Boustrophedon {
         if let Task::Line(from, step) = self.task {
             Self::mark_line_covered(ctx, from, step);
         }
+        if observation.events.intersects(EventMask::REVISED) {
+            // The way may be closed, and what could not be reached open.
+            (self.task, self.viewpoints) = (Task::None, None);
+            self.abandoned.clear();
+        }
         if self.task != Task::None && observation.events.intersects(EventMask::COLLISION) {
             self.task = Task::None;
             return collision_recovery::step_aside(&mut self.rng, ctx);

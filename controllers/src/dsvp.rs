@@ -368,6 +368,12 @@ impl<C: Coordination> Dsvp<C> {
     /// The reply, without scans that are left out and without reports.
     fn choose(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
+        if observation.events.intersects(EventMask::REVISED) {
+            // The way to the goal may be closed, and what could not be reached or seen open.
+            (self.goal, self.viewpoints, self.waits_until) = (None, None, None);
+            self.abandoned.clear();
+            self.unproductive.clear();
+        }
         if observation.is_active {
             if !self.is_goal_valid(observation, ctx) {
                 return self.plan(observation, ctx);

@@ -382,6 +382,11 @@ impl Controller for Lvd {
             return Command::keep(WakeCondition::at(now.after(WAIT_TICKS)));
         }
         self.refused.retain(|&(_, until)| until > now);
+        if observation.events.intersects(EventMask::REVISED) {
+            // What could not be reached may be open now.
+            (self.wide, self.waits_until) = (None, Tick::ZERO);
+            self.refused.clear();
+        }
         if ctx.is_wide() {
             let (run_info, radius_m) = (ctx.run_info(), ctx.body().radius_m);
             let wide = self.wide.get_or_insert_with(|| Wide {

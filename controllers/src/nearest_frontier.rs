@@ -161,6 +161,11 @@ impl Controller for NearestFrontier {
         if observation.scan_tick.is_none() {
             return Command::keep(WakeCondition::NEXT_TICK);
         }
+        if observation.events.intersects(EventMask::REVISED) {
+            // The way there may be closed, and what could not be reached open.
+            (self.goal, self.viewpoint, self.viewpoints) = (None, None, None);
+            self.abandoned.clear();
+        }
         // Events are those since the last decision; `observation.collision` would include old
         // collisions.
         if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events.intersects(EventMask::COLLISION) {

@@ -18,6 +18,8 @@ use std::time::Duration;
 use agent_node::pipe::Frame;
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
 use thiserror::Error;
 use transport::Inbound as ToServer;
 
@@ -85,21 +87,31 @@ impl OwnProgram {
             }
             Ok(())
         });
+        let group = Pid::from_raw(child.id().cast_signed());
         pass_on(&inbox, &socket, &has_ended, stop);
-        let is_late = stop.load(Ordering::Relaxed)
-            && matches!(has_ended.recv_timeout(END_TIMEOUT), Err(RecvTimeoutError::Timeout));
-        drop(socket.shutdown(std::net::Shutdown::Both));
-        if is_late {
-            // It may have ended just now.
-            drop(child.kill());
+        let is_run_over = stop.load(Ordering::Relaxed);
+        if is_run_over {
+            // Its last messages: whether they come or not, the run has its result.
+            let _ = has_ended.recv_timeout(END_TIMEOUT);
         }
+        // A program that is well-behaved ends by that.
+        drop(socket.shutdown(std::net::Shutdown::Both));
         let read = reader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        let status = child.wait().map_err(|error| failed(error.to_string()))?;
+        let (ended, end) = channel();
+        scope.spawn(move || ended.send(child.wait()));
+        let status = end.recv_timeout(END_TIMEOUT).or_else(|_| {
+            // It may have ended just now. What it has started is in its group.
+            let _ = killpg(group, Signal::SIGKILL);
+            end.recv()
+        });
+        let status = status.map_err(io::Error::other).and_then(|status| status);
+        let status = status.map_err(|error| failed(error.to_string()))?;
         match read {
-            _ if is_late => Err(failed(format!("it does not end {} s after its run", END_TIMEOUT.as_secs()))),
-            _ if !status.success() => Err(failed(format!("it has ended with {status}, see what it has printed"))),
+            // What a program does after its run does not change the result.
+            _ if is_run_over => Ok(()),
             Err(error) => Err(failed(error.to_string())),
-            Ok(()) => Ok(()),
+            Ok(()) if status.success() => Ok(()),
+            Ok(()) => Err(failed(format!("it has ended with {status}, see what it has printed"))),
         }
     }
 
@@ -192,5 +204,7 @@ mod tests {
             "agents.command: sh: it has ended with exit status: 3, see what it has printed"
         );
         assert!(run(&["sh", "-c", "echo no message >&0", "own"]).contains("expected at most"));
+        // It and what it has started are ended.
+        assert!(run(&["sh", "-c", "echo no message >&0; sleep 1000", "own"]).contains("expected at most"));
     }
 }

@@ -226,6 +226,8 @@ fn exit_code(error: &anyhow::Error) -> ExitCode {
     match error.downcast_ref::<InProcessError>() {
         Some(InProcessError::Run(error)) => exit::of_error(error),
         Some(InProcessError::Record(error)) => exit::of_record_error(error),
+        #[cfg(unix)]
+        Some(InProcessError::OwnProgram(_)) => ExitCode::from(exit::FAILED),
         _ if plans::is_failure(error) => ExitCode::from(exit::FAILED),
         _ => ExitCode::from(exit::BAD_INPUT),
     }

@@ -201,6 +201,7 @@ fn run_to(command: MapCommand, columns: Option<usize>, out: &mut dyn Write) -> R
 
 fn generate(args: &GenerateArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
     let output = Output::new(&args.output, args.encoding)?;
+    output.check_replaced(None)?;
     let extent = Extent::new(args.size, args.cell_m)?;
     let spec = spec::of(args)?;
     spec.check(extent)?;
@@ -295,6 +296,7 @@ fn describe(file: &Path, imported: &Imported, asked: Option<f64>, out: &mut dyn 
 
 fn convert(args: &ConvertArgs, out: &mut dyn Write) -> Result<(), MapCliError> {
     let output = Output::new(&args.output, args.encoding)?;
+    output.check_replaced(Some(&args.input))?;
     let spec = import(&args.input, &args.import, args.cell_m)?;
     let mut imported = spec.read()?;
     let extent = imported.terrain.extent();

@@ -25,6 +25,84 @@ const DEPENDENCY: &str = "path = \"../../agent_node\"";
 /// The versions of foreign crates that this build has.
 const LOCK: &str = include_str!("../../Cargo.lock");
 
+/// Names with another meaning: words of Rust and Python, and packages that the template needs.
+const TAKEN: [&str; 74] = [
+    "agent_node",
+    "alloc",
+    "and",
+    "as",
+    "assert",
+    "async",
+    "await",
+    "box",
+    "break",
+    "class",
+    "const",
+    "continue",
+    "core",
+    "crate",
+    "def",
+    "del",
+    "do",
+    "dyn",
+    "elif",
+    "else",
+    "enum",
+    "except",
+    "extern",
+    "false",
+    "final",
+    "finally",
+    "fn",
+    "for",
+    "from",
+    "gen",
+    "global",
+    "if",
+    "impl",
+    "import",
+    "in",
+    "is",
+    "lambda",
+    "let",
+    "loop",
+    "macro",
+    "maes",
+    "match",
+    "math",
+    "mod",
+    "move",
+    "mut",
+    "nonlocal",
+    "not",
+    "numpy",
+    "or",
+    "override",
+    "pass",
+    "priv",
+    "proc_macro",
+    "pub",
+    "raise",
+    "random",
+    "ref",
+    "return",
+    "self",
+    "static",
+    "std",
+    "struct",
+    "super",
+    "test",
+    "trait",
+    "true",
+    "try",
+    "type",
+    "typeof",
+    "unsafe",
+    "use",
+    "while",
+    "with",
+];
+
 /// Arguments of `new`.
 #[derive(Debug, Args)]
 pub(crate) struct NewArgs {
@@ -34,7 +112,7 @@ pub(crate) struct NewArgs {
     #[arg(long)]
     python: bool,
     /// Folder with the sources of this simulator, on which the crate depends [default: the checkout
-    /// in which this program was built]
+    /// whose target folder has this program]
     #[arg(long, value_name = "DIR", conflicts_with = "python")]
     sources: Option<PathBuf>,
 }
@@ -45,6 +123,10 @@ pub(crate) fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     let is_name = name.starts_with(|first: char| first.is_ascii_lowercase())
         && name.chars().all(|char| char.is_ascii_lowercase() || char.is_ascii_digit() || char == '_');
     ensure!(is_name, "{name:?}: expected a name of lower-case letters, digits and `_` that begins with a letter");
+    ensure!(
+        !TAKEN.contains(&name.as_str()),
+        "{name:?}: a word of Rust or Python, or the name of a package; choose another"
+    );
     let files = if args.python { python(name) } else { rust(name, &sources(args.sources.as_deref())?) };
     let folder = Path::new(name);
     match fs::create_dir(folder) {
@@ -134,5 +216,6 @@ mod tests {
         for (_, text) in files.iter().filter(|(file, _)| file != "Cargo.lock").chain([module]) {
             assert!(!text.to_lowercase().contains(TEMPLATE), "{text}");
         }
+        assert!(TAKEN.is_sorted());
     }
 }

@@ -50,8 +50,10 @@ fn rate(text: &str) -> Result<Rtf, String> {
     if text == "max" {
         return Ok(Rtf::MAX);
     }
-    let limit = text.parse().map_err(|_| "expected a number or max".to_owned())?;
-    parameters::pace(RATE, limit)
+    let expected = || "expected max (as fast as possible), or a number from 0.001 to 1000000".to_owned();
+    // A rate of 0 is that of the service, which has no word `max`.
+    let limit = text.parse().ok().filter(|limit| *limit != 0.0).ok_or_else(expected)?;
+    parameters::pace(RATE, limit).map_err(|_| expected())
 }
 
 /// Plays a recording over ROS 2.
@@ -91,6 +93,8 @@ mod tests {
     fn rates() {
         assert_eq!(rate("max"), Ok(Rtf::MAX));
         assert_eq!(rate("0.5"), Ok(Rtf::Limit(0.5)));
-        assert!(rate("fast").is_err() && rate("-1").is_err() && rate("inf").is_err());
+        for wrong in ["fast", "-1", "inf", "nan", "0"] {
+            assert!(rate(wrong).unwrap_err().starts_with("expected max"), "{wrong}");
+        }
     }
 }

@@ -68,6 +68,7 @@ counters! {
     RelayReadings = "relay_readings", "messages", "Messages read from relays.";
     AttainablePpm = "attainable_ppm", "millionths", "Share of the free cells that a team of bodies wider than a cell can see.";
     Interventions = "interventions", "changes", "Changes of the world by services, if there were any.";
+    MapChanges = "map_changes", "changes", "Changes of the map by events, if there were any.";
     RefusedOtherRun = "refused_other_run", "messages", "Refused: of another run.";
     RefusedUnknownAgent = "refused_unknown_agent", "messages", "Refused: an id that is not in the run.";
     RefusedWrongTopic = "refused_wrong_topic", "messages", "Refused: names another agent than its topic.";
@@ -105,7 +106,7 @@ impl CounterName {
     /// undisturbed run is that of earlier versions.
     #[must_use]
     pub fn is_left_out_at_zero(self) -> bool {
-        matches!(self, Self::Interventions | Self::RefusedUnprovenJoin | Self::RefusedForgedCommand)
+        matches!(self, Self::Interventions | Self::MapChanges | Self::RefusedUnprovenJoin | Self::RefusedForgedCommand)
     }
 
     /// The counter with this name, also if a build with protocol 6 or earlier wrote it, which

@@ -12,8 +12,8 @@ use crate::diagnostic_msgs::DiagnosticArray;
 use crate::geometry_msgs::TwistStamped;
 use crate::ids::AgentId;
 use crate::maes_msgs::{
-    Command, Digest, Intervention, Join, JoinReply, Observation, Progress, Result, Scenario, SignedCommand, SignedJoin,
-    SignedObservation,
+    Command, Digest, Intervention, Join, JoinReply, MapChange, Observation, Progress, Result, Scenario, SignedCommand,
+    SignedJoin, SignedObservation,
 };
 use crate::message::{Message, MessageType};
 use crate::nav_msgs::{OccupancyGrid, Odometry, Path};
@@ -325,6 +325,11 @@ pub fn intervention() -> Topic {
     Topic::new::<Intervention>("/sim/intervention", Qos::reliable(VIEW_DEPTH))
 }
 
+/// Changes of the map during the run; in recordings only.
+pub fn map_change() -> Topic {
+    Topic::new::<MapChange>("/sim/map_change", Qos::reliable(VIEW_DEPTH))
+}
+
 /// What has changed at the parameters of nodes. A topic of ROS itself, and not one of a run.
 pub fn parameter_events() -> Topic {
     Topic::new::<ParameterEvent>("/parameter_events", Qos::reliable(1000))
@@ -370,7 +375,7 @@ pub fn split(name: &str) -> Option<(AgentId, &str)> {
     Some((AgentId(agent.parse().ok()?), rest))
 }
 
-fn of_simulation() -> [Topic; 22] {
+fn of_simulation() -> [Topic; 23] {
     [
         clock(),
         scenario(),
@@ -380,6 +385,7 @@ fn of_simulation() -> [Topic; 22] {
         digest(),
         result(),
         intervention(),
+        map_change(),
         tf_static(),
         map(),
         unexplored(),

@@ -24,6 +24,9 @@ bitflags! {
         /// An agent is in contact that no committed observation of this share period has listed. It
         /// is only looked for, and reported, if it is asked for.
         const FIRST_CONTACT = WakeCondition::FIRST_CONTACT;
+        /// A scan has found a cell in another state than an earlier one, because the world has
+        /// changed. Every wake-up condition includes it.
+        const REVISED = WakeCondition::REVISED;
         const _ = !0;
     }
 }

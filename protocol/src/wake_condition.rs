@@ -35,9 +35,10 @@ impl WakeCondition {
     }
 
     /// Whether the agent is scheduled at `tick`, given the `events` since its last observation.
+    /// [`EventMask::REVISED`] ends every wait: who has planned on what is no longer so plans anew.
     #[must_use]
     pub fn is_met(&self, tick: Tick, events: EventMask) -> bool {
-        tick >= self.at || events.intersects(self.events)
+        tick >= self.at || events.intersects(self.events.union(EventMask::REVISED))
     }
 
     /// The earlier of two wake-up conditions.

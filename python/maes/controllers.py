@@ -19,6 +19,7 @@ class EventMask(IntFlag):
     CONTACTS = 8
     MESSAGE = 16
     FIRST_CONTACT = 32
+    REVISED = 64
 
 
 class CellState(IntEnum):

@@ -69,6 +69,7 @@ fn fields(message: &Message) -> Option<serde_json::Value> {
         "maes_msgs/msg/Digest" => of::<maes_msgs::Digest>(message),
         "maes_msgs/msg/Intervention" => of::<maes_msgs::Intervention>(message),
         "maes_msgs/msg/Join" => of::<maes_msgs::Join>(message),
+        "maes_msgs/msg/MapChange" => of::<maes_msgs::MapChange>(message),
         "maes_msgs/msg/Observation" => of::<maes_msgs::Observation>(message),
         "maes_msgs/msg/Progress" => of::<maes_msgs::Progress>(message),
         "maes_msgs/msg/Result" => of::<maes_msgs::Result>(message),

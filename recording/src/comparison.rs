@@ -316,6 +316,7 @@ enum MessageKind {
     Result,
     Transforms,
     Intervention,
+    MapChange,
     Join,
     Observation,
     Command,
@@ -337,6 +338,7 @@ impl MessageKind {
             (topics::digest(), Self::Digest),
             (topics::progress(), Self::Progress),
             (topics::intervention(), Self::Intervention),
+            (topics::map_change(), Self::MapChange),
             (topics::scenario(), Self::Scenario),
             (topics::result(), Self::Result),
         ];
@@ -366,6 +368,7 @@ impl MessageKind {
             Self::Result => decoded(before, now, between_results),
             Self::Transforms => decoded(before, now, fields::<TFMessage>),
             Self::Intervention => decoded(before, now, fields::<maes_msgs::Intervention>),
+            Self::MapChange => decoded(before, now, fields::<maes_msgs::MapChange>),
             Self::Join => decoded(before, now, fields::<maes_msgs::Join>),
             Self::Observation => decoded(before, now, fields::<maes_msgs::Observation>),
             Self::Command => decoded(before, now, fields::<maes_msgs::Command>),
@@ -379,11 +382,15 @@ fn decoded<M: DeserializeOwned>(
     now: &[u8],
     between: impl FnOnce(&M, &M) -> Option<Field>,
 ) -> Option<Field> {
-    match (cdr::decode(before), cdr::decode(now)) {
+    match (cdr::decode::<M>(before), cdr::decode::<M>(now)) {
         (Ok(before), Ok(now)) => between(&before, &now),
-        _ => {
-            let text = |bytes: &[u8]| format!("{} that cannot be decoded", bytes.len());
-            Some(Field { name: "bytes".to_owned(), before: text(before), now: text(now) })
+        (of_before, of_now) => {
+            let text = |bytes: &[u8], is_sound| match is_sound {
+                true => bytes.len().to_string(),
+                false => format!("{} that cannot be decoded", bytes.len()),
+            };
+            let (before, now) = (text(before, of_before.is_ok()), text(now, of_now.is_ok()));
+            Some(Field { name: "bytes".to_owned(), before, now })
         }
     }
 }

@@ -108,6 +108,23 @@ pub enum SetupError {
     /// There is no room for the team.
     #[error(transparent)]
     Spawn(#[from] SpawnError),
+    /// An event that changes the map has no cells.
+    #[error(
+        "event[{number}]: the box from {low:?} to {high:?} m holds the centre of no cell that can change; expected a box \
+         within {cell_m} to {inner_m:?} m, as the outermost layer of cells stays wall, and cells are {cell_m} m wide"
+    )]
+    NoCells {
+        /// Number of the event.
+        number: usize,
+        /// Lowest corner of its box, metres.
+        low: [f64; 3],
+        /// Highest corner of its box, metres.
+        high: [f64; 3],
+        /// Edge length of a cell, metres.
+        cell_m: f64,
+        /// Highest corner of the cells that can change, metres.
+        inner_m: [f64; 3],
+    },
 }
 
 /// Reads a scenario file, or the scenario of a recording (`.mcap`), and sets the overridden keys.
@@ -294,9 +311,22 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     let vote_bytes = if errors.affects_scans() { 1 } else { 0 };
     mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * (AGENT_CELL_BYTES + vote_bytes))
         .map_err(map_error(scenario))?;
+    check_map_changes(scenario, terrain.extent())?;
     let site = Site { terrain: &terrain, entrances: &entrances, seed: scenario.seed };
     let starts = scenario.spawn.poses(&site, &scenario.radii_m())?;
     Ok((World::new(terrain, params(scenario), &starts), report))
+}
+
+/// Whether each event that changes the map has cells inside it.
+fn check_map_changes(scenario: &Scenario, extent: Extent) -> Result<(), SetupError> {
+    for (number, event) in scenario.event.iter().enumerate() {
+        if event.map_change().is_some_and(|change| change.cells(extent).is_none()) {
+            let inner_m = extent.size().map(|cells| f64::from(cells - 1) * extent.cell_m());
+            let (low, high) = (event.low.unwrap_or_default(), event.high.unwrap_or_default());
+            return Err(SetupError::NoCells { number, low, high, cell_m: extent.cell_m(), inner_m });
+        }
+    }
+    Ok(())
 }
 
 /// Whether the recording that a scenario names may be written. Call it before the run is prepared.

@@ -230,8 +230,12 @@ struct PublishState {
     entries: BTreeMap<VisualisationTopic, TopicState>,
     paths: BTreeMap<AgentId, Vec<Point3<f64>>>,
     unexplored: Option<Unexplored>,
+    /// The revision of the map that it is of.
+    unexplored_revision: u32,
     /// Chunks of walls still to be published, in reverse order.
     walls: Vec<Marker>,
+    /// Chunks of walls at the last time.
+    wall_chunks: usize,
     /// Number of explored cells in the last message of each topic of explored maps.
     explored: BTreeMap<VisualisationTopic, usize>,
 }
@@ -242,6 +246,8 @@ struct TopicState {
     arrivals: u64,
     /// Tick of the last message; of points, that of the scan.
     published: Option<Tick>,
+    /// The revision of the map in the last message.
+    map_revision: u32,
     /// Earliest wall time of the next message, ns.
     next_ns: u64,
     /// Earliest wall time of the next chunk, ns.
@@ -267,9 +273,10 @@ impl PublishState {
     /// Whether a topic is due in this tick: a multiple of its period or, of points, after a scan. A
     /// topic that was never published is due at once.
     fn is_due(&mut self, topic: VisualisationTopic, world: &World, period_ticks: u64) -> bool {
-        let published = self.entry(topic).published;
+        let &mut TopicState { published, map_revision, .. } = self.entry(topic);
         match (topic, published) {
             (VisualisationTopic::Digest | VisualisationTopic::Result, _) => false,
+            (topic, Some(_)) if topic.shows_map() => map_revision != world.map_revision(),
             (topic, published) if topic.is_static() => published.is_none(),
             (VisualisationTopic::Points(agent), published) => world.last_scan(agent).is_some_and(|(_, scan)| {
                 // A scan of this tick has not been cast yet, or not completely.
@@ -282,7 +289,9 @@ impl PublishState {
 
     /// Marks a topic as published now.
     fn mark_published(&mut self, topic: VisualisationTopic, world: &World) {
-        self.entry(topic).published = match topic {
+        let entry = self.entry(topic);
+        entry.map_revision = world.map_revision();
+        entry.published = match topic {
             VisualisationTopic::Points(agent) => world.last_scan(agent).map(|(_, scan)| scan),
             _ => Some(world.tick()),
         };
@@ -323,12 +332,17 @@ impl PublishState {
                 }
             }
             VisualisationTopic::Map => {
-                self.walls = walls(world.terrain(), world.tick());
+                self.walls = walls(world.terrain(), world.tick(), self.wall_chunks);
+                self.wall_chunks = self.walls.len();
                 self.walls.reverse();
             }
             VisualisationTopic::Unexplored => {
                 let unexplored = self.unexplored.get_or_insert_with(|| Unexplored::new(world.terrain()));
                 unexplored.update(world.coverage().explored_cells());
+                let before = std::mem::replace(&mut self.unexplored_revision, world.map_revision());
+                if before != world.map_revision() {
+                    unexplored.revise(world.terrain());
+                }
             }
             VisualisationTopic::Contacts => {
                 push(messages, topic, [VisualisationMessage::Marker(Box::new(poses::contacts(world)))])
@@ -401,13 +415,13 @@ fn explored(topic: VisualisationTopic, world: &World) -> VisualisationMessage {
     }
 }
 
-/// The messages that do not change in a run, as of tick 0: static frames and walls.
+/// The static frames, and the walls as of tick 0.
 #[must_use]
 pub fn static_messages(terrain: &Grid<Terrain>, agents: u32) -> VisualisationMessages {
     let mut messages = Vec::new();
     let transforms = poses::static_transforms((0..agents).map(AgentId), Tick::ZERO);
     push(&mut messages, VisualisationTopic::StaticTransforms, transforms.map(VisualisationMessage::Transforms));
-    let walls = walls(terrain, Tick::ZERO).into_iter();
+    let walls = walls(terrain, Tick::ZERO, 0).into_iter();
     push(&mut messages, VisualisationTopic::Map, walls.map(|marker| VisualisationMessage::Marker(Box::new(marker))));
     messages
 }

@@ -12,10 +12,11 @@ use nalgebra::Point3;
 pub use protocol::geometry::{MAP_FRAME, header, point, vector};
 use protocol::limits::RECORDED_PROTOCOL;
 use protocol::observation::Pose;
-use voxels::Extent;
+use voxels::{Cell, Extent, Terrain};
 
 use crate::scenario::{AgentsSection, Scenario};
 use crate::world::World;
+use crate::world::map_change::CellBox;
 
 /// The part of a scenario that agents may know, as it is recorded; the caller sets the version of
 /// the protocol and the number of the run.
@@ -207,6 +208,22 @@ pub fn change(intervention: &maes_msgs::Intervention) -> Result<Change, String> 
         Message::LEAVE => Ok(Change::Leave),
         Message::JOIN => Ok(Change::Join(pose)),
         kind => Err(format!("an intervention of kind {kind}: expected 0 to 3")),
+    }
+}
+
+/// A change of the map at the beginning of this tick.
+#[must_use]
+pub fn map_change(tick: Tick, cells: CellBox, terrain: Terrain) -> maes_msgs::MapChange {
+    let along = |cell: Cell| [cell.x, cell.y, cell.z].map(i32::cast_unsigned);
+    maes_msgs::MapChange {
+        header: header(tick),
+        tick: tick.0,
+        kind: match terrain {
+            Terrain::Free => maes_msgs::MapChange::FREE,
+            Terrain::Wall => maes_msgs::MapChange::WALL,
+        },
+        low: along(cells.low),
+        high: along(cells.high),
     }
 }
 

@@ -18,6 +18,7 @@ pub mod collision;
 pub mod comms;
 pub mod coverage;
 pub mod lidar;
+pub mod map_change;
 pub mod noise;
 mod pending_observation;
 mod presence;
@@ -119,6 +120,10 @@ pub struct World {
     starts: Vec<Point3<f64>>,
     /// See [`World::attainable`].
     attainable: OnceLock<Option<Attainable>>,
+    /// The tick of the last change of the map, before its scans.
+    map_changed_at: Option<Tick>,
+    /// See [`World::map_revision`].
+    map_revision: u32,
 }
 
 /// The state of one agent in the world.
@@ -134,6 +139,8 @@ struct AgentState {
     has_results: bool,
     /// Whether it has scans that the coverage does not count yet.
     is_uncounted: bool,
+    /// Cells (by index) that have changed since its sensor reported them.
+    outdated: BTreeSet<u32>,
     next_scan: Option<Tick>,
     scan_period_ticks: Option<u32>,
     /// Pose and tick of the last scan.
@@ -177,6 +184,7 @@ impl World {
                 sensor: Sensor::new(agent, &lidar, memory.unused()),
                 has_results: false,
                 is_uncounted: false,
+                outdated: BTreeSet::new(),
                 next_scan: period_ticks.filter(|_| !params.late.contains(&agent)).map(|_| Tick::ZERO),
                 scan_period_ticks: period_ticks,
                 last_scan: None,
@@ -210,6 +218,8 @@ impl World {
             totals: Totals::default(),
             starts: starts.iter().map(|pose| pose.position).collect(),
             attainable: OnceLock::new(),
+            map_changed_at: None,
+            map_revision: 0,
         }
     }
 
@@ -379,7 +389,8 @@ impl World {
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
             let pose = *state.body.pose();
             let Lidar { scanner, noise, .. } = &*self.lidar;
-            let last = state.last_scan.map(|(last, _)| last);
+            let is_of_present_map = |scan: &(Pose, Tick)| self.map_changed_at.is_none_or(|changed| scan.1 >= changed);
+            let last = state.last_scan.filter(is_of_present_map).map(|(last, _)| last);
             state.last_scan = Some((pose, tick));
             match NotCast::of_scan(scanner, noise.affects_scans(), last.as_ref(), &pose) {
                 Some(reason) => self.totals.scans.add(&CastCount::without(1, reason)),
@@ -394,9 +405,13 @@ impl World {
         }
     }
 
-    /// The events of an agent since its last committed observation, restricted to `asked`. Contacts
-    /// are computed only if `asked` names [`EventMask::CONTACTS`] or [`EventMask::FIRST_CONTACT`].
+    /// The events of an agent since its last committed observation, restricted to `asked` and to
+    /// [`EventMask::REVISED`]. Contacts are computed only if `asked` names [`EventMask::CONTACTS`]
+    /// or [`EventMask::FIRST_CONTACT`].
     pub fn events(&mut self, agent: AgentId, asked: EventMask) -> EventMask {
+        if !self.agents[agent.index()].outdated.is_empty() {
+            self.collect_scans(agent.index());
+        }
         if asked.intersects(EventMask::FIRST_CONTACT) && self.has_first_contact(agent) {
             self.agents[agent.index()].pending_observation.events |= EventMask::FIRST_CONTACT;
         }
@@ -404,7 +419,7 @@ impl World {
         if asked.intersects(EventMask::CONTACTS) {
             events |= self.change_of_contacts(agent);
         }
-        events & asked
+        events & (asked | EventMask::REVISED)
     }
 
     /// The observation of an agent in this tick. [`RequestKind::Scheduled`] marks its content as
@@ -442,6 +457,7 @@ impl World {
         };
         if state.want_view
             && let Some((pose, tick)) = &state.last_scan
+            && self.map_changed_at.is_none_or(|changed| *tick >= changed)
         {
             let memory = &state.sensor.state().memory;
             let view = match noise.affects_scans() {

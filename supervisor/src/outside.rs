@@ -8,12 +8,13 @@
 use std::fs;
 use std::io::ErrorKind;
 use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf, absolute};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-use nix::sys::signal::{Signal, kill};
+use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use protocol::signing;
 use simulation::scenario::team::ID_MARK;
@@ -83,7 +84,8 @@ fn check_controller(
     program: &str,
     refused: &dyn Fn(String) -> SupervisorError,
 ) -> Result<(), SupervisorError> {
-    let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    // In a group of its own, so that what it starts ends with it.
+    let child = command.process_group(0).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
     let child = child.map_err(|error| refused(format!("{program}: {error}")))?;
     let pid = Pid::from_raw(child.id().cast_signed());
     let (ended, output) = channel();
@@ -94,7 +96,7 @@ fn check_controller(
     );
     let Ok(output) = output.recv_timeout(CHECK) else {
         // It may have ended just now.
-        let _ = kill(pid, Signal::SIGKILL);
+        let _ = killpg(pid, Signal::SIGKILL);
         return Err(refused(format!("{program} --check does not end; {no_node}")));
     };
     let output = output.map_err(|error| refused(format!("{program}: {error}")))?;

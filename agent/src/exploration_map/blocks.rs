@@ -21,6 +21,8 @@ pub(super) struct Words {
     pub(super) covered: u64,
     /// Those that the own sensor found, apart from the mark of coverage.
     pub(super) own: u64,
+    /// Those that the own sensor has scanned, and not only visited.
+    pub(super) scanned: u64,
     /// The frontiers: free cells with an unexplored face neighbour inside the map.
     pub(super) frontier: u64,
 }

@@ -28,6 +28,14 @@ pub(crate) enum MapCliError {
         /// The system's reason.
         reason: io::Error,
     },
+    /// A file that is there is not to be replaced.
+    #[error("{}: {what}; nothing was written; choose another name", .file.display())]
+    Exists {
+        /// The file.
+        file: PathBuf,
+        /// What it is.
+        what: &'static str,
+    },
     /// A file's name or content does not fit a map format.
     #[error("{}: {reason}", .file.display())]
     Format {

@@ -52,6 +52,30 @@ impl<'a> Output<'a> {
         Ok(Self { file, writer, encoding })
     }
 
+    /// Refuses to replace the file that is read, the picture of another map, or a text that is no
+    /// map. Maps are replaced.
+    pub(super) fn check_replaced(&self, input: Option<&Path>) -> Result<(), MapCliError> {
+        let refused = |file: &Path, what| Err(MapCliError::Exists { file: file.to_path_buf(), what });
+        let image = (self.writer.extension == "yaml").then(|| self.file.with_extension("pgm"));
+        for file in std::iter::once(self.file).chain(image.as_deref()) {
+            let is_input = input.is_some_and(|input| is_same(input, file));
+            if is_input {
+                return refused(file, "it is the file that is read");
+            }
+        }
+        match &image {
+            Some(image) if image.exists() && !self.file.exists() => {
+                return refused(image, "it is there, and not the picture of the map that is written");
+            }
+            _ => {}
+        }
+        let is_text_map = |text: &[u8]| text.iter().all(|byte| b"#.\r\n\t \xef\xbb\xbf".contains(byte));
+        if self.writer.extension == "txt" && fs::read(self.file).is_ok_and(|text| !is_text_map(&text)) {
+            return refused(self.file, "it is there, and no map");
+        }
+        Ok(())
+    }
+
     /// Writes the map, whose lowest corner has this place (metres) and turn (radians) in the file
     /// that it comes from; returns what to say about the file.
     pub(super) fn write(
@@ -93,6 +117,11 @@ impl<'a> Output<'a> {
     }
 }
 
+/// Whether two paths are of one file that is there.
+fn is_same(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+}
+
 /// Three numbers: x and y in metres, and a turn in radians.
 fn parse_origin(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
@@ -118,4 +147,40 @@ pub(super) fn write_file(file: &Path, bytes: &[u8]) -> Result<(), MapCliError> {
         moved
     };
     write().map_err(|reason| MapCliError::Write { file: file.to_path_buf(), reason })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_read_and_what_is_no_map_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let encoding = Encoding { rle: false, plain: false, origin: None };
+        let path = |name: &str| folder.path().join(name);
+        let check = |name: &str, input: Option<&str>| {
+            let file = path(name);
+            let output = Output::new(&file, encoding).unwrap();
+            output.check_replaced(input.map(path).as_deref()).map_err(|error| error.to_string())
+        };
+        for (name, text) in
+            [("mine.obj", "v 0 0 0"), ("plan.txt", "seeds = 1"), ("map.txt", "##\n#.\n"), ("m.pgm", "P5")]
+        {
+            fs::write(path(name), text).unwrap();
+        }
+        assert!(
+            check("mine.obj", Some("mine.obj"))
+                .unwrap_err()
+                .contains("it is the file that is read; nothing was written")
+        );
+        assert!(check("plan.txt", None).unwrap_err().contains("no map"));
+        assert!(check("m.yaml", None).unwrap_err().contains("m.pgm: it is there"));
+        for (name, input) in [("map.txt", None), ("mine.obj", Some("map.txt")), ("new.yaml", None), ("new.m3dm", None)]
+        {
+            assert_eq!(check(name, input), Ok(()), "{name}");
+        }
+        fs::write(path("m.yaml"), "image: m.pgm").unwrap();
+        assert_eq!(check("m.yaml", None), Ok(()));
+        assert!(check("m.yaml", Some("m.yaml")).is_err());
+    }
 }

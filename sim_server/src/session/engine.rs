@@ -35,6 +35,7 @@ use simulation::wire::{self, Change};
 use simulation::workers::Workers;
 use simulation::world::attainable::Attainable;
 use simulation::world::body::Pose;
+use simulation::world::map_change::MapChange;
 use simulation::world::{Presence, World};
 
 /// A committed exchange with an agent.
@@ -64,6 +65,9 @@ pub(super) struct Engine<'a> {
     changed: Vec<Scenario>,
     /// Events to come, ascending.
     schedule: VecDeque<ScheduledEvent>,
+    /// Changes of the map whose time has come, in order, and what the digest covers of each: they
+    /// wait for an agent to come near, or for bodies to leave.
+    map_changes: Vec<(MapChange, String)>,
     /// Late agents whose time has come, and that have no room yet.
     joining: BTreeSet<AgentId>,
     world: World,
@@ -98,6 +102,7 @@ impl<'a> Engine<'a> {
             scenario,
             changed: Vec::new(),
             schedule: scenario.schedule().into(),
+            map_changes: Vec::new(),
             joining: BTreeSet::new(),
             chain: Chain::new(&scenario.initial_identity(), &world, Arc::clone(&workers)),
             world,
@@ -307,13 +312,43 @@ impl<'a> Engine<'a> {
         self.chain.close(&self.world);
     }
 
-    /// The next event that is due in this tick, which enters the digest.
+    /// The next event that is due in this tick, which enters the digest; changes of the map are put
+    /// aside for [`Engine::change_map`].
     pub(super) fn next_event(&mut self) -> Option<EventAction> {
         let tick = self.tick();
-        self.schedule.front().filter(|event| event.tick <= tick)?;
-        let ScheduledEvent { digested, action, .. } = self.schedule.pop_front()?;
-        self.chain.message(digested.as_bytes());
-        Some(action)
+        loop {
+            self.schedule.front().filter(|event| event.tick <= tick)?;
+            let ScheduledEvent { digested, action, .. } = self.schedule.pop_front()?;
+            if let EventAction::ChangeMap(change) = action {
+                self.map_changes.push((change, digested));
+                continue;
+            }
+            self.chain.message(digested.as_bytes());
+            return Some(action);
+        }
+    }
+
+    /// Executes the changes of the map that wait for nothing any more. They enter the digest in
+    /// this tick.
+    pub(super) fn change_map(&mut self, log: &mut SessionLog<'_>) -> Result<(), RunError> {
+        if self.map_changes.is_empty() {
+            return Ok(());
+        }
+        let tick = self.tick();
+        for (change, digested) in std::mem::take(&mut self.map_changes) {
+            if !self.world.is_due(&change) {
+                self.map_changes.push((change, digested));
+                continue;
+            }
+            self.flush_scans();
+            self.chain.message(digested.as_bytes());
+            if let Some(cells) = self.world.change_map(&change) {
+                log.write(EntryKind::MapChange, tick, &wire::map_change(tick, cells, change.terrain))?;
+            }
+            // Those who rested may have something to see now.
+            self.rested_at = None;
+        }
+        Ok(())
     }
 
     /// Lets a late agent join as soon as there is room for it.
@@ -463,6 +498,7 @@ impl<'a> Engine<'a> {
             Counter::new(CounterName::MessageBytesDelivered, totals.message_bytes_delivered),
             Counter::new(CounterName::AgentsDropped, self.lost.difference(&self.retired).count() as u64),
         ];
+        let map_changes = u64::from(self.world.map_revision());
         // Counters of features that the scenario does not use are left out.
         let radios = || std::iter::once(self.scenario).chain(&self.changed).map(|held| &held.communication);
         let communication = &self.scenario.communication;
@@ -491,6 +527,7 @@ impl<'a> Engine<'a> {
         let attainable = self.world.attainable().map(Attainable::seen_share);
         counters.extend(attainable.map(|share| Counter::new(CounterName::AttainablePpm, (share * 1e6).round() as u64)));
         counters.extend((self.interventions > 0).then(|| Counter::new(CounterName::Interventions, self.interventions)));
+        counters.extend((map_changes > 0).then(|| Counter::new(CounterName::MapChanges, map_changes)));
         counters
     }
 }

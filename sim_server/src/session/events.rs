@@ -1,9 +1,9 @@
 //! The events of a scenario, executed at their ticks: live, and in the same way when a run is
 //! re-executed.
 //!
-//! An event takes effect at the start of its tick, after the state of that tick was recorded and
-//! before interventions and scans. It enters the digest there, so that a run and its fork are the
-//! same up to that tick.
+//! An event takes effect at the start of its tick, changes of the map after all others, after the
+//! state of that tick was recorded and before interventions and scans. It enters the digest there,
+//! so that a run and its fork are the same up to that tick.
 //!
 //! Invariants: an event is executed once; an agent receives a change in the first observation
 //! that it commits to afterwards; an agent that is out is never asked again.
@@ -31,8 +31,11 @@ impl Session<'_, '_> {
                 }
                 EventAction::SwitchRadio(agent, is_on) => self.engine.switch_radio(agent, is_on),
                 EventAction::Set(scenario) => self.engine.change(*scenario, &self.teleoperated),
+                // The engine has put it aside.
+                EventAction::ChangeMap(_) => {}
             }
         }
+        self.engine.change_map(&mut self.log)?;
         self.engine.admit_late();
         Ok(())
     }

@@ -28,6 +28,7 @@ pub(super) enum EntryKind {
     Result,
     Transforms,
     Intervention,
+    MapChange,
     Join(AgentId),
     Observation(AgentId),
     Command(AgentId),
@@ -59,7 +60,7 @@ enum Sink<'s> {
 pub(super) struct SessionLog<'s> {
     sink: Sink<'s>,
     live: Option<LiveStream>,
-    sim_topics: [Topic; 6],
+    sim_topics: [Topic; 7],
     agent_topics: Vec<[Topic; 3]>,
     /// Topics of the recorded visualisation messages so far.
     view_topics: BTreeMap<VisualisationTopic, Topic>,
@@ -87,6 +88,7 @@ impl<'s> SessionLog<'s> {
                 topics::result(),
                 topics::tf(),
                 topics::intervention(),
+                topics::map_change(),
             ],
             agent_topics: (0..agents).map(AgentId).map(of_agent).collect(),
             view_topics: BTreeMap::new(),
@@ -197,6 +199,7 @@ impl<'s> SessionLog<'s> {
             EntryKind::Result => &self.sim_topics[3],
             EntryKind::Transforms => &self.sim_topics[4],
             EntryKind::Intervention => &self.sim_topics[5],
+            EntryKind::MapChange => &self.sim_topics[6],
             EntryKind::Join(agent) => &self.agent_topics[agent.index()][0],
             EntryKind::Observation(agent) => &self.agent_topics[agent.index()][1],
             EntryKind::Command(agent) => &self.agent_topics[agent.index()][2],

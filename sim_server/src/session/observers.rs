@@ -9,7 +9,7 @@ use msgs::ids::{AgentId, Tick};
 
 use super::engine::{Engine, Shown};
 use super::{Phase, PhaseTimes};
-use simulation::scenario::Scenario;
+use simulation::scenario::{RecordedView, Scenario};
 use simulation::visualisation::{
     self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
 };
@@ -28,12 +28,13 @@ pub(super) struct Observers {
 
 impl Observers {
     pub(super) fn new(scenario: &Scenario, now: Instant) -> Self {
+        let mut views = scenario.views.clone();
+        if scenario.event.iter().any(|event| event.map_change().is_some()) {
+            // Replays show the walls of each time.
+            views.record.push(RecordedView::Map);
+        }
         Self {
-            views: VisualisationScheduler::new(
-                scenario.views.clone(),
-                scenario.agents.count,
-                scenario.recording.poses_period_ticks,
-            ),
+            views: VisualisationScheduler::new(views, scenario.agents.count, scenario.recording.poses_period_ticks),
             started: now,
             phase_times: PhaseTimes::default(),
         }

@@ -1,8 +1,8 @@
 //! `[[event]]`: what happens to a run at set times, and the forks of recorded runs.
 //!
-//! An event makes an agent join late, leave or break down, switches its radio, or changes keys for
-//! the rest of the run. A fork of a recorded run is its scenario with one more change of keys at
-//! the tick of the fork.
+//! An event makes an agent join late, leave or break down, switches its radio, makes cells of the
+//! map wall or free, or changes keys for the rest of the run. A fork of a recorded run is its
+//! scenario with one more change of keys at the tick of the fork.
 //!
 //! Invariants: events ascend in time; a change never touches what has shaped the past (see
 //! [`changeable`]); the scenario after each change is as legal as one from a file. A run is the
@@ -16,9 +16,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use mapgen::ImportOptions;
 use msgs::ids::{AgentId, Tick};
 use serde::{Deserialize, Serialize};
+use voxels::Terrain;
 
 use super::changes::{self, Change, Refusal};
 use super::{Checker, Origins, Override, Scenario, ScenarioError, keys, one_line};
+use crate::world::map_change::{MapChange, Proximity};
 
 /// Largest number of events.
 pub const EVENTS_MAX: usize = 10_000;
@@ -35,9 +37,20 @@ pub struct EventEntry {
     pub at_s: f64,
     /// What happens.
     pub kind: EventKind,
-    /// The agent that it happens to; `None` for a change of keys.
+    /// The agent that it happens to; `None` for a change of keys. For a change of the map the agent
+    /// whose approach it waits for; `None`: any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub agent: Option<u32>,
+    /// Lowest corner of the box whose cells become wall or free: x, y, z in metres, frame `map`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low: Option<[f64; 3]>,
+    /// Highest corner of that box.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<[f64; 3]>,
+    /// A change of the map waits until an agent is as near to its cells, metres; `None`: it waits
+    /// for no agent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within_m: Option<f64>,
     /// The new values of keys, by dotted path.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub set: BTreeMap<String, toml::Value>,
@@ -61,6 +74,10 @@ pub enum EventKind {
     RadioOff,
     /// The radio of an agent works again.
     RadioOn,
+    /// Cells of the map become wall.
+    Wall,
+    /// Cells of the map become free.
+    Free,
     /// Keys of the scenario change for the rest of the run.
     Set,
 }
@@ -73,16 +90,39 @@ impl EventKind {
             Self::BreakDown => "break_down",
             Self::RadioOff => "radio_off",
             Self::RadioOn => "radio_on",
+            Self::Wall => "wall",
+            Self::Free => "free",
             Self::Set => "set",
+        }
+    }
+
+    /// What the cells of the map become.
+    fn terrain(self) -> Option<Terrain> {
+        match self {
+            Self::Wall => Some(Terrain::Wall),
+            Self::Free => Some(Terrain::Free),
+            _ => None,
         }
     }
 }
 
 impl EventEntry {
+    fn bare(at_s: f64, kind: EventKind) -> Self {
+        Self { at_s, kind, agent: None, low: None, high: None, within_m: None, set: BTreeMap::new(), parent: None }
+    }
+
     /// The tick at whose start it takes effect.
     #[must_use]
     pub fn tick(&self) -> Tick {
         Tick(libm::round(self.at_s / Tick::TICK_S) as u64)
+    }
+
+    /// How it changes the map; `None` for events of other kinds.
+    #[must_use]
+    pub fn map_change(&self) -> Option<MapChange> {
+        let (terrain, low, high) = (self.kind.terrain()?, self.low?, self.high?);
+        let trigger = self.within_m.map(|within_m| Proximity { within_m, agent: self.agent.map(AgentId) });
+        Some(MapChange { terrain, low: low.into(), high: high.into(), trigger })
     }
 
     /// The event as the digest covers it.
@@ -118,6 +158,8 @@ pub enum EventAction {
     BreakDown(AgentId),
     /// The radio of an agent fails, or works again.
     SwitchRadio(AgentId, bool),
+    /// Cells of the map become wall or free.
+    ChangeMap(MapChange),
     /// From now on this scenario holds, which has no events.
     Set(Box<Scenario>),
 }
@@ -208,6 +250,7 @@ impl Scenario {
         let mut present = self.without_events();
         let scheduled = self.event.iter().filter_map(|entry| {
             let action = match (entry.kind, entry.agent.map(AgentId)) {
+                (EventKind::Wall | EventKind::Free, _) => EventAction::ChangeMap(entry.map_change()?),
                 (EventKind::Join, Some(agent)) => EventAction::Join(agent),
                 (EventKind::Leave, Some(agent)) => EventAction::Leave(agent),
                 (EventKind::BreakDown, Some(agent)) => EventAction::BreakDown(agent),
@@ -303,6 +346,14 @@ impl Scenario {
             checker.require(&of("at_s"), entry.at_s, is_ascending, "expected events in the order of their times")?;
             last = entry.tick();
             let kind = entry.kind.word();
+            if entry.kind.terrain().is_none() {
+                let only = "expected only with kind = \"wall\" or \"free\"";
+                for (name, value) in [("low", entry.low), ("high", entry.high)] {
+                    checker.require(&of(name), format!("{:?}", value.unwrap_or_default()), value.is_none(), only)?;
+                }
+                let within_m = entry.within_m;
+                checker.require(&of("within_m"), within_m.unwrap_or_default(), within_m.is_none(), only)?;
+            }
             if entry.kind == EventKind::Set {
                 let none = "expected no agent: keys change for all of them";
                 checker.require(&of("agent"), entry.agent.unwrap_or_default(), entry.agent.is_none(), none)?;
@@ -323,6 +374,10 @@ impl Scenario {
             checker.require(&of("parent"), "...", entry.parent.is_none(), no_parent)?;
             let last_id = self.agents.count - 1;
             let ids = format!("expected the id of an agent, 0 to {last_id}");
+            if entry.kind.terrain().is_some() {
+                self.check_map_change(entry, number, checker)?;
+                continue;
+            }
             let Some(agent) = entry.agent else {
                 return Err(checker.error_from(&of("kind"), &of("agent"), "nothing", &ids));
             };
@@ -335,6 +390,28 @@ impl Scenario {
             }
         }
         Ok(())
+    }
+
+    /// Checks the box and the trigger of an event that changes the map.
+    fn check_map_change(&self, entry: &EventEntry, number: usize, checker: &Checker<'_>) -> Result<(), ScenarioError> {
+        let of = |name: &str| format!("event[{number}].{name}");
+        let corner = "expected [x, y, z] in metres, frame map";
+        for (name, value) in [("low", entry.low), ("high", entry.high)] {
+            let Some(value) = value else {
+                return Err(checker.error_from(&of("kind"), &of(name), "nothing", corner));
+            };
+            let is_finite = value.iter().all(|along| along.is_finite());
+            checker.require(&of(name), format!("{value:?}"), is_finite, "expected finite numbers")?;
+        }
+        let (low, high) = (entry.low.unwrap_or_default(), entry.high.unwrap_or_default());
+        let is_box = low.iter().zip(&high).all(|(low, high)| low <= high);
+        let allowed = format!("expected no coordinate below that of low = {low:?}");
+        checker.require(&of("high"), format!("{high:?}"), is_box, &allowed)?;
+        let Some(agent) = entry.agent else { return Ok(()) };
+        let with_distance = "expected no agent, or within_m as well: the distance at which its approach counts";
+        checker.require(&of("agent"), agent, entry.within_m.is_some(), with_distance)?;
+        let ids = format!("expected the id of an agent, 0 to {}", self.agents.count - 1);
+        checker.require(&of("agent"), agent, agent < self.agents.count, &ids)
     }
 
     /// The scenario of a fork of this one: `changes` hold from the tick `at` on, before which the
@@ -376,7 +453,7 @@ impl Scenario {
         if !set.is_empty() {
             let at_s = at.time_ns() as f64 / 1e9;
             let parent = (!parent.is_empty()).then(|| parent.to_owned());
-            added.insert(0, EventEntry { at_s, kind: EventKind::Set, agent: None, set, parent });
+            added.insert(0, EventEntry { set, parent, ..EventEntry::bare(at_s, EventKind::Set) });
         }
         forked.event.extend(added);
         forked.event.sort_by_key(EventEntry::tick);
@@ -432,7 +509,7 @@ impl Lives {
             EventKind::BreakDown => self.broken.insert(agent),
             EventKind::RadioOff => !is_broken && self.silent.insert(agent),
             EventKind::RadioOn => !is_broken && self.silent.remove(&agent),
-            EventKind::Set => true,
+            EventKind::Wall | EventKind::Free | EventKind::Set => true,
         };
         if fits {
             return Ok(());

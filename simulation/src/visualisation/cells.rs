@@ -32,10 +32,13 @@ pub(super) fn visible_walls(terrain: &Grid<Terrain>) -> Vec<Cell> {
     terrain.iter().filter(seen).map(|(cell, _)| cell).collect()
 }
 
-/// These walls in chunks with marker ids from 0.
-pub(super) fn walls(terrain: &Grid<Terrain>, tick: Tick) -> Vec<Marker> {
+/// These walls in chunks with marker ids from 0. If the map has changed, there were `before`
+/// chunks, and those that there are no more are deleted.
+pub(super) fn walls(terrain: &Grid<Terrain>, tick: Tick, before: usize) -> Vec<Marker> {
     let walls = visible_walls(terrain);
-    let chunks = (0..).zip(walls.chunks(CUBES_MAX));
+    let present = walls.chunks(CUBES_MAX);
+    let deleted = std::iter::repeat_n(&[][..], before.saturating_sub(present.len()));
+    let chunks = (0..).zip(present.chain(deleted));
     chunks.map(|(id, cells)| cubes(terrain.extent(), tick, ("walls", WALL_COLOUR), id, cells)).collect()
 }
 
@@ -64,6 +67,11 @@ impl Unexplored {
         new.difference_with(&self.explored);
         self.changed.extend(new.ones().map(|index| self.blocks.of(index)));
         self.explored.clone_from(explored);
+    }
+
+    /// Has every block published again, after a change of the map.
+    pub(super) fn revise(&mut self, terrain: &Grid<Terrain>) {
+        self.changed.extend((0..terrain.extent().volume()).map(|index| self.blocks.of(index)));
     }
 
     /// The next changed block in its present state.
@@ -103,7 +111,7 @@ mod tests {
         for (x, y) in (1..59).flat_map(|x| (1..59).map(move |y| (x, y))) {
             terrain.set(Cell::new(x, y, 1), Terrain::Free);
         }
-        let walls = walls(&terrain, Tick(0));
+        let walls = walls(&terrain, Tick(0), 0);
         // Floor and ceiling of 58 x 58, and four sides without the corners.
         assert_eq!(walls.iter().map(|marker| marker.points.len()).sum::<usize>(), 2 * 58 * 58 + 4 * 58);
         assert!(walls.iter().all(|marker| msgs::cdr::encode(marker).len() <= VIEW_BYTES_MAX));

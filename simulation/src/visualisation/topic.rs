@@ -100,7 +100,12 @@ impl VisualisationTopic {
         }
     }
 
-    /// Whether it is published once, because it does not change.
+    /// Whether it shows the walls, and is published again when the map has changed.
+    pub(super) fn shows_map(self) -> bool {
+        matches!(self, Self::Map | Self::Occupancy | Self::MapPoints)
+    }
+
+    /// Whether it is published once, because it does not change while the map does not.
     pub(super) fn is_static(self) -> bool {
         matches!(
             self,

@@ -100,7 +100,9 @@ impl Attainable {
 
 /// What the agents that have been in a world could reach and see together from where they started
 /// or were put, if all their bodies are wider than a cell; `None` for all others, for which that is
-/// everything, on large maps, and with a radius that is too large to tell.
+/// everything, on large maps, and with a radius that is too large to tell. Once the map has
+/// changed, it is what the agents that still work can reach and see from where they were then,
+/// whatever the width of their bodies.
 #[must_use]
 pub fn of_team(world: &World) -> Option<Attainable> {
     let extent = world.terrain().extent();
@@ -108,10 +110,15 @@ pub fn of_team(world: &World) -> Option<Attainable> {
         return None;
     }
     let mut team: Vec<Bodies> = Vec::new();
-    for agent in world.agents().filter(|&agent| world.presence(agent) != Presence::Absent) {
+    let has_changed = world.map_revision() > 0;
+    let takes_part = |presence| match has_changed {
+        true => presence == Presence::Active,
+        false => presence != Presence::Absent,
+    };
+    for agent in world.agents().filter(|&agent| takes_part(world.presence(agent))) {
         let radius_m = world.body(agent).model().radius_m;
         let radius_cells = radius_m / extent.cell_m();
-        if radius_cells <= 0.5 || radius_cells > f64::from(REACH_CELLS) {
+        if (radius_cells <= 0.5 && !has_changed) || radius_cells > f64::from(REACH_CELLS) {
             return None;
         }
         let start = BodyLattice::of(radius_m, extent.cell_m()).cell_near(extent, &world.starts[agent.index()]);

@@ -3,11 +3,12 @@
 //!
 //! A free cell is explored once a scan has crossed it, and covered once the centre of a body has
 //! been in it. Shares are of all free cells of the true map after its repair (MAES3D: after pocket
-//! removal).
+//! removal). If the map changes during a run, all of this holds for the cells that are free at
+//! present, and counts what has been seen and visited since they have been so.
 
 use fixedbitset::FixedBitSet;
 use msgs::ids::{AgentId, Tick};
-use voxels::CellSet;
+use voxels::{CellSet, Terrain};
 
 /// Explored shares, in thousandths of the free cells, whose ticks are recorded.
 pub const MILESTONES_PERMILLE: [u64; 5] = [500, 900, 990, 999, 1000];
@@ -69,6 +70,28 @@ impl Coverage {
         self.believed_by[agent.index()] = self.free_cells.min(known_free as usize);
     }
 
+    /// Records that cells (by index) have become wall, or free. Of `explored_by`, by agent, so many
+    /// of them counted as explored by it.
+    pub fn revise(&mut self, changed: &[u32], terrain: Terrain, explored_by: &[usize], now: Tick) {
+        for (cells, forgotten) in self.explored_by.iter_mut().zip(explored_by) {
+            *cells -= forgotten;
+        }
+        match terrain {
+            Terrain::Free => self.free_cells += changed.len(),
+            Terrain::Wall => self.free_cells -= changed.len(),
+        }
+        for cell in changed.iter().map(|&cell| cell as usize) {
+            self.explored_count -= usize::from(self.explored.contains(cell));
+            self.explored.set(cell, false);
+            self.covered.remove(cell);
+            self.covered_by.iter_mut().for_each(|cells| cells.remove(cell));
+        }
+        let (explored, free) = (self.explored_count as u64, self.free_cells as u64);
+        let is_reached = |permille: &&u64| explored * 1000 >= free * **permille;
+        self.milestones.truncate(MILESTONES_PERMILLE.iter().take_while(is_reached).count());
+        self.note_milestones(now);
+    }
+
     /// Records the milestones reached by now.
     pub fn note_milestones(&mut self, now: Tick) {
         let (explored, free) = (self.explored_count as u64, self.free_cells as u64);
@@ -128,7 +151,7 @@ impl Coverage {
     /// Share of the free cells on each agent's own map, as last reported, by agent, 0 ..= 1.
     #[must_use]
     pub fn believed_by(&self) -> Vec<f64> {
-        self.believed_by.iter().map(|&cells| self.share(cells)).collect()
+        self.believed_by.iter().map(|&cells| self.share(cells.min(self.free_cells))).collect()
     }
 
     /// The free cells that at least one agent has seen, by cell index.
@@ -144,7 +167,7 @@ impl Coverage {
     }
 
     fn share(&self, cells: usize) -> f64 {
-        cells as f64 / self.free_cells as f64
+        cells as f64 / self.free_cells.max(1) as f64
     }
 }
 

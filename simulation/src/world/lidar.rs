@@ -32,6 +32,7 @@ mod memory;
 mod naive;
 mod noisy;
 mod pattern;
+mod revision;
 mod slots;
 mod speculation;
 
@@ -51,6 +52,7 @@ pub use memory::SensorMemory;
 pub use naive::ScanView;
 pub(super) use noisy::NoisyScan;
 use pattern::Bundle;
+pub(super) use revision::change_kinds;
 pub(super) use speculation::SpeculativeEngine;
 
 /// The directions of the rays of a scan.

@@ -88,9 +88,13 @@ impl World {
 
     /// Collects what the scans of an agent have found for its observation.
     pub(super) fn collect_scans(&mut self, index: usize) {
-        let AgentState { sensor, pending_observation, has_results, .. } = &mut self.agents[index];
+        let AgentState { sensor, pending_observation, has_results, outdated, .. } = &mut self.agents[index];
         if std::mem::take(has_results) {
             let mut found = sensor.found();
+            if !outdated.is_empty() {
+                pending_observation.note_revised(outdated, &found.free);
+                pending_observation.note_revised(outdated, &found.wall);
+            }
             pending_observation.free.append(&mut found.free);
             pending_observation.wall.append(&mut found.wall);
         }

@@ -10,7 +10,7 @@ import type { Runs } from "./cdr.ts";
 import { Growable } from "./growable.ts";
 import * as messages from "./messages.ts";
 import { COMMAND, type Batch } from "./protocol.ts";
-import type { Progress, Result, Terrain, Vec3 } from "./run.ts";
+import type { MapChange, Progress, Result, Terrain, Vec3 } from "./run.ts";
 
 /**
  * Maximum number of interpolation steps between two poses; longer gaps are divided evenly into this
@@ -53,6 +53,7 @@ export class BatchBuilder {
   #commands = new Growable(new Float64Array(0));
   #waypoints = new Growable(new Float64Array(0));
   #infos: [number, string][] = [];
+  #mapChanges: MapChange[] = [];
   #progress: Progress[] = [];
   #lastProgress: Progress | undefined;
   #result: Result | null = null;
@@ -165,6 +166,16 @@ export class BatchBuilder {
     this.#pose(change.agent, change.tick, change.position, change.yawRad);
   }
 
+  mapChange(change: MapChange): void {
+    this.#checkTick(change.tick);
+    const { low, high } = change;
+    if (!high.every((last, axis) => low[axis]! <= last && last < this.#terrain.size[axis]!)) {
+      throw new RangeError(`cells ${low.join(" ")} to ${high.join(" ")} are no box in the map`);
+    }
+    this.#mapChanges.push(change);
+    this.#hasChanges = true;
+  }
+
   progress(progress: Progress): void {
     this.#progress.push(progress);
     this.#lastProgress = progress;
@@ -192,11 +203,13 @@ export class BatchBuilder {
       commands: this.#commands.takeAll(),
       waypoints: this.#waypoints.takeAll(),
       infos: this.#infos,
+      mapChanges: this.#mapChanges,
       progress: this.#progress,
       result: this.#result,
       learned,
     };
     this.#infos = [];
+    this.#mapChanges = [];
     this.#progress = [];
     this.#hasChanges = false;
     return batch;

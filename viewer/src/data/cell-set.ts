@@ -27,6 +27,10 @@ export class CellSet {
     this.bytes[cell >>> 3]! |= 1 << (cell & 7);
   }
 
+  delete(cell: number): void {
+    this.bytes[cell >>> 3]! &= ~(1 << (cell & 7));
+  }
+
   /** Number of cells in the set. */
   get count(): number {
     let count = 0;

@@ -52,6 +52,7 @@ export function mapRun(name: string, bytes: Uint8Array): { header: RunHeader; ba
     commands: new Float64Array(0),
     waypoints: new Float64Array(0),
     infos: [],
+    mapChanges: [],
     progress: [],
     result: null,
     learned: null,

@@ -6,7 +6,7 @@
  */
 
 import { CdrReader, type Runs } from "./cdr.ts";
-import { TICK_S, type Progress, type Result, type Vec3 } from "./run.ts";
+import { TICK_S, type MapChange, type Progress, type Result, type Vec3 } from "./run.ts";
 
 /** Protocol version of these messages. */
 export const PROTOCOL = 3;
@@ -326,6 +326,19 @@ export function intervention(bytes: Uint8Array): Intervention {
   const kind = reader.u8();
   const isPlaced = kind === PLACE || kind === JOIN;
   return { tick, isPlaced, agent: reader.u32(), position: vector(reader), yawRad: reader.f64() };
+}
+
+/** Cells that become wall; others become free. */
+const WALL = 1;
+
+/** A change of the map: the cells of a box have become free or wall. */
+export function mapChange(bytes: Uint8Array): MapChange {
+  const reader = new CdrReader(bytes);
+  header(reader);
+  const tick = reader.u64();
+  const isWall = reader.u8() === WALL;
+  const cell = (): Vec3 => [reader.u32(), reader.u32(), reader.u32()];
+  return { tick, isWall, low: cell(), high: cell() };
 }
 
 /** A point cloud of three 32-bit floats per point. */

@@ -5,7 +5,7 @@
  * arrays, which are transferred without a copy.
  */
 
-import type { Progress, Result, Setup, Terrain, Vec3 } from "./run.ts";
+import type { MapChange, Progress, Result, Setup, Terrain, Vec3 } from "./run.ts";
 
 /** Tick and pose of a scan. */
 export interface ScanPose {
@@ -105,6 +105,7 @@ export interface Batch {
   readonly waypoints: Float64Array;
   /** Status texts of the commands that have one: the agent and its text. */
   readonly infos: readonly (readonly [agent: number, info: string])[];
+  readonly mapChanges: readonly MapChange[];
   readonly progress: readonly Progress[];
   readonly result: Result | null;
   /**

@@ -308,6 +308,9 @@ export class RecordingReader {
       case "intervention":
         builder.intervention(messages.intervention(bytes));
         break;
+      case "map_change":
+        builder.mapChange(messages.mapChange(bytes));
+        break;
       case "points":
         this.#pointCloudRows(agent).append([tick, location.start, location.length, id]);
         break;
@@ -363,7 +366,7 @@ function channelOf(topic: string): Channel {
   if (ofAgent) {
     return { topic, kind: ofAgent[2]!, agent: Number(ofAgent[1]) };
   }
-  const ofRun = /^(?:\/sim\/(scenario|progress|result|intervention)|\/(tf))$/.exec(topic);
+  const ofRun = /^(?:\/sim\/(scenario|progress|result|intervention|map_change)|\/(tf))$/.exec(topic);
   return { topic, kind: ofRun?.[1] ?? ofRun?.[2] ?? "", agent: -1 };
 }
 

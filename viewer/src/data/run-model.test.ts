@@ -51,6 +51,37 @@ describe("poses", () => {
   });
 });
 
+describe("the map", () => {
+  test("changes at its ticks", async () => {
+    const [door, beside] = [roomCell(3, 2, 1), roomCell(4, 2, 1)];
+    const run = await runOf([
+      make.poses(0, [POSITION]),
+      make.mapChange(10, true, [3, 1, 1], [3, 4, 2]),
+      make.poses(20, [POSITION]),
+      make.mapChange(30, false, [3, 2, 1], [3, 2, 1]),
+      make.poses(40, [POSITION]),
+    ]);
+    const isWall = (timeS: number, cell: number) => run.terrainAt(timeS).walls.has(cell);
+    expect([0, 0.18, 0.2, 0.58, 0.6].map((timeS) => isWall(timeS, door))).toEqual([
+      false,
+      false,
+      true,
+      true,
+      false,
+    ]);
+    expect(isWall(0.4, beside)).toBe(false);
+    expect(run.terrainAt(0.1)).toBe(run.terrain);
+    expect(run.terrainAt(0.4).freeCells).toBe(run.terrain.freeCells - 8);
+    expect(run.terrainAt(0.8).freeCells).toBe(run.terrain.freeCells - 7);
+  });
+
+  test("is not changed by a box outside it", async () => {
+    const run = await runOf([make.poses(0, [POSITION]), make.mapChange(1, true, [7, 1, 1], [8, 1, 1])]);
+    expect(run.problem).toContain("7 1 1 to 8 1 1 are no box in the map");
+    expect(run.terrainAt(1)).toBe(run.terrain);
+  });
+});
+
 describe("cells", () => {
   test("have the tick of the earliest scan that saw them", async () => {
     const [a, b] = [roomCell(1, 1, 1), roomCell(4, 1, 1)];

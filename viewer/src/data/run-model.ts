@@ -8,6 +8,7 @@
 
 import { AgentLog, tickAt } from "./agent-log.ts";
 import { CellTimes } from "./cell-times.ts";
+import { MapHistory } from "./map-history.ts";
 import { TickCounts } from "./tick-counts.ts";
 import { Growable } from "./growable.ts";
 import {
@@ -49,6 +50,7 @@ export class RunModel implements Run {
   readonly title: string;
   readonly setup: Setup;
   readonly terrain: Terrain;
+  readonly #maps: MapHistory;
   readonly firstSeenTick: CellTimes;
   readonly coveredTick: CellTimes;
   readonly progress: Progress[] = [];
@@ -79,11 +81,16 @@ export class RunModel implements Run {
     this.title = title;
     this.setup = setup;
     this.terrain = terrain;
+    this.#maps = new MapHistory(terrain);
     this.#reader = reader;
     const cells = terrain.walls.length;
     this.firstSeenTick = new CellTimes(cells);
     this.coveredTick = new CellTimes(cells);
     this.#agents = Array.from({ length: setup.agents }, (_, agent) => new AgentLog(agent, terrain));
+  }
+
+  terrainAt(timeS: number): Terrain {
+    return this.#maps.at(tickAt(timeS));
   }
 
   seenAt(timeS: number): number {
@@ -238,6 +245,7 @@ export class RunModel implements Run {
       learn(this.#belief.knownTick, learned);
       this.#belief.revision += learned.length > 0 ? 1 : 0;
     }
+    this.#maps.add(batch.mapChanges);
     this.progress.push(...batch.progress);
     const hasEnded = this.result === null && batch.result !== null;
     this.result = batch.result;

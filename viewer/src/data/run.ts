@@ -32,6 +32,15 @@ export interface Terrain {
   readonly freeCells: number;
 }
 
+/** A change of the map at the start of a tick: the cells of a box become wall or free. */
+export interface MapChange {
+  readonly tick: number;
+  readonly isWall: boolean;
+  /** The lowest and the highest cell of the box, which both belong to it. */
+  readonly low: Vec3;
+  readonly high: Vec3;
+}
+
 /** The constants of a run. */
 export interface Setup {
   readonly agents: number;
@@ -144,7 +153,10 @@ export interface Run {
   /** Name of the file or of the server. */
   readonly title: string;
   readonly setup: Setup;
+  /** The map at the start. */
   readonly terrain: Terrain;
+  /** The map at `timeS`; the same object while it is the same map. */
+  terrainAt(timeS: number): Terrain;
   /** Everything up to this time is known. */
   readonly endS: number;
   /** Whether reading has ended. */

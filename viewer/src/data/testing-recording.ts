@@ -252,6 +252,14 @@ export function placed(agent: number, tick: number, position: Vec3): RecordedMes
   return { topic: "/sim/intervention", tick, bytes: writer.data };
 }
 
+export function mapChange(tick: number, isWall: boolean, low: Vec3, high: Vec3): RecordedMessage {
+  const writer = header(new CdrWriter(), tick)
+    .uint64(BigInt(tick))
+    .uint8(isWall ? 1 : 0);
+  for (const along of [...low, ...high]) writer.uint32(along);
+  return { topic: "/sim/map_change", tick, bytes: writer.data };
+}
+
 /** A point cloud in the body frame. */
 export function points(agent: number, tick: number, list: readonly Vec3[]): RecordedMessage {
   const writer = header(new CdrWriter(), tick).uint32(1).uint32(list.length).sequenceLength(3);

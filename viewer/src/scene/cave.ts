@@ -7,7 +7,7 @@
  */
 
 import { Group, Vector3, type WebGLRenderer } from "three";
-import type { Belief, RunUpdate, Run, Vec3 } from "../data/run.ts";
+import type { Belief, RunUpdate, Run, Terrain, Vec3 } from "../data/run.ts";
 import type { CellSet } from "../data/cell-set.ts";
 import { CellTimes, FLAT_CELLS_MAX } from "../data/cell-times.ts";
 import { DetailLevel, type Progress } from "./detail-level.ts";
@@ -40,10 +40,11 @@ export class Cave {
 
   constructor(
     readonly run: Run,
+    /** The map, at some time of the run. */
+    readonly terrain: Terrain,
     readonly common: SharedUniforms,
     readonly gl: WebGL2RenderingContext,
   ) {
-    const { terrain } = run;
     this.#full = blockModelOf(terrain, BLOCKS_MAX, edgeMaxOf(gl));
     const { step } = this.#full;
     this.notices =
@@ -126,7 +127,7 @@ export class Cave {
 
   /** Share of the line between two positions that is free, from its start; 1: all of it. */
   #freeShare(from: Vec3, to: Vec3): number {
-    const { size, cellM, walls } = this.run.terrain;
+    const { size, cellM, walls } = this.terrain;
     const line = to.map((value, axis) => (value - from[axis]!) / cellM);
     const steps = Math.ceil(Math.hypot(...line) * SIGHT_STEPS_PER_CELL);
     for (let step = 1; step <= steps; step++) {
@@ -158,7 +159,7 @@ export class Cave {
 
   #coarseModel(): BlockModel {
     if (this.#coarse === null) {
-      const coarse = blockModelOf(this.run.terrain, COARSE_BLOCKS_MAX, edgeMaxOf(this.gl));
+      const coarse = blockModelOf(this.terrain, COARSE_BLOCKS_MAX, edgeMaxOf(this.gl));
       this.#coarse = coarse.step === this.#full.step ? this.#full : coarse;
     }
     return this.#coarse;
@@ -178,7 +179,7 @@ export class Cave {
 
   #setCut({ cut }: View): void {
     const axis = "xyz".indexOf(cut.axis);
-    const { size, cellM } = this.run.terrain;
+    const { size, cellM } = this.terrain;
     this.common.cut.value.set(0, 0, 0, -1);
     if (cut.share < 1)
       this.common.cut.value.setComponent(axis, 1).setW((CUT_SLACK - size[axis]! * cut.share) * cellM);

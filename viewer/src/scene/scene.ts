@@ -11,7 +11,8 @@ import type { CellSet } from "../data/cell-set.ts";
 import { surfaceHit, type SurfaceHit } from "../data/surface-hit.ts";
 import { TICK_S, type Belief, type Hits, type Run, type RunUpdate, type Vec3 } from "../data/run.ts";
 import { Background } from "./background.ts";
-import { Cave } from "./cave.ts";
+import type { Cave } from "./cave.ts";
+import { Caves } from "./caves.ts";
 import { CameraRig, type CameraMove } from "./camera-rig.ts";
 import { makeSharedUniforms, type SharedUniforms } from "./glsl.ts";
 import { openGraphics } from "./graphics.ts";
@@ -58,7 +59,7 @@ const AGENT_PITCH_RAD = (24 * Math.PI) / 180;
 /** The objects of a run. */
 interface LoadedRun {
   readonly run: Run;
-  readonly cave: Cave;
+  readonly caves: Caves;
   readonly team: Team;
   readonly marks: MapMarks;
   readonly stopListening: () => void;
@@ -136,7 +137,7 @@ export class Scene {
 
   /** Limitations in showing the run, for people. */
   get notices(): readonly string[] {
-    return this.#loaded?.cave.notices ?? [];
+    return this.#loaded?.caves.start.notices ?? [];
   }
 
   get stats(): {
@@ -167,16 +168,17 @@ export class Scene {
   setRun(run: Run | null): void {
     this.#clear();
     if (run === null) return;
-    const cave = new Cave(run, this.#common, this.#gl);
+    const caves = new Caves(run, this.#common, this.#gl);
+    const cave = caves.start;
     const team = new Team(run, this.#common, this.#labelCommon);
-    const marks = new MapMarks(this.#common, cave.root);
-    this.#graph.add(cave.root, team.root);
+    const marks = new MapMarks(this.#common, caves.root);
+    this.#graph.add(caves.root, team.root);
     this.#labels.add(team.labels);
     const stopListening = run.onUpdate((update) => {
-      cave.markChanged(update);
+      caves.markChanged(update);
       this.#isDirty ||= this.#concerns(update);
     });
-    this.#loaded = { run, cave, team, marks, stopListening };
+    this.#loaded = { run, caves, team, marks, stopListening };
     const { cellM } = run.terrain;
     const reachM = Math.hypot(...cave.extentM) / 2;
     this.#cameraRig.setLimits([1.5 * cellM, reachM * 7], reachM);
@@ -195,7 +197,8 @@ export class Scene {
     this.#selected = agent;
     this.#isDirty = true;
     if (agent === null) {
-      this.#cameraRig.goTo(this.#caveOrbit(loaded.cave), loaded.cave.middle, options.fly);
+      const cave = loaded.caves.start;
+      this.#cameraRig.goTo(this.#caveOrbit(cave), cave.middle, options.fly);
       return;
     }
     const state = loaded.run.agentAt(agent, this.#timeS);
@@ -226,7 +229,7 @@ export class Scene {
 
   /** The box of the free space, metres; null: there is no run. */
   get box(): { readonly low: Vec3; readonly high: Vec3 } | null {
-    const cave = this.#loaded?.cave;
+    const cave = this.#loaded?.caves.start;
     if (cave === undefined) return null;
     const end = (side: number) => cave.middle.map((value, axis) => value + (side * cave.extentM[axis]!) / 2);
     return { low: end(-1) as Vec3, high: end(1) as Vec3 };
@@ -262,7 +265,7 @@ export class Scene {
     this.#isDirty = true;
     if (reach === this.#reach) return;
     this.#reach = reach;
-    this.#loaded.cave.setReach(reach);
+    this.#loaded.caves.start.setReach(reach);
   }
 
   /** Must be called after `view` was changed. */
@@ -286,7 +289,7 @@ export class Scene {
    * Builds a little more of what the full frame at this time needs. Returns whether it is complete.
    */
   prepare(timeS: number): boolean {
-    return this.#loaded?.cave.prepare(tickAt(timeS), this.view, BUDGET_MS[1]) ?? true;
+    return this.#loaded?.caves.at(timeS).prepare(tickAt(timeS), this.view, BUDGET_MS[1]) ?? true;
   }
 
   /** Resolves when the complete frame at this time has been drawn. Ends a flight. */
@@ -334,7 +337,7 @@ export class Scene {
   }
 
   readonly #restore = (): void => {
-    this.#loaded?.cave.rebuild();
+    this.#loaded?.caves.rebuild();
     this.#isDirty = true;
   };
 
@@ -349,9 +352,9 @@ export class Scene {
     this.#isDirty = true;
     if (loaded === null) return;
     loaded.stopListening();
-    this.#graph.remove(loaded.cave.root, loaded.team.root);
+    this.#graph.remove(loaded.caves.root, loaded.team.root);
     this.#labels.remove(loaded.team.labels);
-    loaded.cave.dispose();
+    loaded.caves.dispose();
     loaded.team.dispose();
     loaded.marks.dispose();
   }
@@ -364,10 +367,12 @@ export class Scene {
     const loaded = this.#loaded;
     let built = 0;
     if (loaded !== null) {
-      const { run, cave, team } = loaded;
+      const { run, caves, team } = loaded;
+      const cave = caves.at(timeS);
+      const { middle } = caves.start;
       this.#cameraRig.update(
-        this.#selected === null ? cave.middle : run.agentAt(this.#selected, timeS).position,
-        cave.middle,
+        this.#selected === null ? middle : run.agentAt(this.#selected, timeS).position,
+        middle,
       );
       this.#setCommon(timeS, cave);
       this.#follow(loaded);
@@ -449,10 +454,10 @@ export class Scene {
     const wanted = this.view.layers.belief ? this.#selected : null;
     if (wanted === this.#followed) return;
     this.#followed = wanted;
-    loaded.cave.setBelief(null);
+    loaded.caves.setBelief(null);
     this.#following = loaded.run.follow(wanted).then((belief: Belief | null) => {
       if (this.#loaded !== loaded || this.#followed !== wanted) return;
-      loaded.cave.setBelief(belief);
+      loaded.caves.setBelief(belief);
       this.#isDirty = true;
     });
   }

@@ -380,13 +380,24 @@ pub const TABLES: [Table; 23] = [
         key("at_s", Number("s"), Required, between(0.0, 2e8),
             "sim time at which it happens, before the scans of its tick", "ours")
             .checked_elsewhere().limits("a multiple of 0.02, 0 to 2e8; in the order of their times"),
-        key("kind", Word(&["join", "leave", "break_down", "radio_off", "radio_on", "set"]), Required, NONE,
+        key("kind", Word(&["join", "leave", "break_down", "radio_off", "radio_on", "wall", "free", "set"]), Required, NONE,
             "what happens: an agent enters the world at its start, leaves it with its body, or fails and stays as \
-             an obstacle; its radio fails, or works again; or keys change for the rest of the run", "ours"),
-        key("agent", Integer(""), Unset("required unless `\"set\"`"), between(0.0, (AGENTS_MAX - 1) as f64),
-            "the agent that it happens to", "ours")
-            .only_with(&["join", "leave", "break_down", "radio_off", "radio_on"])
-            .checked_elsewhere().limits("0 to `agents.count` - 1"),
+             an obstacle; its radio fails, or works again; cells of the map become wall, or free; or keys change for \
+             the rest of the run", "ours"),
+        key("agent", Integer(""), Unset("required unless `\"wall\"`, `\"free\"` or `\"set\"`"),
+            between(0.0, (AGENTS_MAX - 1) as f64),
+            "the agent that it happens to; of a change of the map the one whose approach it waits for", "ours")
+            .only_with(&["join", "leave", "break_down", "radio_off", "radio_on", "wall", "free"])
+            .checked_elsewhere().limits("0 to `agents.count` - 1; of a change of the map any agent by default"),
+        key("low", Position("m"), Unset("required for `\"wall\"` and `\"free\"`"), NONE,
+            "lowest corner of the box whose cells change: those with their centres in it, without the outermost layer of \
+             the map", "ours").limits("finite").only_with(&["wall", "free"]),
+        key("high", Position("m"), Unset("required for `\"wall\"` and `\"free\"`"), NONE,
+            "highest corner of the box", "ours")
+            .limits("finite, no coordinate below that of `low`").only_with(&["wall", "free"]),
+        key("within_m", Number("m"), Unset("it waits for no agent"), at_least(0.0, 1e6),
+            "from at_s on the change waits until the centre of a body is as near to its cells", "ours")
+            .only_with(&["wall", "free"]),
         key("set", Keys, Unset("required for `\"set\"`"), NONE,
             "new values of keys of the scenario, by their dotted paths", "ours").only_with(&["set"])
             .limits("[these keys](what-if.md#what-may-change)"),

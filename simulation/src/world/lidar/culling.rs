@@ -11,7 +11,8 @@
 //! single ones, blocks are larger than cells, and all is widened by [`SLACK_CELLS`] against
 //! rounding. Active rays are cast in full.
 //!
-//! **What stays known.** Cells are never forgotten, so a group that is not active from a cell of
+//! **What stays known.** Cells are forgotten only when the map changes, and all that is said here
+//! with them ([`CullingState::forget_active`]). So a group that is not active from a cell of
 //! the body never is from there again. A memory keeps the active groups of each cell that its body
 //! has scanned from, and follows only those the next time. (A scan that was cast ahead may be taken
 //! back, with all that was known by it.) While the body stays in its cell, a group
@@ -249,6 +250,12 @@ impl CullingState {
             Some(UndoEntry(slot, None)) => self.active_from.remove(&slot),
             None => None,
         };
+        self.slot = None;
+    }
+
+    /// Forgets which groups are active, after cells have been forgotten.
+    pub(super) fn forget_active(&mut self) {
+        self.active_from.clear();
         self.slot = None;
     }
 

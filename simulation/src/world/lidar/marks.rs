@@ -8,7 +8,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use voxels::{Grid, Terrain};
+use voxels::{Cell, Grid, Terrain};
 
 use super::engine::NewCells;
 use super::slots::{Slots, bit, word};
@@ -107,7 +107,30 @@ impl Marks {
         is_free
     }
 
-    /// Marks cells as not seen that have just been seen for the first time, by index.
+    /// Whether a cell of the map is free and has been seen.
+    pub(super) fn passes_at(&self, cell: Cell) -> bool {
+        let slot = self.slots.of(cell);
+        self.passes[word(slot)] & bit(slot) != 0
+    }
+
+    /// Makes cells (by index) free or wall in the map that all these marks share.
+    pub(super) fn change(mut all: Vec<&mut Self>, cells: &[u32], is_free: bool) {
+        let Some(first) = all.first_mut() else { return };
+        let slots = first.slots;
+        let mut shared = std::mem::take(&mut first.free);
+        all.iter_mut().skip(1).for_each(|marks| marks.free = Arc::default());
+        // The only reference is left, so that nothing is copied.
+        let free = Arc::make_mut(&mut shared);
+        for slot in cells.iter().map(|&index| slots.of(slots.extent().cell_at(index as usize))) {
+            match is_free {
+                true => free[word(slot)] |= bit(slot),
+                false => free[word(slot)] &= !bit(slot),
+            }
+        }
+        all.iter_mut().for_each(|marks| marks.free = Arc::clone(&shared));
+    }
+
+    /// Marks cells as not seen, by index.
     pub(super) fn forget(&mut self, cells: impl Iterator<Item = u32> + Clone) {
         let (slots, extent) = (self.slots, self.slots.extent());
         let cells = cells.map(|index| slots.of(extent.cell_at(index as usize)));

@@ -88,6 +88,11 @@ impl SensorMemory {
         votes
     }
 
+    /// Takes the votes about a cell, by index; `None` without noise.
+    pub(super) fn take_vote(&mut self, cell: u32) -> Option<i8> {
+        self.votes.get_mut(cell as usize).map(std::mem::take)
+    }
+
     /// Puts the votes of noisy scans back.
     pub(super) fn put_votes(&mut self, votes: Vec<i8>) {
         self.votes = votes;

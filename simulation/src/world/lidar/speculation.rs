@@ -68,6 +68,11 @@ impl SpeculativeEngine {
         true
     }
 
+    /// Takes all scans back that were cast ahead.
+    pub(in crate::world) fn take_all_back(&mut self, memory: &mut SensorMemory) {
+        self.take_back(memory, 0);
+    }
+
     /// Number of scans that were cast ahead and did not become due yet.
     #[cfg(test)]
     pub(in crate::world) fn scans_ahead(&self) -> usize {

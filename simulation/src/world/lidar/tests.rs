@@ -258,7 +258,7 @@ proptest! {
             prop_assert_eq!(expected, found);
             prop_assert!(naive.seen_cells().eq(culled.seen_cells()));
             // Each ray is cast, or it is said once why not.
-            prop_assert_eq!(all.due(), scanner.rays().into());
+            prop_assert_eq!(all.due(), u64::from(scanner.rays()));
             prop_assert_eq!(all.cast() + all.not_cast(NotCast::OutsideView), all.due());
             prop_assert_eq!(count.due(), all.due());
             prop_assert!(count.cast() <= all.cast());

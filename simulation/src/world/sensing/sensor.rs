@@ -84,6 +84,14 @@ pub(in crate::world) struct State {
     engine: SpeculativeEngine,
 }
 
+impl State {
+    /// The memory without the scans that were cast ahead.
+    pub(in crate::world) fn without_scans_ahead(&mut self) -> &mut SensorMemory {
+        self.engine.take_all_back(&mut self.memory);
+        &mut self.memory
+    }
+}
+
 /// The results of scans that were not collected yet.
 #[derive(Debug, Default)]
 pub(super) struct ScanResult {
