@@ -186,7 +186,10 @@ pub enum MapError {
     #[error("the map has no free cell left after smoothing; change its fill, radii or smoothing")]
     Empty,
     /// A map from elsewhere is solid.
-    #[error("{file}: the map has no free cell inside its outermost layer")]
+    #[error(
+        "{file}: the map has no free cell inside its outermost layer; a closed mesh is hollow with --inside free \
+         (map.import.inside), and smaller cells (--cell-m) keep narrow spaces"
+    )]
     ImportEmpty {
         /// The name of the map, such as its file.
         file: String,

@@ -195,7 +195,11 @@ fn bad_input_is_one_line_and_writes_nothing() {
             "bad.txt: line 2, column 2: 'x' is no cell, allowed are '#' (wall), '.' and ' ' (free)",
         ),
         ("convert @bad.m3dm @a.txt", "bad.m3dm: byte 4: the file ends here, expected length 15628 bytes"),
-        ("convert @solid.txt @a.txt", "solid.txt: the map has no free cell inside its outermost layer"),
+        (
+            "convert @solid.txt @a.txt",
+            "solid.txt: the map has no free cell inside its outermost layer; a closed mesh is hollow with --inside free \
+             (map.import.inside), and smaller cells (--cell-m) keep narrow spaces",
+        ),
         ("convert @good.txt @a.txt --up y", "good.txt: up is not an option for .txt files, which have none"),
         (
             "convert @packed.m3dm @a.txt --cell-m 0.2",
