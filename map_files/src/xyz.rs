@@ -27,7 +27,8 @@ const NAMES: [[&str; 3]; 3] =
 /// # Errors
 /// If a line is no point, or the points do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
-    let mut points = Vec::new();
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    let mut announced = 0;
     let mut text = Bytes::new(&spec.bytes);
     let (mut is_first, mut columns, mut named, mut with_commas) = (true, FIRST, None, 0u64);
     while let Some((line, content)) = text.line() {
@@ -52,7 +53,8 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
                 with_commas += u64::from(has_commas);
             }
             None if is_first => named = named_columns(content),
-            None if content.iter().all(u8::is_ascii_digit) => {}
+            // The number of the points that follow.
+            None if content.iter().all(u8::is_ascii_digit) => announced += parse_float(content).unwrap_or(0.0) as u64,
             None if columns != FIRST => {
                 let reason = format!("{} has no numbers in the columns x, y and z", shown(content));
                 return Err(FormatError::line(line, reason));
@@ -70,6 +72,15 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     }
     if with_commas > 0 {
         notes.push(Note::new("commas", format!("{with_commas} points with commas for decimal points")));
+    }
+    if announced > 0 && announced != points.len() as u64 {
+        let text = format!("the file announces {announced} points and has {}: it may be cut", points.len());
+        notes.push(Note::warning("count", text));
+    }
+    let counts = |first: f64| points.iter().zip(0_u32..).all(|(point, number)| point[0] == first + f64::from(number));
+    if points.len() > 2 && (counts(0.0) || counts(1.0)) {
+        let text = "the first column, taken for x, counts the points; if it is their number, leave it out";
+        notes.push(Note::warning("columns", text));
     }
     cloud::map(spec, Cloud { points: points.into(), notes, ..Cloud::default() })
 }
@@ -110,6 +121,19 @@ mod tests {
 
     fn of(file: &str, text: &str) -> Imported {
         ImportSpec::new(file, text.into()).read().unwrap()
+    }
+
+    #[test]
+    fn counts_that_do_not_fit_and_numbered_points_are_said() {
+        let notes = |file: &str, text: &str| {
+            let notes = of(file, text).notes.into_iter().filter(|note| note.text.contains("points"));
+            notes.map(|note| note.name).collect::<Vec<_>>()
+        };
+        let points = "0.5 0.5 0.5 1\n2.5 0.5 0.5 1\n4.5 0.5 0.5 1\n";
+        assert!(!notes("a.pts", &format!("3\n{points}")).contains(&"count"));
+        assert!(notes("a.pts", &format!("9\n{points}")).contains(&"count"));
+        assert!(!notes("a.xyz", points).contains(&"columns"));
+        assert!(notes("a.xyz", "1 0.5 0.5 0.5\n2 2.5 0.5 0.5\n3 4.5 0.5 0.5\n").contains(&"columns"));
     }
 
     #[test]
