@@ -66,7 +66,7 @@ const ANSWERS: &[(&str, u8, &[&str])] = &[
     ("run nofile.toml", 2, &["nofile.toml: No such file or directory"]),
     ("run --record run.bag", 2, &["--record run.bag: expected a name that ends in .mcap"]),
     ("run --profile trace.txt", 2, &["--profile trace.txt: expected a name that ends in .json"]),
-    ("view nofile.mcap", 2, &["nofile.mcap: no such file; expected a recording (.mcap) or a scenario (.toml)"]),
+    ("view nofile.mcap", 2, &["nofile.mcap: no such file; expected a recording (.mcap), a map or a scenario (.toml)"]),
     ("verify scenario.toml", 2, &["scenario.toml"]),
     ("info nofile.mcap", 2, &["nofile.mcap: No such file or directory"]),
     ("report nofolder", 2, &["nofolder: no folder of a plan", "maes batch"]),

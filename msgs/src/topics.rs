@@ -427,7 +427,7 @@ mod tests {
         let count = names.len();
         names.sort();
         names.dedup();
-        assert_eq!((names.len(), count), (22 + 96, 22 + 96));
+        assert_eq!((names.len(), count), (23 + 96, 23 + 96));
     }
 
     #[test]
