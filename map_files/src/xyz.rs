@@ -52,9 +52,9 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
                 points.push(point);
                 with_commas += u64::from(has_commas);
             }
-            None if is_first => named = named_columns(content),
             // The number of the points that follow.
             None if content.iter().all(u8::is_ascii_digit) => announced += parse_float(content).unwrap_or(0.0) as u64,
+            None if is_first => named = named_columns(content),
             None if columns != FIRST => {
                 let reason = format!("{} has no numbers in the columns x, y and z", shown(content));
                 return Err(FormatError::line(line, reason));

@@ -1,4 +1,4 @@
-//! The session: executes the run of a scenario over a [transport](transport).
+//! The session: executes the run of a scenario over a [`transport`].
 //!
 //! A run admits its agents, and then repeats per tick: look, request commands from the agents that
 //! are due, commit their replies, communicate and move, record. In reading order: [`RunConfig`]
@@ -12,7 +12,8 @@
 //!
 //! A resumed run re-executes its recording, replays the observation logs to the agents, and
 //! continues live. A verified run re-executes its recording without agents, and each message that
-//! it writes goes to a [`Checker`]. Both use this loop, so that they write the same bytes.
+//! it writes goes to a [`Checker`](recording::comparison::Checker). Both use this loop, so that
+//! they write the same bytes.
 
 mod admission;
 mod agents;

@@ -5,7 +5,7 @@
 //! of the map stays wall.
 //!
 //! **Who notices.** Nobody is told. Every sensor forgets the cells that have changed, so that its
-//! next scan that meets one reports it anew ([`super::lidar::SensorMemory::revise`]). An agent
+//! next scan that meets one reports it anew (`lidar::SensorMemory::revise`). An agent
 //! whose sensor reports a cell that it had reported before is due with [`EventMask::REVISED`].
 //!
 //! **What counts.** Shares are of the cells that are free at present. A cell that becomes wall
