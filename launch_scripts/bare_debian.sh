@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # To be sourced by scripts that try something on a bare Debian, a chroot that is removed at their end:
 #
 #   bare_debian SUITE [FLAG...]     makes it, with these flags of debootstrap; $system is its folder

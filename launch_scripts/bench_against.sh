@@ -127,7 +127,7 @@ instructions() { # FOLDER FLAG...
 }
 
 count() { # WHAT FLAG...
-    local what=$1 then now
+    local what=$1 "then" now
     shift
     [[ $what == *"$only"* ]] || return 0
     set -- "$@" --transport memory --together --threads 1 --size 100 --seed 1 --set stop_when_explored=false
@@ -141,7 +141,7 @@ count() { # WHAT FLAG...
 load=$(cut -d' ' -f1 /proc/loadavg)
 if [[ -n $counts ]]; then
     echo "$(date -u +%Y-%m-%d), $(valgrind --version), profile $profile, against $commit"
-    printf '%-34s %10s %10s  %6s\n' "millions of instructions" then now ratio
+    printf '%-34s %10s %10s  %6s\n' "millions of instructions" "then" now ratio
     count "rbw, 10 agents, 60 s" --agents 10 --controller rbw --duration 60
     count "lvd, 10 agents, 20 s" --agents 10 --controller lvd --duration 20
     count "dsvp, 10 agents, 60 s" --agents 10 --controller dsvp --duration 60

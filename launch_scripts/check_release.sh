@@ -39,7 +39,7 @@ check() {
     local what=$1 begun=$SECONDS digest url picture=$release/${1// /-}.png
     shift
     coproc bare { "$@" bash -c "$first_run"; }
-    local process=$bare_PID from=${bare[0]} to=${bare[1]}
+    local process=${bare_PID:?} from=${bare[0]} to=${bare[1]}
     read -r digest <&"$from" && read -r url <&"$from" || fail "$what: ${digest:-no run}"
     [[ $digest == "digest: $expected" ]] || fail "$what: $digest, expected $expected"
     MAES_CAPTURE=$(printf '{"url": "%s", "out": "%s", "size": [1280, 720], "agent": null, "layers": null, "at": 200}' \

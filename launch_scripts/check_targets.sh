@@ -20,7 +20,7 @@ check() {
             return 1
         }
         export RUSTC_BOOTSTRAP=1
-        std=(-Zbuild-std=std,panic_unwind)
+        std=("-Zbuild-std=std,panic_unwind")
     fi
     local name=${target//-/_}
     export "CC_$name=$stand_ins/cc" "CXX_$name=$stand_ins/cc" "AR_$name=$stand_ins/ar"
