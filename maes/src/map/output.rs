@@ -7,8 +7,8 @@ use std::path::Path;
 use clap::Args;
 use voxels::{Grid, Terrain, m3dm, packed};
 
-use map_files::MapWriter;
 use map_files::export::{floor_plan, octomap, octomap_corner};
+use map_files::{ImportSpec, MapWriter};
 
 use super::MapCliError;
 
@@ -69,8 +69,8 @@ impl<'a> Output<'a> {
             }
             _ => {}
         }
-        let is_text_map = |text: &[u8]| text.iter().all(|byte| b"#.\r\n\t \xef\xbb\xbf".contains(byte));
-        if self.writer.extension == "txt" && fs::read(self.file).is_ok_and(|text| !is_text_map(&text)) {
+        let is_map = |text| ImportSpec::new(self.file.display().to_string(), text).read().is_ok();
+        if self.writer.extension == "txt" && fs::read(self.file).is_ok_and(|text| !is_map(text)) {
             return refused(self.file, "it is there, and no map");
         }
         Ok(())
@@ -163,9 +163,13 @@ mod tests {
             let output = Output::new(&file, encoding).unwrap();
             output.check_replaced(input.map(path).as_deref()).map_err(|error| error.to_string())
         };
-        for (name, text) in
-            [("mine.obj", "v 0 0 0"), ("plan.txt", "seeds = 1"), ("map.txt", "##\n#.\n"), ("m.pgm", "P5")]
-        {
+        for (name, text) in [
+            ("mine.obj", "v 0 0 0"),
+            ("plan.txt", "seeds = 1"),
+            ("map.txt", "##\n#.\n"),
+            ("long.txt", "cell_m = 0.5\n##\n#.\n"),
+            ("m.pgm", "P5"),
+        ] {
             fs::write(path(name), text).unwrap();
         }
         assert!(
@@ -175,8 +179,8 @@ mod tests {
         );
         assert!(check("plan.txt", None).unwrap_err().contains("no map"));
         assert!(check("m.yaml", None).unwrap_err().contains("m.pgm: it is there"));
-        for (name, input) in [("map.txt", None), ("mine.obj", Some("map.txt")), ("new.yaml", None), ("new.m3dm", None)]
-        {
+        let others = ["map.txt", "long.txt", "new.yaml", "new.m3dm"].map(|name| (name, None));
+        for (name, input) in others.into_iter().chain([("mine.obj", Some("map.txt"))]) {
             assert_eq!(check(name, input), Ok(()), "{name}");
         }
         fs::write(path("m.yaml"), "image: m.pgm").unwrap();
