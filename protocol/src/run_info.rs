@@ -1,4 +1,4 @@
-//! What an agent is told of a run.
+//! What an agent may know of a run before it begins.
 //!
 //! The message is `maes_msgs/Scenario`; the server makes it of a scenario file. Lengths in metres.
 

@@ -109,7 +109,7 @@ fn cells_are_seen_again_once_and_only_after_reports() {
     map.note_free(&[0]);
     map.merge(&report(extent, &[0, 1, 2], Finding::Free), A);
     map.merge(&report(extent, &[3, 4], Finding::Wall), A);
-    assert_eq!(map.seen_again(), 0, "reports of others, and a cell that nobody had reported before");
+    assert_eq!(map.seen_again(), 0, "reports of others, and a cell without reports");
     for _ in 0..2 {
         map.note_free(&[0, 1, 3]);
         map.note_wall(&[4]);

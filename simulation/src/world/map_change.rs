@@ -4,9 +4,10 @@
 //! that would enclose one waits, as a whole, until the last has left the cells. The outermost layer
 //! of the map stays wall.
 //!
-//! **Who notices.** Nobody is told. Every sensor forgets the cells that have changed, so that its
-//! next scan that meets one reports it anew (`lidar::SensorMemory::revise`). An agent
-//! whose sensor reports a cell that it had reported before is due with [`EventMask::REVISED`].
+//! **Who notices.** No message announces a change. Every sensor forgets the cells that have
+//! changed, so that its next scan that meets one reports it anew (`lidar::SensorMemory::revise`).
+//! An agent whose sensor reports a cell that it had reported before is due with
+//! [`EventMask::REVISED`].
 //!
 //! **What counts.** Shares are of the cells that are free at present. A cell that becomes wall
 //! counts as neither explored nor covered any more, and one that becomes free counts once a scan

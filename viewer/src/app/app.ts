@@ -52,7 +52,7 @@ export interface PageOptions {
   readonly view: SharedView;
   /** Whether only the image and a caption are shown. */
   readonly isPicture: boolean;
-  /** Address of the answers to questions about the map; null: nobody answers. */
+  /** Address of the answers to questions about the map; null: no server answers. */
   readonly room: string | null;
 }
 

@@ -30,7 +30,7 @@ export class MapRoom {
   #near: readonly Vec3[] = [];
   #asked = 0;
 
-  /** `ask`: null where nobody answers; `cells`: number of cells of the map. */
+  /** `ask`: null without a server that answers; `cells`: number of cells of the map. */
   constructor(ask: AskRoom | null, cells: number, changed: () => void) {
     this.#ask = ask;
     this.#cells = cells;

@@ -94,7 +94,7 @@ fn closed_door_is_seen_counted_and_seen_open_again() {
     assert_eq!(world.change_map(&door(Terrain::Wall)), None, "it is closed already");
     assert_eq!((world.coverage().free_cells(), world.coverage().explored_count()), (18, before - 1));
     assert_eq!(world.coverage().explored_by(), [(before - 1) as f64 / 18.0]);
-    assert_eq!(world.events(A, EventMask::empty()), EventMask::empty(), "nobody is told");
+    assert_eq!(world.events(A, EventMask::empty()), EventMask::empty(), "no message announces it");
     for _ in 0..10 {
         world.step(BTreeMap::new());
         world.sense(&workers);
