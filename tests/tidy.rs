@@ -70,7 +70,10 @@ const USES: [(&str, &[&str]); 22] = [
     ("agent", &["msgs", "protocol", "voxels"]),
     ("controllers", &["agent", "msgs", "protocol", "voxels"]),
     ("agent_node", &["agent", "controllers", "msgs", "protocol", "ros_node", "system", "voxels"]),
-    ("in_memory", &["agent", "agent_node", "msgs", "protocol", "recording", "sim_server", "simulation"]),
+    (
+        "in_memory",
+        &["agent", "agent_node", "msgs", "protocol", "recording", "sim_server", "simulation", "system", "transport"],
+    ),
     ("supervisor", &["protocol", "simulation", "system"]),
     ("statistics", &["voxels"]),
     (

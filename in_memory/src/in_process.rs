@@ -191,11 +191,6 @@ fn run_mode<'a>(
     stop: &AtomicBool,
 ) -> Result<CompletedRun, InProcessError> {
     let (size, cell_m) = (world.terrain().extent().size(), world.terrain().extent().cell_m());
-    let agents = (0..scenario.agents.count).map(AgentId);
-    let groups: Vec<Vec<AgentId>> = match options.threads {
-        ThreadLayout::PerAgent | ThreadLayout::Team => agents.map(|agent| vec![agent]).collect(),
-        ThreadLayout::Together => vec![agents.collect()],
-    };
     let of_threads = |groups: Vec<Vec<AgentId>>| {
         (0..).zip(groups).map(|(instance, agents)| process(scenario, instance, agents, options)).collect::<Vec<_>>()
     };
@@ -208,7 +203,11 @@ fn run_mode<'a>(
         let nodes = nodes.chain(own_program::ranges(agents.with_own_command()).into_iter().map(program));
         return run_on_threads(scenario, mode, world, recorder, nodes.collect(), observer, stop);
     }
-    let processes = of_threads(groups);
+    let agents = (0..scenario.agents.count).map(AgentId);
+    let processes = of_threads(match options.threads {
+        ThreadLayout::PerAgent | ThreadLayout::Team => agents.map(|agent| vec![agent]).collect(),
+        ThreadLayout::Together => vec![agents.collect()],
+    });
     let threads = match options.threads {
         ThreadLayout::PerAgent => {
             let nodes = processes.into_iter().map(Node::Thread).collect();

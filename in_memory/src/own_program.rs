@@ -8,8 +8,8 @@ use std::io;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf, absolute};
-use std::process::{Child, Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::Scope;
@@ -20,6 +20,7 @@ use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
+use system::program;
 use thiserror::Error;
 use transport::Inbound as ToServer;
 
@@ -117,18 +118,8 @@ impl OwnProgram {
 
     fn start(&self) -> io::Result<(Child, UnixStream)> {
         let (ours, theirs) = UnixStream::pair()?;
-        let mut words = self.words.iter();
-        let program = words.next().map(String::as_str).unwrap_or_default();
-        // A relative path would be that of a folder which depends on the system.
-        let path = match program.contains('/') {
-            true => absolute(self.folder.join(program))?,
-            false => PathBuf::from(program),
-        };
-        let mut command = Command::new(path);
-        command.args(words).arg("--over-stdin").arg("--id").arg(self.range());
-        if !self.folder.as_os_str().is_empty() {
-            command.current_dir(&self.folder);
-        }
+        let mut command = program::command(&self.words, &self.folder);
+        command.arg("--over-stdin").arg("--id").arg(self.range());
         command.stdin(Stdio::from(OwnedFd::from(theirs))).stdout(io::stderr()).process_group(0);
         Ok((command.spawn()?, ours))
     }

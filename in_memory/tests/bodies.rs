@@ -18,7 +18,7 @@ fn result(scenario: &str, threads: ThreadLayout) -> RunResult {
     let options = AgentOptions { threads, ..AgentOptions::default() };
     let completed = run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
     let result = completed.outcome.result;
-    let refused = result.counters.iter().filter(|one| one.name.starts_with("refused_") && one.value > 0);
+    let refused = result.counters.iter().filter(|one| one.is_refusal() && one.value > 0);
     assert_eq!(refused.count(), 0, "{:?}", result.counters);
     result
 }

@@ -3,6 +3,7 @@
 
 mod support;
 
+use msgs::counters::CounterName;
 use msgs::maes_msgs::Result as RunResult;
 use proptest::prelude::*;
 use simulation::world::body::Pose;
@@ -37,10 +38,6 @@ const TEAMS: [&str; 9] = [
     "c2-explorer",
     "boustrophedon",
 ];
-
-fn counter(result: &RunResult, name: &str) -> u64 {
-    result.counters.iter().find(|counter| counter.name == name).map_or(0, |counter| counter.value)
-}
 
 /// The share of the free cells that scans from the places of all cells that a body reaches see.
 fn visible_share(terrain: &Grid<Terrain>, radius_m: f64, start: Cell, range_m: f64) -> f64 {
@@ -89,7 +86,7 @@ fn all_of_an_office_that_can_be_seen_is_seen() {
         assert!(result.distance_m.iter().all(|&metres| metres > 1.0), "{controller}: {:?}", result.distance_m);
         // From elsewhere than the centres of cells a scan sees a little more or less.
         assert!(result.explored > visible - 0.001, "{controller}: {} of {visible}", result.explored);
-        let failed = counter(&result, "failed_searches");
+        let failed = result.counter(CounterName::FailedSearches).unwrap_or(0);
         assert!(failed < 200, "{controller}: {failed} failed searches");
     }
 }
@@ -112,7 +109,7 @@ fn runs_end_once_nothing_more_can_be_seen() {
         let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
         let result = result(&office, &keys);
         assert_eq!(result.reason, "nothing more can be seen", "{controller}: {}", result.explored);
-        let attainable = counter(&result, "attainable_ppm") as f64 / 1e6;
+        let attainable = result.counter(CounterName::AttainablePpm).unwrap_or(0) as f64 / 1e6;
         assert!((0.9..0.999).contains(&attainable), "{attainable}");
         assert!(result.explored > attainable - 1e-6, "{controller}: {} of {attainable}", result.explored);
     }
@@ -155,7 +152,7 @@ fn what_is_behind_columns_is_seen_through_them() {
         );
         let result = result(&hall, &keys);
         assert!(result.explored > (visible - 0.001).max(0.99), "{controller}: {} of {visible}", result.explored);
-        let failed = counter(&result, "failed_searches");
+        let failed = result.counter(CounterName::FailedSearches).unwrap_or(0);
         assert!(failed < 200, "{controller}: {failed} failed searches");
     }
 }

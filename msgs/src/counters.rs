@@ -4,6 +4,9 @@ use std::fmt;
 
 use crate::maes_msgs::{Counter, Result as RunResult};
 
+/// How the names of counters of refused messages begin.
+const REFUSED: &str = "refused_";
+
 /// Declares the counters with one name.
 macro_rules! counters {
     ($($counter:ident = $name:literal, $unit:literal, $meaning:literal;)*) => {
@@ -99,7 +102,7 @@ impl CounterName {
     /// Whether it counts messages that the server refused.
     #[must_use]
     pub fn is_refusal(self) -> bool {
-        self >= Self::RefusedOtherRun && self <= Self::RefusedForgedCommand
+        self.info().name.starts_with(REFUSED)
     }
 
     /// Whether it stands in a result only if it is not zero, so that the recording of an
@@ -143,6 +146,13 @@ impl Counter {
     #[must_use]
     pub fn new(name: CounterName, value: u64) -> Self {
         Self { name: name.to_string(), value }
+    }
+
+    /// Whether it counts messages that the server refused, also for a reason that this build does
+    /// not know.
+    #[must_use]
+    pub fn is_refusal(&self) -> bool {
+        self.name.starts_with(REFUSED)
     }
 
     /// The name that the counter has today.

@@ -18,7 +18,7 @@ use std::fmt;
 
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs;
+use msgs::maes_msgs::{self, Counter};
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics;
 use serde::Serialize;
@@ -28,9 +28,6 @@ use crate::difference::{self, Field};
 use crate::{End, Message, Messages, Recording};
 use simulation::digest::Digest;
 use simulation::scenario::RecordingSection;
-
-/// Prefix of the refusal counters.
-const REFUSED: &str = "refused_";
 
 /// Field name of a difference between whole messages.
 const WHOLE_MESSAGE: &str = "the message";
@@ -418,19 +415,19 @@ fn between_results(before: &maes_msgs::Result, now: &maes_msgs::Result) -> Optio
     let rest =
         |result: &maes_msgs::Result| maes_msgs::Result { counters: Vec::new(), digest: [0; 32], ..result.clone() };
     difference::between(&rest(before), &rest(now))
-        .or_else(|| counters(before, now, |name| !name.starts_with(REFUSED)))
+        .or_else(|| counters(before, now, |counter| !counter.is_refusal()))
         .or_else(|| hashes(before.digest, now.digest))
 }
 
 fn between_refusals(before: &[u8], now: &[u8]) -> Option<Field> {
     let (before, now) = cdr::decode(before).ok().zip(cdr::decode(now).ok())?;
-    counters(&before, &now, |name| name.starts_with(REFUSED))
+    counters(&before, &now, Counter::is_refusal)
 }
 
 /// The first counter by its present name that differs, among those that `of` selects.
-fn counters(before: &maes_msgs::Result, now: &maes_msgs::Result, of: impl Fn(&str) -> bool) -> Option<Field> {
+fn counters(before: &maes_msgs::Result, now: &maes_msgs::Result, of: impl Fn(&Counter) -> bool) -> Option<Field> {
     let by_name = |result: &maes_msgs::Result| -> BTreeMap<String, u64> {
-        let counters = result.counters.iter().filter(|counter| of(&counter.name));
+        let counters = result.counters.iter().filter(|counter| of(counter));
         counters.map(|counter| (counter.present_name(), counter.value)).collect()
     };
     let (before, now) = (by_name(before), by_name(now));

@@ -9,7 +9,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf, absolute};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -20,25 +20,13 @@ use protocol::signing;
 use simulation::scenario::team::ID_MARK;
 use simulation::scenario::{AgentsSection, Scenario};
 use simulation::wire;
+use system::program;
 
 use crate::SupervisorError;
 use crate::team::Group;
 
 /// Wall time that a program has to check its controller.
 const CHECK: Duration = Duration::from_secs(30);
-
-/// Whether the arguments of a program say where the id goes; otherwise they are those of
-/// `agent_node`.
-#[must_use]
-pub fn names_id(agents: &AgentsSection) -> bool {
-    agents.command.iter().any(|word| word.contains(ID_MARK))
-}
-
-/// A path as a process in `folder` finds it, if `folder` is not empty.
-pub(crate) fn within(folder: &Path, path: &Path) -> PathBuf {
-    let path = folder.join(path);
-    absolute(&path).unwrap_or(path)
-}
 
 /// Checks that the program of a scenario can run its agents: that it is there, and, if it is based
 /// on `agent_node`, that it knows the controller and its settings. A program with a `/` in its name
@@ -51,7 +39,7 @@ pub fn check(scenario: &Scenario, folder: &Path) -> Result<(), SupervisorError> 
     let Some(program) = agents.command.first() else { return Ok(()) };
     let refused = |reason: String| SupervisorError::Command { command: format!("{:?}", agents.command), reason };
     if program.contains('/') {
-        let path = within(folder, Path::new(program));
+        let path = program::within(folder, Path::new(program));
         let is_program = fs::metadata(&path).map(|file| file.is_file() && file.permissions().mode() & 0o111 != 0);
         let expected = |what: &str| refused(format!("{}: {what}; expected an executable file", path.display()));
         match is_program {
@@ -61,8 +49,8 @@ pub fn check(scenario: &Scenario, folder: &Path) -> Result<(), SupervisorError> 
             Err(error) => return Err(expected(&error.to_string())),
         }
     }
-    if names_id(agents) || !agents.command_signs {
-        return if names_id(agents) {
+    if agents.names_id() || !agents.command_signs {
+        return if agents.names_id() {
             Ok(())
         } else {
             Err(refused(format!("expected {ID_MARK} in the arguments of a program that does not sign")))
@@ -125,16 +113,8 @@ fn bare(agents: &AgentsSection, folder: &Path, agent: Option<u32>) -> Command {
         Some(agent) => word.replace(ID_MARK, &agent.to_string()),
         None => word.clone(),
     };
-    let mut words = agents.command.iter().map(with_id);
-    let program = words.next().unwrap_or_default();
-    // A relative path would be that of a folder which depends on the system.
-    let program = if program.contains('/') { within(folder, Path::new(&program)) } else { PathBuf::from(program) };
-    let mut command = Command::new(program);
-    command.args(words);
-    if !folder.as_os_str().is_empty() {
-        command.current_dir(folder);
-    }
-    command
+    let words: Vec<String> = agents.command.iter().map(with_id).collect();
+    program::command(&words, folder)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use protocol::signing;
+use system::program;
 use system::wall_clock::now;
 
 use crate::child::Signal;
@@ -14,7 +15,7 @@ use crate::hosts::{self, Hosts};
 use crate::processes::JoinSecret;
 use crate::run::Run;
 use crate::team::Group;
-use crate::{SupervisorError, domain, outside};
+use crate::{SupervisorError, domain};
 
 /// The environment variables of ROS by which the processes find each other.
 pub(crate) const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
@@ -94,7 +95,7 @@ impl RemoteTeam {
         ]);
         environment.extend(std::env::var(RMW_IMPLEMENTATION).ok().map(|name| (RMW_IMPLEMENTATION.to_owned(), name)));
         environment.extend(secret.text().map(|secret| (signing::JOIN_SECRET.to_owned(), secret)));
-        let binaries = outside::within(std::path::Path::new(""), &run.binaries);
+        let binaries = program::within(std::path::Path::new(""), &run.binaries);
         let open = |host| Connection::open(host, &binaries, &run.logs).map(Rc::new);
         let connections = hosts.hosts.iter().map(open).collect::<Result<_, _>>()?;
         Ok(Self {

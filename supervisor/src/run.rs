@@ -11,6 +11,7 @@ use std::process::{Command, Stdio};
 
 use simulation::scenario::{OnAgentLoss, Scenario};
 use system::exit_code as exit;
+use system::program;
 use system::summary::Summary;
 
 use crate::child::{ChildGuard, Signal, exit_code};
@@ -198,7 +199,7 @@ impl Run<'_> {
 
     /// One of the binaries.
     fn command(&self, name: &str, secret: &JoinSecret) -> Command {
-        let binaries = outside::within(Path::new(""), &self.binaries);
+        let binaries = program::within(Path::new(""), &self.binaries);
         let mut command = processes::command(&binaries, name, self.domain, secret);
         if !self.folder.as_os_str().is_empty() {
             command.current_dir(&self.folder);
@@ -226,7 +227,7 @@ impl Run<'_> {
             if agents.command_signs {
                 secret.give_to(&mut command);
             }
-            if outside::names_id(agents) {
+            if agents.names_id() {
                 return processes::start_agents(command, &self.log_of(group));
             }
             if let Some(parameters) = self.team.parameters {

@@ -6,7 +6,7 @@ use std::thread;
 
 use simulation::scenario::Scenario;
 
-use crate::{SupervisorError, outside};
+use crate::SupervisorError;
 
 /// The order in which agent processes start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -81,7 +81,7 @@ impl Team {
         let agents = &scenario.agents;
         let is_whole_team = agents.command_ids.is_empty() && agents.cmd_vel.is_empty();
         let has_mixed_programs = !(agents.command.is_empty() || is_whole_team && agents.command_signs);
-        has_mixed_programs || outside::names_id(agents) || !self.all_third_party(scenario).is_empty()
+        has_mixed_programs || agents.names_id() || !self.all_third_party(scenario).is_empty()
     }
 
     /// Whether agents offer ROS parameters, if that is decided here.

@@ -135,6 +135,6 @@ pub(crate) fn counter(result: &maes_msgs::Result, name: &str) -> u64 {
 
 /// The counters of refusals that are not zero, by name.
 pub(crate) fn refusals(result: &maes_msgs::Result) -> BTreeMap<&str, u64> {
-    let refusals = result.counters.iter().filter(|counter| counter.name.starts_with("refused_") && counter.value > 0);
+    let refusals = result.counters.iter().filter(|counter| counter.is_refusal() && counter.value > 0);
     refusals.map(|counter| (counter.name.as_str(), counter.value)).collect()
 }

@@ -42,7 +42,7 @@ pub(crate) fn result_with(terrain: &Grid<Terrain>, keys: &str, execution: &str) 
     let options = AgentOptions { threads: ThreadLayout::Together, ..AgentOptions::default() };
     let completed = run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");
     let result = completed.outcome.result;
-    let refused = result.counters.iter().filter(|one| one.name.starts_with("refused_") && one.value > 0);
+    let refused = result.counters.iter().filter(|one| one.is_refusal() && one.value > 0);
     assert_eq!(refused.count(), 0, "{:?}", result.counters);
     result
 }

@@ -30,7 +30,14 @@ impl AgentsSection {
     /// it as well. Other programs name the id in their arguments, or do not sign.
     #[must_use]
     pub fn is_command_a_node(&self) -> bool {
-        self.command_signs && !self.command.is_empty() && !self.command.iter().any(|word| word.contains(ID_MARK))
+        self.command_signs && !self.command.is_empty() && !self.names_id()
+    }
+
+    /// Whether the arguments of `command` say where the id goes; otherwise they are those of
+    /// `agent_node`.
+    #[must_use]
+    pub fn names_id(&self) -> bool {
+        self.command.iter().any(|word| word.contains(ID_MARK))
     }
 
     /// The first key that needs ROS 2, and its value; a program based on `agent_node` does not,

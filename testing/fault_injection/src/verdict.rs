@@ -11,9 +11,6 @@ use msgs::topics;
 use recording::difference;
 use recording::{End, Message, Recording, RecordingError};
 
-/// Prefix of the names of refusal counters.
-const REFUSED: &str = "refused_";
-
 /// The degree to which a disturbed run equals the undisturbed one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Equivalence {
@@ -102,7 +99,7 @@ fn compare_results(before: &Message, now: &Message) -> Result<u64, String> {
 }
 
 fn take_refusals(result: &mut maes_msgs::Result) -> u64 {
-    let refused = result.counters.iter_mut().filter(|counter| counter.name.starts_with(REFUSED));
+    let refused = result.counters.iter_mut().filter(|counter| counter.is_refusal());
     refused.map(|counter| std::mem::take(&mut counter.value)).sum()
 }
 

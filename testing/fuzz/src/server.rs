@@ -80,11 +80,11 @@ fn undisturbed() -> &'static maes_msgs::Result {
 }
 
 fn refusals(result: &maes_msgs::Result) -> impl Iterator<Item = &maes_msgs::Counter> {
-    result.counters.iter().filter(|counter| counter.name.starts_with("refused_"))
+    result.counters.iter().filter(|counter| counter.is_refusal())
 }
 
 fn without_refusals(mut result: maes_msgs::Result) -> maes_msgs::Result {
-    result.counters.retain(|counter| !counter.name.starts_with("refused_"));
+    result.counters.retain(|counter| !counter.is_refusal());
     result
 }
 
