@@ -128,7 +128,8 @@ row! {
         free_cells: u64 = "Free cells of the true map.";
         explored: f64 = "Share that the team has seen at the end.";
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        explored_m3: Option<f64> = "Volume that the team has seen at the end, m^3; missing in folders of earlier builds.";
+        explored_m3: Option<f64> =
+            "Volume that the team has seen at the end, m^3; missing in folders of earlier builds.";
         #[serde(default, skip_serializing_if = "Option::is_none")]
         attainable: Option<f64> =
             "Share that the team can see from where its bodies can be; missing if one of them fits \

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use protocol::body_model::BodyModel;
 use serde_json::{Value, json};
 use simulation::scenario::keys::{self, DefaultValue, Key, Kind, TABLES, Table};
+use textwrap::{Options, WordSplitter};
 
 const DOCUMENT: &str = "docs/scenario.md";
 const SCHEMA: &str = "launch_scripts/scenarios/scenario.schema.json";
@@ -76,29 +77,18 @@ fn with_tables(document: &str) -> String {
 
 /// The keys of a table as a list.
 fn markdown(table: &Table) -> String {
+    let options = Options::new(100).subsequent_indent("  ").word_splitter(WordSplitter::NoHyphenation);
+    let options = options.break_words(false);
     let item = |key: &Key| {
         let see = if key.see.is_empty() { String::new() } else { format!(" ([{0}]({0}))", key.see) };
         let values = [type_and_unit(key), key.allowed()].into_iter().filter(|text| !text.is_empty());
         let values = values.collect::<Vec<_>>().join(": ");
         let facts = [values, default_text(table, key)].join("; ");
         let meaning = code(key.meaning);
-        wrapped(&format!("- `{}` ({facts}): {meaning}{see}{}", key.name, source(key)))
+        let item = format!("- `{}` ({facts}): {meaning}{see}{}", key.name, source(key));
+        textwrap::fill(&item, &options) + "\n"
     };
     table.keys.iter().map(item).collect()
-}
-
-/// An item of a list in lines of at most 100 columns.
-fn wrapped(item: &str) -> String {
-    let mut lines = vec![String::new()];
-    for word in item.split(' ') {
-        let line = lines.last_mut().expect("it begins with a line");
-        match (line.is_empty(), line.chars().count() + 1 + word.chars().count() <= 100) {
-            (true, _) => line.push_str(word),
-            (false, true) => *line += &format!(" {word}"),
-            (false, false) => lines.push(format!("  {word}")),
-        }
-    }
-    lines.join("\n") + "\n"
 }
 
 /// Where the default comes from, unless it is ours.

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use clap::{Arg, Command, CommandFactory};
 use simulation::scenario::keys;
+use textwrap::{Options, WordSplitter};
 
 use crate::Cli;
 
@@ -107,16 +108,8 @@ fn link(command: &str) -> String {
 /// A paragraph, or an item of a list, in lines of at most 100 columns.
 fn wrapped(text: &str) -> String {
     let indent = if text.starts_with("- ") { "  " } else { "" };
-    let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
-        let line = lines.last_mut().expect("it begins with a line");
-        match (line.is_empty(), line.chars().count() + 1 + word.chars().count() <= 100) {
-            (true, _) => line.push_str(word),
-            (false, true) => *line += &format!(" {word}"),
-            (false, false) => lines.push(format!("{indent}{word}")),
-        }
-    }
-    lines.join("\n")
+    let options = Options::new(100).subsequent_indent(indent).word_splitter(WordSplitter::NoHyphenation);
+    textwrap::fill(text, options.break_words(false))
 }
 
 /// The arguments of a command, without those that every command has.
