@@ -113,7 +113,8 @@ fn type_and_unit(key: &Key) -> String {
     match key.kind {
         Kind::Boolean => "boolean".to_owned(),
         Kind::Integer(unit) => of("integer", unit),
-        Kind::Number(unit) => of("number", unit),
+        Kind::Number("") => "number".to_owned(),
+        Kind::Number(unit) => unit.to_owned(),
         Kind::NumberOrMax => "number or `\"max\"`".to_owned(),
         Kind::Seed => "integer".to_owned(),
         Kind::Word(_) => String::new(),
