@@ -508,7 +508,9 @@ def pace(argument):
 
 def main():
     rclpy.init()
-    scenes = {scene.__name__: scene for scene in (states, again, entities, crowd, joining, intervention, parameters, nonsense, hurry, pace)}
+    timing = (states, again, hurry, pace)
+    team = (entities, crowd, joining, intervention, changing)
+    scenes = {scene.__name__: scene for scene in (*timing, *team, parameters, nonsense)}
     scenes[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()

@@ -1,8 +1,8 @@
 //! Changes of the true map during a run: the cells of a box become wall or free, by an event of the
 //! scenario or by a request.
 //!
-//! **What holds up a change.** A cell becomes wall only where no body and no relay is: a change
-//! of an event that would enclose one waits, as a whole, until the last has left the cells; a request
+//! **What holds up a change.** A cell becomes wall only where no body and no relay is: a change of
+//! an event that would enclose one waits, as a whole, until the last has left the cells; a request
 //! is refused. The outermost layer of the map stays wall.
 //!
 //! **Who notices.** No message announces a change. Every sensor forgets the cells that have
