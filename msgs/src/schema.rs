@@ -46,8 +46,7 @@ pub struct ServiceSchema {
 /// # Panics
 /// Never: the build script has read its file, which has two parts.
 pub fn service<S: Service>() -> ServiceSchema {
-    let (request, response) =
-        S::DEFINITION.split_once("---\n").expect("an interface file of a service has two parts");
+    let (request, response) = S::DEFINITION.split_once("---\n").expect("an interface file of a service has two parts");
     let whole = |definition: &'static str| text(MessageType { package: S::PACKAGE, name: "", definition });
     ServiceSchema {
         of_type: format!("{}/srv/{}", S::PACKAGE, S::NAME),
