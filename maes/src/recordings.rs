@@ -176,7 +176,7 @@ pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
     let verdict = diff::diff(&first, &second);
     if !verdict.is_same_run() {
         for recording in [&first, &second] {
-            // Where messages are in another order, the first difference says nothing about the runs.
+            // Of messages in another order, the first difference says nothing about the runs.
             if let Err(error @ PlaybackError::Disorder { .. }) = Playback::new(recording) {
                 return Err(error.into());
             }

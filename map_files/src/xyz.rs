@@ -105,7 +105,7 @@ fn point(line: &[u8], columns: [usize; 3]) -> Option<([f64; 3], bool)> {
         }
     }
     if columns == FIRST {
-        // Most files have nothing else, and a list of words for each line takes longer than its numbers.
+        // Most files are so, and a list of words for each line takes longer than its numbers.
         let mut words = words(line, b",;");
         let mut next = || words.next().and_then(parse_float);
         return Some(([next()?, next()?, next()?], false));

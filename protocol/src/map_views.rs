@@ -18,8 +18,8 @@ use voxels::{Cell, Extent, Terrain};
 use crate::geometry::header;
 use crate::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
-/// Most bytes of the content of a message: of the places of a grid, 244 x 244, and of the nodes of a
-/// tree.
+/// Most bytes of the content of a message: of the places of a grid, 244 x 244, and of the nodes of
+/// a tree.
 const CONTENT_BYTES_MAX: usize = VIEW_BYTES_MAX - MESSAGE_BYTES_BARE;
 
 /// Bytes of a coordinate, and of a point.

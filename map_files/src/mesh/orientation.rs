@@ -77,7 +77,7 @@ pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Resul
 /// # Errors
 /// If no work is left, because the hashes of too many places are alike.
 fn corners(triangles: &[Triangle], work: &mut WorkBudget) -> Result<Vec<[u32; 3]>, FormatError> {
-    // A table with open addressing, at most half full, of places in the order of their first corners.
+    // A table with open addressing, at most half full, of places by their first corners.
     let slots = (6 * triangles.len()).next_power_of_two();
     let mut table = vec![NO_PLACE; slots];
     let mut places: Vec<([u64; 3], u32)> = Vec::new();

@@ -7,8 +7,8 @@
 //!
 //! A name that ends in a slash is that of a rosbag2 folder: the recording is a file in it, and its
 //! metadata another one, written when the recording is finished. The folder is new or empty, or has
-//! these two files alone. So it is when a recording is named by its file in such a folder, to resume
-//! its run for instance.
+//! these two files alone. So it is when a recording is named by its file in such a folder, to
+//! resume its run for instance.
 //!
 //! This module does not write the content.
 

@@ -260,7 +260,7 @@ fn metadata_of_a_folder_are_those_of_its_recording() {
     ] {
         assert!(written.lines().any(|found| found.starts_with(line)), "{line} in\n{written}");
     }
-    // Written again under its own name, as when its run is resumed; beside another file it is no bag.
+    // Written again under its own name, as when its run is resumed. With another file it is no bag.
     let rewrite = |file: &Path| {
         let mut recorder = Recorder::create(file, &[SCENARIO]).unwrap();
         write(&mut recorder, 3..1500);
