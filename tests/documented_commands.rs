@@ -21,7 +21,7 @@
 //! the background ends with it. `MAES_DOCUMENT=WORD` tests those documents only whose name has this
 //! word. Commands that build or install are not executed, `maes` is
 //! `tests/documented_commands/maes`, which knows the commands that do not end by themselves, and
-//! `ros2` is `tests/documented_commands/ros2.py`, because it is in no wheel.
+//! `ros2` is `launch_scripts/ros2.py`, because it is in no wheel.
 
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
