@@ -5,8 +5,9 @@
 #   eval "$(launch_scripts/ros_env.sh [DIR])"
 #
 # DIR (default: ${XDG_CACHE_HOME:-$HOME/.cache}/maes-ros) then holds a Python environment with rclpy
-# on Fast DDS, the common interfaces, maes_msgs as built from msgs/, and stand-ins for tf2_msgs and
-# simulation_interfaces; the printed lines put it into the environment of the shell. What is there
+# on Fast DDS, the common interfaces, maes_msgs as built from msgs/, stand-ins for tf2_msgs and
+# simulation_interfaces, and a small `ros2` (launch_scripts/ros2.py), because PyPI has none; the
+# printed lines put it into the environment of the shell. What is there
 # and up to date is kept: a second call takes no time, and a changed .msg file rebuilds the messages
 # only.
 #
@@ -186,6 +187,14 @@ prepare() {
     if ! is_stamped "$venv/maes_built_maes_msgs" "$stamp"; then
         build_interfaces maes_msgs "$repo/msgs" "$stamp"
     fi
+    install_ros2
+}
+
+# The commands of docs/ros2.md.
+install_ros2() {
+    { printf '#!%s\n' "$venv/bin/python" && tail -n +2 "$repo/launch_scripts/ros2.py"; } >"$venv/bin/.ros2"
+    chmod +x "$venv/bin/.ros2"
+    mv "$venv/bin/.ros2" "$venv/bin/ros2"
 }
 
 # The Python of the environment finds its libraries by itself, so LD_LIBRARY_PATH stays as it is.

@@ -21,7 +21,7 @@
 //! the background ends with it. `MAES_DOCUMENT=WORD` tests those documents only whose name has this
 //! word. Commands that build or install are not executed, `maes` is
 //! `tests/documented_commands/maes`, which knows the commands that do not end by themselves, and
-//! `ros2` is `tests/documented_commands/ros2.py`, because it is in no wheel.
+//! `ros2` is `launch_scripts/ros2.py`, because it is in no wheel.
 
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -201,8 +201,9 @@ impl Desk {
         let programs = self.site.path("programs");
         symlink(root().join("tests/documented_commands/maes"), programs.join("maes")).expect("a link");
         let [option, in_ros, name] = python::in_ros();
-        let ros2 = root().join("tests/documented_commands/ros2.py");
-        let ros2 = format!("exec bash {option} '{in_ros}' {name} python {} \"$@\"", ros2.display());
+        let ros2 = root().join("launch_scripts/ros2.py");
+        let once = "[ \"$2\" != echo ] || set -- \"$@\" --once";
+        let ros2 = format!("{once}\nexec bash {option} '{in_ros}' {name} python {} \"$@\"", ros2.display());
         script(programs.join("ros2"), ros2);
         for name in NOT_EXECUTED {
             script(programs.join(name), "exit 0".to_owned());

@@ -64,3 +64,29 @@ fn reference_settings() {
     let (_, report) = setup::build(&loaded).expect("there is such a world");
     assert_opens(&site, &file, report.free_cells);
 }
+
+#[test]
+fn rosbag2_folder_is_taken_for_its_recording() {
+    let site = Site::new();
+    let (bag, file) = (site.path("night"), site.path("night/night_0.mcap"));
+    let maes = |words: &[&str]| Process::start(site.binary("maes").args(words)).ended();
+    let record = format!("{}/", text(&bag));
+    let flags = ["--transport", "memory", "--agents", "2", "--size", "20", "--duration", "30"];
+    let run = maes(&[&["run"], &flags[..], &["--record", &record]].concat()).with_code(0);
+    for words in [&["info"][..], &["verify"], &["info", "--metadata"], &["scenario"]] {
+        let of_folder = maes(&[words, &[text(&bag)]].concat()).with_code(0);
+        let of_file = maes(&[words, &[text(&file)]].concat()).with_code(0);
+        assert_eq!(of_folder.stdout, of_file.stdout, "{words:?}");
+    }
+    maes(&["diff", &record, text(&file)]).with_code(0);
+    let again = maes(&["run", text(&bag), "--transport", "memory"]).with_code(0);
+    assert_eq!(again.digest(), run.digest());
+    maes(&["run", "--transport", "memory", "--fork", &record, "--at", "10"]).with_code(0);
+    let recovered = site.path("whole.mcap");
+    maes(&["recover", text(&bag), "-o", text(&recovered)]).with_code(0);
+    maes(&["diff", text(&recovered), text(&bag)]).with_code(0);
+
+    std::fs::copy(&file, site.path("night/night_1.mcap")).expect("the folder can be written to");
+    let refused = maes(&["info", text(&bag)]).with_code(2);
+    assert!(refused.stderr.contains("a folder with 2 recordings (night_0.mcap, night_1.mcap)"), "{refused}");
+}

@@ -313,18 +313,17 @@ fn rerun_without_the_packages() {
     }
 }
 
-/// Points and frames have their own types in Rerun, every other message its fields.
+/// Points, frames, grids and bodies have their own types in Rerun, every other message its fields.
 #[test]
 fn rerun_shows_all_topics() {
     let site = Site::new();
     let (file, shown) = (site.path("run.mcap"), site.path("run.rrd"));
-    let topics = "points,odom,path,map,unexplored,contacts,info,tf_static";
     let flags =
-        ["--transport", "memory", "--agents", "2", "--size", "30", "--duration", "30", "--record-topics", topics];
+        ["--transport", "memory", "--agents", "2", "--size", "30", "--duration", "30", "--record-topics", "all"];
     site.start(&mut site.run_sh(&[&flags[..], &["--record", text(&file)]].concat())).ended().with_code(0);
     let rerun = python::for_rerun().with_file_name("rerun");
     let mut convert = site.command(&rerun);
-    convert.args(["mcap", "convert", text(&file), "-o", text(&shown)]);
+    convert.args(["mcap", "convert", "--timeline-type", "duration", text(&file), "-o", text(&shown)]);
     Process::start(&mut convert).ended().with_code(0);
     let mut print = site.command(&rerun);
     print.args(["rrd", "print", text(&shown)]);
@@ -334,6 +333,12 @@ fn rerun_shows_all_topics() {
         ("/agent_1/points", "Points3D:positions"),
         ("/tf", "Transform3D:translation"),
         ("/tf_static", "Transform3D:translation"),
+        ("/map", "GridMap:data"),
+        ("/sim/explored_map", "GridMap:data"),
+        ("/sim/map_points", "Points3D:positions"),
+        ("/sim/explored_points", "Points3D:positions"),
+        ("/maes/visual_geometries/agent_1\\/base_link/visual_0", "Ellipsoids3D:half_sizes"),
+        ("/sim/octomap", "octomap_msgs.msg.Octomap:message"),
         ("/agent_0/odom", "nav_msgs.msg.Odometry:message"),
         ("/agent_0/path", "nav_msgs.msg.Path:message"),
         ("/sim/map", "visualization_msgs.msg.Marker:message"),

@@ -14,8 +14,11 @@ use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Scenario, SignedCommand, SignedJoin, SignedObservation};
+use msgs::nav_msgs::OccupancyGrid;
+use msgs::octomap_msgs::Octomap;
 use msgs::parameters::DeclaredParameter;
 use msgs::rcl_interfaces::Parameter;
+use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
 use protocol::signing::NONE;
@@ -29,11 +32,12 @@ use serde::Serialize;
 use system::wall_clock::now;
 
 use crate::parameters;
-use crate::transport::{Inbound, Level, ServerTransport};
+use crate::transport::{Inbound, Level, MapView, MapViewMessage, ServerTransport};
 
 /// Numbers of blocks in [`RosTransport::subscriptions`], after the maps.
 const COMMANDS: usize = 1;
 const JOINS: usize = 2;
+const VIEWS: [(MapView, usize); 3] = [(MapView::Occupancy, 3), (MapView::Octomap, 4), (MapView::Points, 5)];
 
 /// The agents of a process as nodes of a ROS 2 network.
 pub struct RosTransport {
@@ -49,6 +53,7 @@ pub struct RosTransport {
     /// The subscriptions to the maps, commands and joins, in blocks in the order of `agents`.
     subscriptions: SubscriptionTracker,
     observers: BTreeMap<AgentId, u64>,
+    observed_views: BTreeMap<(AgentId, MapView), u64>,
     context: Context,
 }
 
@@ -58,12 +63,22 @@ struct AgentEndpoints {
     join: Publisher<SignedJoin>,
     command: Publisher<SignedCommand>,
     belief: Publisher<Marker>,
+    /// `None` in processes of many agents, whose nodes have few endpoints.
+    views: Option<ViewPublishers>,
     parameters: SharedParameters,
     node: Node,
 }
 
+/// The publishers of an agent's map in standard messages.
+struct ViewPublishers {
+    occupancy: Publisher<OccupancyGrid>,
+    octomap: Publisher<Octomap>,
+    points: Publisher<PointCloud2>,
+}
+
 impl RosTransport {
-    /// Creates the nodes of these agents, with parameter services or without.
+    /// Creates the nodes of these agents, with parameter services and maps in standard messages, or
+    /// without either.
     ///
     /// # Errors
     /// If the network cannot be joined, or a resource of the system is exhausted.
@@ -110,6 +125,14 @@ impl RosTransport {
             let join = workshop.publisher(&mut node, &topics::signed_join(agent))?;
             let command = workshop.publisher(&mut node, &topics::signed_command(agent))?;
             let belief = workshop.publisher(&mut node, &topics::belief(agent))?;
+            let views = match has_parameters {
+                true => Some(ViewPublishers {
+                    occupancy: workshop.publisher(&mut node, &topics::belief_occupancy(agent))?,
+                    octomap: workshop.publisher(&mut node, &topics::belief_octomap(agent))?,
+                    points: workshop.publisher(&mut node, &topics::belief_points(agent))?,
+                }),
+                false => None,
+            };
             if rosout.is_none() {
                 rosout = Some(Rosout::new(&mut workshop, &mut node)?);
             }
@@ -123,9 +146,16 @@ impl RosTransport {
                     Err(reason) => Err(reason),
                 })?;
             }
-            agents.push(AgentEndpoints { agent, join, command, belief, parameters, node });
+            agents.push(AgentEndpoints { agent, join, command, belief, views, parameters, node });
         }
-        let blocks = [topics::belief, topics::command, topics::join];
+        let blocks = [
+            topics::belief,
+            topics::command,
+            topics::join,
+            topics::belief_occupancy,
+            topics::belief_octomap,
+            topics::belief_points,
+        ];
         let tracked: Vec<_> = blocks.iter().flat_map(|topic| ids.iter().map(|&agent| topic(agent))).collect();
         let subscriptions = SubscriptionTracker::new(&tracked);
         let ignored = ThrottledWarning::new("message ignored".to_owned());
@@ -138,6 +168,7 @@ impl RosTransport {
             ignored,
             subscriptions,
             observers: BTreeMap::new(),
+            observed_views: BTreeMap::new(),
             context,
         })
     }
@@ -161,6 +192,13 @@ impl RosTransport {
             self.observers = numbered
                 .filter_map(|(number, endpoints)| Some((endpoints.agent, self.subscriptions.arrivals(number)?)))
                 .collect();
+            let published = self.agents.iter().enumerate().filter(|(_, endpoints)| endpoints.views.is_some());
+            let of_agent = |(number, endpoints): (usize, &AgentEndpoints)| {
+                let (agent, agents) = (endpoints.agent, self.agents.len());
+                VIEWS.map(|(view, block)| ((agent, view), self.subscriptions.arrivals(block * agents + number)))
+            };
+            let arrivals = published.flat_map(of_agent);
+            self.observed_views = arrivals.filter_map(|(view, arrivals)| Some((view, arrivals?))).collect();
         }
     }
 
@@ -223,6 +261,20 @@ impl ServerTransport for RosTransport {
     fn publish_map(&mut self, agent: AgentId, part: &Marker) {
         if let Some(endpoints) = self.endpoints(agent) {
             endpoints.belief.publish(&mut endpoints.node, part);
+        }
+    }
+
+    fn observed_views(&mut self) -> Option<&BTreeMap<(AgentId, MapView), u64>> {
+        self.poll_subscriptions();
+        (!self.observed_views.is_empty()).then_some(&self.observed_views)
+    }
+
+    fn publish_view(&mut self, agent: AgentId, message: &MapViewMessage) {
+        let Some(AgentEndpoints { node, views: Some(views), .. }) = self.endpoints(agent) else { return };
+        match message {
+            MapViewMessage::Occupancy(grid) => views.occupancy.publish(node, grid),
+            MapViewMessage::Octomap(tree) => views.octomap.publish(node, tree),
+            MapViewMessage::Points(cloud) => views.points.publish(node, cloud),
         }
     }
 

@@ -10,8 +10,11 @@ use std::time::{Duration, Instant};
 use agent::exploration_map::ExplorationMap;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
+use msgs::nav_msgs::OccupancyGrid;
+use msgs::octomap_msgs::Octomap;
 use msgs::parameters::DeclaredParameter;
 pub use msgs::rcl_interfaces::Level;
+use msgs::sensor_msgs::PointCloud2;
 use msgs::visualization_msgs::Marker;
 
 /// A message from the server.
@@ -26,6 +29,28 @@ pub enum Inbound {
     Observation(Observation),
     /// A fragment of an observation for one of the agents of this process.
     SignedObservation(SignedObservation),
+}
+
+/// A standard message that shows an agent's map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MapView {
+    /// The map projected to the plane.
+    Occupancy,
+    /// A tree of OctoMap.
+    Octomap,
+    /// The centres of walls.
+    Points,
+}
+
+/// The message of a [`MapView`].
+#[derive(Debug, Clone, PartialEq)]
+pub enum MapViewMessage {
+    /// See [`MapView::Occupancy`].
+    Occupancy(OccupancyGrid),
+    /// See [`MapView::Octomap`].
+    Octomap(Octomap),
+    /// See [`MapView::Points`].
+    Points(PointCloud2),
 }
 
 /// The transport of the agents of one process to their server.
@@ -54,6 +79,13 @@ pub trait ServerTransport {
     }
     /// Publishes a marker of an agent's map to its observers.
     fn publish_map(&mut self, _agent: AgentId, _part: &Marker) {}
+    /// The standard messages of agents' maps that are observed, each with the number of
+    /// subscriptions so far; `None` if there are none.
+    fn observed_views(&mut self) -> Option<&BTreeMap<(AgentId, MapView), u64>> {
+        None
+    }
+    /// Publishes a standard message of an agent's map to its observers.
+    fn publish_view(&mut self, _agent: AgentId, _message: &MapViewMessage) {}
     /// Logs a text for an agent.
     fn log(&mut self, _agent: AgentId, _level: Level, _text: &str) {}
     /// Called with the map of an agent whose run is over, for those that evaluate it.
@@ -97,6 +129,14 @@ impl<T: ServerTransport + ?Sized> ServerTransport for &mut T {
 
     fn publish_map(&mut self, agent: AgentId, part: &Marker) {
         (**self).publish_map(agent, part);
+    }
+
+    fn observed_views(&mut self) -> Option<&BTreeMap<(AgentId, MapView), u64>> {
+        (**self).observed_views()
+    }
+
+    fn publish_view(&mut self, agent: AgentId, message: &MapViewMessage) {
+        (**self).publish_view(agent, message);
     }
 
     fn log(&mut self, agent: AgentId, level: Level, text: &str) {

@@ -310,15 +310,17 @@ impl Hub {
                 Some(ParameterValue::Integer(value)) => value as f64,
                 _ => f64::NAN,
             };
-            let rtf = match parameter.name.as_str() {
-                parameters::RTF => parameters::pace(parameters::RTF, value),
-                name => Err(format!("{name}: cannot be set during a run")),
+            let name = &parameter.name;
+            let rtf = match name.as_str() {
+                parameters::RTF => parameters::pace(name, value),
+                _ => Err(format!("{name}: cannot be set during a run")),
             };
-            match rtf {
-                Ok(rtf) => {
-                    enqueue(&self.requests, ClientRequest::Rtf(rtf));
-                    set.push(rtf_parameter(rtf));
-                }
+            let queued = rtf.and_then(|rtf| {
+                let queued = enqueue(&self.requests, ClientRequest::Rtf(rtf));
+                queued.map(|()| rtf).map_err(|reason| format!("{name}: not set: {reason}"))
+            });
+            match queued {
+                Ok(rtf) => set.push(rtf_parameter(rtf)),
                 Err(reason) => outbox.reply(&Status::error(reason)),
             }
         }
@@ -335,19 +337,32 @@ impl Hub {
             if state.session != session {
                 return Err("gone".to_owned());
             }
-            let stream = state.stream.clone();
-            state.readers.entry(client).or_insert(false);
-            stream
+            // One that has left is waited for no more.
+            if state.clients.contains_key(&client) {
+                state.readers.entry(client).or_insert(false);
+            }
+            state.stream.clone()
         };
         // The lock is released while the file is read.
         match stream.ok_or("gone")?.read(offset, CHUNK_BYTES_MAX)? {
             StreamChunk::Bytes(bytes) => Ok(bytes),
             StreamChunk::End => {
-                self.state().readers.insert(client, true);
-                self.stream_read.notify_all();
+                self.reader_has_end(client, session);
                 Err("ended".to_owned())
             }
         }
+    }
+
+    /// Notes that a client has read the end of the stream of a session. Meanwhile it may have left,
+    /// or another run have begun, whose stream it has not read.
+    fn reader_has_end(&self, client: u32, session: &str) {
+        let mut state = self.state();
+        if state.session == session
+            && let Some(has_end) = state.readers.get_mut(&client)
+        {
+            *has_end = true;
+        }
+        self.stream_read.notify_all();
     }
 }
 
@@ -449,3 +464,6 @@ fn parameter(name: String, value: &DeclaredValue) -> Option<Parameter> {
     };
     Some(Parameter { name, r#type: kind, value: Some(value) })
 }
+
+#[cfg(test)]
+mod tests;

@@ -148,18 +148,20 @@ impl Services {
             return refuse(&format!("more than {CALLS_MAX} calls wait for their reply"));
         }
         let responder = Responder { outbox: Some(Arc::clone(outbox)), service_id, call_id, encoding: expected };
-        if service < SERVICES.len() {
-            return enqueue(&self.requests, ClientRequest::Service { service, payload, responder });
-        }
-        match serde_json::from_slice::<StartBody>(&payload) {
-            Ok(StartBody { scenario, record }) => {
-                enqueue(
-                    &self.requests,
-                    ClientRequest::Start(StartRequest { scenario, is_recorded: record, responder }),
-                );
+        let request = if service < SERVICES.len() {
+            ClientRequest::Service { service, payload, responder }
+        } else {
+            match serde_json::from_slice::<StartBody>(&payload) {
+                Ok(StartBody { scenario, record }) => {
+                    ClientRequest::Start(StartRequest { scenario, is_recorded: record, responder })
+                }
+                Err(error) => {
+                    return responder.respond_err(format!("expected {{\"scenario\": \"<TOML>\"}}: {error}"));
+                }
             }
-            Err(error) => responder.respond_err(format!("expected {{\"scenario\": \"<TOML>\"}}: {error}")),
-        }
+        };
+        // Its responder has told the client why, if it was refused.
+        let _ = enqueue(&self.requests, request);
     }
 }
 
@@ -215,13 +217,18 @@ impl Drop for Responder {
 }
 
 /// Queues a request without blocking, or refuses it.
-pub(super) fn enqueue(requests: &SyncSender<ClientRequest>, request: ClientRequest) {
+///
+/// # Errors
+/// Why it was refused. A call has been answered with the reason; a real-time factor has no reply,
+/// and its client is still to be told.
+pub(super) fn enqueue(requests: &SyncSender<ClientRequest>, request: ClientRequest) -> Result<(), &'static str> {
     let (refused, reason) = match requests.try_send(request) {
-        Ok(()) => return,
+        Ok(()) => return Ok(()),
         Err(TrySendError::Full(request)) => (request, "too many requests are waiting"),
         Err(TrySendError::Disconnected(request)) => (request, "the simulator is about to end"),
     };
     refuse(refused, reason);
+    Err(reason)
 }
 
 /// Refuses a request.

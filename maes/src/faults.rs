@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use fault_injection::simulated::{self, SeedReport};
 use fault_injection::{FaultsError, Options, Summary};
-use sim_server::cli::KeyArgs;
+use sim_server::cli::{KeyArgs, recording_path};
 use sim_server::{exit, setup};
 use simulation::scenario::Scenario;
 
@@ -81,7 +81,7 @@ pub(crate) struct FaultsArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Compare with this recording instead of the undisturbed run
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap", value_parser = recording_path())]
     expect: Option<PathBuf>,
     /// Only print the faults of each seed
     #[arg(long)]

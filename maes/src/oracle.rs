@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use experiments::oracle;
 use experiments::rows::Marks;
-use sim_server::cli::KeyArgs;
+use sim_server::cli::{KeyArgs, recording_path};
 use sim_server::setup;
 
 use crate::output;
@@ -15,6 +15,7 @@ use crate::output;
 #[derive(Debug, Args)]
 pub(crate) struct OracleArgs {
     /// The scenario (.toml), or a recording of it (.mcap)
+    #[arg(value_parser = recording_path())]
     scenario: PathBuf,
     #[command(flatten, next_help_heading = "Keys of the scenario")]
     keys: KeyArgs,

@@ -11,8 +11,9 @@ use msgs::ids::Tick;
 use msgs::printable;
 use recording::Recording;
 use recording::bag;
+use recording::playback::{Playback, PlaybackError};
 use recording::recovery::{self, RecoverError};
-use sim_server::cli::time_s;
+use sim_server::cli::{recording_path, time_s};
 use sim_server::{cmu_metrics, exit, info, verify};
 
 use crate::controllers::BuiltInControllers;
@@ -21,7 +22,8 @@ use crate::output::{print, say};
 /// Arguments of `info`.
 #[derive(Debug, Args)]
 pub(crate) struct InfoArgs {
-    /// The recording (.mcap)
+    /// The recording (.mcap), or the rosbag2 folder of one
+    #[arg(value_parser = recording_path())]
     file: PathBuf,
     /// Print the metadata.yaml of a rosbag2 folder with this recording instead
     #[arg(long)]
@@ -35,7 +37,8 @@ pub(crate) struct InfoArgs {
 /// Arguments of `verify`.
 #[derive(Debug, Args)]
 pub(crate) struct VerifyArgs {
-    /// The recording (.mcap)
+    /// The recording (.mcap), or the rosbag2 folder of one
+    #[arg(value_parser = recording_path())]
     file: PathBuf,
     /// Fail unless the commands of every agent can be compared with what its controller decides
     #[arg(long)]
@@ -53,6 +56,7 @@ pub(crate) struct VerifyArgs {
 #[derive(Debug, Args)]
 pub(crate) struct RecoverArgs {
     /// The cut recording, or any other MCAP file (.mcap)
+    #[arg(value_parser = recording_path())]
     file: PathBuf,
     /// The finished recording, a new file (.mcap)
     #[arg(short, long = "output", value_name = "MCAP")]
@@ -62,9 +66,11 @@ pub(crate) struct RecoverArgs {
 /// Arguments of `diff`.
 #[derive(Debug, Args)]
 pub(crate) struct DiffArgs {
-    /// A recording (.mcap)
+    /// A recording (.mcap), or the rosbag2 folder of one
+    #[arg(value_parser = recording_path())]
     first: PathBuf,
-    /// Another one (.mcap)
+    /// Another one
+    #[arg(value_parser = recording_path())]
     second: PathBuf,
 }
 
@@ -168,6 +174,14 @@ pub(crate) fn recover(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
     let (first, second) = (Recording::open(&args.first)?, Recording::open(&args.second)?);
     let verdict = diff::diff(&first, &second);
+    if !verdict.is_same_run() {
+        for recording in [&first, &second] {
+            // Of messages in another order, the first difference says nothing about the runs.
+            if let Err(error @ PlaybackError::Disorder { .. }) = Playback::new(recording) {
+                return Err(error.into());
+            }
+        }
+    }
     print(&diff::text(&verdict, &first, &second));
     Ok(if verdict.is_same_run() { ExitCode::SUCCESS } else { ExitCode::from(exit::DIFFERENT) })
 }

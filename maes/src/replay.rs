@@ -9,7 +9,7 @@ use msgs::printable;
 use recording::Recording;
 use recording::replay::{PlaybackOptions, PlaybackSchedule, PlaybackTiming};
 use ros_node::ros_env::RosEnv;
-use sim_server::cli::time_s;
+use sim_server::cli::{recording_path, time_s};
 use sim_server::terminal::Terminal;
 use sim_server::{exit, ros};
 use simulation::parameters::{self, RATE};
@@ -21,7 +21,8 @@ use crate::signals;
 /// Arguments of `replay`.
 #[derive(Debug, Args)]
 pub(crate) struct ReplayArgs {
-    /// The recording (.mcap)
+    /// The recording (.mcap), or the rosbag2 folder of one
+    #[arg(value_parser = recording_path())]
     file: PathBuf,
     /// Most sim seconds for each second of wall time; max: as fast as possible
     #[arg(long, value_name = "X|max", value_parser = rate, default_value = "1")]

@@ -17,7 +17,7 @@ use clap::{ArgMatches, Args, ValueEnum};
 use foxglove_server::PageOrigin;
 use mapgen::MapError;
 use recording::Recording;
-use sim_server::cli::{ForkArgs, KeyArgs, assignment, trace_file};
+use sim_server::cli::{ForkArgs, KeyArgs, assignment, recording_path, trace_file};
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Override, Scenario};
 use system::input_file::{self, TEXT_BYTES_MAX};
@@ -49,10 +49,11 @@ the start; 4 an agent was lost; 5 an agent was refused; 130 interrupted, or stop
 pub(crate) struct RunArgs {
     /// The scenario (.toml), or a recording of it (.mcap) [default: five agents walk at random
     /// through a cave for half an hour]
+    #[arg(value_parser = recording_path())]
     pub(crate) scenario: Option<PathBuf>,
     /// Resume the run of this recording, whose server was killed; completes it, or the file that
     /// --record names
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap", value_parser = recording_path())]
     resume: Option<PathBuf>,
     #[command(flatten)]
     fork: ForkArgs,

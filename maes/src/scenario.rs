@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::anyhow;
 use clap::Args;
-use sim_server::cli::KeyArgs;
+use sim_server::cli::{KeyArgs, recording_path};
 use sim_server::setup;
 
 use crate::output;
@@ -14,6 +14,7 @@ use crate::output;
 #[derive(Debug, Args)]
 pub(crate) struct ScenarioArgs {
     /// The scenario (.toml), or a recording of it (.mcap)
+    #[arg(value_parser = recording_path())]
     scenario: PathBuf,
     /// Print only the value of this key, for example agents.count; of a table, a line KEY=VALUE for
     /// each of its keys

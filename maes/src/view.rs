@@ -19,6 +19,7 @@ use foxglove_server::{DEFAULT_ADDRESS, FoxgloveServerError, PageOrigin, StaticFi
 use map_files::MapReader;
 use mapgen::ImportOptions;
 use recording::Recording;
+use sim_server::cli::recording_path;
 use sim_server::exit;
 
 use crate::map::{self, MapCliError};
@@ -28,7 +29,7 @@ use crate::signals;
 use browser::Browser;
 use map_room::MapRoom;
 
-const FILE_HELP: &str = "A recording (.mcap), a map of any known format, or a scenario (.toml) with any flag of \
+const FILE_HELP: &str = "A recording (.mcap, or its rosbag2 folder), a map of any known format, or a scenario (.toml) with any flag of \
                          `maes run` [default: runs are started on the page]";
 
 /// Arguments of `view`.
@@ -42,7 +43,7 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_ADDRESS, value_parser = address)]
     address: String,
     /// A second recording, shown beside the first one with the time linked
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap", value_parser = recording_path())]
     beside: Option<PathBuf>,
     /// Write a folder with the page and the recording, or both of them, for any static web server,
     /// and show nothing; a folder with files in it is refused

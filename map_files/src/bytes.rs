@@ -69,7 +69,7 @@ impl<'a> Bytes<'a> {
         if rest.is_empty() {
             return None;
         }
-        let length = rest.iter().position(|&byte| byte == self.end).unwrap_or(rest.len());
+        let length = memchr::memchr(self.end, rest).unwrap_or(rest.len());
         self.at += (length + 1).min(rest.len());
         self.line += 1;
         Some((self.line, rest[..length].trim_ascii_end()))
@@ -88,6 +88,17 @@ impl<'a> Bytes<'a> {
 /// The words of a line.
 pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
+}
+
+/// Most digits of a number that 64 bits hold, whatever they are.
+const DIGITS_MAX: usize = 18;
+
+/// A word of a few digits as a number, which is most of a mesh as text.
+pub(super) fn digits(word: &[u8]) -> Option<i64> {
+    if !(1..=DIGITS_MAX).contains(&word.len()) {
+        return None;
+    }
+    word.iter().try_fold(0, |number, byte| byte.is_ascii_digit().then(|| number * 10 + i64::from(byte - b'0')))
 }
 
 /// A word as a number.
@@ -187,6 +198,11 @@ mod tests {
             assert!(parse_float(nan.as_bytes()).is_some_and(|number| !number.is_finite()), "{nan}");
         }
         assert_eq!(["1.5", "-2e3", "+4"].map(|word| parse_float(word.as_bytes())), [Some(1.5), Some(-2e3), Some(4.0)]);
+        assert_eq!(
+            ["0", "007", "123456789012345678"].map(|word| digits(word.as_bytes())),
+            [Some(0), Some(7), Some(123_456_789_012_345_678)]
+        );
+        assert_eq!(["", "-1", "+1", "1.5", "1234567890123456789"].map(|word| digits(word.as_bytes())), [None; 5]);
         assert_eq!(["", "x", "1.#", "1,5", "nano"].map(|word| parse_float(word.as_bytes())), [None; 5]);
         assert_eq!(["-1,5", "2,25e1"].map(|word| decimal_comma(word.as_bytes())), [Some(-1.5), Some(22.5)]);
         assert_eq!(["1,", ",5", "1,2,3", "1.5,2", "15"].map(|word| decimal_comma(word.as_bytes())), [None; 5]);

@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-use super::bytes::{Bytes, number, shown, three, words};
+use super::bytes::{Bytes, digits, number, shown, three, words};
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, cell_length};
@@ -44,14 +44,16 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
     let mut groups = 0u64;
     let mut text = Bytes::new(bytes);
     let mut skipped = 0u64;
+    let mut corners: Vec<u32> = Vec::new();
     while let Some((line, content)) = whole_line(&mut text) {
         let mut words = words(&content);
         match words.next() {
             Some(b"v") => mesh.vertices.push(three(line, &mut words, "a coordinate")?),
             Some(b"f") => {
-                let corners: Result<Vec<u32>, FormatError> =
-                    words.map(|word| corner(line, word, mesh.vertices.len())).collect();
-                let corners = corners?;
+                corners.clear();
+                for word in words {
+                    corners.push(corner(line, word, mesh.vertices.len())?);
+                }
                 if corners.len() < 3 {
                     skipped += 1;
                 } else {
@@ -122,7 +124,10 @@ fn writer_of_y(bytes: &[u8]) -> Option<String> {
 /// The vertex of a corner such as `7`, `7/1/3` or, counted from the last one, `-2`.
 fn corner(line: usize, word: &[u8], vertices: usize) -> Result<u32, FormatError> {
     let before = word.split(|&byte| byte == b'/').next();
-    let number: i64 = number(line, before, "a corner of a face")?;
+    let number: i64 = match before.and_then(digits) {
+        Some(number) => number,
+        None => number(line, before, "a corner of a face")?,
+    };
     let from_0 = if number < 0 { (vertices as i64).checked_add(number) } else { number.checked_sub(1) };
     let is_vertex = |index: &i64| (0..vertices as i64).contains(index);
     from_0

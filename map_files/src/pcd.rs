@@ -271,6 +271,7 @@ impl Header {
 fn ascii(bytes: &mut Bytes<'_>, header: &Header, wanted: &[Coordinate]) -> Result<Vec<f64>, FormatError> {
     let mut read = Vec::new();
     let mut points = 0;
+    let mut values: Vec<&[u8]> = Vec::new();
     while points < header.points {
         let Some((line, text)) = bytes.line() else {
             let reason = format!("the file ends here after {points} of {} points", header.points);
@@ -279,7 +280,8 @@ fn ascii(bytes: &mut Bytes<'_>, header: &Header, wanted: &[Coordinate]) -> Resul
         if text.is_empty() {
             continue;
         }
-        let values: Vec<&[u8]> = words(text).collect();
+        values.clear();
+        values.extend(words(text));
         for coordinate in wanted {
             read.push(float(line, values.get(coordinate.values).copied(), "a coordinate")?);
         }
@@ -345,7 +347,7 @@ fn unpack(packed: &[u8], length: usize, start: usize) -> Result<Vec<u8>, FormatE
         return Err(FormatError::byte(start, reason));
     }
     let ends = |at: usize| FormatError::byte(start + at, "the compressed data end within a piece");
-    let mut data: Vec<u8> = Vec::new();
+    let mut data: Vec<u8> = Vec::with_capacity(length);
     let mut at = 0;
     while let Some(&control) = packed.get(at) {
         let control = usize::from(control);
@@ -365,9 +367,14 @@ fn unpack(packed: &[u8], length: usize, start: usize) -> Result<Vec<u8>, FormatE
                 let reason = format!("a repetition reaches back {} bytes of {}", back + 1, data.len());
                 FormatError::byte(start + at - 1, reason)
             })?;
-            // A repetition may overlap its own output.
-            for byte in from..from + count + 2 {
-                data.push(data[byte]);
+            let end = from + count + 2;
+            if end <= data.len() {
+                data.extend_from_within(from..end);
+            } else {
+                // A repetition may overlap its own output.
+                for byte in from..end {
+                    data.push(data[byte]);
+                }
             }
         }
         if data.len() > length {

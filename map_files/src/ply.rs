@@ -105,14 +105,15 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut mesh = Mesh::default();
     let mut skipped = 0;
     let mut seen_by_camera = None;
+    let (mut values, mut items, mut corners) = (Vec::new(), Vec::new(), Vec::new());
     for (number, element) in elements[..=last].iter().enumerate() {
         // An element without properties takes no bytes, however many there are of it.
         let count = if element.properties.is_empty() { 0 } else { element.count };
         let list = list_of(number);
         for place in 0..count {
             let at = bytes.at();
-            let mut items = Vec::new();
-            let values = values(&mut bytes, order, element, place, list.map(|list| (list, &mut items)))?;
+            items.clear();
+            read_values(&mut bytes, order, element, place, &mut values, list.map(|list| (list, &mut items)))?;
             if number == vertices {
                 mesh.vertices.push(coordinates.map(|property| values[property]));
                 from.extend(seen_from.map(|seen_from| seen_from.map(|property| values[property])));
@@ -121,12 +122,13 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
                 seen_by_camera = seen_by_camera.or(camera_at.map(|camera| camera.map(|property| values[property])));
             } else if list.is_some() && element.name == b"tristrips" {
                 for strip in items.split(|&item| item == -1.0).filter(|strip| !strip.is_empty()) {
-                    mesh.add_strip(&corners_in(strip, mesh.vertices.len(), at)?);
+                    corners_in(strip, mesh.vertices.len(), at, &mut corners)?;
+                    mesh.add_strip(&corners);
                     skipped += u64::from(strip.len() < 3);
                     mesh.check_count()?;
                 }
             } else if list.is_some() {
-                let corners = corners_in(&items, mesh.vertices.len(), at)?;
+                corners_in(&items, mesh.vertices.len(), at, &mut corners)?;
                 if corners.len() < 3 {
                     skipped += 1;
                 } else {
@@ -258,7 +260,8 @@ fn voxel_grid(bytes: &[u8]) -> Option<VoxelGrid> {
             return None;
         }
         let at = bytes.at();
-        let values = values(&mut bytes, order, element, 0, None).ok()?;
+        let mut values = Vec::new();
+        read_values(&mut bytes, order, element, 0, &mut values, None).ok()?;
         match element.name.as_slice() {
             b"origin" => origin = Some(positions(element, ["x", "y", "z"], at).ok()?.map(|property| values[property])),
             b"voxel_size" => size = values.first().copied(),
@@ -292,14 +295,18 @@ fn corners_of(face: &Element, at: usize) -> Result<usize, FormatError> {
     face.properties.iter().position(is_corners).ok_or_else(missing)
 }
 
-/// The items of the list of a face that begins at a byte, as numbers of vertices.
-fn corners_in(items: &[f64], vertices: usize, at: usize) -> Result<Vec<u32>, FormatError> {
-    let corner = |&item: &f64| {
-        let is_vertex = item >= 0.0 && item < vertices as f64 && item.fract() == 0.0;
-        let error = || FormatError::byte(at, format!("a face has the corner {item}, there are {vertices} vertices"));
-        is_vertex.then_some(item as u32).ok_or_else(error)
-    };
-    items.iter().map(corner).collect()
+/// Puts the items of the list of a face that begins at a byte into `corners`, as numbers of
+/// vertices.
+fn corners_in(items: &[f64], vertices: usize, at: usize, corners: &mut Vec<u32>) -> Result<(), FormatError> {
+    corners.clear();
+    for &item in items {
+        let corner = item as u32;
+        if f64::from(corner) != item || corner as usize >= vertices {
+            return Err(FormatError::byte(at, format!("a face has the corner {item}, there are {vertices} vertices")));
+        }
+        corners.push(corner);
+    }
+    Ok(())
 }
 
 fn header(bytes: &mut Bytes<'_>) -> Result<(Order, Vec<Element>), FormatError> {
@@ -365,17 +372,18 @@ fn type_of(line: usize, word: &[u8]) -> Result<Number, FormatError> {
     }
 }
 
-/// The values of the properties of the next element; of a list, its length. `list` is the place of
-/// a list and where its items go.
-fn values(
+/// Puts the values of the properties of the next element into `values`; of a list, its length.
+/// `list` is the place of a list and where its items go.
+fn read_values(
     bytes: &mut Bytes<'_>,
     order: Order,
     element: &Element,
     place: usize,
+    values: &mut Vec<f64>,
     mut list: Option<(usize, &mut Vec<f64>)>,
-) -> Result<Vec<f64>, FormatError> {
+) -> Result<(), FormatError> {
     let at = bytes.at();
-    let mut values = Vec::with_capacity(element.properties.len());
+    values.clear();
     let mut keep = |number: usize, item: f64| match &mut list {
         Some((wanted, items)) if *wanted == number => items.push(item),
         _ => {}
@@ -392,7 +400,7 @@ fn values(
             }
             values.push(value);
         }
-        return Ok(values);
+        return Ok(());
     }
     let ends = || {
         let name = String::from_utf8_lossy(&element.name).escape_debug().to_string();
@@ -413,7 +421,7 @@ fn values(
         }
         values.push(value);
     }
-    Ok(values)
+    Ok(())
 }
 
 fn checked_length(value: f64, error: impl Fn() -> FormatError) -> Result<usize, FormatError> {

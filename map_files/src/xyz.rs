@@ -104,6 +104,12 @@ fn point(line: &[u8], columns: [usize; 3]) -> Option<([f64; 3], bool)> {
             return Some((point, true));
         }
     }
+    if columns == FIRST {
+        // Most files are so, and a list of words for each line takes longer than its numbers.
+        let mut words = words(line, b",;");
+        let mut next = || words.next().and_then(parse_float);
+        return Some(([next()?, next()?, next()?], false));
+    }
     pick(&words(line, b",;").collect::<Vec<_>>(), parse_float).map(|point| (point, false))
 }
 

@@ -240,6 +240,21 @@ pub fn belief(agent: AgentId) -> Topic {
     Topic::new::<Marker>(format!("/agent_{agent}/map"), Qos::latched(PIECES_DEPTH))
 }
 
+/// What an agent believes of the map, projected to the plane.
+pub fn belief_occupancy(agent: AgentId) -> Topic {
+    Topic::new::<OccupancyGrid>(format!("/agent_{agent}/occupancy"), Qos::latched(1))
+}
+
+/// What an agent believes of the map, as a tree of OctoMap.
+pub fn belief_octomap(agent: AgentId) -> Topic {
+    Topic::new::<Octomap>(format!("/agent_{agent}/octomap"), Qos::latched(1))
+}
+
+/// The centres of the walls that an agent believes in.
+pub fn belief_points(agent: AgentId) -> Topic {
+    Topic::new::<PointCloud2>(format!("/agent_{agent}/map_points"), Qos::latched(1))
+}
+
 /// The walls, in pieces.
 pub fn map() -> Topic {
     Topic::new::<Marker>("/sim/map", Qos::latched(PIECES_DEPTH))
@@ -341,7 +356,7 @@ pub fn parameter_events() -> Topic {
 /// ```
 /// let topics = msgs::topics::all(2);
 /// assert_eq!(topics[0].to_string(), "/clock [rosgraph_msgs/msg/Clock]");
-/// assert_eq!(topics.last().unwrap().name, "/agent_1/map");
+/// assert_eq!(topics.last().unwrap().name, "/agent_1/map_points");
 /// ```
 pub fn all(agents: u32) -> Vec<Topic> {
     let mut topics = Vec::from(of_simulation());
@@ -403,7 +418,7 @@ fn of_simulation() -> [Topic; 23] {
     ]
 }
 
-fn of_agent(agent: AgentId) -> [Topic; 8] {
+fn of_agent(agent: AgentId) -> [Topic; 11] {
     [
         join(agent),
         observation(agent),
@@ -413,6 +428,9 @@ fn of_agent(agent: AgentId) -> [Topic; 8] {
         points(agent),
         path(agent),
         belief(agent),
+        belief_occupancy(agent),
+        belief_octomap(agent),
+        belief_points(agent),
     ]
 }
 

@@ -4,8 +4,8 @@
 //! In reading order: [`observation`] and [`command`] are what is exchanged in a tick, made of
 //! [`motion`], [`scan_request`], [`agent_message`], [`wake_condition`] and [`stage`]; [`run_info`]
 //! is what agents are told of a run, with the bodies of the team ([`body_model`], [`kinematics`]);
-//! [`lockstep`] is the protocol of the server, [`signing`] authenticates messages, and [`limits`]
-//! has all bounds.
+//! [`lockstep`] is the protocol of the server, [`signing`] authenticates messages, [`map_views`]
+//! shows maps to others, and [`limits`] has all bounds.
 //!
 //! Invariants: what a conversion from a message returns is legal, whatever was received; both
 //! directions of a conversion stand in one file. There is no transport, no ROS client and no clock
@@ -30,6 +30,7 @@ pub mod geometry;
 pub mod kinematics;
 pub mod limits;
 pub mod lockstep;
+pub mod map_views;
 pub mod message_type;
 pub mod motion;
 pub mod observation;

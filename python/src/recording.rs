@@ -12,6 +12,7 @@ use msgs::topics::{self, Topic};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
+use recording::bag::recording_at;
 use recording::{Follower, Message, Recording};
 use sim_server::setup;
 use simulation::scenario::Scenario;
@@ -120,6 +121,7 @@ impl PyRecording {
     /// Reads a file.
     #[staticmethod]
     fn open(py: Python<'_>, file: PathBuf) -> PyResult<Self> {
+        let file = recording_at(file).map_err(bad_input)?;
         let file = py.detach(|| RecordingFile::open(&file))?;
         Ok(Self { file, messages: Messages::OfFile })
     }
@@ -233,6 +235,7 @@ impl PyFollower {
     /// Opens a file before its first message.
     #[new]
     fn open(py: Python<'_>, file: PathBuf) -> PyResult<Self> {
+        let file = recording_at(file).map_err(bad_input)?;
         py.detach(|| {
             let follower = Mutex::new(Follower::open(&file).map_err(bad_input)?);
             Ok(Self { file: RecordingFile::open(&file)?, follower })

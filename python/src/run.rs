@@ -9,6 +9,7 @@ use in_memory::in_process::{self, AgentOptions, ThreadLayout};
 use msgs::ids::Tick;
 use pyo3::prelude::*;
 use recording::Recording;
+use recording::bag::recording_at;
 use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::{Origins, Override, Scenario};
@@ -84,6 +85,7 @@ pub(crate) fn fork(
     });
     let changes = changes.collect::<PyResult<Vec<_>>>()?;
     let options = options(controllers, None, has_python);
+    let recording = recording_at(recording).map_err(bad_input)?;
     let at = setup::tick_at(at_s).map_err(|allowed| bad_input(format!("at_s = {at_s}: {allowed}")))?;
     let (scenario, done) = interruptible(py, |stop| {
         let recording = Recording::open(&recording).map_err(bad_input)?;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
+use recording::bag::recording_at;
 use sim_server::setup;
 use simulation::scenario::{Override, Scenario};
 
@@ -40,6 +41,7 @@ impl PyScenario {
     /// Reads a scenario file, or the scenario of a recording.
     #[staticmethod]
     fn load(file: PathBuf, changes: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Self> {
+        let file = recording_at(file).map_err(bad_input)?;
         let scenario = setup::load(&file, &overrides(changes)?).map_err(bad_input)?;
         Ok(Self { scenario })
     }

@@ -4,14 +4,13 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
+use recording::bag;
 use recording::recorder::bag_folder;
-use simulation::scenario::{MapKind, Override, RecordedView, keys};
-
-/// The word of `--record-topics` for all topics that can be recorded.
-const ALL_TOPICS: &str = "all";
+use simulation::scenario::{MapKind, Override, keys};
 
 /// World server of a deterministic simulator of multi-robot exploration.
 #[derive(Debug, Parser)]
@@ -38,6 +37,7 @@ pub enum Command {
 #[derive(Debug, Args)]
 pub struct RunArgs {
     /// The scenario (.toml), or a recording of it (.mcap); a resumed run and a fork have one
+    #[arg(value_parser = recording_path())]
     #[cfg_attr(feature = "view", arg(required_unless_present_any = ["resume", "fork", "idle"]))]
     #[cfg_attr(not(feature = "view"), arg(required_unless_present_any = ["resume", "fork"]))]
     pub scenario: Option<PathBuf>,
@@ -75,7 +75,7 @@ pub struct RunArgs {
     pub map_dir: Option<PathBuf>,
     /// Resume the run of this recording, whose server was killed; completes it, or the file that
     /// --record names
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap", value_parser = recording_path())]
     pub resume: Option<PathBuf>,
     #[command(flatten)]
     pub fork: ForkArgs,
@@ -110,7 +110,13 @@ pub struct RunArgs {
 pub struct ForkArgs {
     /// Take the run of this recording up to --at, and continue there with the keys that are given
     /// (docs/what-if.md)
-    #[arg(long, value_name = "FILE.mcap", requires = "at", conflicts_with_all = ["scenario", "resume"])]
+    #[arg(
+        long,
+        value_name = "FILE.mcap",
+        requires = "at",
+        conflicts_with_all = ["scenario", "resume"],
+        value_parser = recording_path()
+    )]
     pub fork: Option<PathBuf>,
     /// Sim time of the fork, such as 90, 90s or 1:30
     #[arg(long, value_name = "TIME", requires = "fork", value_parser = fork_time)]
@@ -219,11 +225,7 @@ impl KeyArgs {
         set("--seed", "seed", seed);
         set("--duration", "duration_s", self.duration.map(Into::into));
         set("--record", "execution.record", self.record.clone().map(Into::into));
-        let topics = match self.record_topics.as_slice() {
-            [] => None,
-            [all] if all == ALL_TOPICS => Some(RecordedView::WORDS.to_vec().into()),
-            some => Some(some.to_vec().into()),
-        };
+        let topics = (!self.record_topics.is_empty()).then(|| self.record_topics.clone().into());
         set("--record-topics", "views.record", topics);
         set("--rtf", "execution.rtf", self.rtf.clone());
         set("--threads", "execution.threads", self.threads.map(Into::into));
@@ -332,6 +334,12 @@ pub fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     Ok((key.trim().to_owned(), value))
 }
 
+/// The parser of arguments that name a recording, or the rosbag2 folder of one.
+#[must_use]
+pub fn recording_path() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(bag::recording_at)
+}
+
 /// The file of a recording. Other endings are those of other formats, and would mislead their
 /// programs.
 fn recording_file(text: &str) -> Result<String, String> {
@@ -410,22 +418,6 @@ mod tests {
             let (flag, value) = typed.split_once(' ').unwrap();
             let flags = Flags::try_parse_from(["maes", flag, value]).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(flags.keys.overrides().last().unwrap().origin, typed);
-        }
-    }
-
-    #[test]
-    fn all_topics_are_recorded_with_one_word() {
-        use clap::Parser;
-        #[derive(Parser)]
-        struct Flags {
-            #[command(flatten)]
-            keys: KeyArgs,
-        }
-        let flags = Flags::try_parse_from(["maes", "--record-topics", "all"]).unwrap_or_else(|error| panic!("{error}"));
-        let value = flags.keys.overrides().last().and_then(|last| last.value.clone()).unwrap();
-        assert_eq!(value.as_array().map(Vec::len), Some(RecordedView::WORDS.len()));
-        for word in RecordedView::WORDS {
-            serde_json::from_value::<RecordedView>((*word).into()).unwrap();
         }
     }
 

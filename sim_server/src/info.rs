@@ -121,7 +121,9 @@ pub fn of(recording: &Recording) -> Info {
         let added = if message.channel.lacks_stage { maes_msgs::Command::UNDIGESTED_BYTES } else { 0 };
         traffic.bytes += (message.data.len() - added) as u64;
         if *topic == topics::digest().name {
-            info.digest = message.decode().ok();
+            let latest = info.digest.as_ref().map_or(0, |digest| digest.tick);
+            let digest = message.decode().ok().filter(|digest: &maes_msgs::Digest| digest.tick >= latest);
+            info.digest = digest.or(info.digest.take());
         } else if *topic == topics::result().name {
             info.result = message.decode().ok();
         } else if *topic == topics::progress().name {
@@ -136,6 +138,9 @@ pub fn of(recording: &Recording) -> Info {
             info.stages.push((AgentId(agent), Tick(tick), stage));
         }
     }
+    // Another program may have written the messages in another order.
+    info.progress.sort_by_key(|progress| progress.tick);
+    info.stages.sort_by_key(|&(_, tick, _)| tick);
     if let Some(end @ (End::CutOff { .. } | End::Damage { .. })) = messages.end() {
         info.damage = Some(end.to_string());
     }
@@ -237,6 +242,26 @@ mod tests {
         assert_eq!(by_index, by_pass);
         assert_eq!(by_index.result.unwrap().tick, 2600);
         assert_eq!(overview(&file).unwrap(), by_pass, "small files are read whole");
+    }
+
+    #[test]
+    fn order_of_messages_does_not_change_the_summary() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |ticks: [u64; 3]| {
+            let mut recorder = Recorder::create(&folder.path().join("a.mcap"), &[SCENARIO]).unwrap();
+            for tick in ticks {
+                let (digest, progress) =
+                    (Digest { tick, ..Digest::default() }, Progress { tick, ..Progress::default() });
+                recorder.write(&topics::digest(), Tick(tick), &cdr::encode(&digest)).unwrap();
+                recorder.write(&topics::progress(), Tick(tick), &cdr::encode(&progress)).unwrap();
+            }
+            recorder.finish().unwrap();
+            read(&folder.path().join("a.mcap")).unwrap()
+        };
+        let info = of([0, 50, 100]);
+        assert_eq!(info.digest.as_ref().unwrap().tick, 100);
+        assert_eq!(of([100, 50, 0]), info);
+        assert_eq!(of([50, 100, 0]), info);
     }
 
     #[test]

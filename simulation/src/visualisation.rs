@@ -19,12 +19,10 @@ mod cloud;
 mod description;
 mod known;
 mod message;
-mod plane;
 mod poses;
 mod sent_transforms;
 mod status;
 mod topic;
-mod tree;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -33,6 +31,7 @@ use msgs::rosgraph_msgs::Clock;
 use msgs::tf2_msgs::TFMessage;
 use msgs::visualization_msgs::Marker;
 use nalgebra::Point3;
+use protocol::map_views;
 use voxels::{Grid, Terrain};
 
 use crate::scenario::{RecordedView, ViewsSection};
@@ -82,10 +81,11 @@ impl VisualisationScheduler {
     #[must_use]
     pub fn new(settings: ViewsSection, agents: u32, recorded_poses_period_ticks: u32) -> Self {
         let asked: BTreeSet<RecordedView> = settings.record.iter().copied().collect();
+        let asks_for_all = asked.contains(&RecordedView::All);
         // The clock comes before what has its stamp.
         let recorded_topics = std::iter::once(VisualisationTopic::Clock)
             .chain(VisualisationTopic::all(agents))
-            .filter(|topic| recorded_as(*topic).is_some_and(|name| asked.contains(&name)));
+            .filter(|topic| recorded_as(*topic).is_some_and(|name| asks_for_all || asked.contains(&name)));
         Self {
             recorded_topics: recorded_topics.collect(),
             settings,
@@ -360,16 +360,16 @@ impl PublishState {
             }
             VisualisationTopic::Occupancy => {
                 let terrain = world.terrain();
-                let occupancy = plane::occupancy(terrain.extent(), world.tick(), known::surfaces(terrain));
+                let occupancy = map_views::occupancy(terrain.extent(), world.tick(), known::surfaces(terrain));
                 push(messages, topic, [VisualisationMessage::Occupancy(Box::new(occupancy))])
             }
             VisualisationTopic::MapPoints => {
                 let terrain = world.terrain();
-                let points = cloud::of_walls(terrain.extent(), world.tick(), known::surfaces(terrain));
+                let points = map_views::wall_points(terrain.extent(), world.tick(), known::surfaces(terrain));
                 push(messages, topic, [VisualisationMessage::Points(points)])
             }
             VisualisationTopic::Octomap => {
-                let tree = tree::octomap(world.terrain().extent(), world.tick(), known::whole(world.terrain()));
+                let tree = map_views::octomap(world.terrain().extent(), world.tick(), known::whole(world.terrain()));
                 push(messages, topic, [VisualisationMessage::Octomap(Box::new(tree))])
             }
             VisualisationTopic::ExploredOctomap
@@ -408,10 +408,10 @@ fn explored(topic: VisualisationTopic, world: &World) -> VisualisationMessage {
     let known = known::explored(world.terrain(), world.coverage().explored_cells());
     match topic {
         VisualisationTopic::ExploredOctomap => {
-            VisualisationMessage::Octomap(Box::new(tree::octomap(extent, tick, known)))
+            VisualisationMessage::Octomap(Box::new(map_views::octomap(extent, tick, known)))
         }
-        VisualisationTopic::ExploredPoints => VisualisationMessage::Points(cloud::of_walls(extent, tick, known)),
-        _ => VisualisationMessage::Occupancy(Box::new(plane::occupancy(extent, tick, known))),
+        VisualisationTopic::ExploredPoints => VisualisationMessage::Points(map_views::wall_points(extent, tick, known)),
+        _ => VisualisationMessage::Occupancy(Box::new(map_views::occupancy(extent, tick, known))),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Publishes the maps of the agents as markers for observers.
+//! Publishes the maps of the agents for observers, as markers and in standard messages.
 //!
 //! Invariant: publishing neither changes nor delays a reply; replies come first.
 
@@ -6,11 +6,13 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use voxels::Extent;
+use voxels::{Cell, Extent, Terrain};
 
 use super::{Host, HostedAgent, RECEIVE_TIMEOUT};
-use crate::transport::{Level, ServerTransport};
+use crate::transport::{Level, MapView, MapViewMessage, ServerTransport};
+use agent::exploration_map::{CellState, ExplorationMap};
 use agent::map_markers::MapMarkers;
+use protocol::map_views;
 
 /// Wall time between two markers of one map, so that subscribers can keep up.
 const MARKER_PERIOD: Duration = Duration::from_millis(10);
@@ -19,17 +21,29 @@ const MARKER_PERIOD: Duration = Duration::from_millis(10);
 /// longer.
 const FINAL_MARKERS_MAX: usize = 64;
 
+/// Wall time between two standard messages of a map, each of which holds all of it.
+const VIEW_PERIOD: Duration = Duration::from_secs(1);
+
 /// The state of one published map.
 pub(super) struct PublishedMap {
     view: MapMarkers,
     observers: u64,
     looked: Option<Instant>,
     published: Option<Instant>,
+    views: BTreeMap<MapView, PublishedView>,
+}
+
+/// What was published last of a standard message.
+struct PublishedView {
+    observers: u64,
+    /// Length of the journal of the map.
+    changes: usize,
+    at: Instant,
 }
 
 impl PublishedMap {
     pub(super) fn new(extent: Extent) -> Self {
-        Self { view: MapMarkers::new(extent), observers: 0, looked: None, published: None }
+        Self { view: MapMarkers::new(extent), observers: 0, looked: None, published: None, views: BTreeMap::new() }
     }
 }
 
@@ -37,12 +51,13 @@ impl<T: ServerTransport> Host<T> {
     /// Publishes the changes of the maps to their observers: at most one marker of each map.
     /// Returns how long to wait for the next message: the usual time if there are no observers.
     pub(super) fn publish_maps(&mut self) -> Duration {
+        self.publish_views();
         let Some(observers) = self.transport.observers().cloned() else { return RECEIVE_TIMEOUT };
         let now = self.transport.now();
         let look_period = Duration::from_secs_f64(1.0 / self.map_hz);
         for (id, observers) in observers {
             let Some(hosted) = self.agents.get_mut(&id) else { continue };
-            let PublishedMap { view, observers: before, looked, published } = &mut hosted.published;
+            let PublishedMap { view, observers: before, looked, published, .. } = &mut hosted.published;
             if std::mem::replace(before, observers) < observers {
                 view.show_again();
             }
@@ -61,8 +76,33 @@ impl<T: ServerTransport> Host<T> {
         MARKER_PERIOD
     }
 
+    /// Publishes the standard messages of the maps that have changed, or that have a new observer.
+    fn publish_views(&mut self) {
+        let Some(observed) = self.transport.observed_views().cloned() else { return };
+        let now = self.transport.now();
+        for ((id, view), observers) in observed {
+            let Some(hosted) = self.agents.get_mut(&id) else { continue };
+            let map = hosted.agent.map();
+            let is_due = hosted.published.views.get(&view).is_none_or(|last| {
+                let is_new = last.observers < observers;
+                is_new || last.changes != map.journal_len() && now.duration_since(last.at) >= VIEW_PERIOD
+            });
+            if is_due {
+                let message = message_of(view, map, hosted.agent.last_tick().unwrap_or(Tick::ZERO));
+                let last = PublishedView { observers, changes: map.journal_len(), at: now };
+                hosted.published.views.insert(view, last);
+                self.transport.publish_view(id, &message);
+            }
+        }
+    }
+
     /// Publishes what is left of a map at the end of the run.
     pub(super) fn publish_rest(&mut self, id: AgentId) {
+        if let Some(hosted) = self.agents.get_mut(&id) {
+            // The last one may be less than a period old.
+            hosted.published.views.retain(|_, last| last.changes == hosted.agent.map().journal_len());
+        }
+        self.publish_views();
         let Some(hosted) = self.agents.get_mut(&id) else { return };
         if self.transport.observers().is_none_or(|observers| !observers.contains_key(&id)) {
             return;
@@ -79,6 +119,7 @@ impl<T: ServerTransport> Host<T> {
     pub(super) fn published(&mut self) -> BTreeMap<AgentId, PublishedMap> {
         let begun_again = |(id, mut hosted): (AgentId, HostedAgent)| {
             hosted.published.view.begin_again();
+            hosted.published.views.clear();
             (id, hosted.published)
         };
         std::mem::take(&mut self.agents).into_iter().map(begun_again).collect()
@@ -89,5 +130,20 @@ impl<T: ServerTransport> Host<T> {
         for &id in self.agents.keys() {
             self.transport.log(id, level, text);
         }
+    }
+}
+
+/// A map as a standard message of a tick: free cells, and the walls that the agent knows.
+fn message_of(view: MapView, map: &ExplorationMap, tick: Tick) -> MapViewMessage {
+    let known = |cell: Cell| match map.state(cell) {
+        CellState::Unexplored => None,
+        CellState::Free | CellState::Covered => Some(Terrain::Free),
+        CellState::Wall => Some(Terrain::Wall),
+    };
+    let extent = map.extent();
+    match view {
+        MapView::Occupancy => MapViewMessage::Occupancy(map_views::occupancy(extent, tick, known)),
+        MapView::Octomap => MapViewMessage::Octomap(map_views::octomap(extent, tick, known)),
+        MapView::Points => MapViewMessage::Points(map_views::wall_points(extent, tick, known)),
     }
 }

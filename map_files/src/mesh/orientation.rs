@@ -20,6 +20,15 @@ const SAMPLES: usize = 16;
 /// Area of an opening divided by the square of its length below which it encloses nothing.
 const FLAT: f64 = 1e-6;
 
+/// An empty slot of a table of places.
+const NO_PLACE: u32 = u32::MAX;
+
+/// Slots looked at for a corner that count as no work: a table that is half full takes fewer.
+const PROBES_FREE: usize = 32;
+
+/// Bits without a pattern: those of the golden ratio.
+const HASH_FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// A hole in a mesh, in the coordinates of its triangles.
 pub(super) struct Opening {
     /// Its middle.
@@ -43,33 +52,73 @@ pub(super) struct Orientation {
 /// # Errors
 /// If no work is left.
 pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Result<Orientation, FormatError> {
-    let corners = corners(triangles);
+    let corners = corners(triangles, work)?;
+    let edges = edges(&corners);
     let mut turned = vec![false; triangles.len()];
-    turn_neighbours(triangles, &edges(&corners), &mut turned);
+    turn_neighbours(triangles, &edges, &mut turned);
     for (triangle, _) in triangles.iter_mut().zip(&turned).filter(|(_, is_turned)| **is_turned) {
         triangle.swap(1, 2);
     }
     let parts = parts(&corners);
     turn_parts(triangles, &parts, &mut turned, work)?;
-    let openings = openings(triangles);
-    Ok(Orientation { turned: turned.iter().filter(|&&is_turned| is_turned).count(), parts: parts.len(), openings })
+    let turned = turned.iter().filter(|&&is_turned| is_turned).count();
+    let openings = if turned == 0 {
+        openings(triangles, &corners, &edges)
+    } else {
+        // Triangles that were turned have their corners in another order.
+        let corners = self::corners(triangles, work)?;
+        openings(triangles, &corners, &self::edges(&corners))
+    };
+    Ok(Orientation { turned, parts: parts.len(), openings })
 }
 
-/// The number of the place of each corner, by triangle.
-fn corners(triangles: &[Triangle]) -> Vec<[u32; 3]> {
-    let place = |corner: u32| triangles[corner as usize / 3][corner as usize % 3];
-    let key = |corner: u32| place(corner).map(|along| (along + 0.0).to_bits());
-    let mut order: Vec<u32> = (0..3 * triangles.len() as u32).collect();
-    order.sort_unstable_by_key(|&corner| (key(corner), corner));
+/// The number of the place of each corner, by triangle: that of the first corner there.
+///
+/// # Errors
+/// If no work is left, because the hashes of too many places are alike.
+fn corners(triangles: &[Triangle], work: &mut WorkBudget) -> Result<Vec<[u32; 3]>, FormatError> {
+    // A table with open addressing, at most half full, of places by their first corners.
+    let slots = (6 * triangles.len()).next_power_of_two();
+    let mut table = vec![NO_PLACE; slots];
+    let mut places: Vec<([u64; 3], u32)> = Vec::new();
     let mut numbers = vec![[0; 3]; triangles.len()];
-    let mut first = 0;
-    for (at, &corner) in order.iter().enumerate() {
-        if key(order[first]) != key(corner) {
-            first = at;
+    let mut corner = 0;
+    for (triangle, numbers) in triangles.iter().zip(&mut numbers) {
+        for (place, number) in triangle.iter().zip(numbers) {
+            // Adding 0 leaves one zero.
+            let key = place.map(|along| (along + 0.0).to_bits());
+            let mut slot = hash(key) as usize & (slots - 1);
+            let mut probes = 0;
+            *number = loop {
+                let at = table[slot];
+                if at == NO_PLACE {
+                    table[slot] = places.len() as u32;
+                    places.push((key, corner));
+                    break corner;
+                }
+                let (other, first) = places[at as usize];
+                if other == key {
+                    break first;
+                }
+                slot = (slot + 1) & (slots - 1);
+                probes += 1;
+            };
+            if probes > PROBES_FREE {
+                work.spend(probes)?;
+            }
+            corner += 1;
         }
-        numbers[corner as usize / 3][corner as usize % 3] = order[first];
     }
-    numbers
+    Ok(numbers)
+}
+
+/// Mixes the bits of a place.
+fn hash(key: [u64; 3]) -> u64 {
+    let mix = |state: u64, part: u64| {
+        let product = u128::from(state ^ part) * u128::from(HASH_FACTOR);
+        (product >> 64) as u64 ^ product as u64
+    };
+    key.into_iter().fold(HASH_FACTOR, mix)
 }
 
 /// An edge of a triangle: its two corners, the lower first, the triangle, and whether it is passed
@@ -256,14 +305,12 @@ fn volume(triangles: &[Triangle], part: &[u32]) -> f64 {
 }
 
 /// The openings that enclose an area.
-fn openings(triangles: &[Triangle]) -> Vec<Opening> {
-    let corners = corners(triangles);
-    let edges = edges(&corners);
+fn openings(triangles: &[Triangle], corners: &[[u32; 3]], edges: &[Edge]) -> Vec<Opening> {
     let place = |corner: u32| triangles[corner as usize / 3][corner as usize % 3];
     // Edges with the passages that nothing balances. Two triangles close an edge, whichever way
     // they face: of a part without an outside they face the same way. Crossed edges balance longer
     // ones.
-    let crossed = Crossed::of(triangles, &edges);
+    let crossed = Crossed::of(triangles, edges);
     let open: Vec<(u32, u32, i64)> = edges
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
         .filter(|edge| edge.len() != 2 || crossed.contains(triangles, edge[0]))

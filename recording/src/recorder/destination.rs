@@ -7,7 +7,8 @@
 //!
 //! A name that ends in a slash is that of a rosbag2 folder: the recording is a file in it, and its
 //! metadata another one, written when the recording is finished. The folder is new or empty, or has
-//! these two files alone.
+//! these two files alone. So it is when a recording is named by its file in such a folder, to
+//! resume its run for instance.
 //!
 //! This module does not write the content.
 
@@ -89,7 +90,7 @@ impl Destination {
             if is_at(&handle.metadata()?, &temporary) {
                 let locked = handle.try_clone()?;
                 let file = file.to_owned();
-                let is_in_bag = bag.is_some();
+                let is_in_bag = bag.is_some() || is_of_bag(&file);
                 let destination =
                     Self { file, is_in_bag, has_made_folder, temporary, older, is_published: false, locked };
                 return Ok((destination, handle));
@@ -176,6 +177,13 @@ fn check_bag_folder(folder: &Path) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether a file is the recording of a rosbag2 folder, by its name and by what else is there.
+fn is_of_bag(file: &Path) -> bool {
+    let Ok(folder) = folder_of(file).canonicalize() else { return false };
+    let name = file_in_bag(&folder).ok();
+    name.as_deref().and_then(Path::file_name) == file.file_name() && check_bag_folder(&folder).is_ok()
 }
 
 fn remove_if_there(file: &Path) -> io::Result<()> {

@@ -260,4 +260,18 @@ fn metadata_of_a_folder_are_those_of_its_recording() {
     ] {
         assert!(written.lines().any(|found| found.starts_with(line)), "{line} in\n{written}");
     }
+    // Written again under its own name, as when its run is resumed. With another file it is no bag.
+    let rewrite = |file: &Path| {
+        let mut recorder = Recorder::create(file, &[SCENARIO]).unwrap();
+        write(&mut recorder, 3..1500);
+        recorder.finish().unwrap();
+    };
+    let metadata = bag.join("metadata.yaml");
+    fs::remove_file(&metadata).unwrap();
+    rewrite(&bag.join("night_0.mcap"));
+    assert_eq!(fs::read_to_string(&metadata).unwrap(), written);
+    fs::remove_file(&metadata).unwrap();
+    fs::write(bag.join("notes"), "").unwrap();
+    rewrite(&bag.join("night_0.mcap"));
+    assert!(!metadata.exists());
 }

@@ -387,6 +387,8 @@ pub enum RecordedView {
     ExploredPoints,
     /// `/clock`.
     Clock,
+    /// All of them.
+    All,
 }
 
 impl RecordedView {
@@ -409,6 +411,7 @@ impl RecordedView {
         "explored_occupancy",
         "explored_points",
         "clock",
+        "all",
     ];
 }
 

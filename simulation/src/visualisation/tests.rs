@@ -272,6 +272,18 @@ fn recorded_topics_depend_on_sim_time_and_fit_into_samples() {
     assert_eq!(ticks(VisualisationTopic::Info), [0, 50]);
 }
 
+#[test]
+fn one_word_records_every_topic() {
+    for word in RecordedView::WORDS {
+        serde_json::from_value::<RecordedView>((*word).into()).unwrap();
+    }
+    let topics = |record| scheduler(record).recorded_topics;
+    let words = RecordedView::WORDS.iter().filter(|word| **word != "all");
+    let each = words.map(|word| serde_json::from_value((*word).into()).unwrap()).collect();
+    assert_eq!(topics(vec![RecordedView::All]), topics(each));
+    assert_eq!(topics(vec![]), []);
+}
+
 /// What an observer knows of poses, as tf2 does, and what it looks up when a message arrives.
 #[derive(Default)]
 struct Listener {

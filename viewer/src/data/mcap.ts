@@ -50,7 +50,10 @@ export type McapEnd =
   | { readonly kind: "whole" }
   | { readonly kind: "not mcap"; readonly found: string }
   | { readonly kind: "missing" | "cut off"; readonly bytes: number }
-  | { readonly kind: "damaged"; readonly byte: number; readonly reason: string };
+  | { readonly kind: "damaged" | "unsupported"; readonly byte: number; readonly reason: string };
+
+/** A chunk that is whole, and that this module cannot decompress. */
+class UnsupportedError extends RangeError {}
 
 type Decompress = (bytes: Uint8Array, length: number) => Uint8Array;
 
@@ -69,7 +72,7 @@ export class McapScanner {
     this.#sink = sink;
     this.#records = new McapStreamReader({
       noMagicPrefix: true,
-      decompressHandlers: { zstd: (bytes, length) => decompressed(zstd, bytes, length) },
+      decompressHandlers: { zstd: (bytes, length) => decompressed(zstd, bytes, length), lz4 },
     });
   }
 
@@ -185,7 +188,11 @@ export class McapScanner {
         this.#emit(found, location);
       }
     } catch (error) {
-      this.#damage(error instanceof Error ? error.message : String(error));
+      const reason = error instanceof Error ? error.message : String(error);
+      if (error instanceof UnsupportedError) {
+        this.#end ??= { kind: "unsupported", byte: this.#position, reason };
+      }
+      this.#damage(reason);
     }
   }
 
@@ -217,6 +224,12 @@ function checkAttachment(record: Uint8Array): void {
   if (length !== BigInt(record.length - at - 8 - 4)) {
     throw new RangeError(`an attachment of ${length} bytes in a record of ${record.length}`);
   }
+}
+
+function lz4(): never {
+  throw new UnsupportedError(
+    "its chunks are compressed with lz4; `maes recover FILE -o OTHER` writes them with zstd",
+  );
 }
 
 function decompressed(zstd: Decompress, bytes: Uint8Array, length: bigint): Uint8Array {

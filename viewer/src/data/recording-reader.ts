@@ -9,6 +9,7 @@
  * nothing else is ever thrown.
  */
 
+import { MAP_ATTACHMENT, SCENARIO_ATTACHMENT, type Attachments } from "./attachment-search.ts";
 import { cast, type Lidar } from "./lidar.ts";
 import { Growable, rowsUpTo } from "./growable.ts";
 import { BeliefTracker, BeliefLog } from "./belief-log.ts";
@@ -24,8 +25,6 @@ import { BatchBuilder } from "./batch-builder.ts";
 import { TICK_S, UnreadableError } from "./run.ts";
 import type { Zstd } from "./zstd.ts";
 
-const SCENARIO_ATTACHMENT = "scenario.toml";
-const MAP_ATTACHMENT = /^map\.(m3dm|txt)$/;
 const TICK_NS = 20_000_000n;
 /** Columns of a row for each point cloud: tick, and the location of its record. */
 const CLOUD = { tick: 0, start: 1, length: 2, channel: 3, columns: 4 } as const;
@@ -40,6 +39,9 @@ interface Channel {
 
 /** Reads a byte range of the file again, if the source allows it. */
 export type FetchBytes = (start: number, length: number) => Promise<Uint8Array>;
+
+/** A file without the attachments of a recording before its first message. */
+export class MissingAttachmentError extends UnreadableError {}
 
 export class RecordingReader {
   readonly #title: string;
@@ -58,15 +60,20 @@ export class RecordingReader {
   #mapMessages: MapMessageReader | null = null;
   #beliefTracker: BeliefTracker | null = null;
   #lidar: Lidar | null = null;
+  /** What to say about attachments that are lost. */
+  #note: string | null = null;
   #rejection: UnreadableError | null = null;
   #lastTick = 0;
   #chunk: { readonly start: number; readonly content: Uint8Array } | null = null;
 
-  /** `title` names the recording in error messages. */
-  constructor(title: string, zstd: Zstd, fetchBytes: FetchBytes | null) {
+  /** `title` names the recording in error messages; `found` is what it lacks. */
+  constructor(title: string, zstd: Zstd, fetchBytes: FetchBytes | null, found: Attachments | null = null) {
     this.#title = title;
     this.#zstd = zstd;
     this.#fetchBytes = fetchBytes;
+    this.#toml = found?.toml ?? null;
+    this.#map = found?.map ?? null;
+    this.#note = found?.note ?? null;
     this.#scanner = new McapScanner(
       {
         attachment: (name, bytes) => this.#attachment(name, bytes),
@@ -139,7 +146,9 @@ export class RecordingReader {
 
   #problemText(problem: string | null): string | null {
     const shownS = (this.#lastTick * TICK_S).toFixed(1);
-    return problem && `${this.#title} is ${problem}. It is shown up to ${shownS} s.`;
+    const damage = problem && `${this.#title} is ${problem}. It is shown up to ${shownS} s.`;
+    const note = this.#note && `${this.#title}: ${this.#note}`;
+    return [note, damage].filter(Boolean).join(" ") || null;
   }
 
   /** What has been read since the previous batch; null if that is nothing. */
@@ -220,7 +229,11 @@ export class RecordingReader {
   }
 
   #reject(message: string): never {
-    this.#rejection ??= new UnreadableError(message);
+    this.#rejectWith(new UnreadableError(message));
+  }
+
+  #rejectWith(rejection: UnreadableError): never {
+    this.#rejection ??= rejection;
     throw this.#rejection;
   }
 
@@ -230,9 +243,11 @@ export class RecordingReader {
       const missing = this.#toml === null ? SCENARIO_ATTACHMENT : "map.m3dm";
       const topics = Array.from(this.#channels.values(), ({ topic }) => topic);
       const found = topics.length === 0 ? "no topics" : `the topics ${topics.slice(0, 5).join(", ")}`;
-      this.#reject(
-        `${this.#title} is an MCAP file, but not a recording of this simulator: it has ${found}, ` +
-          `but no attachment ${missing} before them`,
+      this.#rejectWith(
+        new MissingAttachmentError(
+          `${this.#title} is an MCAP file, but not a recording of this simulator: it has ${found}, ` +
+            `but no attachment ${missing} before them`,
+        ),
       );
     }
   }
@@ -381,6 +396,8 @@ function problemOf(end: McapEnd): string | null {
       return `cut off after byte ${end.bytes}`;
     case "damaged":
       return `damaged at byte ${end.byte}: ${end.reason}`;
+    case "unsupported":
+      return `not read by this page from byte ${end.byte} on: ${end.reason}`;
   }
 }
 

@@ -26,6 +26,8 @@ export interface RecordingOptions {
   readonly hasChunks?: boolean;
   /** By name; by default the scenario and the map of the room. */
   readonly attachments?: Readonly<Record<string, Uint8Array>>;
+  /** Whether they come behind the messages, as some programs write them. */
+  readonly areAttachmentsLast?: boolean;
 }
 
 export const SCENARIO_TOML = `duration_s = 20.0\n\n[lidar]\npattern = "lattice"\n\n[recording]\nposes_period_ticks = 10\n`;
@@ -42,9 +44,12 @@ export async function recordingOf(
     "scenario.toml": new TextEncoder().encode(SCENARIO_TOML),
     "map.m3dm": roomMap(),
   };
-  for (const [name, data] of Object.entries(attachments)) {
-    await writer.addAttachment({ name, logTime: 0n, createTime: 0n, mediaType: "", data });
-  }
+  const attach = async () => {
+    for (const [name, data] of Object.entries(attachments)) {
+      await writer.addAttachment({ name, logTime: 0n, createTime: 0n, mediaType: "", data });
+    }
+  };
+  if (form.areAttachmentsLast !== true) await attach();
   const channels = new Map<string, number>();
   for (const [sequence, { topic, tick, bytes }] of messages.entries()) {
     let channelId = channels.get(topic);
@@ -60,12 +65,22 @@ export async function recordingOf(
     const logTime = BigInt(tick) * TICK_NS;
     await writer.addMessage({ channelId, sequence, logTime, publishTime: logTime, data: bytes });
   }
+  if (form.areAttachmentsLast === true) await attach();
   await writer.end();
   return file.get();
 }
 
 /** The same recording as the stream of a live run: without chunks. */
 export async function asStream(recording: Uint8Array, zstd: Zstd): Promise<Uint8Array> {
+  return rewritten(recording, zstd, { hasChunks: false });
+}
+
+/** The same recording as another program writes it again; by default with the same attachments. */
+export async function rewritten(
+  recording: Uint8Array,
+  zstd: Zstd,
+  form: RecordingOptions,
+): Promise<Uint8Array> {
   const reader = new McapStreamReader({
     decompressHandlers: { zstd: (bytes, length) => zstd(bytes, Number(length)) },
   });
@@ -83,7 +98,7 @@ export async function asStream(recording: Uint8Array, zstd: Zstd): Promise<Uint8
       messages.push({ topic: topics.get(record.channelId)!, tick, bytes: record.data.slice() });
     }
   }
-  return recordingOf(messages, { hasChunks: false, attachments });
+  return recordingOf(messages, { attachments, ...form });
 }
 
 export function roomMap(): Uint8Array {

@@ -1,5 +1,6 @@
 /** Reads recordings in tests as the worker does, without a worker. */
 
+import type { Attachments } from "./attachment-search.ts";
 import { RunModel } from "./run-model.ts";
 import type { Request } from "./protocol.ts";
 import { RecordingReader } from "./recording-reader.ts";
@@ -9,16 +10,17 @@ const zstd = await loadZstd();
 
 /**
  * Reads a run from pieces of `pieceBytes`, with a batch after each; `afterBatch` is called for
- * every batch.
+ * every batch. `found` are attachments that are not where they should be.
  */
 export function readRun(
   bytes: Uint8Array,
   pieceBytes: number = bytes.length,
   afterBatch: (run: RunModel, isLast: boolean) => void = () => {},
+  found: Attachments | null = null,
 ): RunModel {
   const fetchBytes = (start: number, length: number) =>
     Promise.resolve(bytes.subarray(start, start + length));
-  const reader = new RecordingReader("test.mcap", zstd, fetchBytes);
+  const reader = new RecordingReader("test.mcap", zstd, fetchBytes, found);
   let model: RunModel | null = null;
   const send = (request: Request) => {
     if (request.kind === "follow") {

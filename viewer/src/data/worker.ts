@@ -8,7 +8,8 @@
 
 import { isMapFile, mapRun } from "./map-run.ts";
 import { transferablesOf, type Reply, type Request } from "./protocol.ts";
-import { RecordingReader, type FetchBytes } from "./recording-reader.ts";
+import { AttachmentSearch, type Attachments } from "./attachment-search.ts";
+import { MissingAttachmentError, RecordingReader, type FetchBytes } from "./recording-reader.ts";
 import type { RunHeader } from "./run-header.ts";
 import { UnreadableError } from "./run.ts";
 import { loadZstd } from "./zstd.ts";
@@ -89,8 +90,12 @@ function fail(subject: string, error: unknown): void {
   }
 }
 
-async function begin(title: string, fetchBytes: FetchBytes | null): Promise<RecordingReader> {
-  const reading = new RecordingReader(title, await zstd, fetchBytes);
+async function begin(
+  title: string,
+  fetchBytes: FetchBytes | null,
+  found: Attachments | null = null,
+): Promise<RecordingReader> {
+  const reading = new RecordingReader(title, await zstd, fetchBytes, found);
   reader = reading;
   waiting.splice(0).forEach(answer);
   return reading;
@@ -111,23 +116,57 @@ async function readFile(file: File): Promise<void> {
   }
   const fetchBytes: FetchBytes = async (start, length) =>
     new Uint8Array(await file.slice(start, start + length).arrayBuffer());
-  const reading = await begin(file.name, fetchBytes);
-  let bytes = FIRST_PIECE_BYTES;
-  for (let at = 0; at < file.size && !reading.isAtEnd; at += bytes, bytes = PIECE_BYTES) {
-    reading.push(await fetchBytes(at, bytes));
+  async function* pieces(): AsyncGenerator<Uint8Array> {
+    let bytes = FIRST_PIECE_BYTES;
+    for (let at = 0; at < file.size; at += bytes, bytes = PIECE_BYTES) yield await fetchBytes(at, bytes);
+  }
+  await readPasses(file.name, fetchBytes, pieces);
+}
+
+/**
+ * Reads a recording; one whose attachments are not where they should be in two passes, of which the
+ * first looks for them.
+ */
+async function readPasses(
+  title: string,
+  fetchBytes: FetchBytes | null,
+  pieces: () => AsyncIterable<Uint8Array>,
+): Promise<void> {
+  try {
+    await readPass(await begin(title, fetchBytes), pieces());
+  } catch (error) {
+    if (!(error instanceof MissingAttachmentError)) throw error;
+    const search = new AttachmentSearch(await zstd);
+    for await (const piece of pieces()) {
+      search.push(piece);
+      if (search.isAtEnd) break;
+    }
+    if (search.found === null) throw error;
+    await readPass(await begin(title, fetchBytes, search.found), pieces());
+  }
+}
+
+async function readPass(reading: RecordingReader, pieces: AsyncIterable<Uint8Array>): Promise<void> {
+  for await (const piece of pieces) {
+    reading.push(piece);
     await pieceRead(reading);
+    if (reading.isAtEnd) break;
   }
   reading.finish();
   sendBatch();
 }
 
 async function readUrl(url: string, title: string): Promise<void> {
-  const response = await fetch(url, { headers: { Range: "bytes=0-" } });
-  if (!response.ok || !response.body) {
-    throw new UnreadableError(
-      `${url} cannot be read: the server answers ${response.status} ${response.statusText}`,
-    );
-  }
+  const request = async (): Promise<Response> => {
+    const response = await fetch(url, { headers: { Range: "bytes=0-" } });
+    if (!response.ok || !response.body) {
+      throw new UnreadableError(
+        `${url} cannot be read: the server answers ${response.status} ${response.statusText}`,
+      );
+    }
+    return response;
+  };
+  let response: Response | null = await request();
   if (isMapFile(title)) {
     showMap(title, new Uint8Array(await response.arrayBuffer()));
     return;
@@ -136,15 +175,17 @@ async function readUrl(url: string, title: string): Promise<void> {
     const part = await fetch(url, { headers: { Range: `bytes=${start}-${start + length - 1}` } });
     return new Uint8Array(await part.arrayBuffer());
   };
-  const reading = await begin(title, response.status === 206 ? fetchRange : null);
-  const body = response.body.getReader();
-  for (let piece = await body.read(); !piece.done && !reading.isAtEnd; piece = await body.read()) {
-    reading.push(piece.value);
-    await pieceRead(reading);
+  const fetchBytes = response.status === 206 ? fetchRange : null;
+  async function* pieces(): AsyncGenerator<Uint8Array> {
+    const body = (response ?? (await request())).body!.getReader();
+    response = null;
+    try {
+      for (let piece = await body.read(); !piece.done; piece = await body.read()) yield piece.value;
+    } finally {
+      void body.cancel();
+    }
   }
-  void body.cancel();
-  reading.finish();
-  sendBatch();
+  await readPasses(title, fetchBytes, pieces);
 }
 
 function answer(request: Request): void {

@@ -418,7 +418,7 @@ pub const TABLES: [Table; 23] = [
         key("info_period_ticks", Integer("ticks"), Is("50"), PERIOD,
             "ticks between two messages on /sim/info", ""),
         key("record", Words(RecordedView::WORDS),
-            Is("[]"), NONE, "visualisation topics that the recording holds as well", ""),
+            Is("[]"), NONE, "visualisation topics that the recording holds as well; all: all of them", ""),
     ]),
     Table::new("execution", &[
         key("threads", Integer(""), Is("0"), between(0.0, 1024.0),

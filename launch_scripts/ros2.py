@@ -1,13 +1,19 @@
 #!/usr/bin/env python3
-"""Stand-in for the program `ros2` in the test of the code blocks of the documents.
+"""A small `ros2`, for an environment of wheels: PyPI has none of the packages of that program.
 
-There is no wheel of that program. This one has the commands that the documents show, with the same
-arguments, by rclpy; `topic echo` ends after a message. Each waits for what it names.
+    ros2 topic list [-t] | echo NAME [--once] [--qos-durability D] | hz NAME
+    ros2 node list | service list | param list NODE
+    ros2 service call NAME TYPE VALUES | action send_goal NAME TYPE VALUES
+    ros2 param get|describe NODE NAME | param set NODE NAME NUMBER
 
-Exit code: 0; 1 if what it names does not come, or says that it has failed.
+It has the commands of docs/ros2.md with the same arguments, by rclpy, and waits for what they name.
+launch_scripts/ros_env.sh puts it into its environment; an installed ROS 2 has the whole program.
+
+Exit code: 0; 1 if what it names does not come, or says that it has failed; 130 if interrupted.
 """
 
 import importlib
+import os
 import sys
 import time
 
@@ -16,10 +22,14 @@ import yaml
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.action import ActionClient
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 # The longest wait for something, seconds of wall time.
 PATIENCE_S = 60.0
+
+# How long lists wait for other nodes to be found, and the time between two rates, seconds.
+DISCOVERY_S = 2.0
+RATE_PERIOD_S = 1.0
 
 
 def fail(text):
@@ -45,7 +55,7 @@ def fill(message, values):
 class Tool:
     def __init__(self):
         rclpy.init()
-        self.node = rclpy.create_node("documented")
+        self.node = rclpy.create_node(f"ros2_{os.getpid()}")
 
     def until(self, holds, words):
         end = time.monotonic() + PATIENCE_S
@@ -63,9 +73,24 @@ class Tool:
         self.until(client.service_is_ready, f"service {name}")
         return self.done(client.call_async(request), f"response of {name}")
 
-    def topic_echo(self, name, *options):
-        durability = {(): "volatile"}.get(options) or options[options.index("--qos-durability") + 1]
-        qos = QoSProfile(depth=1, durability=DurabilityPolicy.get_from_short_key(durability))
+    def discover(self):
+        end = time.monotonic() + DISCOVERY_S
+        while time.monotonic() < end:
+            rclpy.spin_once(self.node, timeout_sec=0.1)
+
+    def topic_list(self, *options):
+        self.discover()
+        for topic, kinds in self.node.get_topic_names_and_types():
+            print(f"{topic} [{', '.join(kinds)}]" if "-t" in options else topic)
+
+    def node_list(self, *_):
+        self.discover()
+        for name, namespace in sorted(self.node.get_node_names_and_namespaces()):
+            if name != self.node.get_name():
+                print(f"{namespace.rstrip('/')}/{name}")
+
+    def subscribe(self, name, durability, take):
+        """Subscribes to a topic once it is known, with best effort, which every publisher offers."""
         types = []
 
         def is_known():
@@ -73,10 +98,31 @@ class Tool:
             return types
 
         self.until(is_known, f"topic {name}")
+        qos = QoSProfile(depth=100, durability=DurabilityPolicy.get_from_short_key(durability))
+        if durability == "volatile":
+            qos.reliability = ReliabilityPolicy.BEST_EFFORT
+        self.node.create_subscription(type_of(types[0]), name, take, qos)
+
+    def topic_echo(self, name, *options):
+        options = list(options)
+        durability = "volatile"
+        if "--qos-durability" in options:
+            durability = options[options.index("--qos-durability") + 1]
         messages = []
-        self.node.create_subscription(type_of(types[0]), name, messages.append, qos)
-        self.until(lambda: messages, f"message on {name}")
-        print(messages[0])
+        self.subscribe(name, durability, messages.append)
+        while True:
+            self.until(lambda: messages, f"message on {name}")
+            print(messages.pop(0), flush=True)
+            if "--once" in options:
+                return
+
+    def topic_hz(self, name, *_):
+        stamps = []
+        self.subscribe(name, "volatile", lambda _: stamps.append(time.monotonic()))
+        while True:
+            self.until(lambda: len(stamps) > 1 and stamps[-1] - stamps[0] >= RATE_PERIOD_S, f"message on {name}")
+            print(f"average rate: {(len(stamps) - 1) / (stamps[-1] - stamps[0]):.3f}", flush=True)
+            stamps.clear()
 
     def service_list(self, *_):
         def services():
@@ -131,7 +177,7 @@ class Tool:
 def main(words):
     command = getattr(Tool, "_".join(words[:2]), None) if len(words) > 1 else None
     if command is None:
-        fail("no such command in this stand-in")
+        sys.exit(__doc__)
     # Options may come before what the command names.
     options, named = [], []
     rest = iter(words[2:])
@@ -148,4 +194,7 @@ def main(words):
     rclpy.shutdown()
 
 
-main(sys.argv[1:])
+try:
+    main(sys.argv[1:])
+except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+    sys.exit(130)

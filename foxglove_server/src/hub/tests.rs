@@ -1,0 +1,72 @@
+use std::sync::mpsc::sync_channel;
+
+use foxglove::websocket::ws_protocol::client::{FetchAsset, SetParameters};
+use futures_util::FutureExt as _;
+use recording::live_stream::LiveStream;
+
+use super::*;
+
+fn scenario() -> Scenario {
+    Scenario::parse("default.toml", include_str!("../../../launch_scripts/scenarios/default.toml"), &[]).unwrap()
+}
+
+/// The texts of the replies that wait.
+fn replies(outbox: &Outbox) -> Vec<String> {
+    let next = || outbox.next().now_or_never().flatten();
+    std::iter::from_fn(next).filter_map(|message| message.into_text().ok()).map(|text| text.to_string()).collect()
+}
+
+#[test]
+fn dropped_request_is_not_reported_as_set() {
+    let (sender, requests) = sync_channel(1);
+    let hub = Hub::new(sender, false);
+    let (id, outbox) = hub.join();
+    let set = |value: f64| {
+        replies(&outbox);
+        let wanted = Parameter {
+            name: parameters::RTF.to_owned(),
+            r#type: Some(ParameterType::Float64),
+            value: Some(ParameterValue::Float64(value)),
+        };
+        let message = ClientMessage::SetParameters(SetParameters { parameters: vec![wanted], id: None });
+        hub.handle(id, &outbox, message);
+        replies(&outbox)
+    };
+    let answer = set(2.0);
+    assert!(answer.len() == 1 && answer[0].contains("execution.rtf"), "{answer:?}");
+    let reason = "execution.rtf: not set: too many requests are waiting";
+    let answer = set(3.0);
+    assert!(answer.len() == 2 && answer[0].contains(reason), "{answer:?}");
+    assert!(!answer[1].contains("execution.rtf"), "{answer:?}");
+    drop(requests);
+    assert!(set(3.0)[0].contains("the simulator is about to end"));
+}
+
+#[test]
+fn only_present_readers_of_the_present_run_are_waited_for() {
+    let (sender, _requests) = sync_channel(1);
+    let hub = Hub::new(sender, false);
+    let (id, outbox) = hub.join();
+    let read = |id: u32, uri: &str| {
+        let message = ClientMessage::FetchAsset(FetchAsset { uri: uri.to_owned(), request_id: 1 });
+        hub.handle(id, &outbox, message);
+    };
+    let stream = LiveStream::create(&[]).unwrap();
+    hub.set_next_stream(stream.reader());
+    hub.start_session(1, &scenario(), []);
+    let uri = format!("{SCHEME}{:016x}/0", 1);
+    read(id, &uri);
+    assert_eq!(hub.state().readers, BTreeMap::from([(id, false)]));
+    hub.leave(id);
+    assert!(hub.state().readers.is_empty());
+    // Its request was still on the way.
+    read(id, &uri);
+    assert!(hub.state().readers.is_empty());
+
+    let (id, _outbox) = hub.join();
+    read(id, &uri);
+    hub.start_session(2, &scenario(), []);
+    // It has read the end of a run that is no longer there.
+    hub.reader_has_end(id, &format!("{:016x}", 1));
+    assert!(hub.state().readers.is_empty());
+}
