@@ -75,7 +75,7 @@ cp -r launch_scripts/scenarios launch_scripts/ros_{env.sh,requirements.txt} -t "
 cp launch_scripts/maes.{launch.py,rviz,foxglove.json} -t "$share/launch_scripts"
 cp -r experiments/plans -t "$share/experiments"
 cp -r examples -t "$share"
-cp -r msgs/msg msgs/package.xml msgs/CMakeLists.txt -t "$share/msgs"
+cp -r msgs/msg msgs/srv msgs/package.xml msgs/CMakeLists.txt -t "$share/msgs"
 cp -r msgs/src/standard -t "$share/msgs/src"
 # For `maes snapshot` and `maes movie`; `maes view` has the page in it.
 cp -r viewer/dist -t "$share/viewer"

@@ -183,7 +183,7 @@ prepare() {
     prepare_stand_in tf2_msgs "action_msgs builtin_interfaces geometry_msgs std_msgs unique_identifier_msgs"
     prepare_stand_in simulation_interfaces "action_msgs builtin_interfaces geometry_msgs std_msgs unique_identifier_msgs"
 
-    stamp=$(fingerprint "$repo/msgs/package.xml" "$repo/msgs/CMakeLists.txt" "$repo"/msgs/msg/*.msg)
+    stamp=$(fingerprint "$repo/msgs/package.xml" "$repo/msgs/CMakeLists.txt" "$repo"/msgs/msg/*.msg "$repo"/msgs/srv/*.srv)
     if ! is_stamped "$venv/maes_built_maes_msgs" "$stamp"; then
         build_interfaces maes_msgs "$repo/msgs" "$stamp"
     fi

@@ -17,7 +17,7 @@ use std::{env, fs};
 
 use definition::{Definition, Item, Length, PART_SEPARATOR, Type, Value};
 
-/// The package of `msg/`; those under `src/standard` have the name of their folder.
+/// The package of `msg/` and `srv/`; those under `src/standard` have the name of their folder.
 const OWN_PACKAGE: &str = "maes_msgs";
 
 /// Fields that are something else in Rust than the rules say, with the same bytes.
@@ -96,11 +96,12 @@ fn write(path: &Path, code: &str) -> Result<(), String> {
 /// The interface files, sorted by package and name.
 fn files(folder: &Path) -> Result<Vec<File>, String> {
     let standard = "src/standard";
-    for watched in ["build.rs", "src/definition.rs", "msg", standard] {
+    for watched in ["build.rs", "src/definition.rs", "msg", "srv", standard] {
         println!("cargo::rerun-if-changed={watched}");
     }
     let mut files = Vec::new();
     read_folder(folder, "msg", OWN_PACKAGE, &mut files)?;
+    read_folder(folder, "srv", OWN_PACKAGE, &mut files)?;
     for (path, name) in entries(folder, standard)? {
         read_folder(folder, &path, &name, &mut files)?;
     }

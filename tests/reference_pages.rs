@@ -13,6 +13,7 @@ use msgs::counters::{CounterInfo, CounterName};
 use msgs::ids::AgentId;
 use msgs::topics::{self, Durability, Qos, Reliability, Topic};
 use regex_lite::Regex;
+use textwrap::{Options, WordSplitter};
 
 use crate::support::root;
 use crate::tidy::{files, read};
@@ -31,9 +32,8 @@ fn message_definitions_are_published() {
 fn documented_counters_are_those_of_results() {
     let varying = [CounterName::MessageBytesOfType(0), CounterName::TickExplored { permille: 0 }];
     let counters = CounterName::PLAIN.iter().copied().chain(varying).map(|counter| counter.info());
-    let rows = counters.map(|CounterInfo { name, unit, meaning }| format!("| `{name}` | {unit} | {meaning} |\n"));
-    let table = format!("| counter | unit | |\n|---|---|---|\n{}", rows.collect::<String>());
-    check_generated("docs/recording.md", "counters", &table);
+    let list = counters.map(|CounterInfo { name, unit, meaning }| item(&format!("`{name}` ({unit}): {meaning}")));
+    check_generated("docs/recording.md", "counters", &list.collect::<String>());
 }
 
 #[test]
@@ -42,12 +42,14 @@ fn documented_columns_are_those_of_runs() {
     let of_run = RunRow::COLUMNS.iter().filter(|column| column.name != "wall_<figure>");
     let columns = of_run.map(|column| (column.name.replace(", ", "`, `"), column.meaning));
     let rows = columns.chain(WallRow::COLUMNS.iter().map(of_wall));
-    let rows = rows.map(|(name, meaning)| format!("| `{name}` | {meaning} |\n"));
-    check_generated(
-        "docs/experiments.md",
-        "columns",
-        &format!("| column | |\n|---|---|\n{}", rows.collect::<String>()),
-    );
+    let list = rows.map(|(name, meaning)| item(&format!("`{name}`: {meaning}")));
+    check_generated("docs/experiments.md", "columns", &list.collect::<String>());
+}
+
+/// An item of a list, in lines of at most 100 columns.
+fn item(text: &str) -> String {
+    let options = Options::new(100).initial_indent("- ").subsequent_indent("  ");
+    textwrap::fill(text, options.word_splitter(WordSplitter::NoHyphenation).break_words(false)) + "\n"
 }
 
 /// Checks the generated part of a page, which stands between two marks; writes it if asked to.

@@ -15,6 +15,7 @@ import traceback
 import rclpy
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Vector3
 import simulation_interfaces.srv as srv
+from maes_msgs.srv import ChangeMap
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -58,6 +59,7 @@ SERVICES = {
     "set_entity_state": srv.SetEntityState,
     "delete_entity": srv.DeleteEntity,
     "spawn_entity": srv.SpawnEntity,
+    "change_map": ChangeMap,
     "list_parameters": ListParameters,
     "get_parameters": GetParameters,
     "get_parameter_types": GetParameterTypes,
@@ -381,6 +383,40 @@ def intervention(distance):
     equal(caller.set_state(PLAYING), OK, "play")
 
 
+def changing(_argument):
+    """The map becomes a hall, and then gets a lower ceiling; refused requests leave no trace."""
+    caller = Caller()
+    admitted(caller)
+    caller.step(9)
+    everywhere = 1e9
+
+    def change(kind, low, high):
+        corner = lambda values: Point(x=values[0], y=values[1], z=values[2])
+        answer = caller.call("change_map", kind=kind, low=corner(low), high=corner(high))
+        return answer.success, answer.message, answer.changed
+
+    bodies = [caller.entity(name).pose.position for name in ("agent_0", "agent_1")]
+    place = [bodies[0].x, bodies[0].y, bodies[0].z]
+    free, wall = ChangeMap.Request.FREE, ChangeMap.Request.WALL
+    for kind, low, high, words in (
+        (wall, [along - 1.0 for along in place], [along + 1.0 for along in place], "a body or a relay is in the box"),
+        (wall, [3.0] * 3, [2.0] * 3, "no cell has its centre in the box"),
+        (free, [-5.0] * 3, [0.9] * 3, "no cell has its centre in the box"),
+        (free, [math.nan] * 3, [math.nan] * 3, "no cell has its centre in the box"),
+        (7, [-everywhere] * 3, [everywhere] * 3, "kind = 7: expected 0 (FREE) or 1 (WALL)"),
+    ):
+        success, message, changed = change(kind, low, high)
+        check((success, changed) == (False, 0) and words in message, f"{words}: {success}, {changed}, {message}")
+    success, message, opened = change(free, [-everywhere] * 3, [everywhere] * 3)
+    check(success and opened > 0, f"a hall: {message}, {opened}")
+    equal(change(free, [-everywhere] * 3, [everywhere] * 3), (True, "", 0), "it is free already")
+    caller.step(10)
+    ceiling_m = max(body.z for body in bodies) + 2.0
+    success, message, closed = change(wall, [0.0, 0.0, ceiling_m], [everywhere] * 3)
+    check(success and 0 < closed < opened, f"a ceiling: {message}, {closed}, {opened}")
+    equal(caller.set_state(PLAYING), OK, "play")
+
+
 def parameters(_argument):
     """The parameters of the server, and of an agent that offers them."""
     caller = Caller()
@@ -472,7 +508,9 @@ def pace(argument):
 
 def main():
     rclpy.init()
-    scenes = {scene.__name__: scene for scene in (states, again, entities, crowd, joining, intervention, parameters, nonsense, hurry, pace)}
+    timing = (states, again, hurry, pace)
+    team = (entities, crowd, joining, intervention, changing)
+    scenes = {scene.__name__: scene for scene in (*timing, *team, parameters, nonsense)}
     scenes[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else None)
     print("done", flush=True)
     rclpy.shutdown()

@@ -6,7 +6,7 @@ use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Intervention};
+use msgs::maes_msgs::{Command, Intervention, MapChange};
 use ros2_client::{Context, NodeName, NodeOptions};
 use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, TopicKind, policy};
 
@@ -126,6 +126,32 @@ fn agents_join_and_leave_live() {
     assert!(bytes(&site, "run.mcap") == bytes(&site, "fork.mcap"), "the fork over memory differs");
     maes(&["run", "--fork", "run.mcap", "--at", "2", "--record", "ros.mcap"]);
     assert!(bytes(&site, "run.mcap") == bytes(&site, "ros.mcap"), "the fork over ROS 2 differs");
+}
+
+#[test]
+fn map_is_changed_live() {
+    let run = || {
+        let site = Site::new();
+        controlled(&site, "8", &["--controller", "dsvp"], &["changing"]).with_code(0);
+        site
+    };
+    let (site, again) = (run(), run());
+    let bytes = |site: &Site, name: &str| std::fs::read(site.path(name)).expect("there is a recording");
+    assert!(bytes(&site, "run.mcap") == bytes(&again, "run.mcap"), "the same requests make the same bytes");
+    let recording = site.recording("run.mcap");
+    let changes: Vec<MapChange> = recording.of("/sim/map_change");
+    let done: Vec<_> = changes.iter().map(|change| (change.tick, change.kind)).collect();
+    assert_eq!(done, [(10, MapChange::FREE_ON_REQUEST), (20, MapChange::WALL_ON_REQUEST)]);
+    assert_eq!((changes[0].low, changes[0].high), ([1; 3], [18; 3]), "the outermost layer stays wall");
+    let result = recording.result();
+    assert_eq!((counter(&result, "interventions"), counter(&result, "map_changes")), (2, 2));
+    let free_cells = 18 * 18 * u64::from(changes[1].low[2] - 1);
+    assert_eq!(counter(&result, "free_cells"), free_cells);
+
+    let maes = |arguments: &[&str]| Process::start(site.binary("maes").args(arguments)).ended().with_code(0);
+    assert_eq!(maes(&["verify", "run.mcap", "--controllers"]).digest(), recording.result_digest());
+    maes(&["run", "--transport", "memory", "--fork", "run.mcap", "--at", "3", "--record", "fork.mcap"]);
+    assert!(bytes(&site, "run.mcap") == bytes(&site, "fork.mcap"), "the fork differs");
 }
 
 #[test]

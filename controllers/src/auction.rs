@@ -151,7 +151,9 @@ impl Auction {
         self.claims.remove(&self.own);
     }
 
-    /// The message that carries all known claims.
+    /// The message that carries all known claims: the version (uint8), and for each claim the
+    /// agent and the index of the cell (uint32), the path length in millimetres (uint32), and the
+    /// ticks in which the claim was made and in which it ends (uint64), little-endian.
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = vec![VERSION];
         for (agent, claim) in &self.claims {

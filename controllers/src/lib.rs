@@ -358,13 +358,9 @@ mod tests {
         publish("docs/controllers.md", |page| {
             let (before, rest) = page.split_once("<!-- generated: controllers -->\n").unwrap();
             let (_, after) = rest.split_once("<!-- end of generated -->").unwrap();
-            let mut table = "| name | what it does | settings |\n|---|---|---|\n".to_owned();
-            for registration in REGISTRY {
-                let keys: Vec<String> =
-                    registration.settings().iter().map(|setting| format!("`{}`", setting.key)).collect();
-                let keys = if keys.is_empty() { "none".to_owned() } else { keys.join(", ") };
-                let Registration { name, description, .. } = registration;
-                writeln!(table, "| `{name}` | {description} | {keys} |").unwrap();
+            let mut table = "| name | what it does |\n|---|---|\n".to_owned();
+            for Registration { name, description, .. } in REGISTRY {
+                writeln!(table, "| `{name}` | {description} |").unwrap();
             }
             format!("{before}<!-- generated: controllers -->\n{table}<!-- end of generated -->{after}")
         });

@@ -113,17 +113,14 @@ row! {
     /// The metrics of a run: a row of `runs.csv`, and its columns in their order. Shares are of the
     /// free cells of the true map, 0 to 1.
     RunRow {
-        id: String =
-            "Identifies the run: 16 hexadecimal digits of the blake3 hash of scenario, seed and \
-             build.";
+        id: String = "The run: 16 hexadecimal digits of the blake3 hash of scenario, seed and build.";
         build: String = "Version and commit of the program that ran it.";
         controller: String = "Controllers of the team with their settings.";
         seed: u64 = "Seed of the scenario.";
         size as "size_x, size_y, size_z": [u32; 3] = "Cells of the map along x, y and z.";
         agents: u32 = "Size of the team.";
         axes as "axis.<key>": BTreeMap<String, String> =
-            "Value of each axis of the plan; `axis.variant` and `axis.map.file` for variants and \
-             map files.";
+            "Value of each axis of the plan; also `axis.variant` and `axis.map.file`.";
         duration_s: f64 = "Maximum sim time of the run, s.";
         end_s: f64 = "Sim time at which it ended, s.";
         reason: EndReason =
@@ -132,23 +129,19 @@ row! {
         explored: f64 = "Share that the team has seen at the end.";
         #[serde(default, skip_serializing_if = "Option::is_none")]
         explored_m3: Option<f64> =
-            "Volume of the free cells that the team has seen at the end, m^3; missing in folders of \
-             earlier builds.";
+            "Volume that the team has seen at the end, m^3; missing in folders of earlier builds.";
         #[serde(default, skip_serializing_if = "Option::is_none")]
         attainable: Option<f64> =
             "Share that the team can see from where its bodies can be; missing if one of them fits \
              into a cell, and on maps of more than 2^24 cells.";
         covered: f64 = "Share that bodies of the team have passed through at the end.";
         believed_mean: f64 = "Share that is on an agent's map, as of its last command: mean over the agents.";
-        believed_min: f64 =
-            "Share that is on an agent's map, as of its last command: minimum over the agents.";
-        t50_s: Option<f64> =
-            "Sim time at which the team had seen 50 % of the free cells, s; missing if it never \
-             had.";
-        t90_s: Option<f64> = "Sim time at which the team had seen 90 % of the free cells, s.";
-        t99_s: Option<f64> = "Sim time at which the team had seen 99 % of the free cells, s.";
-        t99_9_s: Option<f64> = "Sim time at which the team had seen 99.9 % of the free cells, s.";
-        t100_s: Option<f64> = "Sim time at which the team had seen all free cells, s.";
+        believed_min: f64 = "Share that is on an agent's map: minimum over the agents.";
+        t50_s: Option<f64> = "Sim time to 50 % of the free cells, s; missing if the team has not seen them.";
+        t90_s: Option<f64> = "Sim time to 90 % of the free cells, s.";
+        t99_s: Option<f64> = "Sim time to 99 % of the free cells, s.";
+        t99_9_s: Option<f64> = "Sim time to 99.9 % of the free cells, s.";
+        t100_s: Option<f64> = "Sim time to all free cells, s.";
         area_under_explored: f64 =
             "Mean of the explored share over the whole duration, 0 to 1; constant after the end.";
         distance_m: f64 = "Path length, summed over the agents, m.";
@@ -180,17 +173,17 @@ row! {
         contact_share: f64 =
             "Share of the pairs of agents in contact: mean over the samples every 10 s; 0 for one \
              agent.";
-        messages: u64 = "Number of agent-to-agent messages delivered.";
-        message_bytes: u64 = "Payload of the agent-to-agent messages delivered, bytes.";
+        messages: u64 = "Agent-to-agent messages delivered.";
+        message_bytes: u64 = "Payload of agent-to-agent messages delivered, bytes.";
         bytes_by_kind as "message_bytes_kind_<type>": BTreeMap<u8, u64> =
-            "Payload of the agent-to-agent messages delivered of a type (recording.md), bytes.";
+            "Payload of delivered messages of a type (recording.md), bytes.";
         staleness: f64 =
             "Share of the team's seen cells that an agent's map lacks: mean over agents and \
              samples.";
-        decisions: u64 = "Number of committed replies of agents.";
-        collisions: u64 = "Number of collisions of bodies with walls and with each other.";
-        search_failures: u64 = "Number of path searches without a path.";
-        refusals: u64 = "Number of messages of agents that the server has refused.";
+        decisions: u64 = "Committed replies of agents.";
+        collisions: u64 = "Collisions of bodies with walls and with each other.";
+        search_failures: u64 = "Path searches without a path.";
+        refusals: u64 = "Messages of agents that the server has refused.";
         digest: String = "Proof of the run (determinism.md), hexadecimal.";
         #[serde(default, skip_serializing_if = "Option::is_none")]
         oracle as "oracle_t<share>_s, bound_t<share>_s": Option<OracleRow> =

@@ -1,4 +1,5 @@
-//! The services of the WebSocket: those over ROS that control time, and one that starts a run.
+//! The services of the WebSocket: those over ROS that control time or change the map, and one that
+//! starts a run.
 
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
@@ -6,8 +7,12 @@ use std::sync::mpsc::{SyncSender, TrySendError};
 use foxglove::websocket::ws_protocol::schema::Schema;
 use foxglove::websocket::ws_protocol::server::advertise_services::Service;
 use foxglove::websocket::ws_protocol::server::{AdvertiseServices, ServiceCallFailure, ServiceCallResponse};
-use msgs::schema;
+use msgs::maes_msgs::ChangeMap;
+use msgs::schema::{self, ServiceSchema};
 use msgs::service::{Ask, Reply};
+use msgs::simulation_interfaces::{
+    GetSimulationState, GetSimulatorFeatures, ResetSimulation, SetSimulationState, StepSimulation,
+};
 use serde::{Deserialize, Serialize};
 
 use super::outbox::{CALLS_MAX, Outbox};
@@ -70,13 +75,19 @@ impl StartRequest {
 /// Decodes the payload of a call.
 type Parse = fn(Vec<u8>, Responder) -> Result<Request, (String, Responder)>;
 
-/// Services: name, type and decoder.
-const SERVICES: [(&str, &str, Parse); 5] = [
-    ("get_simulator_features", "GetSimulatorFeatures", |bytes, to| ask(bytes, to).map(Request::Features)),
-    ("get_simulation_state", "GetSimulationState", |bytes, to| ask(bytes, to).map(Request::State)),
-    ("set_simulation_state", "SetSimulationState", |bytes, to| ask(bytes, to).map(Request::SetState)),
-    ("step_simulation", "StepSimulation", |bytes, to| ask(bytes, to).map(Request::Step)),
-    ("reset_simulation", "ResetSimulation", |bytes, to| ask(bytes, to).map(Request::Reset)),
+/// Makes the definitions of a service.
+type Describe = fn() -> ServiceSchema;
+
+/// Services: name, definitions and decoder.
+const SERVICES: [(&str, Describe, Parse); 6] = [
+    ("get_simulator_features", schema::service::<GetSimulatorFeatures>, |bytes, to| {
+        ask(bytes, to).map(Request::Features)
+    }),
+    ("get_simulation_state", schema::service::<GetSimulationState>, |bytes, to| ask(bytes, to).map(Request::State)),
+    ("set_simulation_state", schema::service::<SetSimulationState>, |bytes, to| ask(bytes, to).map(Request::SetState)),
+    ("step_simulation", schema::service::<StepSimulation>, |bytes, to| ask(bytes, to).map(Request::Step)),
+    ("reset_simulation", schema::service::<ResetSimulation>, |bytes, to| ask(bytes, to).map(Request::Reset)),
+    ("change_map", schema::service::<ChangeMap>, |bytes, to| ask(bytes, to).map(Request::ChangeMap)),
 ];
 
 /// The name of the service that starts runs.
@@ -99,9 +110,8 @@ impl Services {
 
     /// The message that lists the services.
     pub(super) fn list(&self) -> AdvertiseServices<'static> {
-        let ros = SERVICES.iter().filter_map(|(name, of_type, _)| {
-            let (request, response) = schema::service(of_type);
-            let of_type = format!("simulation_interfaces/srv/{of_type}");
+        let ros = SERVICES.iter().filter_map(|(name, schema, _)| {
+            let ServiceSchema { of_type, request, response } = schema();
             let part = |kind, text: String| Schema::new(format!("{of_type}_{kind}"), "ros2msg", text.into_bytes());
             service(
                 format!("/sim_server/{name}"),

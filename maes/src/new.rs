@@ -9,6 +9,8 @@ use std::process::ExitCode;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 
+use agent_node::controllers;
+
 use crate::output::print;
 
 /// The name of the template's controller.
@@ -126,6 +128,10 @@ pub(crate) fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     ensure!(
         !TAKEN.contains(&name.as_str()),
         "{name:?}: a word of Rust or Python, or the name of a package; choose another"
+    );
+    ensure!(
+        !controllers::NAMES.contains(&name.as_str()),
+        "{name:?}: a controller of this simulator has this name; choose another"
     );
     let files = if args.python { python(name) } else { rust(name, &sources(args.sources.as_deref())?) };
     let folder = Path::new(name);

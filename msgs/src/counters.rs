@@ -71,7 +71,7 @@ counters! {
     RelayReadings = "relay_readings", "messages", "Messages read from relays.";
     AttainablePpm = "attainable_ppm", "millionths", "Share of the free cells that a team of bodies wider than a cell can see.";
     Interventions = "interventions", "changes", "Changes of the world by services, if there were any.";
-    MapChanges = "map_changes", "changes", "Changes of the map by events, if there were any.";
+    MapChanges = "map_changes", "changes", "Changes of the map by events and requests, if there were any.";
     RefusedOtherRun = "refused_other_run", "messages", "Refused: of another run.";
     RefusedUnknownAgent = "refused_unknown_agent", "messages", "Refused: an id that is not in the run.";
     RefusedWrongTopic = "refused_wrong_topic", "messages", "Refused: names another agent than its topic.";

@@ -9,9 +9,6 @@ use std::collections::BTreeSet;
 use crate::definition::Definition;
 use crate::message::{MessageType, find};
 use crate::service::Service;
-use crate::simulation_interfaces::{
-    GetSimulationState, GetSimulatorFeatures, ResetSimulation, SetSimulationState, StepSimulation,
-};
 
 /// What stands between two definitions, before the name of the second.
 const SEPARATOR: &str = "================================================================================";
@@ -33,26 +30,30 @@ pub fn text(message: MessageType) -> String {
     text
 }
 
-/// The definitions of request and response of a service of `simulation_interfaces`, each followed
-/// by those of the types that it refers to.
-///
-/// # Panics
-/// If it is not one of those that are about the time of a simulation.
-pub fn service(name: &str) -> (String, String) {
-    let (_, definition) = SERVICES.iter().find(|(known, _)| *known == name).expect("a service that can be described");
-    let (request, response) = definition.split_once("---\n").expect("an interface file of a service has two parts");
-    let whole = |definition: &'static str| text(MessageType { package: "simulation_interfaces", name: "", definition });
-    (whole(request), whole(response))
+/// A service type with its definitions.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServiceSchema {
+    /// Its full name, for example `simulation_interfaces/srv/StepSimulation`.
+    pub of_type: String,
+    /// The definition of its request, followed by those of the types that it refers to.
+    pub request: String,
+    /// The same of its response.
+    pub response: String,
 }
 
-/// Services that can be described, by their interface files.
-const SERVICES: [(&str, &str); 5] = [
-    (GetSimulatorFeatures::NAME, GetSimulatorFeatures::DEFINITION),
-    (GetSimulationState::NAME, GetSimulationState::DEFINITION),
-    (SetSimulationState::NAME, SetSimulationState::DEFINITION),
-    (StepSimulation::NAME, StepSimulation::DEFINITION),
-    (ResetSimulation::NAME, ResetSimulation::DEFINITION),
-];
+/// The definitions of a service.
+///
+/// # Panics
+/// Never: the build script has read its file, which has two parts.
+pub fn service<S: Service>() -> ServiceSchema {
+    let (request, response) = S::DEFINITION.split_once("---\n").expect("an interface file of a service has two parts");
+    let whole = |definition: &'static str| text(MessageType { package: S::PACKAGE, name: "", definition });
+    ServiceSchema {
+        of_type: format!("{}/srv/{}", S::PACKAGE, S::NAME),
+        request: whole(request),
+        response: whole(response),
+    }
+}
 
 fn append_dependencies(message: MessageType, seen: &mut BTreeSet<MessageType>, text: &mut String) {
     for dependency in dependencies(message) {
@@ -75,8 +76,11 @@ fn dependencies(message: MessageType) -> BTreeSet<MessageType> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::maes_msgs::{Command, Observation};
+    use crate::maes_msgs::{ChangeMap, Command, Observation};
     use crate::message::{ALL, Message};
+    use crate::simulation_interfaces::{
+        GetSimulationState, GetSimulatorFeatures, ResetSimulation, SetSimulationState, StepSimulation,
+    };
 
     /// The names after the separators, in order.
     fn appended(message: MessageType) -> Vec<String> {
@@ -142,8 +146,14 @@ mod tests {
 
     #[test]
     fn both_parts_of_a_service_are_complete() {
-        for (name, _) in SERVICES {
-            let (request, response) = service(name);
+        let described = [
+            service::<GetSimulatorFeatures>(),
+            service::<GetSimulationState>(),
+            service::<SetSimulationState>(),
+            service::<StepSimulation>(),
+            service::<ResetSimulation>(),
+        ];
+        for ServiceSchema { of_type: name, request, response } in described {
             assert!(!request.contains("---\n") && !response.contains("---\n"), "{name}");
             for part in ["Result", "SimulationState", "SimulatorFeatures"] {
                 let used = format!("simulation_interfaces/{part} ");
@@ -153,6 +163,9 @@ mod tests {
                 }
             }
         }
+        let change_map = service::<ChangeMap>();
+        assert_eq!(change_map.of_type, "maes_msgs/srv/ChangeMap");
+        assert!(change_map.request.contains("MSG: geometry_msgs/Point\n") && !change_map.response.contains("MSG: "));
     }
 
     #[test]

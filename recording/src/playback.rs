@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use msgs::cdr::CdrError;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{self, Command, Intervention, Join, Observation};
+use msgs::maes_msgs::{self, Command, Intervention, Join, MapChange, Observation};
 use msgs::topics;
 use thiserror::Error;
 
@@ -71,13 +71,22 @@ pub struct Playback<'a> {
     first_digest: Option<Digest>,
 }
 
+/// A change of the run from outside, as recorded.
+#[derive(Debug, Clone, PartialEq)]
+pub enum RecordedIntervention {
+    /// Of an agent.
+    OfAgent(Intervention),
+    /// Of the map, by a request.
+    OfMap(MapChange),
+}
+
 /// The recorded inputs of a tick.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RecordedTick {
     /// The digest at its start, if recorded.
     pub digest: Option<Digest>,
     /// Interventions before it, in order.
-    pub interventions: Vec<Intervention>,
+    pub interventions: Vec<RecordedIntervention>,
     /// Commands, by agent.
     pub commands: BTreeMap<AgentId, Command>,
 }
@@ -202,14 +211,21 @@ impl<'a> Playback<'a> {
         while let Some(message) = self.next.take_if(|message| message.tick() <= tick) {
             self.next = next_of_run(&mut self.messages);
             let unreadable = |source| undecodable(&self.file, &message, source);
+            let is_past = self.fork.is_none_or(|fork| message.tick() < fork);
             match message.of_agent() {
                 Some((agent, "command")) if is_covered => {
                     recorded.commands.insert(agent, message.decode().map_err(unreadable)?);
                 }
-                None if message.channel.topic == topics::intervention().name
-                    && self.fork.is_none_or(|fork| message.tick() < fork) =>
-                {
-                    recorded.interventions.push(message.decode().map_err(unreadable)?);
+                None if message.channel.topic == topics::intervention().name && is_past => {
+                    let intervention = message.decode().map_err(unreadable)?;
+                    recorded.interventions.push(RecordedIntervention::OfAgent(intervention));
+                }
+                None if message.channel.topic == topics::map_change().name && is_past => {
+                    let change: MapChange = message.decode().map_err(unreadable)?;
+                    // The events of the scenario make the others.
+                    if matches!(change.kind, MapChange::FREE_ON_REQUEST | MapChange::WALL_ON_REQUEST) {
+                        recorded.interventions.push(RecordedIntervention::OfMap(change));
+                    }
                 }
                 None if message.channel.topic == topics::digest().name => {
                     let digest: maes_msgs::Digest = message.decode().map_err(unreadable)?;

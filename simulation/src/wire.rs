@@ -211,20 +211,59 @@ pub fn change(intervention: &maes_msgs::Intervention) -> Result<Change, String> 
     }
 }
 
+/// What has made a change of the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MapChangeCause {
+    /// An event of the scenario.
+    Event,
+    /// A request: the change is an intervention.
+    Request,
+}
+
 /// A change of the map at the beginning of this tick.
 #[must_use]
-pub fn map_change(tick: Tick, cells: CellBox, terrain: Terrain) -> maes_msgs::MapChange {
+pub fn map_change(tick: Tick, cells: CellBox, terrain: Terrain, cause: MapChangeCause) -> maes_msgs::MapChange {
+    use maes_msgs::MapChange as Message;
     let along = |cell: Cell| [cell.x, cell.y, cell.z].map(i32::cast_unsigned);
-    maes_msgs::MapChange {
+    Message {
         header: header(tick),
         tick: tick.0,
-        kind: match terrain {
-            Terrain::Free => maes_msgs::MapChange::FREE,
-            Terrain::Wall => maes_msgs::MapChange::WALL,
+        kind: match (terrain, cause) {
+            (Terrain::Free, MapChangeCause::Event) => Message::FREE,
+            (Terrain::Wall, MapChangeCause::Event) => Message::WALL,
+            (Terrain::Free, MapChangeCause::Request) => Message::FREE_ON_REQUEST,
+            (Terrain::Wall, MapChangeCause::Request) => Message::WALL_ON_REQUEST,
         },
         low: along(cells.low),
         high: along(cells.high),
     }
+}
+
+/// The cells, what they become and what has made the change of a message, on a map of this extent.
+///
+/// # Errors
+/// If the kind is unknown, or the box is not one of cells inside the outermost layer of the map.
+pub fn map_change_of(
+    message: &maes_msgs::MapChange,
+    extent: Extent,
+) -> Result<(CellBox, Terrain, MapChangeCause), String> {
+    use maes_msgs::MapChange as Message;
+    let (terrain, cause) = match message.kind {
+        Message::FREE => (Terrain::Free, MapChangeCause::Event),
+        Message::WALL => (Terrain::Wall, MapChangeCause::Event),
+        Message::FREE_ON_REQUEST => (Terrain::Free, MapChangeCause::Request),
+        Message::WALL_ON_REQUEST => (Terrain::Wall, MapChangeCause::Request),
+        kind => return Err(format!("a change of the map of kind {kind}: expected 0 to 3")),
+    };
+    let axes = || message.low.iter().zip(&message.high).zip(extent.size());
+    if !axes().all(|((&low, &high), size)| (1..=high).contains(&low) && high < size - 1) {
+        return Err(format!(
+            "a change of the map from cell {:?} to {:?}: expected cells inside the outermost layer",
+            message.low, message.high
+        ));
+    }
+    let cell = |[x, y, z]: [u32; 3]| Cell::new(x.cast_signed(), y.cast_signed(), z.cast_signed());
+    Ok((CellBox { low: cell(message.low), high: cell(message.high) }, terrain, cause))
 }
 
 #[cfg(test)]

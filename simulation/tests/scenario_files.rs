@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use protocol::body_model::BodyModel;
 use serde_json::{Value, json};
 use simulation::scenario::keys::{self, DefaultValue, Key, Kind, TABLES, Table};
+use textwrap::{Options, WordSplitter};
 
 const DOCUMENT: &str = "docs/scenario.md";
 const SCHEMA: &str = "launch_scripts/scenarios/scenario.schema.json";
@@ -74,20 +75,20 @@ fn with_tables(document: &str) -> String {
     text
 }
 
+/// The keys of a table as a list.
 fn markdown(table: &Table) -> String {
-    let mut text = "| key | default | allowed | meaning |\n|---|---|---|---|\n".to_owned();
-    for key in table.keys {
+    let options = Options::new(100).subsequent_indent("  ").word_splitter(WordSplitter::NoHyphenation);
+    let options = options.break_words(false);
+    let item = |key: &Key| {
         let see = if key.see.is_empty() { String::new() } else { format!(" ([{0}]({0}))", key.see) };
-        let cells = [
-            format!("`{}`", key.name),
-            default_text(table, key),
-            [type_and_unit(key), key.allowed()].join(": ").trim_end_matches(": ").to_owned(),
-            format!("{}{see}{}", code(key.meaning), source(key)),
-        ];
-        let row = cells.map(|cell| if cell.is_empty() { " |".to_owned() } else { format!(" {cell} |") }).concat();
-        text.push_str(&format!("|{row}\n"));
-    }
-    text
+        let values = [type_and_unit(key), key.allowed()].into_iter().filter(|text| !text.is_empty());
+        let values = values.collect::<Vec<_>>().join(": ");
+        let facts = [values, default_text(table, key)].join("; ");
+        let meaning = code(key.meaning);
+        let item = format!("- `{}` ({facts}): {meaning}{see}{}", key.name, source(key));
+        textwrap::fill(&item, &options) + "\n"
+    };
+    table.keys.iter().map(item).collect()
 }
 
 /// Where the default comes from, unless it is ours.
@@ -112,10 +113,12 @@ fn type_and_unit(key: &Key) -> String {
     match key.kind {
         Kind::Boolean => "boolean".to_owned(),
         Kind::Integer(unit) => of("integer", unit),
-        Kind::Number(unit) => of("number", unit),
+        Kind::Number("") => "number".to_owned(),
+        Kind::Number(unit) => unit.to_owned(),
         Kind::NumberOrMax => "number or `\"max\"`".to_owned(),
         Kind::Seed => "integer".to_owned(),
-        Kind::Word(_) | Kind::Name => "word".to_owned(),
+        Kind::Word(_) => String::new(),
+        Kind::Name => "word".to_owned(),
         Kind::Words(_) => "list of words".to_owned(),
         Kind::Texts => "list of texts".to_owned(),
         Kind::Path => "path".to_owned(),
@@ -133,12 +136,13 @@ fn type_and_unit(key: &Key) -> String {
 fn default_text(table: &Table, key: &Key) -> String {
     match key.default {
         DefaultValue::Required => "required".to_owned(),
-        DefaultValue::Unset(words) => words.to_owned(),
+        DefaultValue::Unset(words) if words.starts_with("required") => words.to_owned(),
+        DefaultValue::Unset(words) => format!("default: {words}"),
         DefaultValue::Is(value) => {
             let aerial = BodyModel::AERIAL.numbers().into_iter().find(|(name, _)| *name == key.name);
             match aerial.filter(|_| table.path == "body") {
-                Some((_, aerial)) => format!("`{value}`; aerial: `{aerial:?}`"),
-                None => format!("`{value}`"),
+                Some((_, aerial)) => format!("default `{value}`; aerial: `{aerial:?}`"),
+                None => format!("default `{value}`"),
             }
         }
     }

@@ -21,6 +21,7 @@
 mod pacer;
 mod simulation_control;
 
+use msgs::maes_msgs::ChangeMap;
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
     DeleteEntity, GetEntities, GetEntitiesStates, GetEntityBounds, GetEntityInfo, GetEntityState, GetSimulationState,
@@ -52,6 +53,8 @@ pub enum Request {
     SetEntityState(Ask<SetEntityState>),
     Delete(Ask<DeleteEntity>),
     Spawn(Ask<SpawnEntity>),
+    /// Make cells of the map free or wall.
+    ChangeMap(Ask<ChangeMap>),
     /// Set the real-time factor.
     Rtf(Rtf),
 }

@@ -87,6 +87,38 @@ test("a paused run is resumed, paused and stepped", async ({ page, servers }) =>
   await expectState(page, "paused");
 });
 
+test("the map is changed from the page", async ({ page, servers }) => {
+  const { url } = await servers.run(ENDLESS);
+  servers.agents(AGENTS);
+  await shown.open(page, url);
+  await page.getByTestId("sim-step-1").click();
+  await expectKnown(page, 0);
+  await expectState(page, "paused");
+  await page.getByTestId("sim-map").locator("summary").click();
+  await expect(page.getByTestId("edit-wall")).toBeDisabled();
+  for (const axis of ["x", "y", "z"]) {
+    await page.getByTestId(`edit-0-${axis}`).fill("0");
+    await page.getByTestId(`edit-1-${axis}`).fill("1000");
+    await page.getByTestId(`edit-1-${axis}`).blur();
+  }
+  // Bodies are in the way of walls, and of nothing else.
+  await page.getByTestId("edit-wall").click();
+  await expect(page.getByTestId("banner-control")).toContainText("a body or a relay is in the box");
+  await page.getByTestId("edit-free").click();
+  await expect(page.getByTestId("edit-outcome")).toHaveText(/^\d+ cells have become free\.$/);
+  await page.getByTestId("sim-step-10").click();
+  await expectKnown(page, 9 * TICK_S);
+  const walls = () =>
+    page.evaluate(() => {
+      const run = window.maes!.run!;
+      const { size, walls } = run.terrainAt(run.endS);
+      return { size, walls: walls.count };
+    });
+  const { size, walls: left } = await walls();
+  const [x, y, z] = size;
+  expect(left).toBe(x * y * z - (x - 2) * (y - 2) * (z - 2));
+});
+
 test("the real-time factor is the server's", LONG, async ({ page, servers }) => {
   const { url } = await servers.run([...ENDLESS, "--rtf", "2"]);
   servers.agents(AGENTS);

@@ -160,7 +160,8 @@ impl Pursuit {
     }
 }
 
-/// The version and the reports, little-endian.
+/// The bytes of a message: the version (uint8), and for each agent that is known to have reported
+/// its id (uint32), the tick (uint64), and whether it has none left (uint8, 0 or 1), little-endian.
 fn encode(reports: &Reports) -> Vec<u8> {
     let mut bytes = vec![VERSION];
     for (agent, Report { as_of, has_finished }) in reports {

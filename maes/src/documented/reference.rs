@@ -9,6 +9,8 @@ use std::fs;
 use std::path::Path;
 
 use clap::{Arg, Command, CommandFactory};
+use simulation::scenario::keys;
+use textwrap::{Options, WordSplitter};
 
 use crate::Cli;
 
@@ -42,12 +44,16 @@ fn write_command(page: &mut String, command: &mut Command, written: &mut Command
     let usage = usage.trim_start_matches("Usage: ").lines().map(str::trim).collect::<Vec<_>>().join(" ");
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     write!(page, "\n## {name}\n\n{}\n", wrapped(&format!("{about}."))).expect("a text takes everything");
-    // Without what is required a usage says nothing that the lists do not say.
-    if usage.contains('<') {
+    // Without required options a usage says nothing that the list does not say.
+    let (options, _) = usage.split_once("<COMMAND>").unwrap_or((&usage, ""));
+    if options.contains("--") {
         write!(page, "\nUsage: `{usage}`\n").expect("a text takes everything");
     }
+    // `maes map generate` has an option `--fill` of its own.
+    let reads_maps = shown(command).any(|arg| arg.get_long() == Some("free-from"));
     for heading in headings(command) {
-        let arguments: Vec<&Arg> = shown(command).filter(|arg| heading_of(arg) == heading).collect();
+        let all = shown(command).filter(|arg| heading_of(arg) == heading);
+        let (of_import, arguments): (Vec<&Arg>, Vec<&Arg>) = all.partition(|arg| reads_maps && is_import_option(arg));
         let items: String = arguments.iter().map(|arg| item(arg)).collect();
         let title = heading.to_lowercase();
         let of = written.lists.entry((heading, items)).or_insert_with(|| name.clone());
@@ -55,6 +61,10 @@ fn write_command(page: &mut String, command: &mut Command, written: &mut Command
             page.push_str(&list(&title, &arguments, &name, &mut written.items));
         } else {
             write!(page, "\nFurther options: *{title}*, as of {}.\n", link(of)).expect("a text takes everything");
+        }
+        if !of_import.is_empty() {
+            write!(page, "\nFurther options: those of [`[map.import]`](scenario.md#mapimport).\n")
+                .expect("a text takes everything");
         }
     }
     for below in command.get_subcommands_mut() {
@@ -75,12 +85,19 @@ fn list(title: &str, arguments: &[&Arg], name: &str, written: &mut BTreeMap<Stri
             _ => items.push_str(&item(arg)),
         }
     }
-    let mut text = if items.is_empty() { String::new() } else { format!("\n*{title}*\n\n{items}") };
+    // Arguments and options are told apart by their names.
+    let title = if OF_COMMANDS.contains(&title) { String::new() } else { format!("\n*{title}*\n") };
+    let mut text = if items.is_empty() { String::new() } else { format!("{title}\n{items}") };
     for (of, names) in elsewhere {
         write!(text, "\n{}\n", wrapped(&format!("As of {}: {}.", link(&of), names.join(", "))))
             .expect("a text takes everything");
     }
     text
+}
+
+/// Whether an option is a key of `[map.import]`, which docs/scenario.md describes.
+fn is_import_option(arg: &Arg) -> bool {
+    arg.get_long().is_some_and(|long| keys::find(&format!("map.import.{}", long.replace('-', "_"))).is_some())
 }
 
 /// A link to the part of the page that describes a command.
@@ -91,16 +108,8 @@ fn link(command: &str) -> String {
 /// A paragraph, or an item of a list, in lines of at most 100 columns.
 fn wrapped(text: &str) -> String {
     let indent = if text.starts_with("- ") { "  " } else { "" };
-    let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
-        let line = lines.last_mut().expect("it begins with a line");
-        match (line.is_empty(), line.chars().count() + 1 + word.chars().count() <= 100) {
-            (true, _) => line.push_str(word),
-            (false, true) => *line += &format!(" {word}"),
-            (false, false) => lines.push(format!("{indent}{word}")),
-        }
-    }
-    lines.join("\n")
+    let options = Options::new(100).subsequent_indent(indent).word_splitter(WordSplitter::NoHyphenation);
+    textwrap::fill(text, options.break_words(false))
 }
 
 /// The arguments of a command, without those that every command has.

@@ -63,6 +63,7 @@ impl Services {
         offer.service("set_entity_state", Request::SetEntityState)?;
         offer.service("delete_entity", Request::Delete)?;
         offer.service("spawn_entity", Request::Spawn)?;
+        offer.service("change_map", Request::ChangeMap)?;
         offer.parameters(declared)
     }
 

@@ -8,6 +8,8 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use msgs::geometry_msgs;
+use msgs::maes_msgs::{ChangeMapRequest, ChangeMapResponse};
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
     DeleteEntityResponse, Result as Outcome, SetEntityStateRequest, SetEntityStateResponse, SpawnEntityRequest,
@@ -17,7 +19,10 @@ use msgs::simulation_interfaces::{
 use super::agents::POLL_PERIOD;
 use super::entities::{self, Team};
 use super::{RunError, Session};
+use nalgebra::Point3;
+use simulation::world::map_change::MapChange;
 use transport::control::Request;
+use voxels::Terrain;
 
 /// Most requests that are answered between two ticks, so that a flood does not stop the clock.
 const REQUESTS_MAX: usize = 32;
@@ -126,6 +131,7 @@ impl Session<'_, '_> {
                 reply.send(DeleteEntityResponse { result });
             }
             Request::Spawn(Ask { request, reply }) => reply.send(self.spawn(&request, phase)?),
+            Request::ChangeMap(Ask { request, reply }) => reply.send(self.change_map(&request, phase)?),
             _ => unreachable!("requests that concern time alone are answered by the simulation control"),
         }
         Ok(())
@@ -181,6 +187,33 @@ impl Session<'_, '_> {
         Ok(match self.engine.join(agent, pose, &mut self.log)? {
             Ok(()) => SpawnEntityResponse { result: Outcome::ok(), entity_name: entities::name(agent) },
             Err(reason) => refused(Outcome::failure(SpawnEntityResponse::INVALID_POSE, reason)),
+        })
+    }
+
+    fn change_map(&mut self, request: &ChangeMapRequest, phase: Phase) -> Result<ChangeMapResponse, RunError> {
+        let refused =
+            |message: String| Ok(ChangeMapResponse { success: false, message, ..ChangeMapResponse::default() });
+        let terrain = match request.kind {
+            ChangeMapRequest::FREE => Terrain::Free,
+            ChangeMapRequest::WALL => Terrain::Wall,
+            kind => return refused(format!("kind = {kind}: expected 0 (FREE) or 1 (WALL)")),
+        };
+        if phase == Phase::Admission {
+            return refused("the run waits for agents: ask again once it has started".to_owned());
+        }
+        let point = |corner: &geometry_msgs::Point| Point3::new(corner.x, corner.y, corner.z);
+        let (low, high) = (point(&request.low), point(&request.high));
+        let extent = self.engine.world().terrain().extent();
+        let Some(cells) = (MapChange { terrain, low, high, trigger: None }).cells(extent) else {
+            let [x, y, z] = extent.size().map(|cells| f64::from(cells) * extent.cell_m());
+            return refused(format!(
+                "no cell has its centre in the box from {low} to {high} m: expected low below high, inside the \
+                 outermost layer of the map of {x} x {y} x {z} m"
+            ));
+        };
+        Ok(match self.engine.change_cells(cells, terrain, &mut self.log)? {
+            Ok(changed) => ChangeMapResponse { success: true, message: String::new(), changed },
+            Err(reason) => ChangeMapResponse { success: false, message: reason.to_owned(), changed: 0 },
         })
     }
 }

@@ -31,12 +31,13 @@ use protocol::wake_condition::WakeCondition;
 use recording::playback::RecordedTick;
 use simulation::digest::{Chain, Digest};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent};
-use simulation::wire::{self, Change};
+use simulation::wire::{self, Change, MapChangeCause};
 use simulation::workers::Workers;
 use simulation::world::attainable::Attainable;
 use simulation::world::body::Pose;
-use simulation::world::map_change::MapChange;
+use simulation::world::map_change::{CellBox, MapChange};
 use simulation::world::{Presence, World};
+use voxels::Terrain;
 
 /// A committed exchange with an agent.
 pub(super) struct CommittedReply {
@@ -342,13 +343,39 @@ impl<'a> Engine<'a> {
             }
             self.flush_scans();
             self.chain.message(digested.as_bytes());
-            if let Some(cells) = self.world.change_map(&change) {
-                log.write(EntryKind::MapChange, tick, &wire::map_change(tick, cells, change.terrain))?;
+            if let Some(cells) = change.cells(self.world.terrain().extent())
+                && self.world.change_map(cells, change.terrain) > 0
+            {
+                let message = wire::map_change(tick, cells, change.terrain, MapChangeCause::Event);
+                log.write(EntryKind::MapChange, tick, &message)?;
             }
             // Those who rested may have something to see now.
             self.rested_at = None;
         }
         Ok(())
+    }
+
+    /// Makes the cells of a box free or wall, as a request says, and returns how many have changed;
+    /// or returns the reason why they stay as they are.
+    pub(super) fn change_cells(
+        &mut self,
+        cells: CellBox,
+        terrain: Terrain,
+        log: &mut SessionLog<'_>,
+    ) -> Result<Result<u32, &'static str>, RunError> {
+        if terrain == Terrain::Wall && self.world.is_anything_in(cells) {
+            return Ok(Err("a body or a relay is in the box: move it away, or choose other cells"));
+        }
+        self.flush_scans();
+        let changed = self.world.change_map(cells, terrain);
+        if changed > 0 {
+            let tick = self.tick();
+            self.interventions += 1;
+            let message = wire::map_change(tick, cells, terrain, MapChangeCause::Request);
+            log.write_digested(EntryKind::MapChange, tick, &message, &mut self.chain)?;
+            self.rested_at = None;
+        }
+        Ok(Ok(changed))
     }
 
     /// Lets a late agent join as soon as there is room for it.

@@ -7,14 +7,14 @@
 use std::ops::ControlFlow;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Intervention, Observation as Fragment};
+use msgs::maes_msgs::{Intervention, MapChange, Observation as Fragment};
 
 use super::agents::{Awaited, recorded_join};
 use super::log::EntryKind;
 use super::{EndReason, RunError, Session, timeout_policy};
 use protocol::lockstep::{CommandReply, MissingReplies, ObservationRequest, Replies};
 use protocol::observation::RequestKind;
-use recording::playback::{Ending, Playback, RecordedTick};
+use recording::playback::{Ending, Playback, RecordedIntervention, RecordedTick};
 use simulation::digest::Digest;
 use simulation::scenario::OnAgentLoss;
 use simulation::wire::{self, Change};
@@ -100,7 +100,10 @@ impl Session<'_, '_> {
             return Err(RunError::OtherRun { tick, reason });
         }
         for intervention in &recorded.interventions {
-            self.repeat_intervention(intervention)?;
+            match intervention {
+                RecordedIntervention::OfAgent(intervention) => self.repeat_intervention(intervention)?,
+                RecordedIntervention::OfMap(change) => self.repeat_map_change(change)?,
+            }
         }
         Ok(match (is_known, is_verified) {
             (true, _) => NextTick::Recorded(recorded),
@@ -181,6 +184,18 @@ impl Session<'_, '_> {
             }
         };
         done.map_err(|reason| misfit(format!("agent {agent}: {reason}")))
+    }
+
+    fn repeat_map_change(&mut self, change: &MapChange) -> Result<(), RunError> {
+        let tick = self.engine.tick();
+        let misfit = |reason: String| RunError::OtherRun { tick, reason };
+        let extent = self.engine.world().terrain().extent();
+        let (cells, terrain, _) = wire::map_change_of(change, extent).map_err(misfit)?;
+        match self.engine.change_cells(cells, terrain, &mut self.log)? {
+            Ok(0) => Err(misfit("a request has changed cells there, and none here".to_owned())),
+            Ok(_) => Ok(()),
+            Err(reason) => Err(misfit(format!("a change of the map: {reason}"))),
+        }
     }
 
     /// The recorded replies of a tick, if they fit its requests. Agents that were lost then are

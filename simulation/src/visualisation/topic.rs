@@ -102,7 +102,7 @@ impl VisualisationTopic {
 
     /// Whether it shows the walls, and is published again when the map has changed.
     pub(super) fn shows_map(self) -> bool {
-        matches!(self, Self::Map | Self::Occupancy | Self::MapPoints)
+        matches!(self, Self::Map | Self::Occupancy | Self::MapPoints | Self::Octomap)
     }
 
     /// Whether it is published once, because it does not change while the map does not.

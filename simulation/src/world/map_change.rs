@@ -1,8 +1,9 @@
-//! Changes of the true map during a run: the cells of a box become wall or free.
+//! Changes of the true map during a run: the cells of a box become wall or free, by an event of the
+//! scenario or by a request.
 //!
-//! **What holds up a change.** A cell becomes wall only where no body and no relay is: a change
-//! that would enclose one waits, as a whole, until the last has left the cells. The outermost layer
-//! of the map stays wall.
+//! **What holds up a change.** A cell becomes wall only where no body and no relay is: a change of
+//! an event that would enclose one waits, as a whole, until the last has left the cells; a request
+//! is refused. The outermost layer of the map stays wall.
 //!
 //! **Who notices.** No message announces a change. Every sensor forgets the cells that have
 //! changed, so that its next scan that meets one reports it anew (`lidar::SensorMemory::revise`).
@@ -20,7 +21,7 @@
 use msgs::ids::AgentId;
 use nalgebra::{Point3, Vector3};
 use protocol::event_mask::EventMask;
-use voxels::{Cell, Extent, Grid, Terrain};
+use voxels::{Cell, Extent, Terrain};
 
 use super::{PendingObservation, Presence, World};
 
@@ -99,13 +100,6 @@ fn distance_m(extent: Extent, low: Cell, high: Cell, point: &Point3<f64>) -> f64
     (point - point.sup(&low).inf(&high)).norm()
 }
 
-/// Sets the cells of a box; the terrain of a recorded run after a change.
-pub fn set_cells(terrain: &mut Grid<Terrain>, cells: CellBox, kind: Terrain) {
-    cells.cells().for_each(|cell| {
-        terrain.set(cell, kind);
-    });
-}
-
 impl World {
     /// How often the map has changed.
     #[must_use]
@@ -128,7 +122,8 @@ impl World {
     }
 
     /// Whether a body or a relay is in cells of a box that are free.
-    fn is_anything_in(&self, cells: CellBox) -> bool {
+    #[must_use]
+    pub fn is_anything_in(&self, cells: CellBox) -> bool {
         let extent = self.terrain.extent();
         let is_free = |cell: &Cell| cells.contains(*cell) && self.terrain.get(*cell) == Some(&Terrain::Free);
         let has_relay = self.relays().iter().any(|relay| is_free(&extent.cell_of(&relay.position)));
@@ -146,30 +141,26 @@ impl World {
             })
     }
 
-    /// Changes the map at the start of a tick, before its scans. Returns the cells of the box, or
-    /// `None` if all of them were so before.
+    /// Changes the map at the start of a tick, before its scans. Returns how many cells have
+    /// changed.
     ///
     /// # Panics
     /// If the world is not settled (see [`World::flush_scans`]), or a body is in a cell that
     /// becomes wall.
-    pub fn change_map(&mut self, change: &MapChange) -> Option<CellBox> {
+    pub fn change_map(&mut self, cells: CellBox, terrain: Terrain) -> u32 {
         assert!(self.has_no_pending_scans(), "the map changes while scans are not counted");
+        assert!(terrain == Terrain::Free || !self.is_anything_in(cells), "a body is in a cell that becomes wall");
         let extent = self.terrain.extent();
-        let cells = change.cells(extent)?;
-        assert!(
-            change.terrain == Terrain::Free || !self.is_anything_in(cells),
-            "a body is in a cell that becomes wall"
-        );
         let indices = cells.cells().filter_map(|cell| extent.index(cell));
         let changed: Vec<u32> =
-            indices.filter(|&index| self.terrain[index] != change.terrain).map(|index| index as u32).collect();
+            indices.filter(|&index| self.terrain[index] != terrain).map(|index| index as u32).collect();
         if changed.is_empty() {
-            return None;
+            return 0;
         }
-        changed.iter().for_each(|&index| self.terrain[index as usize] = change.terrain);
+        changed.iter().for_each(|&index| self.terrain[index as usize] = terrain);
         (0..self.agents.len()).for_each(|index| self.collect_scans(index));
-        let explored_by = self.revise_sensors(&changed, change.terrain);
-        self.coverage.revise(&changed, change.terrain, &explored_by, self.tick);
+        let explored_by = self.revise_sensors(&changed, terrain);
+        self.coverage.revise(&changed, terrain, &explored_by, self.tick);
         self.map_changed_at = Some(self.tick);
         self.map_revision += 1;
         (self.contacts, self.open_space) = (None, None);
@@ -181,7 +172,7 @@ impl World {
             self.put(agent);
         }
         self.attainable.take();
-        Some(cells)
+        changed.len() as u32
     }
 
     /// Has all sensors forget cells that have changed; by agent, how many of them counted as

@@ -16,6 +16,7 @@ import { el } from "./dom.ts";
 import { PLAYBACK_EVENT, type HandleState, type Playback } from "./handle.ts";
 import { listenToKeys } from "./keys.ts";
 import { browserEnvironment, LiveConnection, socketAddress } from "./live.ts";
+import { MapEdit } from "./map-edit.ts";
 import { MapRoom } from "./map-room.ts";
 import { ViewSettings } from "./view-settings.ts";
 import { RenderLoop } from "./render-loop.ts";
@@ -62,6 +63,11 @@ export class App implements PageActions {
   readonly scene: Scene | null;
   readonly loop: RenderLoop;
   readonly ready: Promise<void>;
+  /** The box of a change of the map of a live run. */
+  readonly mapEdit = new MapEdit(() => {
+    this.scene?.setMarks({ measured: this.mapEdit.corners, starts: [] }, null);
+    this.#changed();
+  });
   run: Run | null = null;
   live: LiveConnection | null = null;
   #selected: number | null = null;
@@ -114,7 +120,10 @@ export class App implements PageActions {
     });
     this.shell.onResize((width, height) => this.loop.resize(width, height));
     this.shell.onPick((x, y) => {
-      this.#room?.clicked(this.scene?.surfaceAt(x, y) ?? null);
+      const hit = this.scene?.surfaceAt(x, y) ?? null;
+      this.#room?.clicked(hit);
+      this.mapEdit.clicked(hit);
+      if (this.mapEdit.isOn) return;
       const agent = this.scene?.pick(x, y) ?? null;
       if (agent !== null) this.select(agent);
     });

@@ -11,6 +11,7 @@ import { FoxgloveClient } from "@foxglove/ws-protocol";
 import type { FetchAssetResponse, IWebSocket, ServerInfo, Service } from "@foxglove/ws-protocol";
 import type { LiveFeed } from "../data/sources.ts";
 import { LoopSubscription } from "./loop-times.ts";
+import type { EditBox } from "./map-edit.ts";
 import { ServiceCalls } from "./service-calls.ts";
 import * as services from "./services.ts";
 
@@ -137,6 +138,12 @@ export class LiveConnection {
     return this.#request(services.SERVICES.setState, services.setStateRequest(services.STATE.quitting));
   }
 
+  /** Makes the cells of a box wall or free; how many have changed. */
+  async changeMap(isWall: boolean, box: EditBox): Promise<number> {
+    const request = services.changeMapRequest(isWall, box);
+    return services.readChangedCells(await this.#calls.call(services.SERVICES.changeMap, request));
+  }
+
   setRtf(rtf: number): void {
     if (!this.#client || this.state !== "open") throw new Error("Not connected to the simulator.");
     this.rtf = rtf;
@@ -158,6 +165,11 @@ export class LiveConnection {
       !this.hasEnded &&
       this.#calls.has(services.SERVICES.setState)
     );
+  }
+
+  /** Whether there is a run whose map can be changed. */
+  get canChangeMap(): boolean {
+    return this.canControl && this.#calls.has(services.SERVICES.changeMap);
   }
 
   /** Whether a run can be started: the server is idle. */

@@ -1,11 +1,14 @@
 /** The actions that the parts of the page may request; implemented by `App`. */
 
 import type { LiveConnection } from "./live.ts";
+import type { MapEdit } from "./map-edit.ts";
 
 /** A part of the page that can be opened and closed. */
 export type PagePart = "isPanelOpen" | "isLayersOpen" | "areStatsOpen";
 
 export interface PageActions {
+  /** The box of a change of the map of a live run. */
+  readonly mapEdit: MapEdit;
   openFile(file: File): Promise<void>;
   openUrl(url: string): Promise<void>;
   /** Connects to the simulator at an address. */

@@ -3,6 +3,7 @@
  * 2. Independent of the connection.
  */
 import { CdrReader, CdrWriter, EncapsulationKind } from "@foxglove/cdr";
+import type { EditBox } from "./map-edit.ts";
 
 /** States of `simulation_interfaces/msg/SimulationState`. */
 export const STATE = { stopped: 0, playing: 1, paused: 2, quitting: 3 } as const;
@@ -12,6 +13,7 @@ export const SERVICES = {
   setState: "/sim_server/set_simulation_state",
   step: "/sim_server/step_simulation",
   reset: "/sim_server/reset_simulation",
+  changeMap: "/sim_server/change_map",
   startRun: "/sim_server/start_run",
 } as const;
 
@@ -39,6 +41,21 @@ export const emptyRequest = () => written((writer) => writer.uint8(0));
 export const setStateRequest = (state: number) => written((writer) => writer.uint8(state));
 export const stepRequest = (ticks: number) => written((writer) => writer.uint64(BigInt(ticks)));
 export const resetRequest = () => written((writer) => writer.uint8(0));
+
+/** The request of `maes_msgs/srv/ChangeMap`. */
+export const changeMapRequest = (isWall: boolean, { low, high }: EditBox) =>
+  written((writer) => {
+    writer.uint8(isWall ? 1 : 0);
+    for (const metres of [...low, ...high]) writer.float64(metres);
+  });
+
+/** How many cells a change of the map has changed; throws the server's reason if it was refused. */
+export function readChangedCells(data: Uint8Array): number {
+  const reader = new CdrReader(data);
+  const [isDone, message] = [reader.uint8() !== 0, reader.string()];
+  if (!isDone) throw new Error(`The map stays as it is: ${message}`);
+  return reader.uint32();
+}
 
 export function readOutcome(data: Uint8Array): Outcome {
   return outcomeOf(new CdrReader(data));

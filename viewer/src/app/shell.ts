@@ -15,6 +15,7 @@ import { el, iconButton, setHidden, setIcon, setText } from "./dom.ts";
 import { RenderStats } from "./render-stats.ts";
 import { LayersPanel } from "./layers-panel.ts";
 import { MapCard } from "./map-card.ts";
+import type { MapEdit } from "./map-edit.ts";
 import type { MapRoom } from "./map-room.ts";
 import { Legend } from "./legend.ts";
 import type { LiveConnection } from "./live.ts";
@@ -42,6 +43,7 @@ export class Shell {
   readonly #layers: LayersPanel | null;
   readonly #simulator: SimulatorCard;
   readonly #map = new MapCard();
+  readonly #mapEdit: MapEdit;
   readonly #run = new RunCard();
   readonly #agents: AgentsCard;
   readonly #agent: AgentCard;
@@ -67,6 +69,7 @@ export class Shell {
     isPicture: boolean,
   ) {
     this.#canvas = canvas;
+    this.#mapEdit = actions.mapEdit;
     this.#view = view;
     this.#isPicture = isPicture;
     canvas.className = "canvas";
@@ -110,7 +113,11 @@ export class Shell {
         () => actions.viewChanged(),
         () => actions.togglePart("isLayersOpen"),
       );
-    this.#simulator = new SimulatorCard({ control: (what) => actions.control(what), newRun });
+    this.#simulator = new SimulatorCard({
+      mapEdit: actions.mapEdit,
+      control: (what) => actions.control(what),
+      newRun,
+    });
     this.#agents = new AgentsCard((agent) => actions.select(agent));
     this.#agent = new AgentCard(() => actions.select(null));
     this.#chart = new ProgressChart((timeS) => actions.seek(timeS));
@@ -227,7 +234,7 @@ export class Shell {
   ): void {
     this.#frame.classList.toggle("has-run", panel !== null || this.#isOpening);
     this.#frame.classList.toggle("is-map", room !== null);
-    this.#stage.classList.toggle("is-picking", room !== null && room.tool !== "look");
+    this.#stage.classList.toggle("is-picking", room ? room.tool !== "look" : this.#mapEdit.isOn);
     setHidden(this.#welcome.root, panel !== null || this.#isPicture);
     if (!panel) {
       this.#welcome.update(busy, live);

@@ -1,6 +1,6 @@
 /**
- * The card that controls a simulator: pause, steps, speed, restart, stop, and new runs; and where
- * its wall time goes.
+ * The card that controls a simulator: pause, steps, speed, restart, stop, changes of the map, and
+ * new runs; and where its wall time goes.
  */
 import { FactList } from "./cards.ts";
 import { confirmed } from "./dialogs.ts";
@@ -8,12 +8,15 @@ import { el, icon, iconButton, setHidden, setIcon, slider, textButton } from "./
 import type { Slider } from "./dom.ts";
 import { percent, speedFactor } from "./format.ts";
 import type { LiveConnection } from "./live.ts";
+import { MapEditPanel } from "./map-edit-panel.ts";
+import type { MapEdit } from "./map-edit.ts";
 import { nearestStep, RUN_RATES } from "./rates.ts";
 import { STATE } from "./services.ts";
 
 const STEPS = [1, 10, 50] as const;
 
 export interface SimulatorActions {
+  readonly mapEdit: MapEdit;
   /** Sends a command to the simulator; errors are shown as a banner. */
   control(what: (live: LiveConnection) => Promise<void> | void): void;
   newRun(): void;
@@ -30,6 +33,7 @@ export class SimulatorCard {
   /** The shares of the wall time by phase of the simulator's loop, folded at first. */
   readonly #profile: HTMLDetailsElement;
   readonly #phases = new FactList();
+  readonly #mapEdit: MapEditPanel;
   #isPlaying = false;
 
   constructor(actions: SimulatorActions) {
@@ -96,6 +100,7 @@ export class SimulatorCard {
       el("summary", { title: "Shares of the last two seconds of wall time" }, "Where its time goes"),
       this.#phases.root,
     );
+    this.#mapEdit = new MapEditPanel(actions);
     this.root = el(
       "section",
       { class: "card", testid: "simulator-card" },
@@ -109,6 +114,7 @@ export class SimulatorCard {
         this.#stop,
       ),
       this.#speed.root,
+      this.#mapEdit.root,
       this.#profile,
       this.#new,
     );
@@ -129,6 +135,7 @@ export class SimulatorCard {
     if (live.rtf !== null && document.activeElement !== this.#speed.input) {
       this.#speed.set(nearestStep(RUN_RATES, live.rtf));
     }
+    this.#mapEdit.update(live);
     setHidden(this.#profile, !canControl);
     live.loop.setEnabled(canControl && this.#profile.open);
     const { shares } = live.loop;

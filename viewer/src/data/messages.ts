@@ -328,15 +328,15 @@ export function intervention(bytes: Uint8Array): Intervention {
   return { tick, isPlaced, agent: reader.u32(), position: vector(reader), yawRad: reader.f64() };
 }
 
-/** Cells that become wall; others become free. */
-const WALL = 1;
+/** Kinds of changes in which cells become wall: by an event, and by a request. */
+const WALLS = new Set([1, 3]);
 
 /** A change of the map: the cells of a box have become free or wall. */
 export function mapChange(bytes: Uint8Array): MapChange {
   const reader = new CdrReader(bytes);
   header(reader);
   const tick = reader.u64();
-  const isWall = reader.u8() === WALL;
+  const isWall = WALLS.has(reader.u8());
   const cell = (): Vec3 => [reader.u32(), reader.u32(), reader.u32()];
   return { tick, isWall, low: cell(), high: cell() };
 }

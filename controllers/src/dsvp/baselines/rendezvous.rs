@@ -229,7 +229,8 @@ impl Coordination for Rendezvous {
     }
 }
 
-/// The version, the ticks, the place and the members, little-endian.
+/// The bytes of a message: the version (uint8), the ticks of the agreement and of the meeting
+/// (uint64), the index of its cell and the ids of its members (uint32), little-endian.
 fn encode(meeting: &Meeting, extent: Extent) -> Vec<u8> {
     let mut bytes = vec![VERSION];
     bytes.extend(meeting.made.0.to_le_bytes());

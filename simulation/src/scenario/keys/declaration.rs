@@ -77,8 +77,8 @@ pub const TABLES: [Table; 23] = [
         key("margin_cells", Integer("cells"), Unset("0"), between(0.0, 500.0),
             "meshes and point clouds: layers of free cells around the content of the file", "ours"),
         key("crop", Corners("m"), Unset("all of the file"), NONE,
-            "meshes, point clouds and OctoMap: what lies outside this box is left out; its lowest and its highest corner, \
-             in the coordinates in which the report gives the origin of the map", "ours")
+            "meshes, point clouds and OctoMap: what lies outside this box (lowest and highest corner, in the coordinates of \
+             the origin that the report gives) is left out", "ours")
             .limits("six finite numbers, each of the last three above that of the first three"),
         key("free_from", Position("units of the file"), Unset("all free cells stay"), NONE,
             "meshes, point clouds and OctoMap: only cells connected with this position of the file stay free", "ours")
@@ -93,7 +93,7 @@ pub const TABLES: [Table; 23] = [
             "point clouds: positions of the sensor; each point counts as seen from the nearest one in sight", "ours")
             .limits("1 to 10000 positions; not with `sensor`"),
         key("trajectory", Path, Unset("none"), NONE,
-            "point clouds: a file with the positions of the sensor over time (timestamp tx ty tz qx qy qz qw); of each point \
+            "point clouds: a file of TUM (timestamp tx ty tz qx qy qz qw) with the positions of the sensor: of each point \
              that at its time if the cloud has times, else the nearest one in sight", "ours")
             .limits("at most 1 GiB; not with `sensor` or `stations`"),
         key("voxel_min_points", Integer(""), Unset("1"), between(1.0, 1_000_000.0),
@@ -153,7 +153,7 @@ pub const TABLES: [Table; 23] = [
         key("slab", Integer("cells"), Is("1"), between(1.0, 1024.0),
             "solid cells between two floors", "ours"),
         key("hall_share", Number(""), Is("0.2"), above(0.0, 0.9),
-            "hallways are added until they have this share of a floor, or no more fit; there is always one",
+            "hallways are added until they have this share of a floor; there is always one",
             "ancestor: 20 %"),
         key("hall_width", Integer("cells"), Is("4"), between(1.0, 1020.0),
             "width of every hallway", "ancestor").limits("1 to the width that leaves a room on either side"),
@@ -222,7 +222,7 @@ pub const TABLES: [Table; 23] = [
         key("count", Integer(""), Required, between(1.0, AGENTS_MAX as f64),
             "number of agents; their ids are 0 to count - 1", "reference: 1 to 10, 3"),
         key("controller", Name, Is("\"rbw\""), NONE,
-            "controller of every agent that mix gives no other, and whose own command line names none", "reference: RBW")
+            "controller of every agent to which neither mix nor its command line gives another", "reference: RBW")
             .limits("a name from [controllers.md](controllers.md), or that of a controller of your own").changeable(),
         key("share_period_ticks", Integer("ticks"), Is("251"), PERIOD_OR_NEVER,
             "ticks between two map updates that an agent sends to its contacts; 0: it only receives",
@@ -372,26 +372,22 @@ pub const TABLES: [Table; 23] = [
     ]),
     Table::new("faults", &[
         key("on_agent_loss", Word(&["abort", "drop", "wait"]), Is("\"abort\""), NONE,
-            "what the server does when an agent does not answer within execution.decision_timeout_s: end the run \
-             (exit code 4); stop the body and continue without it; or hold the clock until the agent answers or \
-             another process has taken its place", "ours").see("reliability.md"),
+            "what the server does when an agent does not answer within execution.decision_timeout_s: end the run (exit code \
+             4), continue without it, or hold the clock until it or another process answers", "ours").see("reliability.md"),
     ]),
     Table::new("event", &[
         key("at_s", Number("s"), Required, between(0.0, 2e8),
             "sim time at which it happens, before the scans of its tick", "ours")
             .checked_elsewhere().limits("a multiple of 0.02, 0 to 2e8; in the order of their times"),
         key("kind", Word(&["join", "leave", "break_down", "radio_off", "radio_on", "wall", "free", "set"]), Required, NONE,
-            "what happens: an agent enters the world at its start, leaves it with its body, or fails and stays as \
-             an obstacle; its radio fails, or works again; cells of the map become wall, or free; or keys change for \
-             the rest of the run", "ours"),
+            "what happens to an agent, its radio, cells of the map or keys", "ours"),
         key("agent", Integer(""), Unset("required unless `\"wall\"`, `\"free\"` or `\"set\"`"),
             between(0.0, (AGENTS_MAX - 1) as f64),
-            "the agent that it happens to; of a change of the map the one whose approach it waits for", "ours")
+            "the agent; of a change of the map the one whose approach it waits for", "ours")
             .only_with(&["join", "leave", "break_down", "radio_off", "radio_on", "wall", "free"])
             .checked_elsewhere().limits("0 to `agents.count` - 1; of a change of the map any agent by default"),
         key("low", Position("m"), Unset("required for `\"wall\"` and `\"free\"`"), NONE,
-            "lowest corner of the box whose cells change: those with their centres in it, without the outermost layer of \
-             the map", "ours").limits("finite").only_with(&["wall", "free"]),
+            "lowest corner of the box whose cells change", "ours").limits("finite").only_with(&["wall", "free"]),
         key("high", Position("m"), Unset("required for `\"wall\"` and `\"free\"`"), NONE,
             "highest corner of the box", "ours")
             .limits("finite, no coordinate below that of `low`").only_with(&["wall", "free"]),
@@ -406,8 +402,7 @@ pub const TABLES: [Table; 23] = [
     ]),
     Table::new("views", &[
         key("max_hz", Number("Hz"), Is("30.0"), between(0.1, 1000.0),
-            "greatest rate of messages of one topic per second of wall time while it has subscribers; \
-             recorded topics have no such limit", ""),
+            "greatest rate of messages of one topic per second of wall time; recorded topics have no such limit", ""),
         key("tf_period_ticks", Integer("ticks"), Is("5"), PERIOD,
             "ticks between two messages on /tf; those of a recording have recording.poses_period_ticks", ""),
         key("odom_period_ticks", Integer("ticks"), Is("5"), PERIOD,
@@ -431,8 +426,7 @@ pub const TABLES: [Table; 23] = [
         key("look_ahead", Boolean, Is("true"), NONE,
             "whether agents are asked only when they are due; otherwise they are asked at every tick", ""),
         key("unix_sockets", Boolean, Is("false"), NONE,
-            "whether observations and commands go over Unix sockets to the agents of the same machine, and over ROS 2 \
-             only to other machines and observers", "")
+            "whether observations and commands go over Unix sockets to the agents of the same machine", "")
             .limits("on Linux; without effect over memory").see("topics.md#unix-sockets"),
         key("rtf", NumberOrMax, Is("\"max\""), between(1e-3, 1e6),
             "greatest real-time factor: sim seconds per second of wall time; max: as fast as possible", ""),
