@@ -145,6 +145,7 @@ pub(super) fn map(spec: &ImportSpec, cloud: Cloud<'_>) -> Result<Imported, Forma
 /// See [`map`].
 pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud<'_>, mut work: WorkBudget) -> Result<Imported, FormatError> {
     let Cloud { points, sensors, times_s, mut notes } = cloud;
+    let points = points.held_if_few()?;
     let units = Units::new(spec)?;
     let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());
     let sensors = Sensors::of_options(spec, &times_s, &mut notes)?.unwrap_or(sensors);
