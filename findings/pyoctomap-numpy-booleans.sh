@@ -6,7 +6,8 @@
 # sensor model (0.7 and 0.4), and so are the elements of a NumPy array of booleans, which is what
 # comparing ranges gives; another type is refused.
 # Seen: what is no Python `bool` is taken for log-odds: `numpy.True_` and 1 give 0.73, and both
-# `numpy.False_` and 0 add nothing, so the cell is created and stays at 0.5 after any number of misses. No error.
+# `numpy.False_` and 0 add nothing, so the cell is created and stays at 0.5 after any number of
+# misses. No error.
 # So: write `bool(hit)`; a map that was filled from an array of booleans has no free cells, only
 # unknown ones that look observed.
 set -eu
