@@ -2,7 +2,7 @@
 # Measures whole runs over real ROS 2 processes and prints the figures of docs/benchmarks.md.
 #
 #   launch_scripts/bench.sh [RUNS]      counted runs of each kind, after a warm-up (default 3)
-#   launch_scripts/bench.sh --against COMMIT [--rounds N] [--profile NAME] [--only WORDS] [--instructions]
+#   launch_scripts/bench.sh --against COMMIT [--scenes] [--rounds N] [--profile NAME] [--only WORDS] [--instructions]
 #
 # Each line: what, then the least, the median and the greatest value. The machine should have nothing
 # else to do.

@@ -2,8 +2,10 @@
 # Compares the speed of this checkout with that of a commit: builds both, each in a target folder of
 # its own, has them run in turns, and prints ratios.
 #
-#   launch_scripts/bench_against.sh COMMIT [--rounds N] [--profile NAME] [--only WORDS] [--instructions]
+#   launch_scripts/bench_against.sh COMMIT [--scenes] [--rounds N] [--profile NAME] [--only WORDS] [--instructions]
 #
+#   --scenes          runs of bodies of several cells, in cells of 10 to 25 cm, to the end of their
+#                     exploration (the scenarios office, octagon-maze, tunnels and fine-cave)
 #   --rounds N        pairs of runs of each kind, after one pair that is not counted (default 5)
 #   --profile NAME    the profile of both builds: release (default) or dist
 #   --only WORDS      only the kinds whose name has these words
@@ -13,8 +15,9 @@
 #
 # Each line: what, the wall seconds of the commit and of this checkout (medians), how many times as
 # fast this checkout is, and how many times as much processor time the commit takes: geometric means
-# over the pairs with their 95 % intervals (Student's t on the logarithms). Both runs of a pair must
-# have the same digest; exit code 1 if not. With other work on the machine the intervals of wall
+# over the pairs with their 95 % intervals (Student's t on the logarithms); and the peak memory of the
+# largest process of the commit and of this checkout, MiB (medians). Both runs of a pair must have the
+# same digest; exit code 1 if not. With other work on the machine the intervals of wall
 # times are wide; those of processor times stay narrow. With --instructions: what, the instructions
 # of the commit and of this checkout in millions, the start included, and their ratio.
 #
@@ -26,13 +29,14 @@ fail() {
     exit "${2:-2}"
 }
 
-usage='launch_scripts/bench_against.sh COMMIT [--rounds N] [--profile release|dist] [--only WORDS] [--instructions]'
+usage='launch_scripts/bench_against.sh COMMIT [--scenes] [--rounds N] [--profile release|dist] [--only WORDS] [--instructions]'
 [[ $# -gt 0 && $1 != -* ]] || fail "expected a commit: $usage"
 commit=$(git -C "$root" rev-parse --short=12 --verify --quiet "$1^{commit}") || fail "$1: expected a commit of this repository"
 shift
-rounds='' profile=release only='' counts=''
+rounds='' profile=release only='' counts='' scenes=''
 while (($#)); do
     [[ $1 == --instructions ]] && { counts=yes && shift && continue; }
+    [[ $1 == --scenes ]] && { scenes=yes && shift && continue; }
     [[ $# -gt 1 ]] || fail "$1: a value is missing: $usage"
     case $1 in
     --rounds) rounds=$2 ;;
@@ -69,14 +73,24 @@ work=$(mktemp -d "${TMPDIR:-/tmp}/maes-bench-XXXXXX")
 trap 'rm -rf "$work"' EXIT
 export ROS_DOMAIN_ID=${ROS_DOMAIN_ID:-77}
 
-# One run; prints its digest, its wall seconds and its processor seconds, those of its processes
-# included.
+# Runs a command and writes the processor seconds of its processes, and the peak memory of the largest
+# of them in MiB, to a file.
+used='
+import resource, subprocess, sys
+code = subprocess.run(sys.argv[2:]).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+with open(sys.argv[1], "w") as file:
+    print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, file=file)
+sys.exit(code)
+'
+
+# One run; prints its digest, its wall seconds, its processor seconds and its peak memory.
 run() { # FOLDER FLAG...
-    local bin=$1 TIMEFORMAT='%U %S'
+    local bin=$1
     shift
-    { time MAES_BIN_DIR=$bin "$bin/maes" run "$@" --logs "$work/logs" >"$work/stdout" 2>"$work/stderr" ||
-        { cat "$work/stderr" >&2; fail "$bin/maes run $* has failed" 1; }; } 2>"$work/times"
-    awk 'FILENAME ~ /times$/ {cpu = $1 + $2} /^wall time/ {wall = $3} /^digest:/ {print $2, wall, cpu}' \
+    MAES_BIN_DIR=$bin python3 -c "$used" "$work/times" "$bin/maes" run "$@" --logs "$work/logs" \
+        >"$work/stdout" 2>"$work/stderr" || { cat "$work/stderr" >&2; fail "$bin/maes run $* has failed" 1; }
+    awk 'FILENAME ~ /times$/ {used = $0} /^wall time/ {wall = $3} /^digest:/ {print $2, wall, used}' \
         "$work/times" "$work/stdout"
 }
 
@@ -98,7 +112,7 @@ compare() { # WHAT FLAG...
     awk -v what="$what" '
         # Two-sided 95 % quantiles of the t distribution, by degrees of freedom.
         BEGIN { split("12.706 4.303 3.182 2.776 2.571 2.447 2.365 2.306 2.262 2.228 2.201 2.179 2.160 2.145 2.131 2.120 2.110 2.101 2.093 2.086", t, " ") }
-        { old[NR] = $1; new[NR] = $3; wall[NR] = log($1 / $3); cpu[NR] = log($2 / $4) }
+        { old[NR] = $1; new[NR] = $4; wall[NR] = log($1 / $4); cpu[NR] = log($2 / $5); peak[NR] = $3; peak_new[NR] = $6 }
         function median(list,   i, j, swap) {
             for (i = 2; i <= NR; i++)
                 for (j = i; j > 1 && list[j] < list[j - 1]; j--) { swap = list[j]; list[j] = list[j - 1]; list[j - 1] = swap }
@@ -113,7 +127,7 @@ compare() { # WHAT FLAG...
             half = (NR - 1 > 20 ? 1.96 : t[NR - 1]) * sqrt(variance / NR)
             return sprintf("%6.2f (%.2f to %.2f)", exp(mean), exp(mean - half), exp(mean + half))
         }
-        END { printf "%-46s %8.2f %8.2f  %-22s %-22s\n", what, median(old), median(new), ratio(wall), ratio(cpu) }' \
+        END { printf "%-46s %8.2f %8.2f  %-22s %-22s %6.0f %6.0f\n", what, median(old), median(new), ratio(wall), ratio(cpu), median(peak), median(peak_new) }' \
         "$work/pairs"
 }
 
@@ -151,7 +165,27 @@ if [[ -n $counts ]]; then
     exit
 fi
 echo "$(date -u +%Y-%m-%d), $(nproc) cores, load $load, profile $profile, $rounds pairs, against $commit"
-printf '%-46s %8s %8s  %-22s %-22s\n' "" "then, s" "now, s" "times as fast" "processor time"
+printf '%-46s %8s %8s  %-22s %-22s %s\n' "" "then, s" "now, s" "times as fast" "processor time" "peak, MiB"
+if [[ -n $scenes ]]; then
+    one_thread=(--transport memory --threads 1 --together)
+    scenario() { # NAME
+        echo "$root/launch_scripts/scenarios/$1.toml"
+    }
+    compare "memory, one thread: office" "$(scenario office)" "${one_thread[@]}"
+    compare "memory, one thread: office, dsvp-auction" "$(scenario office)" "${one_thread[@]}" --controller dsvp-auction
+    compare "memory, one thread: octagon-maze" "$(scenario octagon-maze)" "${one_thread[@]}"
+    compare "memory, one thread: tunnels" "$(scenario tunnels)" "${one_thread[@]}"
+    compare "memory, one thread: fine-cave" "$(scenario fine-cave)" "${one_thread[@]}"
+    active=(--size 100 --seed 1 --controller dsvp-team)
+    compare "memory, one thread: 10 in 100^3 of 1 m" "${active[@]}" --agents 10 "${one_thread[@]}"
+    compare "ROS 2: 10 in 100^3 of 1 m" "${active[@]}" --agents 10
+    compare "Unix sockets: 10 in 100^3 of 1 m" "${active[@]}" --agents 10 --unix-sockets
+    compare "ROS 2: 20 in 100^3 of 1 m" "${active[@]}" --agents 20
+    compare "ROS 2, recorded: office" "$(scenario office)" --record "$work/run.mcap"
+    compare "ROS 2, recorded: octagon-maze" "$(scenario octagon-maze)" --record "$work/run.mcap"
+    compare "ROS 2, recorded: tunnels" "$(scenario tunnels)" --record "$work/run.mcap"
+    exit
+fi
 cave=(--size 100 --seed 1 --set stop_when_explored=false --record "$work/run.mcap")
 five_minutes=("${cave[@]}" --duration 300)
 compare "memory, one thread: dsvp, 10 agents, 300 s" "${five_minutes[@]}" --transport memory --agents 10 --controller dsvp --threads 1 --together

@@ -27,7 +27,7 @@ use crate::exploration_map::{ExplorationMap, Finding};
 use crate::path::Graph;
 
 pub use block::BLOCK_CELLS;
-use block::{CELLS, Cells, Side, connected, middle, offset, place_of, places};
+use block::{Cells, Side, connected, middle, offset, place_of, places};
 pub use path_lengths::PathLengths;
 pub use shortest_paths::ShortestPaths;
 
@@ -75,8 +75,7 @@ struct Edge {
 
 #[derive(Debug, Clone)]
 struct Block {
-    /// By place 1 + the number of the region of the cell, or 0.
-    labels: [u8; CELLS],
+    /// At least one.
     regions: Vec<Region>,
 }
 
@@ -145,17 +144,22 @@ impl AbstractGraph {
         let mut changed = Vec::new();
         let mut reviewed = Vec::new();
         let mut marks = std::mem::take(&mut self.marks);
-        for (cell, finding) in map.cells_changed_since(self.read) {
-            // A change affects the frontiers of the cells beside it and, if the cell is free, which
-            // cells are usable.
-            let (at, offset) = split(cell);
-            let block = self.number_of(at);
-            add(&mut reviewed, &mut marks, block, REVIEWED);
-            self.for_blocks_beside(at, offset, |block| add(&mut reviewed, &mut marks, block, REVIEWED));
-            if self.reach > 1 {
-                self.for_blocks_near(cell, self.reach, |block| add(&mut changed, &mut marks, block, CHANGED));
-            } else if (self.label_at(block, offset) != 0) != (finding != Finding::Wall) {
-                add(&mut changed, &mut marks, block, CHANGED);
+        // A change affects the frontiers of the cells beside it and, if the cell is free, which
+        // cells are usable.
+        if self.reach > 1 {
+            for (low, high) in map.boxes_changed_since(self.read) {
+                self.for_blocks_near(low, high, 1, |block| add(&mut reviewed, &mut marks, block, REVIEWED));
+                self.for_blocks_near(low, high, self.reach, |block| add(&mut changed, &mut marks, block, CHANGED));
+            }
+        } else {
+            for (cell, finding) in map.cells_changed_since(self.read) {
+                let (at, offset) = split(cell);
+                let block = self.number_of(at);
+                add(&mut reviewed, &mut marks, block, REVIEWED);
+                self.for_blocks_beside(at, offset, |block| add(&mut reviewed, &mut marks, block, REVIEWED));
+                if (self.label_at(block, offset) != 0) != (finding != Finding::Wall) {
+                    add(&mut changed, &mut marks, block, CHANGED);
+                }
             }
         }
         reviewed.iter().chain(&changed).for_each(|&block: &u32| marks[block as usize] = 0);
@@ -238,7 +242,9 @@ impl AbstractGraph {
 
     /// 1 + the number of the region that contains a cell of a block, or 0.
     fn label_at(&self, block: u32, offset: Cell) -> u8 {
-        self.blocks[block as usize].as_ref().map_or(0, |block| block.labels[place_of(offset)])
+        let regions = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
+        let cell: Cells = 1 << place_of(offset);
+        (1..).zip(regions).find(|(_, region)| region.cells & cell != 0).map_or(0, |(label, _)| label)
     }
 
     /// Visits the blocks that adjoin a cell of the block at these coordinates.
@@ -256,16 +262,16 @@ impl AbstractGraph {
         }
     }
 
-    /// Visits the blocks within this many cells of a cell of the map.
-    fn for_blocks_near(&self, cell: Cell, reach: i32, mut visit: impl FnMut(u32)) {
+    /// Visits the blocks within this many cells of a box of cells of the map.
+    fn for_blocks_near(&self, low: Cell, high: Cell, reach: i32, mut visit: impl FnMut(u32)) {
         const BLOCK: u32 = BLOCK_CELLS as u32;
-        let axis = |at: i32, size: i32| {
-            let low = (at - reach).max(0).cast_unsigned() / BLOCK;
-            let high = (at + reach).cast_unsigned() / BLOCK;
+        let axis = |low: i32, high: i32, size: i32| {
+            let low = (low - reach).max(0).cast_unsigned() / BLOCK;
+            let high = (high + reach).cast_unsigned() / BLOCK;
             (low.cast_signed(), high.cast_signed().min(size - 1))
         };
         let [(x0, x1), (y0, y1), (z0, z1)] =
-            [axis(cell.x, self.size[0]), axis(cell.y, self.size[1]), axis(cell.z, self.size[2])];
+            [axis(low.x, high.x, self.size[0]), axis(low.y, high.y, self.size[1]), axis(low.z, high.z, self.size[2])];
         for z in z0..=z1 {
             for y in y0..=y1 {
                 for x in x0..=x1 {
@@ -310,14 +316,11 @@ impl AbstractGraph {
         }
         // The lists of old regions serve new ones, so that a change of a block takes no memory.
         let mut spare = old.into_iter().map(|Region { frontiers, edges, .. }| (frontiers, edges));
-        let mut labels = [0u8; CELLS];
         let mut regions: Vec<Region> = Vec::with_capacity(spare.len().max(1));
         let mut left = usable;
         while left != 0 {
             let members = connected(left & left.wrapping_neg(), left);
             left &= !members;
-            let label = regions.len() as u8 + 1;
-            places(members).for_each(|place| labels[place] = label);
             let slot = self.slot();
             let region = Some(RegionId::new(block, regions.len() as u8));
             self.histories[slot as usize] = History { region, made: updates, changed: updates };
@@ -327,24 +330,25 @@ impl AbstractGraph {
             edges.clear();
             regions.push(Region { centre, frontiers, edges, cells: members, slot });
         }
-        self.blocks[block as usize] = Some(Box::new(Block { labels, regions }));
+        self.blocks[block as usize] = Some(Box::new(Block { regions }));
         true
     }
 
     /// Recomputes the frontier lists of a block.
     fn list_frontiers(&mut self, block: u32, map: &ExplorationMap) {
         let corner = self.corner(block);
-        let Some(Block { labels, regions, .. }) = self.blocks[block as usize].as_deref_mut() else {
+        let Some(Block { regions }) = self.blocks[block as usize].as_deref_mut() else {
             return;
         };
         self.regions_with_frontiers -= count_with_frontiers(regions);
-        for region in regions.iter_mut() {
+        // A frontier that the body does not fit into is observed from the first region of its
+        // block.
+        let mut left = map.frontiers_in(corner, BLOCK_CELLS);
+        for (number, region) in regions.iter_mut().enumerate().rev() {
+            let own = if number == 0 { left } else { left & region.cells };
+            left &= !own;
             region.frontiers.clear();
-        }
-        for place in places(map.frontiers_in(corner, BLOCK_CELLS)) {
-            // A frontier that the body does not fit into is observed from the first region of its
-            // block.
-            regions[usize::from(labels[place].saturating_sub(1))].frontiers.push(corner + offset(place));
+            region.frontiers.extend(places(own).map(|place| corner + offset(place)));
         }
         self.regions_with_frontiers += count_with_frontiers(regions);
     }

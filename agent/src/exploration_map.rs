@@ -38,7 +38,7 @@ use msgs::ids::AgentId;
 use voxels::{Cell, CellSet, Extent, bits};
 
 pub use around::Around;
-use blocks::{Blocks, Words, row_of};
+use blocks::{Blocks, Words, ends, row_of};
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, with_delta};
 use delta::{SIDE, cell_in};
@@ -276,6 +276,18 @@ impl ExplorationMap {
             }
             let [x, y, z] = cell_in(last.1, number);
             (Cell::new(x, y, z), entry.finding())
+        })
+    }
+
+    /// Boxes that hold all cells changed from a position of the journal on, by their lowest and
+    /// highest cells, and no cell more than three cells from a changed one along an axis: a way to
+    /// go through what is near changes that does not look at each of them.
+    pub fn boxes_changed_since(&self, position: usize) -> impl Iterator<Item = (Cell, Cell)> + '_ {
+        self.reports(position..self.journal_len()).map(|report| {
+            let corner = self.layout.lowest(report.index).map(u32::cast_signed);
+            let cell = |at: [i32; 3]| Cell::new(corner[0] + at[0], corner[1] + at[1], corner[2] + at[2]);
+            let [low, high] = ends(report.known).map(cell);
+            (low, high)
         })
     }
 

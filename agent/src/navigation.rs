@@ -143,11 +143,25 @@ impl NavigationTask {
     /// nearest one that it can reach from `from`, within a few cells beyond its radius, and from
     /// which the cell is in sight.
     pub fn approach(&mut self, map: &ExplorationMap, from: &Point3<f64>, cell: Cell) -> Option<Cell> {
+        self.update_reachable(map, from);
+        self.approach_as_known(map, cell)
+    }
+
+    /// Brings what a body wider than a cell can reach from `from` up to date with the map.
+    pub fn update_reachable(&mut self, map: &ExplorationMap, from: &Point3<f64>) {
+        if self.to_all.are_wide() {
+            let graph = Graph::new(map, &self.to_all);
+            self.reachable.update(graph, self.to_all.lattice().cell_near(map.extent(), from));
+        }
+    }
+
+    /// [`NavigationTask::approach`] by what could be reached at the last update.
+    #[must_use]
+    pub fn approach_as_known(&self, map: &ExplorationMap, cell: Cell) -> Option<Cell> {
         if !self.to_all.are_wide() {
             return Some(cell);
         }
         let graph = Graph::new(map, &self.to_all);
-        self.reachable.update(graph, self.to_all.lattice().cell_near(map.extent(), from));
         graph.cells_near(cell).find(|&near| self.reachable.holds(graph, near) && map.is_in_sight(near, cell))
     }
 
@@ -168,13 +182,10 @@ impl NavigationTask {
             return NavigationStatus::Go(Motion::Path(vec![self.to_all.lattice().place(map.extent(), goal)]));
         }
         let start = self.cell_near(map, from);
-        if self.to_all.are_wide() {
-            let graph = Graph::new(map, &self.to_all);
-            self.reachable.update(graph, start);
-            if !self.reachable.holds(graph, goal) {
-                self.pending = None;
-                return NavigationStatus::NoPath;
-            }
+        self.update_reachable(map, from);
+        if self.to_all.are_wide() && !self.reachable.holds(Graph::new(map, &self.to_all), goal) {
+            self.pending = None;
+            return NavigationStatus::NoPath;
         }
         let Poll::Ready(path) = self.search(map, start, goal, neighbours, time, now) else {
             let at = self.pending.as_ref().map_or(Tick::ZERO, |pending| pending.answer.usable_at());

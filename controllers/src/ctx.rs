@@ -146,6 +146,19 @@ impl<'a> Ctx<'a> {
         self.navigation.approach(self.map, &self.pose.position, cell)
     }
 
+    /// Brings what a body wider than a cell can reach up to date with the map, for
+    /// [`Ctx::can_approach`].
+    pub fn update_reachable(&mut self) {
+        self.navigation.update_reachable(self.map, &self.pose.position);
+    }
+
+    /// Whether there was a cell to see `cell` from nearby ([`Ctx::approach`]) at the last update of
+    /// what the body can reach.
+    #[must_use]
+    pub fn can_approach(&self, cell: Cell) -> bool {
+        self.navigation.approach_as_known(self.map, cell).is_some()
+    }
+
     /// Limits all later path searches to this number of expanded cells, beyond which they find no
     /// path. This bounds the wall time of a decision: 10 000 cells take some milliseconds.
     pub fn limit_searches(&mut self, cells_max: u64) {

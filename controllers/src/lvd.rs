@@ -278,7 +278,7 @@ impl Lvd {
             let cell = extent.cell_at(index as usize);
             ctx.map().state(cell) == CellState::Free
                 && region.holds(&extent.centre(cell))
-                && !is_refused(&self.refused, self.wide.as_ref(), cell)
+                && !is_refused(ctx, &self.refused, self.wide.as_ref(), cell)
         })
     }
 
@@ -314,7 +314,7 @@ impl Lvd {
             region: &region,
             places: &self.places,
             visits_max: self.visits_max,
-            is_refused: &|cell| is_refused(&self.refused, self.wide.as_ref(), cell),
+            is_refused: &|cell| is_refused(ctx, &self.refused, self.wide.as_ref(), cell),
         };
         let in_sight = search
             .occlusion_point()
@@ -354,8 +354,9 @@ impl Lvd {
     }
 
     fn nearest_unvisited(&self, ctx: &Ctx<'_>, region: &Region) -> Option<Cell> {
-        let compass =
-            exploring::compass(ctx, &self.scan, region, |cell| is_refused(&self.refused, self.wide.as_ref(), cell));
+        let compass = exploring::compass(ctx, &self.scan, region, |cell| {
+            is_refused(ctx, &self.refused, self.wide.as_ref(), cell)
+        });
         let extent = ctx.map().extent();
         let in_m = |squared_cells: i32| f64::from(squared_cells).sqrt() * extent.cell_m();
         let nearest_m = compass.iter().flatten().map(|&(distance, _)| in_m(distance)).min_by(f64::total_cmp)?;
@@ -371,8 +372,11 @@ impl Lvd {
     }
 }
 
-fn is_refused(refused: &[(Cell, Tick)], wide: Option<&Wide>, cell: Cell) -> bool {
-    refused.iter().any(|&(other, _)| other == cell) || wide.is_some_and(|wide| wide.failed.holds(cell))
+/// Whether a cell is no destination: refused for a while, or, for a body wider than a cell, without
+/// a path or a place to see it from.
+fn is_refused(ctx: &Ctx<'_>, refused: &[(Cell, Tick)], wide: Option<&Wide>, cell: Cell) -> bool {
+    refused.iter().any(|&(other, _)| other == cell)
+        || wide.is_some_and(|wide| wide.failed.holds(cell) || !ctx.can_approach(cell))
 }
 
 impl Controller for Lvd {
@@ -394,6 +398,7 @@ impl Controller for Lvd {
                 viewpoints: Viewpoints::new(run_info, radius_m),
             });
             wide.failed.update(ctx.map());
+            ctx.update_reachable();
         }
         if let Some(view) = &observation.view {
             self.scan.load(ctx.map().extent(), view);

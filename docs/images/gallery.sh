@@ -15,11 +15,12 @@ trap 'rm -rf "$work"' EXIT
 cd "$work"
 PATH=$bin:$PATH
 
-# The lines of the page between fences that begin with `maes map`.
+ln -s "$root/launch_scripts" .
+# The commands of the page that make something.
 while read -r command; do
     read -ra words <<<"$command"
     report=$("${words[@]}")
     hash=$(sed -n 's/^blake3 *//p' <<<"$report")
     printf '%s\n' "$command${hash:+  # $hash}"
-done < <(sed -n 's/^\(maes map .*\)/\1/p' "$root/docs/gallery.md")
+done < <(sed -n '/^maes \(map\|run\|snapshot\) /p' "$root/docs/gallery.md")
 mv ./*.png "$folder"

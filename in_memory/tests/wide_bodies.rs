@@ -12,7 +12,7 @@ use support::{fill, result, solid};
 use voxels::{Cell, CellSet, Clearance, Grid, Terrain};
 
 /// Controllers that see all that can be seen, if no other agent is in the way.
-const PLANNERS: [&str; 11] = [
+const PLANNERS: [&str; 12] = [
     "nearest-frontier",
     "dsvp",
     "dsvp-auction",
@@ -24,6 +24,7 @@ const PLANNERS: [&str; 11] = [
     "dsvp-maes3d",
     "lvd",
     "lvd-maes3d",
+    "boustrophedon",
 ];
 
 /// Controllers whose teams see all that can be seen, and then rest.

@@ -36,13 +36,16 @@ pub(super) struct Blocks {
     words: Vec<Words>,
     /// The blocks whose frontiers may have changed.
     stale: CellSet,
+    /// The block that has changed last, and those of its changed cells that were unexplored: it and
+    /// those beside it are not among the stale ones yet.
+    changing: Option<(u32, u64)>,
 }
 
 impl Blocks {
     /// The unexplored blocks of a map.
     pub(super) fn new(layout: Layout) -> Self {
         let count = layout.count() as usize;
-        Self { layout, places: vec![0; count], words: Vec::new(), stale: CellSet::new(count) }
+        Self { layout, places: vec![0; count], words: Vec::new(), stale: CellSet::new(count), changing: None }
     }
 
     /// What is known of a block; `None`: there is no such block.
@@ -64,13 +67,28 @@ impl Blocks {
     }
 
     /// Notes that cells of a block have changed; those of them that were unexplored before also
-    /// concern the blocks beside it.
+    /// concern the blocks beside it. Changes of one block mostly follow each other.
     #[inline]
     pub(super) fn note_changed(&mut self, block: u32, explored: u64) {
+        match &mut self.changing {
+            Some((changing, cells)) if *changing == block => *cells |= explored,
+            _ => {
+                self.note_stale();
+                self.changing = Some((block, explored));
+            }
+        }
+    }
+
+    /// Adds the block that has changed last to the stale ones, and those beside it.
+    fn note_stale(&mut self) {
+        let Some((block, explored)) = self.changing.take() else { return };
         self.stale.insert(block as usize);
-        for (face, layer) in FACES.iter().zip(FACE_LAYERS) {
+        if explored & SURFACE == 0 {
+            return;
+        }
+        for (beside, layer) in self.layout.beside(block).into_iter().zip(FACE_LAYERS) {
             if explored & layer != 0
-                && let Some(beside) = self.layout.beside(block, *face)
+                && let Some(beside) = beside
                 && self.places[beside as usize] != 0
             {
                 self.stale.insert(beside as usize);
@@ -81,11 +99,13 @@ impl Blocks {
     /// Brings the frontiers of all blocks up to date; `changed` gets each block with frontiers that
     /// changed, and the words of those that there were before and that there are now.
     pub(super) fn update_frontiers(&mut self, mut changed: impl FnMut(u32, u64, u64)) {
+        self.note_stale();
         for block in self.stale.iter() {
             let Some(place) = self.places[block].checked_sub(1) else { continue };
             let block = block as u32;
             let Words { known, wall, frontier, .. } = self.words[place as usize];
-            let now = known & !wall & !self.closed(block);
+            let free = known & !wall;
+            let now = if free == 0 { 0 } else { free & !self.closed(block) };
             if now != frontier {
                 self.words[place as usize].frontier = now;
                 changed(block, frontier, now);
@@ -100,8 +120,9 @@ impl Blocks {
             block.map_or(u64::MAX, |block| self.get(block).unwrap_or_default().known | !self.layout.inside(block))
         };
         let here = known(Some(block));
+        let beside = self.layout.beside(block);
         (0..3).fold(u64::MAX, |closed, axis| {
-            let [below, above] = [(axis, false), (axis, true)].map(|face| known(self.layout.beside(block, face)));
+            let [below, above] = [known(beside[2 * axis]), known(beside[2 * axis + 1])];
             // By how much the number of a cell grows with one step along the axis from an even
             // coordinate, from the middle, and back from the last to the first.
             let (even, middle, whole) = (1 << axis, 7 << axis, 9 << axis);
@@ -116,14 +137,20 @@ impl Blocks {
 /// A face of a block: the axis across it, and whether it is the upper one.
 pub(super) type Face = (usize, bool);
 
-/// The faces of a block.
-const FACES: [Face; 6] = [(0, false), (0, true), (1, false), (1, true), (2, false), (2, true)];
+/// The faces of a block, two for each axis.
+pub(super) const FACES: [Face; 6] = [(0, false), (0, true), (1, false), (1, true), (2, false), (2, true)];
 
 /// For each axis, the cells of a block with each coordinate.
 const LAYERS: [[u64; 4]; 3] = layers();
 
 /// The cells at each of the [`FACES`].
 const FACE_LAYERS: [u64; 6] = [LAYERS[0][0], LAYERS[0][3], LAYERS[1][0], LAYERS[1][3], LAYERS[2][0], LAYERS[2][3]];
+
+/// The cells at any of them.
+const SURFACE: u64 = {
+    let [a, b, c, d, e, f] = FACE_LAYERS;
+    a | b | c | d | e | f
+};
 
 const fn layers() -> [[u64; 4]; 3] {
     let mut layers = [[0; 4]; 3];
@@ -135,6 +162,14 @@ const fn layers() -> [[u64; 4]; 3] {
         at += 1;
     }
     layers
+}
+
+/// The least and the greatest coordinates in their block of cells, of which there is at least one.
+pub(super) fn ends(cells: u64) -> [[i32; 3]; 2] {
+    let layers = |axis: usize| LAYERS[axis].iter().map(move |&layer| cells & layer != 0);
+    let first = |axis: usize| layers(axis).take_while(|has_cells| !has_cells).count() as i32;
+    let last = |axis: usize| 3 - layers(axis).rev().take_while(|has_cells| !has_cells).count() as i32;
+    [[0, 1, 2].map(first), [0, 1, 2].map(last)]
 }
 
 /// The cells of a row of a block along x, as the lowest four bits: the row with these coordinates.

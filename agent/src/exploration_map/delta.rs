@@ -11,6 +11,7 @@ use std::cell::RefCell;
 
 use voxels::{Extent, bits};
 
+use super::blocks::FACES;
 use super::{Change, Finding};
 
 /// Cells along each axis of a block.
@@ -213,19 +214,16 @@ impl Layout {
         [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]].map(|at| at * SIDE)
     }
 
-    /// The block beside a block across an axis, the lower or the upper one; `None`: the map ends
-    /// there.
-    pub(super) fn beside(&self, block: u32, (axis, is_upper): (usize, bool)) -> Option<u32> {
-        let [size_x, size_y, _] = self.blocks;
-        let (stride, at) = match axis {
-            0 => (1, block % size_x),
-            1 => (size_x, block / size_x % size_y),
-            _ => (size_x * size_y, block / (size_x * size_y)),
-        };
-        match is_upper {
-            true => (at + 1 < self.blocks[axis]).then(|| block + stride),
-            false => (at > 0).then(|| block - stride),
-        }
+    /// The blocks beside a block, by the [faces](super::blocks::FACES) between them; `None`: the map
+    /// ends there.
+    pub(super) fn beside(&self, block: u32) -> [Option<u32>; 6] {
+        let strides = [1, self.blocks[0], self.blocks[0] * self.blocks[1]];
+        let row = block / self.blocks[0];
+        let at = [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]];
+        FACES.map(|(axis, is_upper)| match is_upper {
+            true => (at[axis] + 1 < self.blocks[axis]).then(|| block + strides[axis]),
+            false => (at[axis] > 0).then(|| block - strides[axis]),
+        })
     }
 
     /// The cells of a block that lie inside the map.

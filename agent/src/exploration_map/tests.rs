@@ -335,7 +335,18 @@ proptest! {
         prop_assert_eq!((free | frontiers) >> (side * side * side - 1) >> 1, 0);
         let changed: Vec<_> = map.cells_changed_since(0).collect();
         let by_index = map.changes_since(0).map(|change| (extent.cell_at(change.cell as usize), change.finding));
-        prop_assert!(by_index.eq(changed));
+        prop_assert!(by_index.eq(changed.iter().copied()));
+        let boxes: Vec<(Cell, Cell)> = map.boxes_changed_since(0).collect();
+        let is_within = |cell: Cell, (low, high): (Cell, Cell), by: i32| {
+            let along = |at: i32, low: i32, high: i32| (low - by..=high + by).contains(&at);
+            along(cell.x, low.x, high.x) && along(cell.y, low.y, high.y) && along(cell.z, low.z, high.z)
+        };
+        prop_assert!(changed.iter().all(|&(cell, _)| boxes.iter().any(|&ends| is_within(cell, ends, 0))));
+        for &(low, high) in &boxes {
+            for end in [low, high] {
+                prop_assert!(changed.iter().any(|&(cell, _)| is_within(end, (cell, cell), 3)));
+            }
+        }
         let reports = with_delta(extent, map.reports(0..map.journal_len()), Delta::clone);
         prop_assert_eq!(reports, Delta::of(extent, map.changes_since(0)));
     }

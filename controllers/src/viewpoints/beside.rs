@@ -43,10 +43,12 @@ impl BesideFrontiers {
     pub(super) fn update(&mut self, map: &ExplorationMap, is_one: impl Fn(Cell) -> bool) {
         let read = self.read.replace(map.journal_len());
         match read.filter(|&read| map.journal_len() - read <= CHANGES_MAX) {
-            Some(read) => map.cells_changed_since(read).for_each(|(cell, _)| self.note(cell)),
+            Some(read) => map.boxes_changed_since(read).for_each(|(low, high)| self.note(low, high)),
             None => {
                 self.cells.clear();
-                map.frontiers().for_each(|index| self.note(map.extent().cell_at(index as usize)));
+                for cell in map.frontiers().map(|index| map.extent().cell_at(index as usize)) {
+                    self.note(cell, cell);
+                }
             }
         }
         let changed: Vec<usize> = self.changed.iter().collect();
@@ -71,15 +73,15 @@ impl BesideFrontiers {
         self.examined
     }
 
-    /// Notes the blocks with cells that may depend on a cell.
-    fn note(&mut self, cell: Cell) {
-        let near = |at: i32, blocks: i32| {
-            let low = (at - self.reach - 1).max(0) / SIDE;
-            let high = ((at + self.reach + 1) / SIDE).min(blocks - 1);
+    /// Notes the blocks with cells that may depend on a box of cells.
+    fn note(&mut self, low: Cell, high: Cell) {
+        let near = |low: i32, high: i32, blocks: i32| {
+            let low = (low - self.reach - 1).max(0) / SIDE;
+            let high = ((high + self.reach + 1) / SIDE).min(blocks - 1);
             low..=high
         };
         let [along_x, along_y, along_z] =
-            [near(cell.x, self.size[0]), near(cell.y, self.size[1]), near(cell.z, self.size[2])];
+            [near(low.x, high.x, self.size[0]), near(low.y, high.y, self.size[1]), near(low.z, high.z, self.size[2])];
         for (z, y) in along_z.flat_map(|z| along_y.clone().map(move |y| (z, y))) {
             for x in along_x.clone() {
                 self.changed.insert(((z * self.size[1] + y) * self.size[0] + x) as usize);

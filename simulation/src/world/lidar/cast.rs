@@ -140,7 +140,9 @@ impl Kernel {
         match self {
             Kernel::Single => true,
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => is_x86_feature_detected!("avx2"),
+            Kernel::Avx2 => {
+                is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi1") && is_x86_feature_detected!("bmi2")
+            }
             #[cfg(target_arch = "x86_64")]
             Kernel::Avx512 => {
                 is_x86_feature_detected!("avx2")
@@ -153,8 +155,8 @@ impl Kernel {
     }
 
     /// Casts the rays of these bundles that are in the field of view, marks the cells they hit and
-    /// adds those that are seen for the
-    /// first time to `new`; returns the number of rays.
+    /// adds those that are seen for the first time to `new`; returns the number of rays. All cells
+    /// that they enter up to a length of `clear` pass.
     #[cfg_attr(
         target_arch = "x86_64",
         expect(
@@ -162,17 +164,24 @@ impl Kernel {
             reason = "vector code is two to three times as fast; only the caller can know that it may run"
         )
     )]
-    pub(super) fn scan(self, marks: &mut Marks, start: &Start, bundles: &[Bundle], new: &mut NewCells<'_>) -> u64 {
+    pub(super) fn scan(
+        self,
+        marks: &mut Marks,
+        start: &Start,
+        bundles: &[Bundle],
+        clear: f64,
+        new: &mut NewCells<'_>,
+    ) -> u64 {
         assert!(self.is_available(), "{self:?} is for another processor");
         match self {
             Kernel::Single => scan_singly(marks, start, bundles, new),
             // SAFETY: `scan_avx2` is safe except for the processor features that it requires, which
             // `is_available` has just checked.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx2 => unsafe { bundles::scan_avx2(marks, start, bundles, new) },
+            Kernel::Avx2 => unsafe { bundles::scan_avx2(marks, start, bundles, clear, new) },
             // SAFETY: as for `scan_avx2`.
             #[cfg(target_arch = "x86_64")]
-            Kernel::Avx512 => unsafe { bundles::scan_avx512(marks, start, bundles, new) },
+            Kernel::Avx512 => unsafe { bundles::scan_avx512(marks, start, bundles, clear, new) },
         }
     }
 }

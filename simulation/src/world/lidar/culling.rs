@@ -19,15 +19,21 @@
 //! stays active as long as the unseen cell that activated it, its watched cell, is unseen; then it
 //! is followed anew.
 //!
+//! **A common start.** The first cells of a ray mostly pass. Up to the nearest cell that does not and
+//! that a group may enter, its rays need not be followed cell by cell (`clear`).
+//!
 //! Invariant: the marks of a memory and the lists of new cells, with their order, are those of a
 //! cast of all rays, whatever the memory holds; tests compare the two.
 
+mod clear;
 mod passing;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
+
+use voxels::bits;
 
 use super::cast::{Kernel, Start};
 use super::engine::{CastCount, Engine, NewCells, NotCast};
@@ -37,6 +43,7 @@ use super::pattern::Bundle;
 use super::slots::step;
 use super::{Pattern, Scanner, SensorMemory};
 use crate::world::body::Pose;
+use clear::ClearCells;
 use passing::Passing;
 
 /// Rays are followed for `1 << OFFSET_BITS` cells along each axis; those that are free for longer
@@ -87,13 +94,13 @@ impl CullingEngine {
                 let active = rays.active_bundles(&start, scanner.unit_range_cells(extent), marks, culling);
                 (active.bundles, active.undo)
             }
-            None => (std::iter::once(0..bundles.len()).collect(), None),
+            None => (vec![(0..bundles.len(), 0.0)], None),
         };
         let mut count = CastCount::of(due);
         let (mut followed, mut cast) = (0, 0);
-        for active in active {
+        for (active, clear_cells) in active {
             followed += bundles[active.clone()].iter().map(Bundle::rays).sum::<u64>();
-            cast += kernel.scan(marks, &start, &bundles[active], &mut new);
+            cast += kernel.scan(marks, &start, &bundles[active], clear_cells, &mut new);
         }
         count.leave_out(due - followed, NotCast::NothingUnseen);
         count.leave_out(followed - cast, NotCast::OutsideView);
@@ -105,6 +112,8 @@ impl CullingEngine {
 pub(super) struct Culling {
     octants: Vec<Octant>,
     offset_bits: u32,
+    /// `None` if lengths along rays are no distances.
+    clear: Option<ClearCells>,
 }
 
 /// The rays of one octant.
@@ -132,7 +141,9 @@ pub(super) struct CullingState {
 
 /// The rays to cast.
 pub(super) struct ActiveBundles {
-    pub(super) bundles: Vec<Range<usize>>,
+    /// Groups of bundles, each with the length in cells up to which its rays cross only cells that
+    /// pass.
+    pub(super) bundles: Vec<(Range<usize>, f64)>,
     /// What finding them has replaced.
     pub(super) undo: Option<UndoEntry>,
 }
@@ -199,7 +210,9 @@ impl Culling {
             });
             begin = end;
         }
-        Self { octants, offset_bits }
+        let is_of_distances = matches!(pattern, Pattern::Lattice { .. });
+        let clear = is_of_distances.then(|| ClearCells::new(offset_bits));
+        Self { octants, offset_bits, clear }
     }
 
     /// The ranges of bundles to cast: those with rays that may reach an unseen cell. `range_cells`
@@ -228,11 +241,16 @@ impl Culling {
             let active = culling.active.map(|active| active.groups);
             UndoEntry(start.slot(), culling.active_from.insert(start.slot(), active))
         });
-        let mut ranges = Vec::new();
+        let mut bundles = Vec::new();
         for (octant, active) in self.octants.iter().zip(&culling.active) {
-            octant.add_bundles(active.groups, &mut ranges);
+            let clear_cells = match &self.clear {
+                Some(clear) => clear.of_groups(octant, active.groups, start, marks),
+                None => [0.0; Groups::BITS as usize],
+            };
+            let of_group = |group: u32| (octant.bundles_of(group), clear_cells[group as usize]);
+            bundles.extend(bits(active.groups).map(of_group));
         }
-        ActiveBundles { bundles: ranges, undo }
+        ActiveBundles { bundles, undo }
     }
 }
 
@@ -278,11 +296,8 @@ impl CullingState {
 impl ActiveSet {
     /// The groups whose watched cell has been seen.
     fn outdated(&self, marks: &Marks) -> Groups {
-        let mut groups = self.groups;
         let mut outdated = 0;
-        while groups != 0 {
-            let group = groups.trailing_zeros();
-            groups &= groups - 1;
+        for group in bits(self.groups) {
             let watched = self.watched_cells[group as usize];
             outdated |= Groups::from(watched != NO_WATCHED_CELL && !marks.is_unseen(watched)) << group;
         }
@@ -291,19 +306,17 @@ impl ActiveSet {
 }
 
 impl Octant {
-    /// Adds the bundles of these groups to ranges that end before this octant.
-    fn add_bundles(&self, mut groups: Groups, ranges: &mut Vec<Range<usize>>) {
-        while groups != 0 {
-            let group = groups.trailing_zeros() as usize;
-            groups &= groups - 1;
-            let begin = self.bundles.start + group * self.bundles_per_group;
-            let end = (begin + self.bundles_per_group).min(self.bundles.end);
-            match ranges.last_mut() {
-                Some(last) if last.end == begin => last.end = end,
-                _ => ranges.push(begin..end),
-            }
-        }
+    /// The bundles of a group.
+    fn bundles_of(&self, group: u32) -> Range<usize> {
+        let begin = self.bundles.start + group as usize * self.bundles_per_group;
+        begin..(begin + self.bundles_per_group).min(self.bundles.end)
     }
+}
+
+/// The place of a cell in its block, by its slot, flipped: bit 0 is set if it is the farther one
+/// along x, bit 1 along y, bit 2 along z.
+fn place_in_block(flipped: u64) -> usize {
+    (flipped & IN_BLOCK_BITS) as usize
 }
 
 /// The rays of one octant on their way from the body's cell.
@@ -320,6 +333,9 @@ struct Follow<'a> {
 /// Bits of a slot that number the cell in its octant of the marks, which is a block here.
 const IN_BLOCK: u32 = 3;
 
+/// Those bits.
+const IN_BLOCK_BITS: u64 = (1 << IN_BLOCK) - 1;
+
 impl Follow<'_> {
     /// The groups among `groups` that may reach a cell that has not been seen, with their watched
     /// cells.
@@ -328,7 +344,7 @@ impl Follow<'_> {
         let home = self.start.slot() ^ self.flip;
         // Away from the body: 1 if its cell is the farther one of its block along an axis.
         let ahead = [0, 1, 2].map(|axis| (home >> axis & 1) as u32);
-        let passing = self.octant.passing.blocks((ahead[0] | ahead[1] << 1 | ahead[2] << 2) as usize);
+        let passing = self.octant.passing.blocks(place_in_block(home));
         let masks = self.start.slots().masks().map(|mask| mask >> IN_BLOCK);
         let flip = self.flip >> IN_BLOCK;
         let last = (1_u32 << self.block_bits) - 1;

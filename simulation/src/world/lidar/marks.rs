@@ -151,6 +151,12 @@ impl Marks {
         byte(self.passes[word_of(octant)], octant) != 0
     }
 
+    /// The cells of an octant that do not pass.
+    #[inline]
+    pub(super) fn octant_stops(&self, octant: u64) -> u8 {
+        !byte(self.passes[word_of(octant)], octant)
+    }
+
     /// The cells of an octant that may be at the edge.
     #[inline]
     pub(super) fn edges_of(&self, octant: u64) -> u8 {

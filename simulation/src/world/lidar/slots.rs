@@ -55,12 +55,8 @@ impl Slots {
 
     /// The slot of a cell of the map, or of one beside it.
     pub(super) fn of(&self, cell: Cell) -> u64 {
-        let spread = |axis: usize, at: i32| {
-            let at = u64::from((at + 1).cast_unsigned());
-            let in_block = (at & 1) << axis | (at >> 1 & 1) << (axis + 3);
-            in_block | at >> AXIS_BITS << self.shifts[axis]
-        };
-        spread(0, cell.x) | spread(1, cell.y) | spread(2, cell.z)
+        let along = |axis: usize, at: i32| self.spread(axis, u64::from((at + 1).cast_unsigned()));
+        along(0, cell.x) | along(1, cell.y) | along(2, cell.z)
     }
 
     /// The cell at a slot.
@@ -76,6 +72,23 @@ impl Slots {
     /// The bits that are flipped for rays that go down these axes.
     pub(super) fn flip(&self, goes_down: [bool; 3]) -> u64 {
         (0..3).fold(0, |flip, axis| flip | if goes_down[axis] { self.masks[axis] } else { 0 })
+    }
+
+    /// A number of cells along an axis, as the bits of its coordinate in a slot.
+    #[inline(always)]
+    pub(super) fn spread(&self, axis: usize, cells: u64) -> u64 {
+        (cells & 1) << axis | (cells >> 1 & 1) << (axis + 3) | cells >> AXIS_BITS << self.shifts[axis]
+    }
+
+    /// The slot so many cells up the axes.
+    #[inline(always)]
+    pub(super) fn ahead(&self, slot: u64, cells: [u64; 3]) -> u64 {
+        let mut slot = slot;
+        for (axis, cells) in cells.into_iter().enumerate() {
+            let mask = self.masks[axis];
+            slot = (slot | !mask).wrapping_add(self.spread(axis, cells)) & mask | slot & !mask;
+        }
+        slot
     }
 
     /// The slot of the next cell up an axis.
@@ -135,6 +148,9 @@ mod tests {
                             prop_assert_eq!([north, south], [Cell::new(x, y + 1, z), Cell::new(x, y - 1, z)]);
                             prop_assert_eq!([up, down], [Cell::new(x, y, z + 1), Cell::new(x, y, z - 1)]);
                             prop_assert_eq!([0, 1, 2].map(|axis| slots.above(slot, axis)), [east, north, up].map(|cell| slots.of(cell)));
+                            let last = Cell::new(size[0] as i32, size[1] as i32, size[2] as i32);
+                            let by = [last.x - x, last.y - y, last.z - z].map(|cells| u64::from(cells.cast_unsigned()));
+                            prop_assert_eq!(slots.cell(slots.ahead(slot, by)), last);
                         }
                     }
                 }

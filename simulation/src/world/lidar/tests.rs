@@ -333,7 +333,7 @@ proptest! {
             let mut new = NewCells { free: &mut free, wall: &mut wall };
             let marks = memory.parts().marks;
             marks.see(start.slot(), &mut new);
-            let rays = kernel.scan(marks, &start, scanner.bundles(), &mut new);
+            let rays = kernel.scan(marks, &start, scanner.bundles(), 0.0, &mut new);
             prop_assert_eq!(rays, used(pattern, yaw_rad, fov_rad).count() as u64);
             prop_assert_eq!((free.len(), wall.len()), (expected.0.len(), expected.1.len()));
             let seen: Vec<usize> = memory.seen_cells().collect();
@@ -402,6 +402,24 @@ fn scans_of_a_known_place_cast_few_rays() {
     }
     assert!(counts.cast() * 5 < counts.due(), "{counts:?}");
     assert_eq!(counts.cast() + counts.not_cast(NotCast::NothingUnseen), counts.due());
+}
+
+#[test]
+fn rays_leap_over_what_is_known_to_be_free() {
+    let extent = Extent::new([40; 3], 1.0).unwrap();
+    let mut terrain = Grid::new(extent, Terrain::Free);
+    voxels::close_shell(&mut terrain, 1);
+    let scanner = with_culling(Pattern::Lattice { rays: 2000 }, f64::INFINITY, TAU, 5);
+    let mut memory = SensorMemory::new(&terrain);
+    let is_known: Vec<bool> = extent.cells().map(|cell| !is_wall_at(&terrain, cell)).collect();
+    see(&mut memory, &is_known);
+    let start = scanner.start(&memory, &pose([20.5; 3], 0.0)).unwrap();
+    let parts = memory.parts();
+    let culling = scanner.rays.culling.as_ref().unwrap();
+    let active = culling.active_bundles(&start, f64::INFINITY, parts.marks, parts.culling).bundles;
+    assert_eq!(active.iter().map(|(bundles, _)| bundles.len()).sum::<usize>(), scanner.bundles().len());
+    // The walls are 18.5 m away or farther.
+    assert!(active.iter().all(|&(_, clear_cells)| (15.0..30.0).contains(&clear_cells)), "{active:?}");
 }
 
 #[test]

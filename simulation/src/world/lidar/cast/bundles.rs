@@ -2,11 +2,12 @@
 //!
 //! Every lane does what [`super::cast_ray`] does, operation by operation; Rust never fuses
 //! multiplications and additions. All lanes compute in every round, and lanes whose rays have ended
-//! keep their slots.
+//! keep their slots. The lanes of a bundle are cast side by side, or in parts of as many as the
+//! registers of the processor hold.
 
 use super::{Marks, NewCells, Start};
 use crate::world::lidar::pattern::{Bundle, Cone, LANES};
-use crate::world::lidar::slots::{bit, word};
+use crate::world::lidar::slots::word;
 
 /// A bit for each lane of a bundle, 1 if the lane is active.
 type LaneSet = u16;
@@ -14,28 +15,50 @@ type LaneSet = u16;
 const _: () = assert!(LaneSet::BITS as usize == LANES);
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-pub(super) fn scan_avx2(marks: &mut Marks, start: &Start, bundles: &[Bundle], new: &mut NewCells<'_>) -> u64 {
-    scan(marks, start, bundles, new)
+#[target_feature(enable = "avx2,bmi1,bmi2")]
+pub(super) fn scan_avx2(
+    marks: &mut Marks,
+    start: &Start,
+    bundles: &[Bundle],
+    clear: f64,
+    new: &mut NewCells<'_>,
+) -> u64 {
+    scan::<{ LANES / 2 }>(marks, start, bundles, clear, new)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,avx512f,avx512vl,avx512dq,avx512bw")]
-pub(super) fn scan_avx512(marks: &mut Marks, start: &Start, bundles: &[Bundle], new: &mut NewCells<'_>) -> u64 {
-    scan(marks, start, bundles, new)
+pub(super) fn scan_avx512(
+    marks: &mut Marks,
+    start: &Start,
+    bundles: &[Bundle],
+    clear: f64,
+    new: &mut NewCells<'_>,
+) -> u64 {
+    scan::<LANES>(marks, start, bundles, clear, new)
 }
 
+/// Casts parts of `SIDE` lanes.
 #[inline(always)]
-fn scan(marks: &mut Marks, start: &Start, bundles: &[Bundle], new: &mut NewCells<'_>) -> u64 {
+fn scan<const SIDE: usize>(
+    marks: &mut Marks,
+    start: &Start,
+    bundles: &[Bundle],
+    clear: f64,
+    new: &mut NewCells<'_>,
+) -> u64 {
     let is_limited = start.limit < f64::INFINITY;
     let mut rays = 0;
     for bundle in bundles {
         let on = lanes_on(bundle, start.cone());
         rays += u64::from(on.count_ones());
-        if is_limited {
-            cast::<true>(marks, start, bundle, on, new);
-        } else {
-            cast::<false>(marks, start, bundle, on, new);
+        for first in (0..LANES).step_by(SIDE) {
+            let part = Part { bundle, first, on: on >> first & low_lanes::<SIDE>(), clear };
+            if is_limited {
+                cast::<true, SIDE>(marks, start, &part, new);
+            } else {
+                cast::<false, SIDE>(marks, start, &part, new);
+            }
         }
     }
     rays
@@ -50,35 +73,63 @@ fn lanes_on(bundle: &Bundle, cone: Option<&Cone>) -> LaneSet {
     bundle.lanes(cone).fold(0, |on, lane| on | 1 << lane)
 }
 
-/// Casts the rays of the lanes that are `on`.
+/// The lowest lanes.
+const fn low_lanes<const SIDE: usize>() -> LaneSet {
+    LaneSet::MAX >> (LANES - SIDE)
+}
+
+/// Neighbouring lanes of a bundle.
+struct Part<'b> {
+    bundle: &'b Bundle,
+    /// The first of them.
+    first: usize,
+    /// Those whose rays are cast, the first one lowest.
+    on: LaneSet,
+    /// All cells that they enter up to this length pass.
+    clear: f64,
+}
+
+/// Casts the rays of a part of a bundle.
 #[inline(always)]
-fn cast<const LIMITED: bool>(
+fn cast<const LIMITED: bool, const SIDE: usize>(
     marks: &mut Marks,
     start: &Start,
-    bundle: &Bundle,
-    mut on: LaneSet,
+    &Part { bundle, first: first_lane, mut on, clear }: &Part<'_>,
     new: &mut NewCells<'_>,
 ) {
     let first = start.first(bundle);
     let flip = start.slots.flip(bundle.goes_down);
     let [mask_x, mask_y, mask_z] = start.slots.masks();
-    let [x, y, z] = bundle.inverse;
     // By loops, which are compiled for this processor; calls of `map` are not.
-    let [mut next_x, mut next_y, mut next_z] = [x, y, z];
-    for lane in 0..LANES {
-        next_x[lane] *= first[0];
-        next_y[lane] *= first[1];
-        next_z[lane] *= first[2];
+    let [mut x, mut y, mut z] = [[0.0; SIDE]; 3];
+    let [mut next_x, mut next_y, mut next_z] = [[0.0; SIDE]; 3];
+    for lane in 0..SIDE {
+        x[lane] = bundle.inverse[0][first_lane + lane];
+        y[lane] = bundle.inverse[1][first_lane + lane];
+        z[lane] = bundle.inverse[2][first_lane + lane];
+        next_x[lane] = x[lane] * first[0];
+        next_y[lane] = y[lane] * first[1];
+        next_z[lane] = z[lane] * first[2];
     }
-    let mut flipped = [start.slot ^ flip; LANES];
-    let mut slots = [0; LANES];
-    let mut is_beyond = [0; LANES];
-    let mut active = [0; LANES];
+    let mut flipped = [start.slot ^ flip; SIDE];
+    if clear > 0.0 {
+        // What is left is what rays that were followed cell by cell would come to.
+        let until = clear.min(start.limit);
+        let by_x = pass_boundaries(&mut next_x, &x, until);
+        let by_y = pass_boundaries(&mut next_y, &y, until);
+        let by_z = pass_boundaries(&mut next_z, &z, until);
+        for lane in 0..SIDE {
+            flipped[lane] = start.slots.ahead(flipped[lane], [by_x[lane], by_y[lane], by_z[lane]]);
+        }
+    }
+    let mut slots = [0; SIDE];
+    let mut is_beyond = [0; SIDE];
+    let mut active = [0; SIDE];
     for (lane, active) in active.iter_mut().enumerate() {
         *active = mask(on >> lane & 1 != 0);
     }
     while on != 0 {
-        for lane in 0..LANES {
+        for lane in 0..SIDE {
             let is_x = next_x[lane] <= next_y[lane] && next_x[lane] <= next_z[lane];
             let is_y = !is_x && next_y[lane] <= next_z[lane];
             let is_z = !is_x && !is_y;
@@ -102,20 +153,39 @@ fn cast<const LIMITED: bool>(
         }
         if LIMITED {
             let mut beyond: LaneSet = 0;
-            for lane in 0..LANES {
+            for lane in 0..SIDE {
                 beyond |= ((is_beyond[lane] & active[lane]) as LaneSet & 1) << lane;
             }
             on &= !end(beyond, &mut active);
         }
         let passes = marks.passes();
-        let mut halted: LaneSet = 0;
+        let mut passing: LaneSet = 0;
         for (lane, &slot) in slots.iter().enumerate() {
-            halted |= LaneSet::from(passes[word(slot)] & bit(slot) == 0) << lane;
+            passing |= ((passes[word(slot)] >> (slot & 63)) as LaneSet & 1) << lane;
         }
-        halted &= on;
+        let halted = on & !passing;
         if halted != 0 {
             let ended = see_lanes(marks, &slots, halted, new);
             on &= !end(ended, &mut active);
+        }
+    }
+}
+
+/// Moves the next crossings of boundaries across an axis beyond a length, in steps of `between`;
+/// returns how many are passed. Crossings are sums of the same terms as in single steps.
+#[inline(always)]
+fn pass_boundaries<const SIDE: usize>(next: &mut [f64; SIDE], between: &[f64; SIDE], until: f64) -> [u64; SIDE] {
+    let mut counts = [0_u64; SIDE];
+    loop {
+        let mut is_any = 0;
+        for lane in 0..SIDE {
+            let is_passed = mask(next[lane] <= until);
+            next[lane] += f64::from_bits(between[lane].to_bits() & is_passed);
+            counts[lane] = counts[lane].wrapping_sub(is_passed);
+            is_any |= is_passed;
+        }
+        if is_any == 0 {
+            return counts;
         }
     }
 }
@@ -128,7 +198,7 @@ fn mask(condition: bool) -> u64 {
 
 /// Ends the rays of these lanes.
 #[inline(always)]
-fn end(lanes: LaneSet, active: &mut [u64; LANES]) -> LaneSet {
+fn end(lanes: LaneSet, active: &mut [u64]) -> LaneSet {
     let mut left = lanes;
     while left != 0 {
         active[left.trailing_zeros() as usize] = 0;
@@ -140,7 +210,7 @@ fn end(lanes: LaneSet, active: &mut [u64; LANES]) -> LaneSet {
 /// Sees the cells of the lanes that have met one that they do not just pass; returns the lanes
 /// whose rays end there. Several lanes may have met the same cell.
 #[inline(never)]
-fn see_lanes(marks: &mut Marks, slots: &[u64; LANES], mut halted: LaneSet, new: &mut NewCells<'_>) -> LaneSet {
+fn see_lanes(marks: &mut Marks, slots: &[u64], mut halted: LaneSet, new: &mut NewCells<'_>) -> LaneSet {
     let mut ended = 0;
     while halted != 0 {
         let lane = halted.trailing_zeros();
