@@ -214,8 +214,8 @@ impl Layout {
         [block % self.blocks[0], row % self.blocks[1], row / self.blocks[1]].map(|at| at * SIDE)
     }
 
-    /// The blocks beside a block, by the [faces](super::blocks::FACES) between them; `None`: the map
-    /// ends there.
+    /// The blocks beside a block, by the [faces](super::blocks::FACES) between them; `None`: the
+    /// map ends there.
     pub(super) fn beside(&self, block: u32) -> [Option<u32>; 6] {
         let strides = [1, self.blocks[0], self.blocks[0] * self.blocks[1]];
         let row = block / self.blocks[0];

@@ -19,8 +19,8 @@
 //! stays active as long as the unseen cell that activated it, its watched cell, is unseen; then it
 //! is followed anew.
 //!
-//! **A common start.** The first cells of a ray mostly pass. Up to the nearest cell that does not and
-//! that a group may enter, its rays need not be followed cell by cell (`clear`).
+//! **A common start.** The first cells of a ray mostly pass. Up to the nearest cell that does not
+//! and that a group may enter, its rays need not be followed cell by cell (`clear`).
 //!
 //! Invariant: the marks of a memory and the lists of new cells, with their order, are those of a
 //! cast of all rays, whatever the memory holds; tests compare the two.

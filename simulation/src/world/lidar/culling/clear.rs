@@ -1,8 +1,8 @@
 //! How far the rays of a group surely cross only cells that pass: up to the nearest cell that does
 //! not and that one of them may enter.
 //!
-//! The blocks around the body are gone through with growing distance, so that the first one in which
-//! a group may enter a cell that does not pass is the nearest one.
+//! The blocks around the body are gone through with growing distance, so that the first one in
+//! which a group may enter a cell that does not pass is the nearest one.
 
 use voxels::bits;
 
@@ -15,7 +15,8 @@ const DISTANCE_SLACK_CELLS: f64 = 1e-4;
 
 /// The blocks around a body by their distance.
 pub(super) struct ClearCells {
-    /// By place of the body's cell in its block (see [`super::Passing::blocks`]), the nearest first.
+    /// By place of the body's cell in its block (see [`super::Passing::blocks`]), the nearest
+    /// first.
     nearest: [Vec<NearBlock>; 8],
     block_bits: u32,
     /// All cells beyond the blocks are farther away than this.
