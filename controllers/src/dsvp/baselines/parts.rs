@@ -125,9 +125,9 @@ impl PartsTable {
         }
     }
 
-    /// Adds the table for the agents in contact to a command: the version (uint8), and for each part
-    /// its key and the id of its holder (uint32) and the tick of the division or renewal (uint64),
-    /// little-endian.
+    /// Adds the table for the agents in contact to a command: the version (uint8), and for each
+    /// part its key and the id of its holder (uint32) and the tick of the division or renewal
+    /// (uint64), little-endian.
     pub(super) fn with_table(&self, command: Command, observation: &Observation) -> Command {
         if observation.contacts.is_empty() || self.entries.is_empty() {
             return command;
