@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use recording::bag;
+use recording::location::recording_at;
 use serde::Serialize;
 use thiserror::Error;
 
@@ -26,7 +26,7 @@ const FREE_PORT: &str = "127.0.0.1:0";
 #[derive(Debug, Args)]
 pub struct CaptureArgs {
     /// The recording (.mcap), or the rosbag2 folder of one
-    #[arg(value_parser = PathBufValueParser::new().try_map(bag::recording_at))]
+    #[arg(value_parser = PathBufValueParser::new().try_map(recording_at))]
     pub file: PathBuf,
     /// Size of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]

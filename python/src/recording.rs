@@ -12,7 +12,7 @@ use msgs::topics::{self, Topic};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use recording::bag::recording_at;
+use recording::location::recording_at;
 use recording::{Follower, Message, Recording};
 use sim_server::setup;
 use simulation::scenario::Scenario;

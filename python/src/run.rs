@@ -9,7 +9,7 @@ use in_memory::in_process::{self, AgentOptions, ThreadLayout};
 use msgs::ids::Tick;
 use pyo3::prelude::*;
 use recording::Recording;
-use recording::bag::recording_at;
+use recording::location::recording_at;
 use sim_server::session::NullObserver;
 use sim_server::setup;
 use simulation::scenario::{Origins, Override, Scenario};

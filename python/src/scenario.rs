@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use recording::bag::recording_at;
+use recording::location::recording_at;
 use sim_server::setup;
 use simulation::scenario::{Override, Scenario};
 

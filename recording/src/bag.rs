@@ -1,4 +1,4 @@
-//! Rosbag2 folders: the recording in one, and the `metadata.yaml` of one with a single recording.
+//! The `metadata.yaml` of a rosbag2 folder with a single recording.
 //!
 //! `ros2 bag` opens a recording directly; tools that expect a folder need this file beside it. It
 //! has version 8 of the format, the last one with the numbers of QoS policies: every distribution
@@ -8,57 +8,12 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::fs;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
-
-use thiserror::Error;
 
 use crate::Recording;
 
 /// The name of the file in its folder.
 pub const FILE_NAME: &str = "metadata.yaml";
-
-/// Recordings of a split bag that an error names.
-const FILES_SHOWN: usize = 3;
-
-/// A folder with several recordings, as a bag that was split: no run is in more than one file.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("a folder with {count} recordings ({names}); expected one; name the file")]
-pub struct SplitBagError {
-    count: usize,
-    names: String,
-}
-
-/// The recording in a rosbag2 folder; any other path as it is. Wherever a recording is named, its
-/// folder may be named instead.
-///
-/// # Errors
-/// If the folder has several.
-pub fn recording_at(path: PathBuf) -> Result<PathBuf, SplitBagError> {
-    let Ok(entries) = fs::read_dir(&path) else { return Ok(path) };
-    let files = entries.filter_map(Result::ok).map(|entry| entry.path());
-    let mut files: Vec<PathBuf> = files.filter(|file| is_recording(file) && file.is_file()).collect();
-    files.sort();
-    match files.as_slice() {
-        [] => Ok(path),
-        [_] => Ok(files.remove(0)),
-        several => {
-            let names = several.iter().take(FILES_SHOWN).filter_map(|file| file.file_name());
-            let mut names: Vec<_> = names.map(|name| name.to_string_lossy()).collect();
-            if several.len() > FILES_SHOWN {
-                names.push("...".into());
-            }
-            Err(SplitBagError { count: several.len(), names: names.join(", ") })
-        }
-    }
-}
-
-/// Whether a file has the name of a recording. The temporary name of one that has not begun yet is
-/// none.
-fn is_recording(file: &Path) -> bool {
-    file.extension().is_some_and(|extension| extension == "mcap")
-}
 
 /// A topic of a bag.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -131,33 +86,4 @@ pub fn text(topics: &[BagTopic], stamps_ns: RangeInclusive<u64>, file_name: &str
 /// A string as YAML, of which JSON is a subset.
 fn quoted(text: &str) -> String {
     serde_json::Value::from(text).to_string()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn folders_stand_for_the_recording_in_them() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        let empty = at("empty");
-        fs::create_dir(&empty).unwrap();
-        for path in [empty, at("none.mcap")] {
-            assert_eq!(recording_at(path.clone()), Ok(path));
-        }
-        let bag = at("night");
-        fs::create_dir(&bag).unwrap();
-        for name in ["night_0.mcap", "metadata.yaml", ".night_1.mcap.7.tmp"] {
-            fs::write(bag.join(name), "").unwrap();
-        }
-        let file = bag.join("night_0.mcap");
-        assert_eq!([&bag, &file].map(|path| recording_at(path.clone())), [Ok(file.clone()), Ok(file)]);
-        for number in 1..4 {
-            fs::write(bag.join(format!("night_{number}.mcap")), "").unwrap();
-        }
-        let refused = recording_at(bag).unwrap_err().to_string();
-        let names = "night_0.mcap, night_1.mcap, night_2.mcap, ...";
-        assert_eq!(refused, format!("a folder with 4 recordings ({names}); expected one; name the file"));
-    }
 }

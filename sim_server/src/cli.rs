@@ -8,7 +8,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
-use recording::bag;
+use recording::location::recording_at;
 use recording::recorder::bag_folder;
 use simulation::scenario::{MapKind, Override, keys};
 
@@ -337,7 +337,7 @@ pub fn assignment(text: &str) -> Result<(String, toml::Value), String> {
 /// The parser of arguments that name a recording, or the rosbag2 folder of one.
 #[must_use]
 pub fn recording_path() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(bag::recording_at)
+    PathBufValueParser::new().try_map(recording_at)
 }
 
 /// The file of a recording. Other endings are those of other formats, and would mislead their
