@@ -52,6 +52,15 @@ def fill(message, values):
     return message
 
 
+def is_success(response):
+    """Whether a service did what it was asked for: by `success`, or by the `result` of
+    simulation_interfaces. One that has neither cannot fail."""
+    if hasattr(response, "success"):
+        return response.success
+    result = getattr(response, "result", None)
+    return result is None or result.result == result.RESULT_OK
+
+
 class Tool:
     def __init__(self):
         rclpy.init()
@@ -136,7 +145,7 @@ class Tool:
         kind = type_of(kind)
         response = self.call(name, kind, fill(kind.Request(), yaml.safe_load(values)))
         print(response)
-        if response.result.result != response.result.RESULT_OK:
+        if not is_success(response):
             fail(response)
 
     def action_send_goal(self, name, kind, values, *_):

@@ -72,7 +72,8 @@ fn rosbag2_folder_is_taken_for_its_recording() {
     let maes = |words: &[&str]| Process::start(site.binary("maes").args(words)).ended();
     let record = format!("{}/", text(&bag));
     let flags = ["--transport", "memory", "--agents", "2", "--size", "20", "--duration", "30"];
-    let run = maes(&[&["run"], &flags[..], &["--record", &record]].concat()).with_code(0);
+    let whole = ["--set", "stop_when_explored=false", "--record", &record];
+    let run = maes(&[&["run"], &flags[..], &whole].concat()).with_code(0);
     for words in [&["info"][..], &["verify"], &["info", "--metadata"], &["scenario"]] {
         let of_folder = maes(&[words, &[text(&bag)]].concat()).with_code(0);
         let of_file = maes(&[words, &[text(&file)]].concat()).with_code(0);
