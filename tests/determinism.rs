@@ -75,6 +75,24 @@ fn several_agents_in_a_process() {
 }
 
 #[test]
+fn map_beside_the_scenario() {
+    let site = Site::new();
+    std::fs::create_dir(site.path("hall")).expect("a new folder");
+    let toml = "seed = 1\nduration_s = 20.0\nmap = { kind = \"file\", file = \"hall.txt\" }\nagents = { count = 2 }\n";
+    site.file("hall/hall.toml", toml);
+    let (rock, room) = ("#######\n".repeat(7), format!("#######\n{}#######\n", "#.....#\n".repeat(5)));
+    site.file("hall/hall.txt", [&rock[..], &room, &room, &room, &rock].join("\n"));
+    let from_outside = site.record(&["hall/hall.toml"]);
+    let (scenario, memory) = (site.path("hall/hall.toml"), ["--transport", "memory"]);
+    let absolute = [&[text(&scenario)][..], &memory].concat();
+    site.record(&absolute).assert_same(&from_outside, "over memory, by its whole path");
+    let mut from_inside = site.run_sh(&["hall.toml", "--record", text(&site.path("inside.mcap"))]);
+    site.start(from_inside.current_dir(site.path("hall"))).ended().with_code(0);
+    let inside = std::fs::read(site.path("inside.mcap")).expect("it is recorded");
+    assert!(inside == from_outside.bytes, "the folder that a run is started from changes nothing");
+}
+
+#[test]
 fn recorded_visualisation_topics() {
     let site = Site::new();
     let record = r#"views.record=["tf_static", "odom", "points", "path", "map", "unexplored", "contacts", "info"]"#;

@@ -79,6 +79,9 @@ pub struct RunArgs {
     pub resume: Option<PathBuf>,
     #[command(flatten)]
     pub fork: ForkArgs,
+    /// The folder that paths in the scenario file start from [default: its own]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["resume", "fork"])]
+    pub paths_from: Option<PathBuf>,
     /// Write what is printed about the run to this file as well
     #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,

@@ -146,7 +146,10 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     let scenario = match (&resumed, args.scenario.as_deref()) {
         (Some(resumed), file) => resumed.scenario(file, &overrides)?,
-        (None, Some(file)) => setup::load(file, &overrides)?,
+        (None, Some(file)) => match &args.paths_from {
+            Some(folder) => setup::load_with_paths_from(folder, file, &overrides)?,
+            None => setup::load(file, &overrides)?,
+        },
         (None, None) => unreachable!("one of the two is required"),
     };
     let recorded = resumed.as_ref().map(|resumed| resumed.file.as_path());

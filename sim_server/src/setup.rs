@@ -4,7 +4,7 @@
 //! `mapgen`.
 
 use std::num::NonZero;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use msgs::ids::Tick;
 use msgs::{maes_msgs, topics};
@@ -17,7 +17,9 @@ use mapgen::{self, GeneratedMap, MapError, MapReport, MapSpec};
 use recording::recorder::{self, Document, RecordError, RecorderQueue, RunRecorder};
 use recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, map};
 use simulation::digest::Digest;
-use simulation::scenario::{LidarPattern, LidarSchedule, MapKind, Origins, Override, Scenario, ScenarioError};
+use simulation::scenario::{
+    LidarPattern, LidarSchedule, MapKind, MapSection, Origins, Override, Scenario, ScenarioError,
+};
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnError};
 use simulation::world::{ScanSchedule, World, WorldParams};
@@ -128,10 +130,20 @@ pub enum SetupError {
 }
 
 /// Reads a scenario file, or the scenario of a recording (`.mcap`), and sets the overridden keys.
+/// Paths in a scenario file start from its folder, those of overrides and recordings from the
+/// working directory.
 ///
 /// # Errors
 /// If the file cannot be read or the scenario is not legal.
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
+    load_with_paths_from(file.parent().unwrap_or(Path::new("")), file, overrides)
+}
+
+/// [`load`], with the paths in a scenario file from another folder.
+///
+/// # Errors
+/// See [`load`].
+pub fn load_with_paths_from(folder: &Path, file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
     let name = file.display().to_string();
     if file.extension().is_some_and(|extension| extension == "mcap") {
         return parse(&name, &Recording::open(file)?.scenario(), overrides);
@@ -144,7 +156,35 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError>
         let column = before.chars().rev().take_while(|&character| character != '\n').count() + 1;
         SetupError::NoText { file: name.clone(), line, column }
     })?;
-    parse(&name, &text, overrides)
+    let mut scenario = Scenario::parse(&name, &text, overrides)?;
+    start_paths_from(folder, &mut scenario.map, overrides);
+    resolve(scenario, &Origins::new(&name, &text, overrides))
+}
+
+/// Lets the paths of a scenario file start from a folder, and those of overrides from the working
+/// directory.
+fn start_paths_from(folder: &Path, map: &mut MapSection, overrides: &[Override]) {
+    let is_typed = |keys: &[&str]| overrides.iter().any(|change| keys.contains(&change.key.as_str()));
+    let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
+    let has_typed_file = is_typed(&["map", "map.file"]);
+    let place = |path: PathBuf, is_typed: bool| match (is_typed, has_typed_file) {
+        (true, false) => absolute(path),
+        (false, true) => folder.join(path),
+        // It starts from where the map does.
+        (true, true) | (false, false) => path,
+    };
+    let of_import = |key: &str| is_typed(&["map", "map.import", key]);
+    let (has_typed_trajectory, has_typed_models) =
+        (of_import("map.import.trajectory"), of_import("map.import.model_path"));
+    map.import.trajectory = map.import.trajectory.take().map(|file| place(file, has_typed_trajectory));
+    map.import.model_path = map
+        .import
+        .model_path
+        .take()
+        .map(|folders| folders.into_iter().map(|folder| place(folder, has_typed_models)).collect());
+    if !has_typed_file {
+        folder.clone_into(&mut map.folder);
+    }
 }
 
 /// Parses a scenario with the overridden keys, and resolves it. `file` is the name for error

@@ -39,7 +39,8 @@ const BY_SIGTERM: u8 = 128 + Signal::SIGTERM as u8;
 #[derive(Debug, Clone)]
 pub enum Source {
     File(PathBuf),
-    /// A text; the server reads it from a file of this name in the folder of the logs.
+    /// A text, whose paths start from the folder of the run; the server reads it from a file of
+    /// this name in the folder of the logs.
     Text {
         name: &'static str,
         toml: String,
@@ -172,7 +173,8 @@ impl Run<'_> {
             Source::Text { name, toml } => {
                 let file = self.logs.join(name);
                 fs::write(&file, toml).map_err(SupervisorError::of(&file))?;
-                command.arg(file);
+                // It is in that folder already.
+                command.arg(file).args(["--paths-from", "."]);
             }
             Source::Resumed => {}
         }

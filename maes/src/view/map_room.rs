@@ -205,7 +205,9 @@ impl MapRoom {
         if starts.is_empty() {
             return Ok(None);
         }
-        let file = self.file.to_str().ok_or("the path of the map is no text, as a scenario needs it")?;
+        // The scenario is saved wherever its reader likes.
+        let file = std::path::absolute(&self.file).map_err(|error| error.to_string())?;
+        let file = file.to_str().ok_or("the path of the map is no text, as a scenario needs it")?;
         let text = toml::to_string(&ScenarioText {
             seed: SEED,
             duration_s: DURATION_S,
@@ -281,7 +283,7 @@ mod tests {
         let text = answer["scenario"].as_str().unwrap();
         let scenario = setup::parse("a.toml", text, &[]).unwrap();
         assert_eq!((scenario.agents.count, scenario.body.radius_m), (1, 0.4));
-        assert!(text.contains("file = \"rooms.txt\"") && text.contains("poses = [[5.5, 1.5, 1.0]]"), "{text}");
+        assert!(text.contains("/rooms.txt\"\n") && text.contains("poses = [[5.5, 1.5, 1.0]]"), "{text}");
     }
 
     #[test]

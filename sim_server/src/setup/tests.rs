@@ -110,6 +110,40 @@ fn what_does_not_fit_the_cells_of_the_file_is_refused() {
     assert!(build(&missing).unwrap_err().to_string().contains("nowhere.m3dm: No such file"));
 }
 
+#[test]
+fn paths_start_from_the_folder_of_the_scenario_or_of_the_flag() {
+    let folder = folder();
+    let file = folder.path().join("s.toml");
+    let import = "import = { trajectory = \"poses.txt\", model_path = [\"models\"] }";
+    let text = format!(
+        "seed = 1\nduration_s = 1.0\n[map]\nkind = \"file\"\nfile = \"packed.m3dm\"\n{import}\n[agents]\ncount = 1\n"
+    );
+    std::fs::write(&file, text).unwrap();
+    let of_flag = |key: &str, value: &str| Override {
+        origin: format!("--set {key}={value}"),
+        key: key.to_owned(),
+        value: Some(value.into()),
+    };
+    let paths = |overrides: &[Override]| {
+        let map = load(&file, overrides).unwrap().map;
+        let import = map.import.clone().from_folder(&map.folder);
+        (map.path().unwrap(), import.trajectory.unwrap(), import.model_path.unwrap().remove(0))
+    };
+    let at = |name: &str| folder.path().join(name);
+    assert_eq!(paths(&[]), (at("packed.m3dm"), at("poses.txt"), at("models")));
+    let other_map = of_flag("map.file", "other.pcd");
+    assert_eq!(paths(std::slice::from_ref(&other_map)), ("other.pcd".into(), at("poses.txt"), at("models")));
+    let other_poses = of_flag("map.import.trajectory", "other.txt");
+    let here = std::path::absolute("other.txt").unwrap();
+    assert_eq!(paths(std::slice::from_ref(&other_poses)), (at("packed.m3dm"), here, at("models")));
+    assert_eq!(paths(&[other_map, other_poses]), ("other.pcd".into(), "other.txt".into(), at("models")));
+
+    let moved = load_with_paths_from(Path::new("/elsewhere"), &file, &[]).unwrap();
+    assert_eq!(moved.map.path().unwrap(), Path::new("/elsewhere/packed.m3dm"));
+    // The recorded name is the one of the file.
+    assert!(moved.identity().contains("file = \"packed.m3dm\""), "{}", moved.identity());
+}
+
 /// A recording keeps the name of its map file, and accepts each other file with the same map.
 #[test]
 fn recorded_map_may_have_another_name() {

@@ -28,11 +28,11 @@ pub struct MapSection {
     /// Seed of the map, if it is not that of the run.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "some_seed")]
     pub seed: Option<u64>,
-    /// The map file of `kind = "file"`, relative to the working directory of the server.
+    /// The map file of `kind = "file"`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// The folder that `file` starts from, if that is another one. It is no key, and no part of the
-    /// identity of a run: a plan sets it.
+    /// The folder that `file` and the paths of `import` start from; empty: the working directory.
+    /// It is no key, and no part of the identity of a run: whoever reads a file sets it.
     #[serde(skip)]
     pub folder: PathBuf,
     /// Options of the importer.

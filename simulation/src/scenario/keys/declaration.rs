@@ -60,7 +60,7 @@ pub const TABLES: [Table; 23] = [
         key("seed", Seed, Unset("that of the run"), NONE,
             "seed of the map alone: the same map with other random streams of the agents", "ours"),
         key("file", Path, Unset("required for `\"file\"`"), NONE,
-            "the map file, relative to the working directory of the server", "reference: one fixed path")
+            "the map file; as all paths of `[map]`, relative to the folder of the scenario file (as a flag, to the present folder)", "reference: one fixed path")
             .limits("a known [format](maps.md#file-formats); only with `\"file\"`"),
     ]),
     Table::new("map.import", &[
