@@ -15,6 +15,7 @@ use protocol::lockstep::{
     RunIdentity, SourceId, TimeoutPolicy, Transmit,
 };
 use protocol::observation::RequestKind;
+use protocol::signed::Signed;
 use protocol::wake_condition::WakeCondition;
 
 use crate::Mutant;
@@ -141,11 +142,12 @@ impl Server {
                 let last_tick = last_tick.unwrap_or(Join::NONE);
                 let controller = "rbw".to_owned();
                 let join = Join { run, agent, instance: instance.into(), protocol: PROTOCOL, controller, last_tick };
-                (agent, instance, Inbound::Join(join))
+                (agent, instance, Inbound::Join(Signed::unsigned(join)))
             }
             Message::Command { agent, instance, tick, info, wake } => {
                 let wake = WireWakeCondition { at_tick: wake, ..WireWakeCondition::default() };
-                (agent, instance, Inbound::Command(Command { tick, run, agent, wake, info, ..Command::default() }))
+                let command = Command { tick, run, agent, wake, info, ..Command::default() };
+                (agent, instance, Inbound::Command(Signed::unsigned(command)))
             }
             Message::Reply { .. } | Message::Observation { .. } => return false,
         };
@@ -247,7 +249,7 @@ impl Server {
                 Message::Reply { agent, instance, code, accepted }
             }
             Transmit::Observation(agent, signed) => {
-                let Observation { tick, phase, .. } = signed.observation;
+                let &Observation { tick, phase, .. } = signed.claimed();
                 Message::Observation { agent: agent.0, tick, has_ended: phase == Observation::ENDED }
             }
         });

@@ -20,8 +20,9 @@ use agent_node::controllers::Registry;
 use agent_node::host::{AgentProcess, Options, RunError as AgentError};
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{JoinReply, Observation, Scenario as Announcement};
+use msgs::maes_msgs::{Command, JoinReply, Observation, Scenario as Announcement};
 use msgs::topics;
+use protocol::signed::Signed;
 use rand::RngExt;
 use recording::playback::{Horizon, Playback};
 use recording::recorder::Recorder;
@@ -69,7 +70,7 @@ pub(super) struct Cluster<'s> {
     /// Processes started so far.
     started: u32,
     /// The last command of an agent, if commands are made stale.
-    stale: Option<msgs::maes_msgs::Command>,
+    stale: Option<Command>,
 }
 
 /// How the run of a server has ended.
@@ -346,12 +347,13 @@ impl<'s> Cluster<'s> {
     /// The message as it arrives: changed only by a mutation.
     fn falsified(&mut self, mut incoming: Incoming) -> Incoming {
         if self.network.borrow().mutation == Some(Mutation::StaleCommands)
-            && let ToServer::Command(command) = &mut incoming.message
-            && command.agent == 0
+            && let ToServer::Command(signed) = &mut incoming.message
+            && signed.claimed().agent == 0
         {
+            let command = signed.claimed();
             let before = self.stale.replace(command.clone());
             if let Some(before) = before.filter(|before| before.tick < command.tick) {
-                *command = msgs::maes_msgs::Command { tick: command.tick, run: command.run, ..before };
+                *signed = Signed::unsigned(Command { tick: command.tick, run: command.run, ..before });
             }
         }
         incoming
@@ -408,7 +410,7 @@ impl AgentTransport for Cluster<'_> {
         }
     }
 
-    fn send(&mut self, agent: AgentId, fragment: &Observation) {
+    fn send(&mut self, agent: AgentId, fragment: Signed<Observation>) {
         self.act();
         let mut network = self.network.borrow_mut();
         for process in network.processes_of(Some(agent)) {

@@ -17,8 +17,9 @@ use std::time::{Duration, Instant};
 
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, Scenario};
+use msgs::maes_msgs::{Command, Scenario};
 use protocol::lockstep::SourceId;
+use protocol::signed::{JoinRequest, Signed};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use system::wall_clock;
@@ -447,14 +448,14 @@ pub(super) struct AgentsEnd {
 }
 
 impl ServerTransport for AgentsEnd {
-    fn send_join(&mut self, join: &Join) {
-        let message = ToServer::Join(join.clone());
-        self.network.borrow_mut().send_to_server(self.process, AgentId(join.agent), message);
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
+        let agent = AgentId(join.claimed().join.agent);
+        self.network.borrow_mut().send_to_server(self.process, agent, ToServer::Join(join.clone()));
     }
 
-    fn send_command(&mut self, command: &Command) {
-        let message = ToServer::Command(command.clone());
-        self.network.borrow_mut().send_to_server(self.process, AgentId(command.agent), message);
+    fn send_command(&mut self, command: &Signed<Command>) {
+        let agent = AgentId(command.claimed().agent);
+        self.network.borrow_mut().send_to_server(self.process, agent, ToServer::Command(command.clone()));
     }
 
     fn now(&self) -> Instant {
