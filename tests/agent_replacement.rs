@@ -10,6 +10,7 @@ use in_memory::AgentsEnd;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join};
 use protocol::limits::PROTOCOL;
+use protocol::signed::{JoinRequest, Signed};
 use simulation::scenario::OnAgentLoss;
 use system::wall_clock::now;
 
@@ -26,11 +27,11 @@ pub(crate) struct Mortal<'a> {
 }
 
 impl ServerTransport for Mortal<'_> {
-    fn send_join(&mut self, join: &Join) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
         self.inner.send_join(join);
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         match self.answers_left.checked_sub(1) {
             Some(left) => {
                 self.answers_left = left;
@@ -48,16 +49,16 @@ impl ServerTransport for Mortal<'_> {
 /// The link of a replacement, which repeats its join until it is accepted.
 pub(crate) struct Successor {
     pub(crate) inner: AgentsEnd,
-    pub(crate) join: Option<Join>,
+    pub(crate) join: Option<Signed<JoinRequest>>,
     pub(crate) is_accepted: bool,
 }
 
 impl ServerTransport for Successor {
-    fn send_join(&mut self, join: &Join) {
-        self.join = Some(Join { instance: BACK, ..join.clone() });
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
+        self.join = Some(Signed::unsigned(Join { instance: BACK, ..join.claimed().join.clone() }));
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         self.inner.send_command(command);
     }
 
@@ -71,7 +72,7 @@ impl ServerTransport for Successor {
                 self.is_accepted |= reply.instance == BACK && reply.accepted;
                 false
             }
-            Inbound::Observation(_) | Inbound::SignedObservation(_) => self.is_accepted,
+            Inbound::Observation(_) => self.is_accepted,
         })
     }
 }
@@ -156,11 +157,11 @@ struct Counting {
 }
 
 impl ServerTransport for Counting {
-    fn send_join(&mut self, join: &Join) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
         (0..10).for_each(|_| self.inner.send_join(join));
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         self.inner.send_command(command);
     }
 
@@ -196,7 +197,7 @@ fn agent_lost_before_the_start_is_replaced() {
                 controller: "rbw".to_owned(),
                 last_tick: Join::NONE,
             };
-            inner.send_join(&join);
+            inner.send_join(&Signed::unsigned(join));
             while !matches!(inner.receive(Duration::from_millis(20)), Some(Inbound::JoinReply(reply)) if reply.accepted)
             {
             }
@@ -217,12 +218,12 @@ struct Claiming<'a> {
 }
 
 impl ServerTransport for Claiming<'_> {
-    fn send_join(&mut self, join: &Join) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
         self.inner.send_join(join);
         self.has_claimed.store(true, Ordering::Relaxed);
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         self.inner.send_command(command);
     }
 
@@ -241,11 +242,11 @@ struct Holding<'a> {
 }
 
 impl ServerTransport for Holding<'_> {
-    fn send_join(&mut self, join: &Join) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
         self.inner.send_join(join);
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         self.answers_left = self.answers_left.saturating_sub(1);
         if self.answers_left == 0 {
             self.is_held.store(true, Ordering::Relaxed);
@@ -274,7 +275,7 @@ fn replaced_process_cannot_rejoin() {
             // The number of the run is in the observations.
             while !is_over.load(Ordering::Relaxed) {
                 match mortal.receive(Duration::from_millis(20)) {
-                    Some(Inbound::Observation(part)) => run = part.run,
+                    Some(Inbound::Observation(part)) => run = part.claimed().run,
                     Some(Inbound::JoinReply(reply)) if reply.instance == BACK => {
                         assert!(!reply.accepted, "it has replied already");
                         break;
@@ -282,7 +283,8 @@ fn replaced_process_cannot_rejoin() {
                     _ => {}
                 }
                 let (controller, protocol) = ("rbw".to_owned(), PROTOCOL);
-                mortal.send_join(&Join { run, agent: 1, instance: BACK, protocol, controller, last_tick: 9 });
+                let join = Join { run, agent: 1, instance: BACK, protocol, controller, last_tick: 9 };
+                mortal.send_join(&Signed::unsigned(join));
             }
             is_refused.store(true, Ordering::Relaxed);
         } else {

@@ -17,6 +17,7 @@ use agent_node::observation::Observation;
 use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::Observation as Part;
+use protocol::signed::Signed;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use recording::Recording;
@@ -196,12 +197,12 @@ struct Tampered {
 }
 
 impl Interceptor for Tampered {
-    fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: &Part) {
-        let mut part = part.clone();
+    fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: Signed<Part>) {
+        let mut part = part.trusted().into_inner();
         if self.is_tampering && part.phase == Part::RUNNING {
             part.position.x += (RandomState::new().hash_one(part.tick) % 1000) as f64 * 1e-6;
         }
-        inner.send(agent, &part);
+        inner.send(agent, Signed::unsigned(part));
     }
 
     fn receive(&mut self, inner: &mut ServerEnd, timeout: Duration) -> Option<Incoming> {

@@ -10,7 +10,8 @@ use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, Motion, SignedCommand, SignedJoin};
 use protocol::lockstep::SourceId;
-use protocol::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey};
+use protocol::signed::{JoinRequest, Signed};
+use protocol::signing::{JOIN_SECRET, JoinContext, JoinSecret, NONE, SessionKey, Signs};
 use sim_server::session::JoinPolicy;
 use transport::{AgentTransport, Inbound, Incoming, Transport};
 
@@ -69,19 +70,17 @@ fn stopped(command: &Command) -> Command {
 /// A command without a code, with the code of the true command, and with a code by a key that the
 /// stranger has made up.
 fn forge(incoming: &Incoming, _: &[Incoming]) -> Vec<Inbound> {
-    let (command, mac) = match &incoming.message {
-        Inbound::SignedCommand(SignedCommand { command, mac }) => (stopped(command), *mac),
-        Inbound::Command(command) => (stopped(command), NONE),
-        _ => return Vec::new(),
-    };
-    let own = SessionKey::new([7; 32]).of_command(&command);
-    let signed = |mac| Inbound::SignedCommand(SignedCommand { command: command.clone(), mac });
-    vec![Inbound::Command(command.clone()), signed(mac), signed(own)]
+    let Inbound::Command(signed) = &incoming.message else { return Vec::new() };
+    let SignedCommand { command, mac } = signed.clone().into();
+    let command = stopped(&command);
+    let repeated = SignedCommand { command: command.clone(), mac };
+    let own = Signed::sign(command.clone(), &SessionKey::new([7; 32]));
+    [Signed::unsigned(command), repeated.into(), own].map(Inbound::Command).into()
 }
 
 /// All that the agent has sent before.
 fn replay(incoming: &Incoming, heard: &[Incoming]) -> Vec<Inbound> {
-    if !matches!(incoming.message, Inbound::SignedCommand(_)) {
+    if !matches!(incoming.message, Inbound::Command(_)) {
         return Vec::new();
     }
     // The joins and the last commands.
@@ -91,16 +90,14 @@ fn replay(incoming: &Incoming, heard: &[Incoming]) -> Vec<Inbound> {
 
 /// Joins under the GUID of the agent, and its true join from another process.
 fn join(incoming: &Incoming, _: &[Incoming]) -> Vec<Inbound> {
-    let Inbound::SignedJoin(true_join) = &incoming.message else { return Vec::new() };
-    let other = Join { instance: 99, ..true_join.join.clone() };
+    let Inbound::Join(true_join) = &incoming.message else { return Vec::new() };
     let guess = JoinSecret::new(b"a guess of the stranger").expect("it is long enough");
-    let context = JoinContext { announcement: &NONE, source: &incoming.source.0, join: true_join };
-    vec![
-        Inbound::Join(other.clone()),
-        Inbound::SignedJoin(SignedJoin { join: other, ..true_join.clone() }),
-        Inbound::SignedJoin(SignedJoin { nonce: [9; 32], ..true_join.clone() }),
-        Inbound::SignedJoin(SignedJoin { proof: guess.prove_join(context), ..true_join.clone() }),
-    ]
+    let guessed = Signed::sign(true_join.claimed().clone(), &guess.join_key(&NONE, &incoming.source.0));
+    let true_join = SignedJoin::from(true_join.clone());
+    let other = Join { instance: 99, ..true_join.join.clone() };
+    let forged = [SignedJoin { join: other.clone(), ..true_join.clone() }, SignedJoin { nonce: [9; 32], ..true_join }];
+    let forged = forged.map(Signed::from).into_iter();
+    forged.chain([Signed::unsigned(other), guessed]).map(Inbound::Join).collect()
 }
 
 fn secret() -> JoinSecret {
@@ -175,12 +172,13 @@ fn joins_without_the_secret_are_refused() {
 /// A command of an earlier run, with the number of the present one.
 #[test]
 fn keys_are_renewed_by_each_join() {
-    let join = SignedJoin { join: Join { run: 7, ..Join::default() }, nonce: [1; 32], proof: NONE, starts: 1 };
+    let request = JoinRequest { join: Join { run: 7, ..Join::default() }, nonce: [1; 32], starts: 1 };
+    let (join, later) = (request.clone(), JoinRequest { nonce: [2; 32], ..request });
+    let (join, later) = (Signed::<JoinRequest>::unsigned(join), Signed::<JoinRequest>::unsigned(later));
     let source = SourceId([3; 16]).0;
     let context = JoinContext { announcement: &NONE, source: &source, join: &join };
-    let later = SignedJoin { nonce: [2; 32], ..join.clone() };
     let command = Command { run: 7, tick: 5, ..Command::default() };
-    let code = |context, nonce: u8| secret().session_key(context, &[nonce; 32]).of_command(&command);
+    let code = |context, nonce: u8| secret().session_key(context, &[nonce; 32]).signature(&command);
     assert_ne!(code(context, 1), code(context, 2), "the server draws another nonce");
     assert_ne!(code(context, 1), code(JoinContext { join: &later, ..context }, 1));
 }

@@ -18,6 +18,7 @@ use msgs::shared_bytes::SharedBytes;
 use msgs::topics::{self, Topic};
 use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
 use protocol::lockstep::SourceId;
+use protocol::signed::{JoinRequest, Signed};
 use protocol::signing::NONE;
 use rand::RngExt;
 use ros2_client::qos::{Durability, QosProfile, Reliability, WhenFull};
@@ -103,7 +104,7 @@ struct IllegalSender {
 impl IllegalSender {
     fn send_illegal(&mut self, counter: &'static str, command: &Command) {
         *lock(&self.sent).entry(counter).or_default() += 1;
-        self.inner.send_command(command);
+        self.inner.send_command(&Signed::unsigned(command.clone()));
     }
 
     /// Sends illegal commands before the true one, so that they arrive while it is awaited.
@@ -130,9 +131,10 @@ impl IllegalSender {
 }
 
 impl ServerTransport for IllegalSender {
-    fn send_join(&mut self, join: &Join) {
-        self.inner.send_join(&Join { protocol: PROTOCOL + 1, ..join.clone() });
-        self.inner.send_join(&Join { agent: 7, ..join.clone() });
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
+        let claimed = &join.claimed().join;
+        self.inner.send_join(&Signed::unsigned(Join { protocol: PROTOCOL + 1, ..claimed.clone() }));
+        self.inner.send_join(&Signed::unsigned(Join { agent: 7, ..claimed.clone() }));
         let mut sent = lock(&self.sent);
         *sent.entry("refused_wrong_protocol").or_default() += 1;
         *sent.entry("refused_unknown_agent").or_default() += 1;
@@ -140,15 +142,16 @@ impl ServerTransport for IllegalSender {
         self.inner.send_join(join);
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, signed: &Signed<Command>) {
+        let command = signed.claimed();
         let last_tick = &mut self.last_tick[command.agent as usize];
         if *last_tick == Some(command.tick) {
             // A resent request must not change the number of illegal commands.
-            return self.inner.send_command(command);
+            return self.inner.send_command(signed);
         }
         *last_tick = Some(command.tick);
         self.send_all_illegal(command);
-        self.inner.send_command(command);
+        self.inner.send_command(signed);
         // Agent 1 replies after agent 0, so that the tick is not over yet.
         if command.agent == 0 {
             let stop = Motion { kind: Motion::STOP, ..Motion::default() };
@@ -197,31 +200,39 @@ impl ForeignSender {
     fn say(&mut self, topic: u32, source: SourceId, message: ToServer) {
         self.waiting.push_back(Incoming { topic_agent: AgentId(topic), source, message });
     }
+
+    fn command(&mut self, topic: u32, source: SourceId, command: &Command) {
+        self.say(topic, source, ToServer::Command(Signed::unsigned(command.clone())));
+    }
+
+    fn join(&mut self, topic: u32, source: SourceId, join: &Join) {
+        self.say(topic, source, ToServer::Join(Signed::unsigned(join.clone())));
+    }
 }
 
 impl Interceptor for ForeignSender {
-    fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: &Observation) {
+    fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: Signed<Observation>) {
         let stop = Motion { kind: Motion::STOP, ..Motion::default() };
-        let run = part.run;
-        let command = Command { tick: part.tick, run, agent: agent.0, motion: stop, ..Command::default() };
+        let &Observation { run, tick, .. } = part.claimed();
+        let command = Command { tick, run, agent: agent.0, motion: stop, ..Command::default() };
         let other = 1 - agent.0;
-        self.say(agent.0, FOREIGN, ToServer::Command(command.clone()));
-        self.say(other, FOREIGN, ToServer::Command(command.clone()));
+        self.command(agent.0, FOREIGN, &command);
+        self.command(other, FOREIGN, &command);
         self.say(agent.0, FOREIGN, ToServer::Undecodable { reason: "noise".to_owned() });
         let controller = "x".to_owned();
         let join = Join { run, agent: agent.0, instance: 1, protocol: PROTOCOL, controller, last_tick: 0 };
         // Messages of a member, with the number of another run.
         let welcome = SourceId(u128::from(agent.0).to_le_bytes());
-        self.say(agent.0, welcome, ToServer::Command(Command { run: run ^ 1, ..command }));
-        self.say(agent.0, welcome, ToServer::Join(Join { run: 0, ..join.clone() }));
-        self.say(agent.0, FOREIGN, ToServer::Join(join.clone()));
+        self.command(agent.0, welcome, &Command { run: run ^ 1, ..command });
+        self.join(agent.0, welcome, &Join { run: 0, ..join.clone() });
+        self.join(agent.0, FOREIGN, &join);
         // With the agent's own instance number, which is public: the agent must not receive a
         // refusal.
         let borrowed = Join { instance: instance_of(agent.0), ..join.clone() };
-        self.say(agent.0, FOREIGN, ToServer::Join(borrowed.clone()));
-        self.say(agent.0, FOREIGN, ToServer::Join(Join { protocol: PROTOCOL + 1, ..borrowed.clone() }));
-        self.say(other, FOREIGN, ToServer::Join(borrowed));
-        self.say(other, FOREIGN, ToServer::Join(join));
+        self.join(agent.0, FOREIGN, &borrowed);
+        self.join(agent.0, FOREIGN, &Join { protocol: PROTOCOL + 1, ..borrowed.clone() });
+        self.join(other, FOREIGN, &borrowed);
+        self.join(other, FOREIGN, &join);
         inner.send(agent, part);
     }
 
@@ -265,6 +276,14 @@ fn foreign_senders_are_refused_without_effect() {
 /// Illegal commands of a member in each tick, and half of its illegal joins.
 const FLOOD: u64 = 50;
 
+fn join(end: &mut AgentsEnd, join: Join) {
+    end.send_join(&Signed::unsigned(join));
+}
+
+fn command(end: &mut AgentsEnd, command: Command) {
+    end.send_command(&Signed::unsigned(command));
+}
+
 /// Agent 1: keeps its position, and with `floods` sends illegal messages beside each reply.
 fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
     let mut run = 0;
@@ -273,27 +292,28 @@ fn stays(mut end: AgentsEnd, floods: bool, is_over: &AtomicBool) {
         match end.receive(Duration::from_millis(20)) {
             Some(ToAgents::Scenario(scenario)) => {
                 run = scenario.run;
-                end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+                join(&mut end, Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
             }
-            Some(ToAgents::Observation(Observation { tick, phase, part, parts, .. })) if part + 1 == parts => {
+            Some(ToAgents::Observation(part)) if part.claimed().is_last() => {
+                let &Observation { tick, phase, .. } = part.claimed();
                 let answer = Command { tick, run, agent: 1, ..Command::default() };
                 let is_first = answered.replace((tick, phase)) != Some((tick, phase));
                 if !floods || phase == Observation::ENDED {
-                    end.send_command(&answer);
+                    command(&mut end, answer);
                     continue;
                 }
                 // A resent request must not change the number of illegal messages.
                 for number in 0..if is_first { FLOOD } else { 0 } {
-                    end.send_command(&Command { tick: tick + 1 + number, ..answer.clone() });
-                    end.send_join(&Join { run, agent: 1, instance: 2 + number, protocol: PROTOCOL, ..Join::default() });
-                    end.send_join(&Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
+                    command(&mut end, Command { tick: tick + 1 + number, ..answer.clone() });
+                    join(&mut end, Join { run, agent: 1, instance: 2 + number, protocol: PROTOCOL, ..Join::default() });
+                    join(&mut end, Join { run, agent: 0, instance: tick, protocol: PROTOCOL, ..Join::default() });
                 }
                 let message = AgentMessage {
                     agent: AgentMessage::BROADCAST,
                     kind: 7,
                     data: vec![7; AGENT_MESSAGE_BYTES_MAX].into(),
                 };
-                end.send_command(&Command { messages: vec![message], ..answer });
+                command(&mut end, Command { messages: vec![message], ..answer });
             }
             _ => {}
         }
@@ -341,10 +361,10 @@ fn with_commands_of_agent_1(commands: impl Fn(u64) -> Vec<Command> + Send + Sync
         let Some(ToAgents::Scenario(Scenario { run, .. })) = end.receive(HANG) else {
             panic!("the scenario comes first")
         };
-        end.send_join(&Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
+        join(&mut end, Join { run, agent: 1, instance: 1, protocol: PROTOCOL, ..Join::default() });
         let commands = commands(run);
         while !is_over.load(Ordering::Relaxed) {
-            commands.iter().for_each(|command| end.send_command(command));
+            commands.iter().for_each(|sent| command(&mut end, sent.clone()));
             end.receive(Duration::from_millis(1));
         }
     })

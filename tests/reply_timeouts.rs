@@ -10,7 +10,8 @@ use std::time::Duration;
 use agent_node::transport::{Inbound, ServerTransport};
 use in_memory::{AgentsEnd, ServerEnd};
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, Observation};
+use msgs::maes_msgs::{Command, Observation};
+use protocol::signed::{JoinRequest, Signed};
 use simulation::scenario::Rtf;
 use transport::{AgentTransport, Inbound as ToServer, Incoming};
 
@@ -31,18 +32,19 @@ struct Slow<F> {
     asked: (u64, u32),
 }
 
-impl<F: FnMut(&mut AgentsEnd, &Command, u32)> ServerTransport for Slow<F> {
-    fn send_join(&mut self, join: &Join) {
+impl<F: FnMut(&mut AgentsEnd, &Signed<Command>, u32)> ServerTransport for Slow<F> {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
         self.inner.send_join(join);
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         (self.answer)(&mut self.inner, command, self.asked.1);
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Inbound> {
         let message = self.inner.receive(timeout);
-        if let Some(Inbound::Observation(Observation { tick, .. })) = &message {
+        if let Some(Inbound::Observation(part)) = &message {
+            let Observation { tick, .. } = part.claimed();
             self.asked = if self.asked.0 == *tick { (*tick, self.asked.1 + 1) } else { (*tick, 1) };
         }
         message
@@ -51,10 +53,13 @@ impl<F: FnMut(&mut AgentsEnd, &Command, u32)> ServerTransport for Slow<F> {
 
 /// A run in which a closure sends the commands of agent 1. Its last argument: how many times the
 /// tick was requested.
-fn with_answers(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Send + Sync + 'static) -> FinishedRun {
+fn with_answers(
+    play: Play,
+    answer: impl Fn(&mut AgentsEnd, &Signed<Command>, u32) + Send + Sync + 'static,
+) -> FinishedRun {
     play.with(move |inner, ids, is_over| {
         let options = honest(u64::from(ids[0].0), ids.clone());
-        let answer = |end: &mut AgentsEnd, command: &Command, asked| {
+        let answer = |end: &mut AgentsEnd, command: &Signed<Command>, asked| {
             if ids == [AgentId(1)] { answer(end, command, asked) } else { end.send_command(command) }
         };
         let mut link = Slow { inner, answer, asked: (u64::MAX, 0) };
@@ -63,7 +68,7 @@ fn with_answers(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Sen
 }
 
 /// Digest and number of refused messages of such a run.
-fn run(play: Play, answer: impl Fn(&mut AgentsEnd, &Command, u32) + Send + Sync + 'static) -> (String, u64) {
+fn run(play: Play, answer: impl Fn(&mut AgentsEnd, &Signed<Command>, u32) + Send + Sync + 'static) -> (String, u64) {
     let played = with_answers(play, answer);
     (played.digest(), refusals(&played.outcome().result).values().sum())
 }
@@ -74,7 +79,7 @@ fn first_reply_may_take_the_join_timeout() {
     impatient.scenario.execution.decision_timeout_s = 0.5;
     // Requests are resent after 0.1, 0.3 and 0.7 s.
     let late = run(impatient, |end, command, asked| {
-        if command.tick > 0 || asked >= 4 {
+        if command.claimed().tick > 0 || asked >= 4 {
             end.send_command(command);
         }
     });
@@ -84,15 +89,15 @@ fn first_reply_may_take_the_join_timeout() {
 /// NaN is not equal to itself, so replies are compared by their bytes.
 #[test]
 fn repeated_reply_with_nan_is_idempotent() {
-    let said_once = |end: &mut AgentsEnd, command: &Command, _| {
-        let mut command = command.clone();
+    let said_once = |end: &mut AgentsEnd, command: &Signed<Command>, _| {
+        let mut command = command.claimed().clone();
         command.motion.yaw_rate_rad_s = f64::NAN;
-        end.send_command(&command);
+        end.send_command(&Signed::unsigned(command));
     };
     let once = run(Play::of_two(DURATION_S), said_once);
     // At the second request of tick 10 the agent replies twice, and at the third once more.
     let twice = run(Play::of_two(DURATION_S), move |end, command, asked| {
-        let times = if command.tick != 10 { 1 } else { [0, 0, 2, 1][asked.min(3) as usize] };
+        let times = if command.claimed().tick != 10 { 1 } else { [0, 0, 2, 1][asked.min(3) as usize] };
         (0..times).for_each(|_| said_once(end, command, asked));
     });
     assert_eq!((once.1, &once), (0, &twice));
@@ -106,7 +111,7 @@ fn recording_is_saved_while_a_reply_is_awaited() {
     recorded.record = Some(file.clone());
     recorded.scenario.execution.decision_timeout_s = 1000.0;
     run(recorded, move |end, command, _| {
-        while command.tick == 20 && last_tick(&file) < 20 {
+        while command.claimed().tick == 20 && last_tick(&file) < 20 {
             // Until then only the same request is resent.
             end.receive(Duration::from_millis(20));
         }
@@ -173,8 +178,8 @@ fn assert_crossing_is_not_refused(is_sent_again: bool) {
     let played = play.with(move |inner, ids, is_over| {
         let options = honest(u64::from(ids[0].0), ids.clone());
         let pause = Duration::from_millis(20);
-        let answer = |end: &mut AgentsEnd, command: &Command, asked| {
-            if ids == [AgentId(1)] && command.tick == 10 && !stop.load(Ordering::Relaxed) {
+        let answer = |end: &mut AgentsEnd, command: &Signed<Command>, asked| {
+            if ids == [AgentId(1)] && command.claimed().tick == 10 && !stop.load(Ordering::Relaxed) {
                 if is_sent_again {
                     if asked < 2 {
                         return;
@@ -182,14 +187,16 @@ fn assert_crossing_is_not_refused(is_sent_again: bool) {
                     end.send_command(command);
                 }
                 stop.store(true, Ordering::Relaxed);
-                let ends = |inbound| matches!(inbound, Inbound::Observation(part) if part.phase == Observation::ENDED);
+                let ends = |inbound| matches!(inbound, Inbound::Observation(part) if part.claimed().phase == Observation::ENDED);
                 while !end.receive(pause).is_some_and(ends) {}
                 end.send_command(command);
-                end.send_command(&Command { known_free: command.known_free + 1, ..command.clone() });
+                let claimed = command.claimed();
+                let other = Command { known_free: claimed.known_free + 1, ..claimed.clone() };
+                end.send_command(&Signed::unsigned(other));
                 has_crossed.store(true, Ordering::Relaxed);
                 return;
             }
-            let is_held = || command.tick == 10 || stop.load(Ordering::Relaxed);
+            let is_held = || command.claimed().tick == 10 || stop.load(Ordering::Relaxed);
             while ids == [AgentId(0)] && is_held() && !has_crossed.load(Ordering::Relaxed) {
                 end.receive(pause);
             }

@@ -18,12 +18,13 @@ use mcap::records::Metadata;
 use mcap::{Attachment, Compression, MessageStream, WriteOptions};
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, Intervention, Join, Motion, Observation};
+use msgs::maes_msgs::{Command, Intervention, Motion, Observation};
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
     DeleteEntityRequest, EntityState, GetEntityStateRequest, GetEntityStateResponse, SetEntityStateRequest,
     SetSimulationStateRequest, SimulationState,
 };
+use protocol::signed::{JoinRequest, Signed};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use simulation::scenario::OnAgentLoss;
@@ -310,14 +311,15 @@ fn changed_command_is_detected() {
 struct Forger(AgentsEnd);
 
 impl ServerTransport for Forger {
-    fn send_join(&mut self, join: &Join) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
         self.0.send_join(join);
     }
 
-    fn send_command(&mut self, command: &Command) {
-        if command.agent == 1 && command.tick == 0 {
+    fn send_command(&mut self, command: &Signed<Command>) {
+        let claimed = command.claimed();
+        if claimed.agent == 1 && claimed.tick == 0 {
             let motion = Motion { kind: Motion::TURN, angle_rad: 0.25, ..Motion::default() };
-            self.0.send_command(&Command { motion, ..command.clone() });
+            self.0.send_command(&Signed::unsigned(Command { motion, ..claimed.clone() }));
         }
         self.0.send_command(command);
     }

@@ -24,6 +24,7 @@ use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Observation as Part};
 use protocol::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX, LIST_BYTES_MAX, POINT_BYTES};
 use protocol::message_type::MessageType;
+use protocol::signed::Verified;
 
 use agent::command::{Command, Motion, WakeCondition};
 use agent::exploration_map::ExplorationMap;
@@ -153,7 +154,8 @@ impl Agent {
     ///
     /// # Panics
     /// Never: a map has fewer than 2^32 cells.
-    pub fn take(&mut self, part: Part) -> Result<Reaction, AgentError> {
+    pub fn take(&mut self, part: Verified<Part>) -> Result<Reaction, AgentError> {
+        let part = part.into_inner();
         if part.phase != Part::ENDED
             && let Some(last_reply) = &self.last_reply
             && part.tick <= last_reply.tick

@@ -26,9 +26,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Scenario, SignedCommand, SignedObservation};
+use msgs::maes_msgs::{Command, Join, JoinReply, Observation as Part, Scenario};
 use protocol::limits::PROTOCOL;
-use protocol::signing::{Bytes, NONE, SessionKey, is_equal};
+use protocol::signed::Signed;
+use protocol::signing::SessionKey;
 
 use crate::control_loop::{Agent, Reaction};
 use crate::parameters;
@@ -273,7 +274,7 @@ impl<T: ServerTransport> Host<T> {
         {
             let last_tick = hosted.agent.last_tick().map_or(Join::NONE, |tick| tick.0);
             let join = join(self.run, *id, self.instance, &hosted.label, last_tick);
-            self.transport.send_signed_join(&self.authentication.join(join, self.transport.source()));
+            self.transport.send_join(&self.authentication.join(join, self.transport.source()));
         }
         self.joined_last = Some(now);
         self.attempts += 1;
@@ -283,8 +284,7 @@ impl<T: ServerTransport> Host<T> {
         let run = match &message {
             Inbound::Scenario(scenario) => scenario.run,
             Inbound::JoinReply(reply) => reply.run,
-            Inbound::Observation(part) => part.run,
-            Inbound::SignedObservation(signed) => signed.observation.run,
+            Inbound::Observation(part) => part.claimed().run,
         };
         if run != self.run {
             match message {
@@ -300,10 +300,7 @@ impl<T: ServerTransport> Host<T> {
         match message {
             Inbound::Scenario(_) => Ok(()),
             Inbound::JoinReply(reply) => self.handle_reply(reply),
-            Inbound::Observation(part) => self.handle_observation(part, NONE),
-            Inbound::SignedObservation(SignedObservation { observation, mac }) => {
-                self.handle_observation(observation, mac)
-            }
+            Inbound::Observation(part) => self.handle_observation(part),
         }
     }
 
@@ -334,9 +331,9 @@ impl<T: ServerTransport> Host<T> {
             return Ok(());
         };
         let join = join(self.run, agent, self.instance, &hosted.label, Join::NONE);
-        let Some(key) = self.authentication.session_key(&reply, join, self.transport.source()) else {
-            let reason = if reply.accepted { "accepted".to_owned() } else { reply.reason };
-            let unproven = RunError::Unproven { agent, reason };
+        let claimed = if reply.accepted { "accepted".to_owned() } else { reply.reason.clone() };
+        let Ok((reply, key)) = self.authentication.verify_reply(reply, join, self.transport.source()) else {
+            let unproven = RunError::Unproven { agent, reason: claimed };
             self.ignore(agent, &unproven.to_string());
             self.unproven.get_or_insert(unproven);
             return Ok(());
@@ -349,7 +346,7 @@ impl<T: ServerTransport> Host<T> {
             return Ok(());
         }
         if !reply.accepted {
-            let JoinReply { code, reason, .. } = reply;
+            let JoinReply { code, reason, .. } = reply.into_inner();
             return Err(match code {
                 JoinReply::OVERTAKEN => RunError::Overtaken { agent, reason },
                 _ => RunError::Refused { agent, reason },
@@ -366,19 +363,26 @@ impl<T: ServerTransport> Host<T> {
         Ok(())
     }
 
-    fn handle_observation(&mut self, mut part: Part, mac: Bytes) -> Result<(), RunError> {
-        let id = AgentId(part.agent);
+    fn handle_observation(&mut self, part: Signed<Part>) -> Result<(), RunError> {
+        let &Part { agent, tick, .. } = part.claimed();
+        let id = AgentId(agent);
         let is_one_of_several = self.agents.len() > 1;
         let Some(hosted) = self.agents.get_mut(&id).filter(|hosted| hosted.is_accepted) else {
             return Ok(());
         };
-        if hosted.key.as_ref().is_some_and(|key| !is_equal(&key.of_observation(&part), &mac)) {
-            let text = format!("an observation of tick {} that the server has not signed is ignored", part.tick);
-            self.ignore(id, &text);
+        let verified = match &hosted.key {
+            Some(key) => part.verify(key),
+            None => Ok(part.trusted()),
+        };
+        let Ok(mut part) = verified else {
+            self.ignore(id, &format!("an observation of tick {tick} that the server has not signed is ignored"));
             return Ok(());
-        }
+        };
         if is_one_of_several {
-            self.messages.share(&mut part);
+            part = part.map(|mut part| {
+                self.messages.share(&mut part);
+                part
+            });
         }
         let reaction = hosted.agent.take(part).map_err(|source| RunError::Agent { agent: id, source })?;
         if let Some(source) = hosted.agent.failure() {
@@ -412,13 +416,11 @@ impl<T: ServerTransport> Host<T> {
             wait_up_to(self.chaos_delay);
         }
         let command = Command { run: self.run, ..command };
-        match self.agents.get(&agent).and_then(|hosted| hosted.key.as_ref()) {
-            Some(key) => {
-                let mac = key.of_command(&command);
-                self.transport.send_signed_command(&SignedCommand { command, mac });
-            }
-            None => self.transport.send_command(&command),
-        }
+        let signed = match self.agents.get(&agent).and_then(|hosted| hosted.key.as_ref()) {
+            Some(key) => Signed::sign(command, key),
+            None => Signed::unsigned(command),
+        };
+        self.transport.send_command(&signed);
     }
 }
 

@@ -13,6 +13,8 @@ use std::time::Duration;
 use msgs::cdr;
 use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario};
 
+use protocol::signed::{JoinRequest, Signed};
+
 use crate::transport::{Inbound, ServerTransport};
 
 /// Upper bound on the CDR of a message, bytes: more than any message of the protocol has.
@@ -107,7 +109,7 @@ impl PipeTransport {
                 let message = match frame {
                     Frame::Scenario(scenario) => Inbound::Scenario(scenario),
                     Frame::JoinReply(reply) => Inbound::JoinReply(reply),
-                    Frame::Observation(fragment) => Inbound::Observation(fragment),
+                    Frame::Observation(fragment) => Inbound::Observation(Signed::unsigned(fragment)),
                     Frame::Join(_) | Frame::Command(_) => break,
                 };
                 if sender.send(message).is_err() {
@@ -130,12 +132,12 @@ impl PipeTransport {
 }
 
 impl ServerTransport for PipeTransport {
-    fn send_join(&mut self, join: &Join) {
-        self.send(&Frame::Join(join.clone()));
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
+        self.send(&Frame::Join(join.claimed().join.clone()));
     }
 
-    fn send_command(&mut self, command: &Command) {
-        self.send(&Frame::Command(command.clone()));
+    fn send_command(&mut self, command: &Signed<Command>) {
+        self.send(&Frame::Command(command.claimed().clone()));
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Inbound> {

@@ -13,7 +13,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, JoinReply, Scenario, SignedCommand, SignedJoin, SignedObservation};
+use msgs::maes_msgs::{Command, JoinReply, Scenario, SignedCommand, SignedJoin, SignedObservation};
 use msgs::nav_msgs::OccupancyGrid;
 use msgs::octomap_msgs::Octomap;
 use msgs::parameters::DeclaredParameter;
@@ -21,7 +21,7 @@ use msgs::rcl_interfaces::Parameter;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
-use protocol::signing::NONE;
+use protocol::signed::{JoinRequest, Signed};
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{
@@ -225,27 +225,21 @@ impl RosTransport {
 }
 
 impl ServerTransport for RosTransport {
-    fn send_join(&mut self, join: &Join) {
-        self.send_signed_join(&SignedJoin { join: join.clone(), ..SignedJoin::default() });
-    }
-
-    fn send_command(&mut self, command: &Command) {
-        self.send_signed_command(&SignedCommand { command: command.clone(), mac: NONE });
-    }
-
-    fn send_signed_join(&mut self, signed: &SignedJoin) {
-        let Some(number) = self.number(AgentId(signed.join.agent)) else { return };
-        if self.send(MessageKind::Join, number, signed) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
+        let Some(number) = self.number(AgentId(join.claimed().join.agent)) else { return };
+        let signed = SignedJoin::from(join.clone());
+        if self.send(MessageKind::Join, number, &signed) {
             let endpoints = &mut self.agents[number];
-            endpoints.join.publish(&mut endpoints.node, signed);
+            endpoints.join.publish(&mut endpoints.node, &signed);
         }
     }
 
-    fn send_signed_command(&mut self, signed: &SignedCommand) {
-        let Some(number) = self.number(AgentId(signed.command.agent)) else { return };
-        if self.send(MessageKind::Command, number, signed) {
+    fn send_command(&mut self, command: &Signed<Command>) {
+        let Some(number) = self.number(AgentId(command.claimed().agent)) else { return };
+        let signed = SignedCommand::from(command.clone());
+        if self.send(MessageKind::Command, number, &signed) {
             let endpoints = &mut self.agents[number];
-            endpoints.command.publish(&mut endpoints.node, signed);
+            endpoints.command.publish(&mut endpoints.node, &signed);
         }
     }
 
@@ -369,7 +363,7 @@ fn over_socket(sample: SocketSample<'_>) -> Result<Option<Inbound>, String> {
 fn observation(agent: AgentId, signed: SignedObservation) -> Result<Inbound, String> {
     let named = signed.observation.agent;
     if named == agent.0 {
-        Ok(Inbound::SignedObservation(signed))
+        Ok(Inbound::Observation(signed.into()))
     } else {
         Err(format!("an observation for agent {named} on the topic of agent {agent}"))
     }

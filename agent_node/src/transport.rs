@@ -9,13 +9,14 @@ use std::time::{Duration, Instant};
 
 use agent::exploration_map::ExplorationMap;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, JoinReply, Observation, Scenario, SignedCommand, SignedJoin, SignedObservation};
+use msgs::maes_msgs::{Command, JoinReply, Observation, Scenario};
 use msgs::nav_msgs::OccupancyGrid;
 use msgs::octomap_msgs::Octomap;
 use msgs::parameters::DeclaredParameter;
 pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::visualization_msgs::Marker;
+use protocol::signed::{JoinRequest, Signed};
 
 /// A message from the server.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,11 +25,9 @@ pub enum Inbound {
     Scenario(Scenario),
     /// The reply to a join of any process.
     JoinReply(JoinReply),
-    /// A fragment of an observation for one of the agents of this process, over a private
+    /// A fragment of an observation for one of the agents of this process; unsigned over a private
     /// transport.
-    Observation(Observation),
-    /// A fragment of an observation for one of the agents of this process.
-    SignedObservation(SignedObservation),
+    Observation(Signed<Observation>),
 }
 
 /// A standard message that shows an agent's map.
@@ -55,19 +54,11 @@ pub enum MapViewMessage {
 
 /// The transport of the agents of one process to their server.
 pub trait ServerTransport {
-    /// Sends a join.
-    fn send_join(&mut self, join: &Join);
-    /// Sends a command, the reply to an observation.
-    fn send_command(&mut self, command: &Command);
-    /// Sends a join with its proof; a private transport may leave that out.
-    fn send_signed_join(&mut self, signed: &SignedJoin) {
-        self.send_join(&signed.join);
-    }
-    /// Sends a command with its message authentication code; a private transport may leave that
-    /// out.
-    fn send_signed_command(&mut self, signed: &SignedCommand) {
-        self.send_command(&signed.command);
-    }
+    /// Sends a join; a private transport may leave out what authenticates it.
+    fn send_join(&mut self, join: &Signed<JoinRequest>);
+    /// Sends a command, the reply to an observation; a private transport may leave out the
+    /// signature.
+    fn send_command(&mut self, command: &Signed<Command>);
     /// This process, as the server knows it from the transport.
     fn source(&self) -> [u8; 16] {
         [0; 16]
@@ -103,20 +94,12 @@ pub trait ServerTransport {
 
 /// A borrowed transport is a transport.
 impl<T: ServerTransport + ?Sized> ServerTransport for &mut T {
-    fn send_join(&mut self, join: &Join) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
         (**self).send_join(join);
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         (**self).send_command(command);
-    }
-
-    fn send_signed_join(&mut self, signed: &SignedJoin) {
-        (**self).send_signed_join(signed);
-    }
-
-    fn send_signed_command(&mut self, signed: &SignedCommand) {
-        (**self).send_signed_command(signed);
     }
 
     fn source(&self) -> [u8; 16] {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use msgs::builtin_interfaces::Time;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
+use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario};
 use msgs::nav_msgs::Odometry;
 use msgs::rcl_interfaces::Log;
 use msgs::rosgraph_msgs::Clock;
@@ -20,7 +20,7 @@ use simulation::scenario::{self, Rtf};
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 use system::wall_clock::{now, since_epoch};
 use transport::control::Request;
-use transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Transport};
+use transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Signed, Transport};
 
 /// The node in log messages.
 const NODE: &str = "sim_server";
@@ -142,12 +142,8 @@ impl<L: Transport> AgentTransport for ObservedTransport<'_, L> {
         self.link.reply_join(reply);
     }
 
-    fn send(&mut self, agent: AgentId, part: &Observation) {
+    fn send(&mut self, agent: AgentId, part: Signed<Observation>) {
         self.link.send(agent, part);
-    }
-
-    fn send_signed(&mut self, agent: AgentId, part: SignedObservation) {
-        self.link.send_signed(agent, part);
     }
 
     fn is_open(&self) -> bool {

@@ -23,11 +23,9 @@ use std::time::Duration;
 use agent::exploration_map::ExplorationMap;
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{
-    Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
-};
+use msgs::maes_msgs::{Command, JoinReply, Observation, Progress, Scenario};
 use protocol::lockstep::SourceId;
-use protocol::signing::NONE;
+use protocol::signed::{JoinRequest, Signed};
 use transport::{AgentTransport, ControlInput, Inbound as ToServer, Incoming, ObserverOutput};
 
 use crate::stages::StageTimes;
@@ -128,10 +126,8 @@ impl ServerEnd {
 
 /// Takes the stage of a message, if it is a command.
 fn note(stages: &mut StageTimes, incoming: &Incoming) {
-    match &incoming.message {
-        ToServer::Command(command) => stages.note(command),
-        ToServer::SignedCommand(signed) => stages.note(&signed.command),
-        _ => {}
+    if let ToServer::Command(command) = &incoming.message {
+        stages.note(command.claimed());
     }
 }
 
@@ -144,16 +140,8 @@ impl AgentTransport for ServerEnd {
         self.send_to_all(&ToAgents::JoinReply(reply.clone()));
     }
 
-    fn send(&mut self, agent: AgentId, part: &Observation) {
-        self.send_to_groups_of(agent, ToAgents::Observation(part.clone()));
-    }
-
-    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
-        let message = match signed.mac == NONE {
-            true => ToAgents::Observation(signed.observation),
-            false => ToAgents::SignedObservation(signed),
-        };
-        self.send_to_groups_of(agent, message);
+    fn send(&mut self, agent: AgentId, part: Signed<Observation>) {
+        self.send_to_groups_of(agent, ToAgents::Observation(part));
     }
 
     fn receive(&mut self, timeout: Duration) -> Option<Incoming> {
@@ -187,23 +175,12 @@ fn send(server: &Sender<Incoming>, source: SourceId, agent: u32, message: ToServ
 }
 
 impl agent_node::transport::ServerTransport for AgentsEnd {
-    fn send_join(&mut self, join: &Join) {
-        self.send(join.agent, ToServer::Join(join.clone()));
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
+        self.send(join.claimed().join.agent, ToServer::Join(join.clone()));
     }
 
-    fn send_command(&mut self, command: &Command) {
-        self.send(command.agent, ToServer::Command(command.clone()));
-    }
-
-    fn send_signed_join(&mut self, signed: &SignedJoin) {
-        if signed.nonce == NONE {
-            return self.send_join(&signed.join);
-        }
-        self.send(signed.join.agent, ToServer::SignedJoin(signed.clone()));
-    }
-
-    fn send_signed_command(&mut self, signed: &SignedCommand) {
-        self.send(signed.command.agent, ToServer::SignedCommand(signed.clone()));
+    fn send_command(&mut self, command: &Signed<Command>) {
+        self.send(command.claimed().agent, ToServer::Command(command.clone()));
     }
 
     fn source(&self) -> [u8; 16] {

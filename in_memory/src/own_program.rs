@@ -20,6 +20,7 @@ use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
+use protocol::signed::Signed;
 use system::program;
 use thiserror::Error;
 use transport::Inbound as ToServer;
@@ -79,8 +80,12 @@ impl OwnProgram {
             let mut messages = io::BufReader::new(from_program);
             while let Some(frame) = Frame::read(&mut messages)? {
                 match frame {
-                    Frame::Join(join) => send(&server, source, join.agent, ToServer::Join(join)),
-                    Frame::Command(command) => send(&server, source, command.agent, ToServer::Command(command)),
+                    Frame::Join(join) => {
+                        send(&server, source, join.agent, ToServer::Join(Signed::unsigned(join)));
+                    }
+                    Frame::Command(command) => {
+                        send(&server, source, command.agent, ToServer::Command(Signed::unsigned(command)));
+                    }
                     Frame::Scenario(_) | Frame::JoinReply(_) | Frame::Observation(_) => {
                         return Err(io::Error::other("it sends messages of a server"));
                     }
@@ -139,8 +144,7 @@ fn pass_on(inbox: &Receiver<ToAgents>, mut socket: &UnixStream, has_ended: &Rece
         let frame = match inbox.recv_timeout(POLL_PERIOD) {
             Ok(ToAgents::Scenario(scenario)) => Frame::Scenario(scenario),
             Ok(ToAgents::JoinReply(reply)) => Frame::JoinReply(reply),
-            Ok(ToAgents::Observation(fragment)) => Frame::Observation(fragment),
-            Ok(ToAgents::SignedObservation(signed)) => Frame::Observation(signed.observation),
+            Ok(ToAgents::Observation(fragment)) => Frame::Observation(fragment.trusted().into_inner()),
             Err(RecvTimeoutError::Timeout) => {
                 let is_over = stop.load(Ordering::Relaxed);
                 let is_gone = matches!(has_ended.try_recv(), Err(std::sync::mpsc::TryRecvError::Disconnected));

@@ -15,9 +15,8 @@ use agent::exploration_map::ExplorationMap;
 use agent_node::host::{AgentProcess, Options, RunError as AgentError};
 use agent_node::transport::{Inbound, ServerTransport};
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{
-    Command, Join, JoinReply, Observation, Progress, Scenario, SignedCommand, SignedJoin, SignedObservation,
-};
+use msgs::maes_msgs::{Command, JoinReply, Observation, Progress, Scenario};
+use protocol::signed::{JoinRequest, Signed};
 use simulation::workers::{TaskQueue, Workers};
 use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
 
@@ -146,16 +145,9 @@ impl AgentTransport for Team<'_> {
         self.execute_all();
     }
 
-    fn send(&mut self, agent: AgentId, part: &Observation) {
+    fn send(&mut self, agent: AgentId, part: Signed<Observation>) {
+        let is_complete = part.claimed().is_last();
         self.server.send(agent, part);
-        if part.is_last() {
-            self.execute_groups_of(agent);
-        }
-    }
-
-    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
-        let is_complete = signed.observation.is_last();
-        self.server.send_signed(agent, signed);
         if is_complete {
             self.execute_groups_of(agent);
         }
@@ -190,20 +182,12 @@ impl ObserverOutput for Team<'_> {
 impl ControlInput for Team<'_> {}
 
 impl ServerTransport for PolledEnd {
-    fn send_join(&mut self, join: &Join) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
         self.end.send_join(join);
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         self.end.send_command(command);
-    }
-
-    fn send_signed_join(&mut self, signed: &SignedJoin) {
-        self.end.send_signed_join(signed);
-    }
-
-    fn send_signed_command(&mut self, signed: &SignedCommand) {
-        self.end.send_signed_command(signed);
     }
 
     fn source(&self) -> [u8; 16] {

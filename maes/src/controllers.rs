@@ -6,6 +6,7 @@ use agent_node::controllers::{self, Registry};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Observation, Scenario};
 use protocol::run_info::RunInfo;
+use protocol::signed::Signed;
 use recording::Recording;
 use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 use simulation::scenario::AgentsSection;
@@ -58,7 +59,7 @@ struct BuiltInReplica(Agent);
 
 impl AgentReplica for BuiltInReplica {
     fn take(&mut self, part: Observation) -> Result<Option<Command>, String> {
-        match self.0.take(part) {
+        match self.0.take(Signed::unsigned(part).trusted()) {
             Ok(Reaction::Reply(command)) => Ok(Some(command)),
             Ok(Reaction::None | Reaction::Acknowledge(_)) => Ok(None),
             Err(error) => Err(error.to_string()),

@@ -9,8 +9,8 @@
 //!
 //! Invariants: an id belongs to one process at a time; the barrier of a tick is complete exactly
 //! when every awaited agent has given one legal reply for that tick, whatever the order of arrival;
-//! a refused message changes nothing. `tests/lockstep_model` checks them, and that a run ends,
-//! in all orders of events of a small team.
+//! a refused message changes nothing. `testing/fault_injection/tests/lockstep_model` checks them,
+//! and that a run ends, in all orders of events of a small team.
 //!
 //! This module knows no transport, no threads and no clock: times are arguments.
 

@@ -11,6 +11,7 @@ use protocol::lockstep::{
     RunIdentity, SourceId, TimeoutPolicy, Transmit,
 };
 use protocol::observation::RequestKind;
+use protocol::signed::Signed;
 
 const TIMEOUT: Duration = Duration::from_millis(500);
 
@@ -48,13 +49,13 @@ impl Driven {
     fn join(&mut self, agent: u32, process: u8) {
         let (run, instance, controller) = (self.run, process.into(), "rbw".to_owned());
         let join = Join { run, agent, instance, protocol: PROTOCOL, controller, last_tick: Join::NONE };
-        self.receive(agent, process, Inbound::Join(join));
+        self.receive(agent, process, Inbound::Join(Signed::unsigned(join)));
     }
 
     fn answer(&mut self, agent: u32, process: u8, tick: u64) {
         let info = format!("agent {agent}, tick {tick}");
         let command = Command { tick, run: self.run, agent, info, ..Command::default() };
-        self.receive(agent, process, Inbound::Command(command));
+        self.receive(agent, process, Inbound::Command(Signed::unsigned(command)));
     }
 
     fn request(agent: u32, tick: u64, phase: u8) -> ObservationRequest {
@@ -103,7 +104,7 @@ impl Driven {
         let transmits = std::iter::from_fn(|| self.sessions.poll_transmit());
         transmits
             .filter_map(|transmit| match transmit {
-                Transmit::Observation(agent, signed) => Some((agent.0, signed.observation.tick)),
+                Transmit::Observation(agent, signed) => Some((agent.0, signed.claimed().tick)),
                 Transmit::JoinReply(_) => None,
             })
             .collect()

@@ -29,7 +29,7 @@ use msgs::service::ANSWER_BYTES_MAX;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
 use protocol::limits::OBSERVATION_BYTES_MAX;
-use protocol::signing::NONE;
+use protocol::signed::Signed;
 use ros_node::ros_env::RosEnv;
 use ros_node::rosout::Rosout;
 use ros_node::{Connected, Context, Inbox, Node, Publisher, RosError, Sample, linger, own_source};
@@ -146,7 +146,7 @@ impl RosTransport {
             let commands = topics::signed_command(agent).unacknowledged();
             let connected = links.connected().clone();
             endpoints.subscribe(&mut node, &commands, &mut inbox, move |sample: Sample<SignedCommand>| {
-                item_over_ros(agent, sample, &connected, Inbound::SignedCommand)
+                item_over_ros(agent, sample, &connected, command)
             })?;
             observations.insert(agent, endpoints.publisher(&mut node, &topics::signed_observation(agent))?);
         }
@@ -204,19 +204,16 @@ impl AgentTransport for RosTransport {
         }
     }
 
-    fn send(&mut self, agent: AgentId, part: &Observation) {
-        self.send_signed(agent, SignedObservation { observation: part.clone(), mac: NONE });
-    }
-
-    fn send_signed(&mut self, agent: AgentId, part: SignedObservation) {
+    fn send(&mut self, agent: AgentId, part: Signed<Observation>) {
         match self.observations.get_mut(&agent) {
             Some(observations) => {
+                let part = SignedObservation::from(part);
                 if self.links.observe(agent, &part, &mut self.inbox, &self.context) {
                     observations.publish(&mut self.node, &part);
                 }
             }
             None => {
-                let (node, clock, part) = (&mut self.node, &mut self.clock, &part.observation);
+                let (node, clock, part) = (&mut self.node, &mut self.clock, part.claimed());
                 self.teleoperated.send(node, clock, &mut self.visualisation, agent, part);
             }
         }
@@ -340,7 +337,11 @@ fn item_over_ros<M>(agent: AgentId, sample: Sample<M>, connected: &Connected, in
 }
 
 fn join(JoinOfAnyVersion(join): JoinOfAnyVersion) -> Inbound {
-    Inbound::SignedJoin(join)
+    Inbound::Join(join.into())
+}
+
+fn command(signed: SignedCommand) -> Inbound {
+    Inbound::Command(signed.into())
 }
 
 fn incoming<M>(topic_agent: AgentId, sample: Sample<M>, inbound: impl Fn(M) -> Inbound) -> Incoming {

@@ -66,7 +66,7 @@ pub use phase::{Phase, PhaseTimes};
 const REPORT_PERIOD: Duration = Duration::from_millis(500);
 
 /// Wall time that agents have to acknowledge the shutdown message.
-const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
+pub const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// The outcome of a run.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use in_memory::ServerEnd;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
-use protocol::signing::NONE;
+use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario};
+use protocol::signed::Signed;
 use transport::control::Request;
 use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput, Transport};
 
@@ -16,8 +16,7 @@ pub(crate) trait Interceptor {
         false
     }
 
-    /// Sends a fragment that is not signed.
-    fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: &Observation) {
+    fn send(&mut self, inner: &mut ServerEnd, agent: AgentId, part: Signed<Observation>) {
         inner.send(agent, part);
     }
 
@@ -53,15 +52,8 @@ impl<I: Interceptor> AgentTransport for Intercepted<I> {
         self.inner.reply_join(reply);
     }
 
-    fn send(&mut self, agent: AgentId, part: &Observation) {
+    fn send(&mut self, agent: AgentId, part: Signed<Observation>) {
         self.interceptor.send(&mut self.inner, agent, part);
-    }
-
-    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
-        if signed.mac == NONE {
-            return self.send(agent, &signed.observation);
-        }
-        self.inner.send_signed(agent, signed);
     }
 
     fn is_open(&self) -> bool {

@@ -16,6 +16,7 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, Join, JoinReply};
 use protocol::limits::PROTOCOL;
 use protocol::run_info::RunInfo;
+use protocol::signed::Signed;
 use recording::Recording;
 use recording::playback::Playback;
 use sim_server::session::{self, JoinPolicy, Mode, Outcome, RunConfig, RunError, RunObserver};
@@ -189,19 +190,20 @@ pub(crate) fn serve(
                     agents.insert(id.0, Agent::new(id, run_info, controller(id)));
                     let controller = "of the test".to_owned();
                     let last_tick = Join::NONE;
-                    link.send_join(&Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick });
+                    let join = Join { run, agent: id.0, instance: 0, protocol: PROTOCOL, controller, last_tick };
+                    link.send_join(&Signed::unsigned(join));
                 }
             }
             // A process whose id another one still holds asks again, or waits to be replaced.
             Inbound::JoinReply(reply) => assert!(reply.accepted || reply.code == JoinReply::HELD, "{}", reply.reason),
-            Inbound::SignedObservation(_) => unreachable!("the transport is private"),
             Inbound::Observation(part) => {
+                let part = part.trusted();
                 let agent = agents.get_mut(&part.agent).expect("the scenario comes first");
                 match agent.take(part).expect("the server's observations are legal") {
                     Reaction::None => {}
                     Reaction::Reply(command) | Reaction::Acknowledge(command) => {
                         pause();
-                        link.send_command(&Command { run, ..command });
+                        link.send_command(&Signed::unsigned(Command { run, ..command }));
                     }
                 }
             }

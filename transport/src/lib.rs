@@ -16,13 +16,14 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario, SignedObservation};
+use msgs::maes_msgs::{JoinReply, Observation, Progress, Scenario};
 use msgs::nav_msgs::Odometry;
 pub use msgs::rcl_interfaces::Level;
 use msgs::sensor_msgs::PointCloud2;
 use msgs::service::ANSWER_BYTES_MAX;
 use msgs::visualization_msgs::Marker;
 pub use protocol::lockstep::{Inbound, Incoming};
+pub use protocol::signed::Signed;
 use simulation::scenario::Rtf;
 use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
 
@@ -37,12 +38,7 @@ pub trait AgentTransport {
     /// Publishes the reply to a join.
     fn reply_join(&mut self, reply: &JoinReply);
     /// Sends one fragment of an observation.
-    fn send(&mut self, agent: AgentId, fragment: &Observation);
-    /// Sends one fragment of an observation with its message authentication code; a private
-    /// transport may leave that out.
-    fn send_signed(&mut self, agent: AgentId, fragment: SignedObservation) {
-        self.send(agent, &fragment.observation);
-    }
+    fn send(&mut self, agent: AgentId, fragment: Signed<Observation>);
     /// Whether others than the agents can send on this transport, so that joins and commands must
     /// be authenticated.
     fn is_open(&self) -> bool {

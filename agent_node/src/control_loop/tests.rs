@@ -5,6 +5,7 @@ use msgs::maes_msgs::{AgentMessage as Message, CellRuns, Contact};
 use nalgebra::Point3;
 use protocol::event_mask::EventMask;
 use protocol::message_type::MessageType;
+use protocol::signed::Signed;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -43,6 +44,11 @@ fn agent() -> Agent {
     Agent::new(AgentId(2), run_info(9), Box::new(Counting(0)))
 }
 
+/// As it comes over a private transport.
+fn observe(agent: &mut Agent, part: Part) -> Result<Reaction, AgentError> {
+    agent.take(Signed::unsigned(part).trusted())
+}
+
 fn part(tick: u64, phase: u8) -> Part {
     let seen_free = CellRuns { start: vec![0], length: vec![3] };
     Part { tick, parts: 1, phase, seen_free, ..Part::default() }
@@ -51,21 +57,21 @@ fn part(tick: u64, phase: u8) -> Part {
 #[test]
 fn resent_observation_gets_the_same_reply() {
     let mut agent = agent();
-    let first = agent.take(part(3, Part::RUNNING)).unwrap();
-    assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), first);
+    let first = observe(&mut agent, part(3, Part::RUNNING)).unwrap();
+    assert_eq!(observe(&mut agent, part(3, Part::RUNNING)).unwrap(), first);
     let Reaction::Reply(command) = first else { panic!("{first:?}") };
     assert_eq!((command.agent, command.tick, command.motion.distance_m), (2, 3, 1.0));
-    let Reaction::Reply(next) = agent.take(part(4, Part::RUNNING)).unwrap() else { panic!() };
+    let Reaction::Reply(next) = observe(&mut agent, part(4, Part::RUNNING)).unwrap() else { panic!() };
     assert_eq!(next.motion.distance_m, 2.0);
-    assert_eq!(agent.take(part(3, Part::RUNNING)).unwrap(), Reaction::None);
+    assert_eq!(observe(&mut agent, part(3, Part::RUNNING)).unwrap(), Reaction::None);
     assert_eq!(agent.last_tick(), Some(Tick(4)));
 }
 
 #[test]
 fn end_is_acknowledged_even_in_a_replied_tick() {
     let mut agent = agent();
-    agent.take(part(3, Part::RUNNING)).unwrap();
-    let Reaction::Acknowledge(acknowledgement) = agent.take(part(3, Part::ENDED)).unwrap() else { panic!() };
+    observe(&mut agent, part(3, Part::RUNNING)).unwrap();
+    let Reaction::Acknowledge(acknowledgement) = observe(&mut agent, part(3, Part::ENDED)).unwrap() else { panic!() };
     assert_eq!((acknowledgement.tick, acknowledgement.motion.kind), (3, maes_msgs::Motion::KEEP));
     assert_eq!((agent.map().free(), agent.map().covered()), (3, 1));
 }
@@ -216,7 +222,7 @@ fn play(
                 ..Part::default()
             };
             mailbox.requested = (mailbox.free.len(), mailbox.messages.len(), mailbox.events);
-            let Reaction::Reply(command) = agents[index].take(part).unwrap() else { panic!() };
+            let Reaction::Reply(command) = observe(&mut agents[index], part).unwrap() else { panic!() };
             let data_bytes: usize = command.messages.iter().map(|message| message.data.len()).sum();
             assert!(data_bytes <= AGENT_MESSAGE_BYTES_MAX);
             let nothing = maes_msgs::Command {
@@ -288,7 +294,7 @@ fn controller_is_called_at_its_triggers_with_all_observations() {
         let seen_free = CellRuns { start: vec![cell], length: vec![1] };
         let contacts = vec![Contact { agent: 1, ..Contact::default() }];
         let part = Part { messages, seen_free, contacts, events: 1 << (tick % 3), ..part(tick, Part::RUNNING) };
-        let Reaction::Reply(command) = agent.take(part).unwrap() else { panic!() };
+        let Reaction::Reply(command) = observe(&mut agent, part).unwrap() else { panic!() };
         command
     };
     let first = ask(5, 0, Vec::new());
@@ -355,7 +361,7 @@ fn another_controller_takes_over_at_once_and_keeps_the_map() {
         Ok(Some(Box::new(Counting(100))))
     });
     let mut agent = agent().with_successors(successors);
-    let distance_m = |agent: &mut Agent, part: Part| match agent.take(part).unwrap() {
+    let distance_m = |agent: &mut Agent, part: Part| match observe(agent, part).unwrap() {
         Reaction::Reply(command) => command.motion.distance_m,
         other => panic!("{other:?}"),
     };
@@ -372,5 +378,7 @@ fn another_controller_takes_over_at_once_and_keeps_the_map() {
         }],
         ..change_of_controller(7, "")
     };
-    assert!(agent.take(foreign).unwrap_err().to_string().contains("expected a scenario with the team and the map"));
+    assert!(
+        observe(&mut agent, foreign).unwrap_err().to_string().contains("expected a scenario with the team and the map")
+    );
 }

@@ -1,7 +1,8 @@
 //! Authentication of a process towards the server, and of the server towards it.
 
-use msgs::maes_msgs::{Join, JoinReply, Scenario, SignedJoin};
-use protocol::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey, is_equal};
+use msgs::maes_msgs::{Join, JoinReply, Scenario};
+use protocol::signed::{ForgedError, JoinRequest, Signed, Verified};
+use protocol::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
 
 /// How a process authenticates itself.
 #[derive(Debug, Clone)]
@@ -34,34 +35,43 @@ impl Authentication {
     }
 
     /// A join with its proof.
-    pub(super) fn join(&self, join: Join, source: [u8; 16]) -> SignedJoin {
+    pub(super) fn join(&self, join: Join, source: [u8; 16]) -> Signed<JoinRequest> {
         let starts = self.credentials.as_ref().map_or(0, |credentials| credentials.starts);
-        let mut signed = SignedJoin { join, nonce: self.nonce(), proof: NONE, starts };
-        if let Some(secret) = self.secret() {
-            let context = JoinContext { announcement: &self.announcement, source: &source, join: &signed };
-            signed.proof = secret.prove_join(context);
+        let request = JoinRequest { join, nonce: self.nonce(), starts };
+        match self.secret() {
+            Some(secret) => Signed::sign(request, &secret.join_key(&self.announcement, &source)),
+            None => Signed::unsigned(request),
         }
-        signed
     }
 
-    /// The key that follows from the reply to a join: `Some(None)` if messages are not signed.
-    /// `None` if the reply lacks the proof of the server.
-    pub(super) fn session_key(&self, reply: &JoinReply, join: Join, source: [u8; 16]) -> Option<Option<SessionKey>> {
+    /// The reply to a join, and the key that follows from it if messages are signed.
+    ///
+    /// # Errors
+    /// If the reply lacks the proof of the server.
+    pub(super) fn verify_reply(
+        &self,
+        reply: JoinReply,
+        join: Join,
+        source: [u8; 16],
+    ) -> Result<(Verified<JoinReply>, Option<SessionKey>), ForgedError> {
+        let reply = Signed::from(reply);
         let Some(secret) = self.secret() else {
-            return Some((reply.key != NONE).then(|| SessionKey::new(reply.key)));
+            let reply = reply.trusted();
+            let key = (reply.key != NONE).then(|| SessionKey::new(reply.key));
+            return Ok((reply, key));
         };
         let join = self.join(join, source);
         let context = JoinContext { announcement: &self.announcement, source: &source, join: &join };
-        if !is_equal(&secret.prove_reply(context, reply), &reply.proof) {
-            return None;
-        }
-        Some((reply.nonce != NONE).then(|| secret.session_key(context, &reply.nonce)))
+        let reply = reply.verify(&secret.reply_key(context))?;
+        let key = (reply.nonce != NONE).then(|| secret.session_key(context, &reply.nonce));
+        Ok((reply, key))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use msgs::maes_msgs::SignedJoin;
 
     const SOURCE: [u8; 16] = [4; 16];
 
@@ -76,26 +86,27 @@ mod tests {
         let secret = JoinSecret::new(b"the secret of the run").unwrap();
         let signed = agent.join(Join::default(), SOURCE);
         let context = JoinContext { announcement: &agent.announcement, source: &SOURCE, join: &signed };
-        assert_eq!(signed.proof, secret.prove_join(context));
+        assert!(signed.clone().verify(&secret.join_key(&agent.announcement, &SOURCE)).is_ok());
 
-        let mut reply = JoinReply { accepted: true, nonce: [7; 32], ..JoinReply::default() };
-        reply.proof = secret.prove_reply(context, &reply);
-        let key = |reply: &JoinReply| agent.session_key(reply, Join::default(), SOURCE);
-        assert_eq!(key(&reply), Some(Some(secret.session_key(context, &[7; 32]))));
-        assert_eq!(key(&JoinReply { accepted: false, ..reply.clone() }), None);
-        assert_eq!(key(&JoinReply { nonce: NONE, ..reply.clone() }), None);
+        let reply = JoinReply { accepted: true, nonce: [7; 32], ..JoinReply::default() };
+        let reply = JoinReply::from(Signed::sign(reply, &secret.reply_key(context)));
+        let key = |reply: JoinReply| agent.verify_reply(reply, Join::default(), SOURCE).map(|(_, key)| key);
+        assert_eq!(key(reply.clone()), Ok(Some(secret.session_key(context, &[7; 32]))));
+        assert_eq!(key(JoinReply { accepted: false, ..reply.clone() }), Err(ForgedError));
+        assert_eq!(key(JoinReply { nonce: NONE, ..reply.clone() }), Err(ForgedError));
         // A server without the secret cannot make the agent use a key that it sends.
-        assert_eq!(key(&JoinReply { key: [9; 32], proof: NONE, ..reply }), None);
+        assert_eq!(key(JoinReply { key: [9; 32], proof: NONE, ..reply }), Err(ForgedError));
     }
 
     #[test]
     fn without_a_secret_the_key_is_in_the_reply() {
         let agent = authentication(None);
         let key = |key: Bytes| {
-            agent.session_key(&JoinReply { key, accepted: true, ..JoinReply::default() }, Join::default(), SOURCE)
+            let reply = JoinReply { key, accepted: true, ..JoinReply::default() };
+            agent.verify_reply(reply, Join::default(), SOURCE).map(|(_, key)| key)
         };
-        assert_eq!(key([3; 32]), Some(Some(SessionKey::new([3; 32]))));
-        assert_eq!(key(NONE), Some(None));
-        assert_eq!(agent.join(Join::default(), SOURCE).proof, NONE);
+        assert_eq!(key([3; 32]), Ok(Some(SessionKey::new([3; 32]))));
+        assert_eq!(key(NONE), Ok(None));
+        assert_eq!(SignedJoin::from(agent.join(Join::default(), SOURCE)).proof, NONE);
     }
 }

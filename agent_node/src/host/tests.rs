@@ -1,5 +1,8 @@
 use super::*;
 use controllers::Registry;
+use msgs::maes_msgs::SignedObservation;
+use protocol::signed::JoinRequest;
+use protocol::signing::{Bytes, NONE, Signs};
 
 const OURS: u64 = 7;
 const OTHER: u64 = 8;
@@ -27,7 +30,7 @@ fn begun_again(origin: u64, run: u64) -> Inbound {
 }
 
 fn observation(run: u64, phase: u8) -> Inbound {
-    Inbound::Observation(Part { run, phase, parts: 1, ..Part::default() })
+    Inbound::Observation(Signed::unsigned(Part { run, phase, parts: 1, ..Part::default() }))
 }
 
 /// A server that sends these messages, and accepts this many joins.
@@ -36,9 +39,7 @@ struct Server {
     replies: usize,
     joins: Vec<Join>,
     joined_at: Vec<Instant>,
-    answers: Vec<Command>,
-    /// The message authentication codes of signed answers.
-    codes: Vec<Bytes>,
+    answers: Vec<Signed<Command>>,
     /// The key in the replies to joins.
     key: Bytes,
     /// Of the agents.
@@ -61,10 +62,10 @@ fn any_instant() -> Instant {
 impl Server {
     fn saying(says: Vec<Inbound>, replies: usize) -> Self {
         let says = says.into_iter().rev().collect();
-        let (joins, answers, codes, now) = (Vec::new(), Vec::new(), Vec::new(), any_instant());
+        let (joins, answers, now) = (Vec::new(), Vec::new(), any_instant());
         let (joined_at, timeout, key) = (Vec::new(), Duration::from_millis(1), NONE);
         let (credentials, agents, is_held) = (None, 1, false);
-        Self { says, replies, joins, joined_at, answers, codes, key, credentials, agents, is_held, timeout, now }
+        Self { says, replies, joins, joined_at, answers, key, credentials, agents, is_held, timeout, now }
     }
 
     fn runs(&mut self) -> Result<(), RunError> {
@@ -85,7 +86,8 @@ impl Server {
 }
 
 impl ServerTransport for Server {
-    fn send_join(&mut self, join: &Join) {
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
+        let JoinRequest { join, .. } = join.claimed();
         self.joins.push(join.clone());
         self.joined_at.push(self.now);
         if self.replies > 0 {
@@ -101,13 +103,8 @@ impl ServerTransport for Server {
         }
     }
 
-    fn send_command(&mut self, command: &Command) {
+    fn send_command(&mut self, command: &Signed<Command>) {
         self.answers.push(command.clone());
-    }
-
-    fn send_signed_command(&mut self, signed: &SignedCommand) {
-        self.send_command(&signed.command);
-        self.codes.push(signed.mac);
     }
 
     fn now(&self) -> Instant {
@@ -156,20 +153,17 @@ fn messages_of_another_run_are_ignored() {
     // Messages of the other run are ignored at once.
     server.runs().unwrap_or_else(|error| panic!("{error}"));
     assert!(server.joins.iter().all(|join| join.run == OURS));
-    assert_eq!(server.answers.iter().map(|command| command.run).collect::<Vec<_>>(), [OURS; 2]);
+    assert_eq!(server.answers.iter().map(|command| command.claimed().run).collect::<Vec<_>>(), [OURS; 2]);
 }
 
 #[test]
 fn unsigned_observations_are_ignored() {
     let key = SessionKey::new([7; 32]);
-    let signed = |phase, tick| {
-        let observation = Part { run: OURS, phase, tick, parts: 1, ..Part::default() };
-        SignedObservation { mac: key.of_observation(&observation), observation }
-    };
+    let signed = |phase, tick| Signed::sign(Part { run: OURS, phase, tick, parts: 1, ..Part::default() }, &key);
     let tampered = |change: fn(&mut SignedObservation)| {
-        let mut signed = signed(Part::ENDED, 1);
+        let mut signed = signed(Part::ENDED, 1).into();
         change(&mut signed);
-        Inbound::SignedObservation(signed)
+        Inbound::Observation(signed.into())
     };
     let mut server = Server::saying(
         vec![
@@ -177,18 +171,17 @@ fn unsigned_observations_are_ignored() {
             tampered(|signed| signed.observation.tick = 2),
             tampered(|signed| signed.observation.position.x = 1.0),
             tampered(|signed| signed.mac = NONE),
-            tampered(|signed| signed.mac = SessionKey::new([8; 32]).of_observation(&signed.observation)),
+            tampered(|signed| signed.mac = SessionKey::new([8; 32]).signature(&signed.observation)),
             observation(OURS, Part::ENDED),
-            Inbound::SignedObservation(signed(Part::RUNNING, 3)),
-            Inbound::SignedObservation(signed(Part::ENDED, 4)),
+            Inbound::Observation(signed(Part::RUNNING, 3)),
+            Inbound::Observation(signed(Part::ENDED, 4)),
         ],
         1,
     );
     server.key = [7; 32];
     server.runs().unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(server.answers.iter().map(|command| command.tick).collect::<Vec<_>>(), [3, 4]);
-    let codes: Vec<Bytes> = server.answers.iter().map(|command| key.of_command(command)).collect();
-    assert_eq!(server.codes, codes);
+    let verified = server.answers.into_iter().map(|command| command.verify(&key).map(|command| command.tick));
+    assert_eq!(verified.collect::<Vec<_>>(), [Ok(3), Ok(4)]);
 }
 
 /// A refusal by a stranger does not end the process; silence after it is explained.
@@ -231,7 +224,7 @@ fn reset_run_is_joined_again() {
         server.joins.iter().map(|join| (join.run, join.last_tick)).collect::<Vec<_>>(),
         [(OURS, Join::NONE), (OURS + 5, Join::NONE)]
     );
-    let answers: Vec<u64> = server.answers.iter().map(|command| command.run).collect();
+    let answers: Vec<u64> = server.answers.iter().map(|command| command.claimed().run).collect();
     assert_eq!(answers, [OURS, OURS + 5, OURS + 5]);
 }
 

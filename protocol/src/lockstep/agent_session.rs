@@ -33,6 +33,8 @@ use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{Command, Observation as Fragment, SignedJoin};
 
+use crate::signed::{JoinRequest, Signed, Verified};
+
 use super::authentication::Grant;
 use super::{Lease, Refusal, SourceId};
 
@@ -63,7 +65,7 @@ pub(super) struct Rival {
     /// The tick in which the first such join came.
     pub(super) since: Tick,
     pub(super) source: SourceId,
-    pub(super) join: SignedJoin,
+    pub(super) join: Signed<JoinRequest>,
 }
 
 /// Who holds an id, and how it stands with that process.
@@ -327,7 +329,7 @@ impl AgentSession {
     }
 
     /// Compares a command with the entry that is replayed.
-    pub(super) fn recall(&mut self, command: &Command) -> Recall {
+    pub(super) fn recall(&mut self, command: &Verified<Command>) -> Recall {
         let Some(entry) = self.replayed() else {
             return Recall::Complete;
         };
@@ -393,7 +395,9 @@ impl AgentSession {
             bytes.extend(holder.lease.source.0.iter().chain(&holder.lease.instance.to_le_bytes()));
         }
         if let Some(Rival { since, source, join }) = rival {
-            bytes.extend(source.0.iter().chain(&since.0.to_le_bytes()).chain(&cdr::encode(join)));
+            bytes.extend(
+                source.0.iter().chain(&since.0.to_le_bytes()).chain(&cdr::encode(&SignedJoin::from(join.clone()))),
+            );
         }
         let Expected { last_command, retransmits, is_abandoned } = &self.expected;
         bytes.extend([*retransmits as u8, u8::from(*is_abandoned)]);
@@ -430,11 +434,15 @@ mod tests {
     }
 
     fn rival(since: u64) -> Rival {
-        Rival { since: Tick(since), source: SourceId([9; 16]), join: SignedJoin::default() }
+        Rival { since: Tick(since), source: SourceId([9; 16]), join: Signed::default() }
     }
 
     fn command(tick: u64, info: &str) -> Command {
         Command { tick, agent: 1, info: info.to_owned(), ..Command::default() }
+    }
+
+    fn verified(tick: u64, info: &str) -> Verified<Command> {
+        Signed::unsigned(command(tick, info)).trusted()
     }
 
     /// A session whose process has answered two ticks, or not.
@@ -457,7 +465,7 @@ mod tests {
         let mut session = of_two_ticks(true);
         assert!(matches!(session.state, State::Live { .. }));
         assert_eq!(next_tick(&session), None);
-        assert_eq!(session.recall(&command(9, "")), Recall::Complete);
+        assert_eq!(session.recall(&verified(9, "")), Recall::Complete);
     }
 
     #[test]
@@ -466,12 +474,12 @@ mod tests {
         session.begin(holder(2));
         for mut session in [session, of_two_ticks(false)] {
             assert_eq!(next_tick(&session), Some(0));
-            assert_eq!(session.recall(&command(7, "on my way")), Recall::OutOfOrder { expected: Tick(0) });
-            assert_eq!(session.recall(&command(0, "on my way")), Recall::Same);
+            assert_eq!(session.recall(&verified(7, "on my way")), Recall::OutOfOrder { expected: Tick(0) });
+            assert_eq!(session.recall(&verified(0, "on my way")), Recall::Same);
             assert_eq!(next_tick(&session), Some(7));
-            assert_eq!(session.recall(&command(0, "on my way")), Recall::Retransmit, "it was resent");
+            assert_eq!(session.recall(&verified(0, "on my way")), Recall::Retransmit, "it was resent");
             assert_eq!(next_tick(&session), Some(7));
-            assert_eq!(session.recall(&command(7, "on my way")), Recall::Same);
+            assert_eq!(session.recall(&verified(7, "on my way")), Recall::Same);
             assert!(matches!(session.state, State::Live { .. }));
         }
     }
@@ -479,7 +487,7 @@ mod tests {
     #[test]
     fn a_stage_that_is_not_recorded_is_no_divergence() {
         let mut session = of_two_ticks(false);
-        let now = Command { stage: Command::EXPLORING, ..command(0, "on my way") };
+        let now = verified(0, "on my way").map(|command| Command { stage: Command::EXPLORING, ..command });
         assert_eq!(session.recall(&now), Recall::Same);
     }
 
@@ -487,7 +495,7 @@ mod tests {
     fn a_divergent_command_is_not_accepted() {
         let mut session = of_two_ticks(false);
         let recorded = Box::new(command(0, "on my way"));
-        assert_eq!(session.recall(&command(0, "lost")), Recall::Different(recorded));
+        assert_eq!(session.recall(&verified(0, "lost")), Recall::Different(recorded));
         assert_eq!(next_tick(&session), Some(0));
         session.skip_replay();
         assert_eq!(next_tick(&session), None);

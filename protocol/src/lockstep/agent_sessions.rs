@@ -23,9 +23,10 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use crate::limits::PROTOCOL;
+use crate::signed::Signed;
 use msgs::counters::CounterName;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, JoinReply, Observation as Fragment, Scenario, SignedObservation};
+use msgs::maes_msgs::{Command, JoinReply, Observation as Fragment, Scenario};
 
 use super::agent_session::State;
 use super::authentication::Authentication;
@@ -269,12 +270,15 @@ impl AgentSessions {
             Outgoing::JoinReply(reply) => return Some(Transmit::JoinReply(reply)),
             Outgoing::Observation { agent, fragments, next } => (agent, fragments, next),
         };
-        let observation = Fragment { run: self.identity.run(), ..fragments[next].clone() };
+        let fragment = Fragment { run: self.identity.run(), ..fragments[next].clone() };
         if next + 1 < fragments.len() {
             self.outgoing.push_front(Outgoing::Observation { agent, fragments, next: next + 1 });
         }
-        let code = self.membership.holder(agent).map(|holder| holder.grant.code_of(&observation));
-        Some(Transmit::Observation(agent, SignedObservation { observation, mac: code.unwrap_or_default() }))
+        let signed = match self.membership.holder(agent) {
+            Some(holder) => holder.grant.sign(fragment),
+            None => Signed::unsigned(fragment),
+        };
+        Some(Transmit::Observation(agent, signed))
     }
 
     /// The next event, if there is one.

@@ -7,9 +7,10 @@
 //! Invariant: a process keeps the key that it was granted.
 
 use super::{JoinPolicy, Refusal, RunIdentity, SourceId};
-use crate::signing::{self, Bytes, JoinContext, NONE, SessionKey, is_equal};
+use crate::signed::{JoinRequest, Signed, Verified};
+use crate::signing::{self, Bytes, JoinContext, NONE, SessionKey};
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Command, JoinReply, Observation as Fragment, Scenario, SignedJoin};
+use msgs::maes_msgs::{Command, JoinReply, Observation as Fragment, Scenario};
 
 const UNPROVEN: &str = "does not prove the join secret of this run; expected the same MAES_JOIN_SECRET or \
                         --join-secret-file on both sides";
@@ -21,7 +22,7 @@ const UNSIGNED: &str = "comes from a process that does not sign its commands; a 
 #[derive(Debug, Clone, Default)]
 pub(super) struct Grant {
     /// The join that was granted.
-    join: SignedJoin,
+    join: Signed<JoinRequest>,
     /// Of the server, with a join secret.
     nonce: Bytes,
     /// The key as it is sent, without a join secret.
@@ -32,23 +33,23 @@ pub(super) struct Grant {
 
 impl Grant {
     /// The join that was granted.
-    pub(super) fn join(&self) -> &SignedJoin {
+    pub(super) fn join(&self) -> &Signed<JoinRequest> {
         &self.join
     }
 
-    /// Whether a command is signed by the process.
-    pub(super) fn check_command(&self, agent: AgentId, command: &Command, mac: &Bytes) -> Result<(), Refusal> {
-        match &self.key {
-            Some(key) if !is_equal(&key.of_command(command), mac) => {
-                Err(Refusal::ForgedCommand { agent, tick: Tick(command.tick) })
-            }
-            _ => Ok(()),
-        }
+    /// A command of the process, if it is signed by it.
+    pub(super) fn verify(&self, agent: AgentId, command: Signed<Command>) -> Result<Verified<Command>, Refusal> {
+        let Some(key) = &self.key else { return Ok(command.trusted()) };
+        let tick = Tick(command.claimed().tick);
+        command.verify(key).map_err(|_| Refusal::ForgedCommand { agent, tick })
     }
 
-    /// The message authentication code of a fragment.
-    pub(super) fn code_of(&self, observation: &Fragment) -> Bytes {
-        self.key.as_ref().map_or(NONE, |key| key.of_observation(observation))
+    /// Signs a fragment of an observation for the process.
+    pub(super) fn sign(&self, fragment: Fragment) -> Signed<Fragment> {
+        match &self.key {
+            Some(key) => Signed::sign(fragment, key),
+            None => Signed::unsigned(fragment),
+        }
     }
 }
 
@@ -78,30 +79,37 @@ impl Authentication {
         self.policy.third_party.contains(&agent)
     }
 
-    fn is_proven(&self, source: SourceId, join: &SignedJoin) -> bool {
-        let context = JoinContext { announcement: &self.announcement, source: &source.0, join };
-        match &self.policy.secret {
-            Some(secret) => join.nonce != NONE && is_equal(&secret.prove_join(context), &join.proof),
-            None => join.nonce != NONE,
-        }
+    /// The join of a process that signs its commands, and proves the join secret if there is one.
+    fn proven(&self, source: SourceId, join: &Signed<JoinRequest>) -> Option<Verified<JoinRequest>> {
+        let join = join.clone();
+        let proven = match &self.policy.secret {
+            Some(secret) => join.verify(&secret.join_key(&self.announcement, &source.0)).ok()?,
+            None => join.trusted(),
+        };
+        (proven.nonce != NONE).then_some(proven)
     }
 
-    /// Whether a process may join.
-    pub(super) fn check_join(&self, agent: AgentId, source: SourceId, join: &SignedJoin) -> Result<(), Refusal> {
-        if !self.is_open || self.is_external(agent) || self.is_proven(source, join) {
-            return Ok(());
+    /// The join of a process that may join.
+    pub(super) fn verify_join(
+        &self,
+        agent: AgentId,
+        source: SourceId,
+        join: &Signed<JoinRequest>,
+    ) -> Result<Verified<JoinRequest>, Refusal> {
+        if !self.is_open || self.is_external(agent) {
+            return Ok(join.clone().trusted());
         }
         let what = if self.policy.secret.is_some() { UNPROVEN } else { UNSIGNED };
-        Err(Refusal::UnprovenJoin { agent, what })
+        self.proven(source, join).ok_or(Refusal::UnprovenJoin { agent, what })
     }
 
     /// Grants an id to a process.
-    pub(super) fn grant(&mut self, agent: AgentId, source: SourceId, join: &SignedJoin) -> Grant {
+    pub(super) fn grant(&mut self, agent: AgentId, source: SourceId, join: &Signed<JoinRequest>) -> Grant {
         self.granted += 1;
         let run = self.identity.run();
         let number = [run.to_le_bytes(), u64::from(agent.0).to_le_bytes(), self.granted.to_le_bytes()].concat();
         let mut grant = Grant { join: join.clone(), nonce: NONE, sent_key: NONE, key: None };
-        if self.is_open && self.is_proven(source, join) {
+        if self.is_open && self.proven(source, join).is_some() {
             let random = self.identity.random().derive(b"grant", &[&number]);
             match &self.policy.secret {
                 Some(secret) => {
@@ -124,7 +132,7 @@ impl Authentication {
         &self,
         mut reply: JoinReply,
         source: SourceId,
-        join: &SignedJoin,
+        join: &Signed<JoinRequest>,
         grant: Option<&Grant>,
     ) -> JoinReply {
         if !self.is_open {
@@ -133,10 +141,8 @@ impl Authentication {
         if let Some(grant) = grant.filter(|_| reply.accepted) {
             (reply.nonce, reply.key) = (grant.nonce, grant.sent_key);
         }
-        if let Some(secret) = &self.policy.secret {
-            let context = JoinContext { announcement: &self.announcement, source: &source.0, join };
-            reply.proof = secret.prove_reply(context, &reply);
-        }
-        reply
+        let Some(secret) = &self.policy.secret else { return reply };
+        let context = JoinContext { announcement: &self.announcement, source: &source.0, join };
+        Signed::sign(reply, &secret.reply_key(context)).into()
     }
 }

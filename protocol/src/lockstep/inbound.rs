@@ -8,20 +8,20 @@
 //! agent is given up as all of them, so that its successor gets all. A process that has answered
 //! ahead of its replay is refused, and must be started again.
 //!
-//! **Authentication** ([`authentication`](super::authentication)): a join is proven before it can
-//! hold or contend for an id, and a replacement gets a key of its own, so that no command of its
-//! predecessor is accepted any more.
+//! **Authentication** ([`authentication`](super::authentication)): a join is [`Verified`] before it
+//! can hold or contend for an id, and a command before it can be a reply. A replacement gets a key
+//! of its own, so that no command of its predecessor is accepted any more.
 //!
 //! Invariant: a refused message changes nothing but its counter.
 
 use core::time::Duration;
 
-use crate::signing::NONE;
+use crate::signed::{JoinRequest, Signed, Verified};
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Join, JoinReply, SignedCommand, SignedJoin};
+use msgs::maes_msgs::{Command, Join, JoinReply};
 
 use super::agent_session::{Recall, Rival};
-use super::membership::{JoinRequest, Lease};
+use super::membership::Lease;
 use super::{AgentSessions, CommandReply, Event, Inbound, Incoming, Notice, Refusal, SourceId};
 
 /// Wall time in which a process that repeats its join is not answered again: the reply is on its
@@ -33,6 +33,14 @@ const REPLY_PERIOD: Duration = Duration::from_millis(900);
 /// flood.
 const REFUSAL_REPORTS_MAX: u64 = 5;
 
+/// What a process gets that asks for an id.
+enum Claim {
+    /// The id.
+    Granted(Verified<JoinRequest>),
+    /// Nothing yet: another process has the id, and is replaced if it does not answer.
+    Held,
+}
+
 impl AgentSessions {
     /// Handles a message that has arrived at a time.
     pub fn handle(&mut self, incoming: Incoming, now: Duration) {
@@ -42,14 +50,8 @@ impl AgentSessions {
             return;
         }
         let handled = match message {
-            Inbound::Join(join) => {
-                self.handle_join(topic_agent, source, SignedJoin { join, ..SignedJoin::default() }, now)
-            }
-            Inbound::SignedJoin(join) => self.handle_join(topic_agent, source, join, now),
-            Inbound::Command(command) => {
-                self.handle_command(topic_agent, source, SignedCommand { command, mac: NONE }, now)
-            }
-            Inbound::SignedCommand(command) => self.handle_command(topic_agent, source, command, now),
+            Inbound::Join(join) => self.handle_join(topic_agent, source, &join, now),
+            Inbound::Command(command) => self.handle_command(topic_agent, source, command, now),
             Inbound::Undecodable { reason } => Err(Refusal::Undecodable { topic: topic_agent, reason }),
         };
         if let Err(refusal) = handled {
@@ -60,8 +62,8 @@ impl AgentSessions {
     /// Whether a message was sent before the last reset of this server; such a message is no fault.
     fn is_of_earlier_run(&self, message: &Inbound) -> bool {
         let run = match message {
-            Inbound::Join(join) | Inbound::SignedJoin(SignedJoin { join, .. }) => join.run,
-            Inbound::Command(command) | Inbound::SignedCommand(SignedCommand { command, .. }) => command.run,
+            Inbound::Join(request) => request.claimed().join.run,
+            Inbound::Command(command) => command.claimed().run,
             Inbound::Undecodable { .. } => return false,
         };
         self.identity.succeeds(run)
@@ -83,55 +85,71 @@ impl AgentSessions {
         &mut self,
         topic: AgentId,
         source: SourceId,
-        signed: SignedJoin,
+        signed: &Signed<JoinRequest>,
         now: Duration,
     ) -> Result<(), Refusal> {
-        let join = &signed.join;
+        let join = &signed.claimed().join;
         if join.run != self.identity.run() {
             return Err(Refusal::OtherRun { topic });
         }
         let agent = AgentId(join.agent);
-        let lease = Lease { source, instance: join.instance, controller: join.controller.clone() };
-        let request = JoinRequest { topic, agent, protocol: join.protocol, lease: lease.clone() };
-        let is_rival =
-            self.replays.allows_replacement && join.last_tick == Join::NONE && !self.membership.is_given_up(source);
-        let Self { membership, authentication, .. } = self;
-        let mut granted = membership
-            .check_request(&request)
-            .and_then(|()| authentication.check_join(agent, source, &signed))
-            .and_then(|()| membership.join(request, || authentication.grant(agent, source, &signed)));
-        if is_rival && matches!(granted, Err(Refusal::IdTaken { .. })) {
-            // The next observation shows whether the present process is alive.
-            let rival = Rival { since: self.tick(), source, join: signed.clone() };
-            if self.membership.session_mut(agent).hold(rival) {
-                self.reply_held(source, &signed);
+        let claimed = self.claim(topic, agent, source, signed);
+        match &claimed {
+            Ok(Claim::Held) => {
+                self.reply_held(source, signed);
                 return Ok(());
             }
-            let Self { membership, authentication, .. } = self;
-            granted = membership.replace(agent, lease, || authentication.grant(agent, source, &signed));
-            if granted.is_ok() {
-                self.notice(Notice::Replaced { agent });
-                self.continue_replay(agent);
+            Ok(Claim::Granted(request)) => {
+                self.note_restart(agent, request);
+                if request.join.last_tick != Join::NONE
+                    && let Some(expected) = self.membership.session(agent).replayed_tick()
+                    && Tick(request.join.last_tick) > expected
+                {
+                    self.refuse_overtaken(agent, expected);
+                    return Ok(());
+                }
             }
+            Err(_) => {}
         }
-        if granted.is_ok() {
-            self.note_restart(agent, &signed);
-        }
-        if granted.is_ok()
-            && join.last_tick != Join::NONE
-            && let Some(expected) = self.membership.session(agent).replayed_tick()
-            && Tick(join.last_tick) > expected
-        {
-            self.refuse_overtaken(agent, expected);
-            return Ok(());
-        }
-        self.reply(source, &signed, &granted, now);
+        let granted = claimed.map(drop);
+        self.reply(source, signed, &granted, now);
         granted
     }
 
+    /// Grants an id to a process that asks for it, or holds the process until the one that has the
+    /// id has shown whether it is alive.
+    fn claim(
+        &mut self,
+        topic: AgentId,
+        agent: AgentId,
+        source: SourceId,
+        signed: &Signed<JoinRequest>,
+    ) -> Result<Claim, Refusal> {
+        self.membership.check_join(topic, &signed.claimed().join)?;
+        let request = self.authentication.verify_join(agent, source, signed)?;
+        let is_rival = self.replays.allows_replacement
+            && request.join.last_tick == Join::NONE
+            && !self.membership.is_given_up(source);
+        let lease = Lease::new(source, &request);
+        let Self { membership, authentication, .. } = self;
+        match membership.join(agent, lease.clone(), || authentication.grant(agent, source, signed)) {
+            Err(Refusal::IdTaken { .. }) if is_rival => {}
+            granted => return granted.map(|()| Claim::Granted(request)),
+        }
+        // The next observation shows whether the present process is alive.
+        let rival = Rival { since: self.tick(), source, join: signed.clone() };
+        if self.membership.session_mut(agent).hold(rival) {
+            return Ok(Claim::Held);
+        }
+        let Self { membership, authentication, .. } = self;
+        membership.replace(agent, lease, || authentication.grant(agent, source, signed))?;
+        self.notice(Notice::Replaced { agent });
+        self.continue_replay(agent);
+        Ok(Claim::Granted(request))
+    }
     /// Reports and counts a process that has started itself again, once.
-    fn note_restart(&mut self, agent: AgentId, signed: &SignedJoin) {
-        let SignedJoin { join, starts, .. } = signed;
+    fn note_restart(&mut self, agent: AgentId, request: &Verified<JoinRequest>) {
+        let JoinRequest { join, starts, .. } = &**request;
         if *starts > 1 && self.restarted.insert(join.instance) {
             self.notice(Notice::Restarted { agent, times: starts - 1 });
         }
@@ -152,8 +170,8 @@ impl AgentSessions {
     /// Replies to a join. All agents receive the reply, and compare its instance with their own: a
     /// foreign process that uses the instance of a member must not make that member hear a refusal.
     /// A member that is given up must hear it, since it has to end for its successor to be started.
-    fn reply(&mut self, source: SourceId, join: &SignedJoin, granted: &Result<(), Refusal>, now: Duration) {
-        let Join { run, agent, instance, .. } = join.join;
+    fn reply(&mut self, source: SourceId, join: &Signed<JoinRequest>, granted: &Result<(), Refusal>, now: Duration) {
+        let Join { run, agent, instance, .. } = join.claimed().join;
         let id = AgentId(agent);
         let is_of_member = || {
             let holder = self.membership.holder(id).filter(|holder| holder.lease.instance == instance);
@@ -185,8 +203,8 @@ impl AgentSessions {
     }
 
     /// Replies to a process that the id it joins with is held for now.
-    fn reply_held(&mut self, source: SourceId, signed: &SignedJoin) {
-        let Join { run, agent, instance, .. } = signed.join;
+    fn reply_held(&mut self, source: SourceId, signed: &Signed<JoinRequest>) {
+        let Join { run, agent, instance, .. } = signed.claimed().join;
         let reason = format!("agent {agent} is held by another process, which is replaced if it does not answer");
         let reply = JoinReply { run, agent, instance, code: JoinReply::HELD, reason, ..JoinReply::default() };
         self.send_reply(self.authentication.complete(reply, source, signed, None));
@@ -205,19 +223,19 @@ impl AgentSessions {
         &mut self,
         topic: AgentId,
         source: SourceId,
-        SignedCommand { mut command, mac }: SignedCommand,
+        signed: Signed<Command>,
         now: Duration,
     ) -> Result<(), Refusal> {
-        if command.run != self.identity.run() {
+        let &Command { run, agent, tick, .. } = signed.claimed();
+        let (agent, tick) = (AgentId(agent), Tick(tick));
+        if run != self.identity.run() {
             return Err(Refusal::OtherRun { topic });
         }
-        let agent = AgentId(command.agent);
-        let tick = Tick(command.tick);
         if agent != topic {
             return Err(Refusal::WrongTopic { topic, named: agent });
         }
-        self.membership.check(agent, source)?.grant.check_command(agent, &command, &mac)?;
-        command.run = 0;
+        let command = self.membership.check(agent, source)?.grant.verify(agent, signed)?;
+        let command = command.map(|command| Command { run: 0, ..command });
         let session = self.membership.session_mut(agent);
         match session.recall(&command) {
             Recall::Complete => {}
@@ -234,7 +252,7 @@ impl AgentSessions {
                 return Err(Refusal::WrongTick { agent, got: tick, expected });
             }
             Recall::Different(recorded) => {
-                self.events.push_back(Event::Diverged { agent, tick, recorded, given: Box::new(command) });
+                self.events.push_back(Event::Diverged { agent, tick, recorded, given: Box::new(command.into_inner()) });
                 return Ok(());
             }
         }

@@ -5,7 +5,9 @@
 //! a process counts as lost is not decided here.
 
 use crate::limits::PROTOCOL;
+use crate::signed::{JoinRequest, Verified};
 use msgs::ids::AgentId;
+use msgs::maes_msgs::Join;
 
 use super::agent_session::{AgentSession, Holder, State, numbered};
 use super::authentication::Grant;
@@ -33,23 +35,16 @@ pub(super) struct Lease {
 }
 
 impl Lease {
+    /// The lease that a process asks for.
+    pub(super) fn new(source: SourceId, request: &Verified<JoinRequest>) -> Self {
+        let Join { instance, controller, .. } = &request.join;
+        Self { source, instance: *instance, controller: controller.clone() }
+    }
+
     /// With the label shortened.
     fn shortened(self) -> Self {
         Self { controller: self.controller.chars().take(CONTROLLER_CHARS_MAX).collect(), ..self }
     }
-}
-
-/// A request for an id.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct JoinRequest {
-    /// The agent whose topic carried it.
-    pub(super) topic: AgentId,
-    /// The requested id.
-    pub(super) agent: AgentId,
-    /// Version of the protocol.
-    pub(super) protocol: u32,
-    /// The lease that it asks for.
-    pub(super) lease: Lease,
 }
 
 impl Membership {
@@ -86,13 +81,11 @@ impl Membership {
         numbered(&mut self.sessions)
     }
 
-    /// Grants an id, or confirms it to the process that holds it.
+    /// Grants an id of the run, or confirms it to the process that holds it.
     ///
     /// # Errors
-    /// If the id is not one of the run's or belongs to another process, or the protocol is another.
-    pub(super) fn join(&mut self, request: JoinRequest, grant: impl FnOnce() -> Grant) -> Result<(), Refusal> {
-        self.check_request(&request)?;
-        let JoinRequest { agent, lease, .. } = request;
+    /// If it belongs to another process.
+    pub(super) fn join(&mut self, agent: AgentId, lease: Lease, grant: impl FnOnce() -> Grant) -> Result<(), Refusal> {
         match &self.session(agent).state {
             State::Absent if !self.is_given_up(lease.source) => {
                 self.session_mut(agent).begin(Holder::new(lease.shortened(), grant()));
@@ -111,17 +104,17 @@ impl Membership {
         }
     }
 
-    /// Whether a request could be granted if the id were free.
+    /// Whether a join, from the topic of an agent, could be granted if the id were free.
     ///
     /// # Errors
     /// If the id is not one of the run's, or the protocol is another.
-    pub(super) fn check_request(&self, request: &JoinRequest) -> Result<(), Refusal> {
-        let agent = request.agent;
-        if request.topic != agent {
-            return Err(Refusal::WrongTopic { topic: request.topic, named: agent });
+    pub(super) fn check_join(&self, topic: AgentId, join: &Join) -> Result<(), Refusal> {
+        let agent = AgentId(join.agent);
+        if topic != agent {
+            return Err(Refusal::WrongTopic { topic, named: agent });
         }
-        if request.protocol != PROTOCOL {
-            return Err(Refusal::WrongProtocol { agent, got: request.protocol, expected: PROTOCOL });
+        if join.protocol != PROTOCOL {
+            return Err(Refusal::WrongProtocol { agent, got: join.protocol, expected: PROTOCOL });
         }
         let agents = self.agents();
         if agent.0 >= agents {
@@ -224,22 +217,21 @@ impl Membership {
 mod tests {
     use super::*;
 
-    fn request(agent: u32, instance: u64, source: u8) -> JoinRequest {
-        JoinRequest {
-            topic: AgentId(agent),
-            agent: AgentId(agent),
-            protocol: PROTOCOL,
-            lease: Lease { source: SourceId([source; 16]), instance, controller: "rbw".into() },
-        }
+    fn lease(instance: u64, source: u8) -> Lease {
+        Lease { source: SourceId([source; 16]), instance, controller: "rbw".into() }
+    }
+
+    fn join(membership: &mut Membership, agent: u32, lease: Lease) -> Result<(), Refusal> {
+        membership.join(AgentId(agent), lease, Grant::default)
     }
 
     #[test]
     fn an_id_belongs_to_one_process() {
         let mut membership = Membership::new(2);
         assert_eq!(membership.missing(), [AgentId(0), AgentId(1)]);
-        membership.join(request(1, 7, 1), Grant::default).unwrap();
-        membership.join(request(1, 7, 1), Grant::default).unwrap();
-        assert_eq!(membership.join(request(1, 8, 2), Grant::default), Err(Refusal::IdTaken { agent: AgentId(1) }));
+        join(&mut membership, 1, lease(7, 1)).unwrap();
+        join(&mut membership, 1, lease(7, 1)).unwrap();
+        assert_eq!(join(&mut membership, 1, lease(8, 2)), Err(Refusal::IdTaken { agent: AgentId(1) }));
         assert_eq!(membership.missing(), [AgentId(0)]);
         assert_eq!(membership.holder(AgentId(1)).unwrap().lease.instance, 7);
         assert!(membership.check(AgentId(1), SourceId([1; 16])).is_ok());
@@ -253,13 +245,13 @@ mod tests {
     fn a_process_is_given_up_with_all_its_ids() {
         let (old, new) = (SourceId([1; 16]), SourceId([2; 16]));
         let mut membership = Membership::new(3);
-        (0..3).for_each(|agent| membership.join(request(agent, 7, 1), Grant::default).unwrap());
-        membership.replace(AgentId(0), request(0, 8, 2).lease, Grant::default).unwrap();
+        (0..3).for_each(|agent| join(&mut membership, agent, lease(7, 1)).unwrap());
+        membership.replace(AgentId(0), lease(8, 2), Grant::default).unwrap();
         assert!(membership.is_given_up(old) && !membership.is_given_up(new));
         for agent in [1, 2].map(AgentId) {
             assert_eq!(membership.check(agent, old).err(), Some(Refusal::NotJoined { agent }));
-            assert_eq!(membership.join(request(agent.0, 7, 1), Grant::default), Err(Refusal::IdTaken { agent }));
-            membership.replace(agent, request(agent.0, 8, 2).lease, Grant::default).unwrap();
+            assert_eq!(join(&mut membership, agent.0, lease(7, 1)), Err(Refusal::IdTaken { agent }));
+            membership.replace(agent, lease(8, 2), Grant::default).unwrap();
             assert!(membership.check(agent, new).is_ok());
         }
         assert!(!membership.is_given_up(old), "it holds nothing");
@@ -268,30 +260,23 @@ mod tests {
     #[test]
     fn an_overlong_label_is_shortened() {
         let mut membership = Membership::new(1);
-        let mut endless = request(0, 1, 1);
-        endless.lease.controller = "\u{e9}".repeat(1_000_000);
-        membership.join(endless, Grant::default).unwrap();
+        let endless = |instance, source| Lease { controller: "\u{e9}".repeat(1_000_000), ..lease(instance, source) };
+        join(&mut membership, 0, endless(1, 1)).unwrap();
         assert_eq!(membership.holder(AgentId(0)).unwrap().lease.controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
         // Its replacement has the same label, and is accepted.
-        let mut successor = request(0, 2, 2).lease;
-        successor.controller = "\u{e9}".repeat(1_000_000);
-        membership.replace(AgentId(0), successor, Grant::default).unwrap();
+        membership.replace(AgentId(0), endless(2, 2), Grant::default).unwrap();
         assert_eq!(membership.holder(AgentId(0)).unwrap().lease.controller, "\u{e9}".repeat(CONTROLLER_CHARS_MAX));
     }
 
     #[test]
-    fn foreign_requests_are_refused() {
-        let mut membership = Membership::new(2);
-        assert!(matches!(
-            membership.join(request(2, 1, 1), Grant::default),
-            Err(Refusal::UnknownAgent { agents: 2, .. })
-        ));
-        let mut wrong = request(0, 1, 1);
-        wrong.protocol = 99;
-        assert!(matches!(membership.join(wrong, Grant::default), Err(Refusal::WrongProtocol { got: 99, .. })));
-        let mut wrong = request(0, 1, 1);
-        wrong.topic = AgentId(1);
-        assert!(matches!(membership.join(wrong, Grant::default), Err(Refusal::WrongTopic { .. })));
-        assert_eq!(membership.missing().len(), 2);
+    fn foreign_joins_are_refused() {
+        let membership = Membership::new(2);
+        let check = |topic: u32, agent: u32, protocol: u32| {
+            membership.check_join(AgentId(topic), &Join { agent, protocol, ..Join::default() })
+        };
+        assert_eq!(check(1, 1, PROTOCOL), Ok(()));
+        assert!(matches!(check(2, 2, PROTOCOL), Err(Refusal::UnknownAgent { agents: 2, .. })));
+        assert!(matches!(check(0, 0, 99), Err(Refusal::WrongProtocol { got: 99, .. })));
+        assert!(matches!(check(1, 0, PROTOCOL), Err(Refusal::WrongTopic { .. })));
     }
 }

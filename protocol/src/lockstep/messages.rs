@@ -7,25 +7,21 @@ use std::fmt;
 use std::sync::Arc;
 
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{
-    Command, Join, JoinReply, Observation as Fragment, SignedCommand, SignedJoin, SignedObservation,
-};
+use msgs::maes_msgs::{Command, JoinReply, Observation as Fragment};
 
 use super::{Refusal, SourceId, listed};
 use crate::command;
 use crate::observation::RequestKind;
+use crate::signed::{JoinRequest, Signed, Verified};
 
 /// A message from an agent process.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Inbound {
-    /// From the topic `join` of an agent, over a private transport.
-    Join(Join),
-    /// From the topic `join` of an agent.
-    SignedJoin(SignedJoin),
-    /// From the topic `command` of an agent, or made from a standard message.
-    Command(Command),
-    /// From the topic `command` of an agent.
-    SignedCommand(SignedCommand),
+    /// From the topic `join` of an agent; unsigned over a private transport.
+    Join(Signed<JoinRequest>),
+    /// From the topic `command` of an agent; unsigned over a private transport, or if it is made
+    /// from a standard message.
+    Command(Signed<Command>),
     /// Bytes on one of these topics that do not decode.
     Undecodable {
         /// The decoding error.
@@ -51,7 +47,7 @@ pub enum Transmit {
     /// The reply to a join, which all processes receive.
     JoinReply(JoinReply),
     /// A fragment of an observation, to the topic of an agent.
-    Observation(AgentId, SignedObservation),
+    Observation(AgentId, Signed<Fragment>),
 }
 
 /// An observation that awaits a command.
@@ -79,7 +75,8 @@ impl CommandReply {
     ///
     /// # Errors
     /// If the command is not legal for a team of `agents`.
-    pub fn new(message: Command, agents: u32) -> Result<Self, String> {
+    pub fn new(message: Verified<Command>, agents: u32) -> Result<Self, String> {
+        let message = message.into_inner();
         let command = command::Command::from_message(&message, agents)?;
         Ok(Self { message, command })
     }

@@ -12,8 +12,7 @@ use msgs::topics;
 use ros_node::{Connected, Context, Inbox, MessageKind, SocketSample, Sockets, SubscriptionTracker};
 use serde::Serialize;
 
-use super::{Item, incoming, join};
-use transport::Inbound;
+use super::{Item, command, incoming, join};
 
 /// The number of the topic of the replies to joins, before those of the observations.
 const REPLIES: usize = 0;
@@ -92,7 +91,7 @@ impl Links {
 fn item(sample: SocketSample<'_>) -> Item {
     let incoming = match sample.kind {
         MessageKind::Join => incoming(sample.agent, sample.decode(), join),
-        MessageKind::Command => incoming(sample.agent, sample.decode(), Inbound::SignedCommand),
+        MessageKind::Command => incoming(sample.agent, sample.decode(), command),
         MessageKind::JoinReply | MessageKind::Observation => return Item::Handled,
     };
     Item::Agent(Box::new(incoming))

@@ -21,6 +21,7 @@ use ros_node::{Context, EndpointFactory, Inbox, Node, Publisher, RosError, Sampl
 use super::Item;
 use super::visualisation::VisualisationPublishers;
 use protocol::lockstep::SourceId;
+use protocol::signed::Signed;
 use simulation::twist;
 use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
 use system::wall_clock::now;
@@ -68,7 +69,10 @@ impl TeleoperatedAgents {
             endpoints.subscribe(node, &topics::cmd_vel(agent), inbox, move |sample: Sample<TwistStamped>| {
                 let Some(run) = own_run.get().filter(|_| requested.get().is_some()) else { return Item::Handled };
                 let command = sample.message.and_then(|twist| twist::command(run, agent, &twist));
-                let message = command.map_or_else(|reason| Inbound::Undecodable { reason }, Inbound::Command);
+                let message = command.map_or_else(
+                    |reason| Inbound::Undecodable { reason },
+                    |command| Inbound::Command(Signed::unsigned(command)),
+                );
                 let source = SourceId(sample.source);
                 Item::Agent(Box::new(Incoming { topic_agent: agent, source, message }))
             })?;
@@ -110,7 +114,7 @@ impl TeleoperatedAgents {
             let sources = context.publishers(&topics::cmd_vel(agent)).into_iter().map(SourceId);
             teleoperated.source = teleoperated.source.or(sources.min());
             if let Some(source) = teleoperated.source {
-                let message = Inbound::Join(twist::join(run, agent));
+                let message = Inbound::Join(Signed::unsigned(twist::join(run, agent)));
                 self.outgoing.push_back(Incoming { topic_agent: agent, source, message });
             }
         }
@@ -145,7 +149,8 @@ impl TeleoperatedAgents {
         let tick = Tick(part.tick);
         if part.phase == Part::ENDED {
             if let Some(source) = teleoperated.source {
-                let message = Inbound::Command(twist::acknowledgement(part.run, agent, tick));
+                let acknowledgement = Signed::unsigned(twist::acknowledgement(part.run, agent, tick));
+                let message = Inbound::Command(acknowledgement);
                 self.outgoing.push_back(Incoming { topic_agent: agent, source, message });
             }
             return;

@@ -221,7 +221,7 @@ impl Agents {
         while let Some(message) = self.sessions.poll_transmit() {
             match message {
                 Transmit::JoinReply(reply) => transport.reply_join(&reply),
-                Transmit::Observation(agent, fragment) => transport.send_signed(agent, fragment),
+                Transmit::Observation(agent, fragment) => transport.send(agent, fragment),
             }
         }
     }

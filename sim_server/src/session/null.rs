@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{JoinReply, Observation, Scenario};
+use protocol::signed::Signed;
 use simulation::world::World;
 
 use super::RunObserver;
@@ -17,7 +18,7 @@ pub struct NullTransport;
 impl AgentTransport for NullTransport {
     fn announce(&mut self, _scenario: &Scenario) {}
     fn reply_join(&mut self, _reply: &JoinReply) {}
-    fn send(&mut self, _agent: AgentId, _fragment: &Observation) {}
+    fn send(&mut self, _agent: AgentId, _fragment: Signed<Observation>) {}
     fn receive(&mut self, _timeout: Duration) -> Option<Incoming> {
         None
     }

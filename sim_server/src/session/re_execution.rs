@@ -14,6 +14,7 @@ use super::log::EntryKind;
 use super::{EndReason, RunError, Session, timeout_policy};
 use protocol::lockstep::{CommandReply, MissingReplies, ObservationRequest, Replies};
 use protocol::observation::RequestKind;
+use protocol::signed::Signed;
 use recording::playback::{Ending, Playback, RecordedIntervention, RecordedTick};
 use simulation::digest::Digest;
 use simulation::scenario::OnAgentLoss;
@@ -211,7 +212,8 @@ impl Session<'_, '_> {
         for agent in requests.iter().map(|request| request.agent) {
             match recorded.commands.remove(&agent) {
                 Some(message) => {
-                    let reply = CommandReply::new(message, self.scenario.agents.count)
+                    // What is recorded was verified before.
+                    let reply = CommandReply::new(Signed::unsigned(message).trusted(), self.scenario.agents.count)
                         .map_err(|reason| misfit(format!("the command of agent {agent}: {reason}")))?;
                     replies.insert(agent, reply);
                 }

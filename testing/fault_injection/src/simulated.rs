@@ -21,6 +21,7 @@ mod memory_file;
 mod messages;
 mod network;
 mod scenarios;
+pub mod trace;
 
 use std::num::NonZero;
 use std::panic::{AssertUnwindSafe, catch_unwind};

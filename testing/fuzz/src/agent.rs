@@ -10,6 +10,7 @@ use msgs::maes_msgs::{AgentMessage, Body, CellRuns, Contact, Lidar, Observation 
 use protocol::limits::OBSERVATION_BYTES_MAX;
 use protocol::message_type::MessageType;
 use protocol::run_info::RunInfo;
+use protocol::signed::Signed;
 
 use crate::hostile_messages::number;
 
@@ -55,7 +56,9 @@ fn play(data: &mut Unstructured<'_>) -> Result<()> {
             return Ok(());
         }
         tick += u64::from(data.int_in_range(0..=3u8)?);
-        let Ok(Reaction::Reply(command) | Reaction::Acknowledge(command)) = agent.take(part(data, tick)?) else {
+        let Ok(Reaction::Reply(command) | Reaction::Acknowledge(command)) =
+            agent.take(Signed::unsigned(part(data, tick)?).trusted())
+        else {
             continue;
         };
         protocol::command::Command::from_message(&command, AGENTS)

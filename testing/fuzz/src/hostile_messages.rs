@@ -6,6 +6,7 @@ use msgs::geometry_msgs::{Point, Vector3};
 use msgs::maes_msgs::{AgentMessage, Command, Join, Motion, ScanRequest, WakeCondition};
 use msgs::shared_bytes::SharedBytes;
 use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, PROTOCOL};
+use protocol::signed::Signed;
 use transport::Inbound;
 
 /// What a hostile sender knows from listening to all topics.
@@ -27,15 +28,15 @@ pub(crate) fn message(data: &mut Unstructured<'_>, known: &Known) -> Result<(u32
     let run = if data.ratio(1, 8)? { data.arbitrary()? } else { known.run };
     let message = match data.int_in_range(0..=7)? {
         0 => Inbound::Undecodable { reason: text(data)? },
-        1 | 2 => Inbound::Join(Join {
+        1 | 2 => Inbound::Join(Signed::unsigned(Join {
             run,
             agent,
             instance: if data.ratio(1, 2)? { *data.choose(&known.instances)? } else { data.arbitrary()? },
             protocol: if data.ratio(1, 8)? { data.arbitrary()? } else { PROTOCOL },
             controller: text(data)?,
             last_tick: data.arbitrary()?,
-        }),
-        _ => Inbound::Command(command(data, known, run, agent)?),
+        })),
+        _ => Inbound::Command(Signed::unsigned(command(data, known, run, agent)?)),
     };
     Ok((topic, message))
 }

@@ -17,11 +17,11 @@ use arbitrary::Unstructured;
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{
-    self, AgentMessage, Command, Join, JoinReply, Motion, Observation, SignedCommand, SignedJoin, SignedObservation,
-    WakeCondition,
+    self, AgentMessage, Command, Join, JoinReply, Motion, Observation, SignedCommand, SignedJoin, WakeCondition,
 };
 use protocol::limits::{OBSERVATION_BYTES_MAX, PROTOCOL};
 use protocol::lockstep::SourceId;
+use protocol::signed::{JoinRequest, Signed};
 use protocol::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::{JoinPolicy, RunConfig, RunObserver};
 use sim_server::setup;
@@ -92,7 +92,7 @@ fn without_refusals(mut result: maes_msgs::Result) -> maes_msgs::Result {
 struct Signing {
     secret: JoinSecret,
     announcement: Bytes,
-    joins: Vec<SignedJoin>,
+    joins: Vec<Signed<JoinRequest>>,
     keys: [Option<SessionKey>; AGENTS as usize],
     /// The codes that were sent last, by agent: every node can read them.
     macs: [Bytes; AGENTS as usize],
@@ -104,24 +104,20 @@ impl Signing {
         Self { secret, announcement: NONE, joins: Vec::new(), keys: [None, None], macs: [NONE; AGENTS as usize] }
     }
 
-    fn context<'a>(&'a self, agent: usize, join: &'a SignedJoin) -> JoinContext<'a> {
-        JoinContext { announcement: &self.announcement, source: &MEMBERS[agent].0.0, join }
-    }
-
     /// The join of a member, which proves the secret.
     fn join(&mut self, agent: usize, join: Join) -> Inbound {
-        let mut signed = SignedJoin { join, nonce: [7; 32], proof: NONE, starts: 1 };
-        signed.proof = self.secret.prove_join(self.context(agent, &signed));
+        let request = JoinRequest { join, nonce: [7; 32], starts: 1 };
+        let signed = Signed::sign(request, &self.secret.join_key(&self.announcement, &MEMBERS[agent].0.0));
         self.joins.push(signed.clone());
-        Inbound::SignedJoin(signed)
+        Inbound::Join(signed)
     }
 
     /// Derives the key of a member, if the reply is for it and proven.
     fn take_reply(&mut self, reply: &JoinReply) {
         let agent = reply.agent as usize;
         let Some(join) = self.joins.get(agent) else { return };
-        let context = self.context(agent, join);
-        if reply.proof == self.secret.prove_reply(context, reply) {
+        let context = JoinContext { announcement: &self.announcement, source: &MEMBERS[agent].0.0, join };
+        if let Ok(reply) = Signed::from(reply.clone()).verify(&self.secret.reply_key(context)) {
             assert!(reply.accepted, "agent {agent} hears a refusal that it believes: {}", reply.reason);
             self.keys[agent] = Some(self.secret.session_key(context, &reply.nonce));
         }
@@ -130,9 +126,12 @@ impl Signing {
     /// The command of a member.
     fn command(&mut self, command: Command) -> Inbound {
         let agent = command.agent as usize;
-        let mac = self.keys[agent].as_ref().map_or(NONE, |key| key.of_command(&command));
-        self.macs[agent] = mac;
-        Inbound::SignedCommand(SignedCommand { command, mac })
+        let signed = match &self.keys[agent] {
+            Some(key) => Signed::sign(command, key),
+            None => Signed::unsigned(command),
+        };
+        self.macs[agent] = SignedCommand::from(signed.clone()).mac;
+        Inbound::Command(signed)
     }
 
     /// A hostile message with a signature of the sender's making: none, a wrong one, or one that
@@ -145,15 +144,17 @@ impl Signing {
             _ => Ok(heard),
         };
         Ok(match message {
-            Inbound::Join(join) => {
-                let heard = self.joins.get(join.agent as usize).cloned().unwrap_or_default();
+            Inbound::Join(signed) => {
+                let join = SignedJoin::from(signed).join;
+                let heard = SignedJoin::from(self.joins.get(join.agent as usize).cloned().unwrap_or_default());
                 let (nonce, proof) = (bytes(heard.nonce, data)?, bytes(heard.proof, data)?);
-                Inbound::SignedJoin(SignedJoin { join, nonce, proof, starts: data.arbitrary()? })
+                Inbound::Join(SignedJoin { join, nonce, proof, starts: data.arbitrary()? }.into())
             }
-            Inbound::Command(command) => {
+            Inbound::Command(signed) => {
+                let command = SignedCommand::from(signed).command;
                 let heard = self.macs.get(command.agent as usize).copied().unwrap_or(NONE);
                 let mac = bytes(heard, data)?;
-                Inbound::SignedCommand(SignedCommand { command, mac })
+                Inbound::Command(SignedCommand { command, mac }.into())
             }
             other => other,
         })
@@ -161,11 +162,12 @@ impl Signing {
 
     /// Whether a hostile message is one of a member that was heard, and that may come twice.
     fn is_repeated_join(&self, message: &Inbound) -> bool {
-        let without_tick = |signed: &SignedJoin| {
-            let join = Join { last_tick: Join::NONE, ..signed.join.clone() };
-            SignedJoin { join, ..signed.clone() }
+        let without_tick = |signed: &Signed<JoinRequest>| {
+            let mut signed = SignedJoin::from(signed.clone());
+            signed.join.last_tick = Join::NONE;
+            signed
         };
-        matches!(message, Inbound::SignedJoin(join)
+        matches!(message, Inbound::Join(join)
             if self.joins.iter().any(|heard| without_tick(heard) == without_tick(join)))
     }
 }
@@ -257,7 +259,8 @@ impl<'a> Script<'a> {
 
     /// Keeps a reply of agent 1 that the server has to accept now.
     fn keep(&mut self, incoming: &Incoming) {
-        let Inbound::Command(command) = &incoming.message else { return };
+        let Inbound::Command(signed) = &incoming.message else { return };
+        let command = signed.claimed();
         let is_of_agent_1 = incoming.source == MEMBERS[1].0 && incoming.topic_agent == AgentId(1) && command.agent == 1;
         if is_of_agent_1
             && command.run == self.run
@@ -308,7 +311,7 @@ impl AgentTransport for Script<'_> {
             let join = Join { run, agent: agent_id, instance, protocol: PROTOCOL, controller, last_tick };
             let message = match &mut self.signing {
                 Some(signing) => signing.join(agent, join),
-                None => Inbound::Join(join),
+                None => Inbound::Join(Signed::unsigned(join)),
             };
             self.say(agent, message);
         }
@@ -327,8 +330,13 @@ impl AgentTransport for Script<'_> {
         assert!(reply.accepted || !honest_is_meant, "agent {} receives a refusal: {}", reply.agent, reply.reason);
     }
 
-    fn send(&mut self, agent: AgentId, part: &Observation) {
-        assert!(cdr::encode(part).len() <= OBSERVATION_BYTES_MAX, "a part is larger than a sample may be");
+    fn send(&mut self, agent: AgentId, signed: Signed<Observation>) {
+        let key = self.signing.as_ref().and_then(|signing| signing.keys[agent.index()].as_ref());
+        let part = match key {
+            Some(key) => signed.verify(key).expect("each observation is signed"),
+            None => signed.trusted(),
+        };
+        assert!(cdr::encode(&*part).len() <= OBSERVATION_BYTES_MAX, "a part is larger than a sample may be");
         if (part.tick, part.phase) != (self.tick, self.phase) {
             (self.tick, self.phase) = (part.tick, part.phase);
             self.asked.clear();
@@ -339,18 +347,11 @@ impl AgentTransport for Script<'_> {
             let reply = self.reply(agent.0);
             let reply = match &mut self.signing {
                 Some(signing) => signing.command(reply),
-                None => Inbound::Command(reply),
+                None => Inbound::Command(Signed::unsigned(reply)),
             };
             self.say(agent.index(), reply);
             self.send_hostile();
         }
-    }
-
-    fn send_signed(&mut self, agent: AgentId, signed: SignedObservation) {
-        if let Some(key) = self.signing.as_ref().and_then(|signing| signing.keys[agent.index()].as_ref()) {
-            assert_eq!(signed.mac, key.of_observation(&signed.observation), "each observation is signed");
-        }
-        self.send(agent, &signed.observation);
     }
 
     fn receive(&mut self, _timeout: Duration) -> Option<Incoming> {

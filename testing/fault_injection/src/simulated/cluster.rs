@@ -20,8 +20,10 @@ use agent_node::controllers::Registry;
 use agent_node::host::{AgentProcess, Options, RunError as AgentError};
 use agent_node::transport::Inbound as ToAgents;
 use msgs::ids::AgentId;
-use msgs::maes_msgs::{JoinReply, Observation, Scenario as Announcement};
+use msgs::maes_msgs::{Command, JoinReply, Observation, Scenario as Announcement};
 use msgs::topics;
+use protocol::lockstep::Transmit;
+use protocol::signed::Signed;
 use rand::RngExt;
 use recording::playback::{Horizon, Playback};
 use recording::recorder::Recorder;
@@ -35,6 +37,7 @@ use super::adversary::{Adversary, Mutation, up_to};
 use super::disk::{SimulatedDisk, kill};
 use super::messages::described;
 use super::network::{AgentsEnd, Event, Killed, Network, SharedNetwork};
+use super::trace::TraceEvent;
 
 /// What errors call the recording.
 const FILE: &str = "run.mcap";
@@ -69,7 +72,7 @@ pub(super) struct Cluster<'s> {
     /// Processes started so far.
     started: u32,
     /// The last command of an agent, if commands are made stale.
-    stale: Option<msgs::maes_msgs::Command>,
+    stale: Option<Command>,
 }
 
 /// How the run of a server has ended.
@@ -151,19 +154,26 @@ impl<'s> Cluster<'s> {
         let (mode, built) = match &recording {
             Some(recording) => {
                 let playback = Playback::new(recording).map_err(|error| error.to_string())?;
-                if let Horizon::Ended(tick) = playback.horizon() {
-                    self.note(|| format!("the recording has a result in tick {tick}"));
-                    return Ok(Served::Complete(self.disk.published().unwrap_or_default()));
-                }
                 let horizon = playback.horizon();
+                let tick = match horizon {
+                    Horizon::Open(tick) => tick,
+                    Horizon::Ended(tick) => {
+                        self.note(|| format!("the recording has a result in tick {tick}"));
+                        return Ok(Served::Complete(self.disk.published().unwrap_or_default()));
+                    }
+                };
                 self.note(|| format!("the run is resumed: {horizon:?}"));
                 self.network.borrow_mut().counts.resumed += 1;
+                self.network.borrow_mut().resumes_at = Some(tick);
                 if recording.scenario() != scenario.identity() {
                     return Err("the recording has another scenario".to_owned());
                 }
                 (Mode::Resume(playback), setup::rebuild(recording, scenario))
             }
-            None => (Mode::Live, setup::build(scenario)),
+            None => {
+                self.network.borrow_mut().resumes_at = None;
+                (Mode::Live, setup::build(scenario))
+            }
         };
         let (world, _) = built.map_err(|error| error.to_string())?;
         let file = self.disk.create();
@@ -346,12 +356,13 @@ impl<'s> Cluster<'s> {
     /// The message as it arrives: changed only by a mutation.
     fn falsified(&mut self, mut incoming: Incoming) -> Incoming {
         if self.network.borrow().mutation == Some(Mutation::StaleCommands)
-            && let ToServer::Command(command) = &mut incoming.message
-            && command.agent == 0
+            && let ToServer::Command(signed) = &mut incoming.message
+            && signed.claimed().agent == 0
         {
+            let command = signed.claimed();
             let before = self.stale.replace(command.clone());
             if let Some(before) = before.filter(|before| before.tick < command.tick) {
-                *command = msgs::maes_msgs::Command { tick: command.tick, run: command.run, ..before };
+                *signed = Signed::unsigned(Command { tick: command.tick, run: command.run, ..before });
             }
         }
         incoming
@@ -403,14 +414,16 @@ impl AgentTransport for Cluster<'_> {
     fn reply_join(&mut self, reply: &JoinReply) {
         self.act();
         let mut network = self.network.borrow_mut();
+        network.note(|| TraceEvent::ServerSent(Transmit::JoinReply(reply.clone())));
         for process in network.processes_of(None) {
             network.send_to_process(process, &ToAgents::JoinReply(reply.clone()));
         }
     }
 
-    fn send(&mut self, agent: AgentId, fragment: &Observation) {
+    fn send(&mut self, agent: AgentId, fragment: Signed<Observation>) {
         self.act();
         let mut network = self.network.borrow_mut();
+        network.note(|| TraceEvent::ServerSent(Transmit::Observation(agent, fragment.clone())));
         for process in network.processes_of(Some(agent)) {
             network.send_to_process(process, &ToAgents::Observation(fragment.clone()));
         }
@@ -429,13 +442,15 @@ impl AgentTransport for Cluster<'_> {
             self.execute_for(span);
         }
         let deadline = self.network.borrow().clock + timeout;
-        loop {
+        let received = loop {
             if let Some(incoming) = self.network.borrow_mut().server_inbox.pop_front() {
-                return Some(incoming);
+                break Some(incoming);
             }
-            let event = self.next_event(deadline)?;
+            let Some(event) = self.next_event(deadline) else { break None };
             self.execute(event);
-        }
+        };
+        self.network.borrow_mut().note_received(received.as_ref());
+        received
     }
 
     fn now(&self) -> Instant {

@@ -2,7 +2,7 @@
 
 use agent_node::transport::Inbound as ToAgents;
 use msgs::cdr;
-use msgs::maes_msgs::{Observation, SignedCommand, SignedJoin, SignedObservation};
+use msgs::maes_msgs::{Command, Observation, SignedCommand, SignedJoin, SignedObservation};
 use transport::{Inbound as ToServer, Incoming};
 
 /// The bytes that a message has on the wire.
@@ -10,18 +10,15 @@ pub(super) fn bytes_to_agents(message: &ToAgents) -> Vec<u8> {
     match message {
         ToAgents::Scenario(scenario) => cdr::encode(scenario),
         ToAgents::JoinReply(reply) => cdr::encode(reply),
-        ToAgents::Observation(fragment) => cdr::encode(fragment),
-        ToAgents::SignedObservation(signed) => cdr::encode(signed),
+        ToAgents::Observation(fragment) => cdr::encode(&SignedObservation::from(fragment.clone())),
     }
 }
 
 /// As [`bytes_to_agents`], of a message to the server.
 pub(super) fn bytes_to_server(message: &ToServer) -> Vec<u8> {
     match message {
-        ToServer::Join(join) => cdr::encode(join),
-        ToServer::SignedJoin(signed) => cdr::encode(signed),
-        ToServer::Command(command) => cdr::encode(command),
-        ToServer::SignedCommand(signed) => cdr::encode(signed),
+        ToServer::Join(join) => cdr::encode(&SignedJoin::from(join.clone())),
+        ToServer::Command(command) => cdr::encode(&SignedCommand::from(command.clone())),
         ToServer::Undecodable { reason } => reason.clone().into_bytes(),
     }
 }
@@ -34,9 +31,8 @@ pub(super) fn described(message: &ToAgents) -> String {
             let verdict = if reply.accepted { "accepted" } else { "refused" };
             format!("reply to the join of agent {} by process {}: {verdict}", reply.agent, reply.instance)
         }
-        ToAgents::Observation(fragment)
-        | ToAgents::SignedObservation(SignedObservation { observation: fragment, .. }) => {
-            let Observation { agent, tick, part, parts, phase, .. } = fragment;
+        ToAgents::Observation(fragment) => {
+            let Observation { agent, tick, part, parts, phase, .. } = fragment.claimed();
             let end = if *phase == Observation::ENDED { ", shutdown" } else { "" };
             format!("observation of agent {agent}, tick {tick}, {} of {parts}{end}", part + 1)
         }
@@ -46,9 +42,10 @@ pub(super) fn described(message: &ToAgents) -> String {
 /// As [`described`], of a message to the server.
 pub(super) fn described_to_server(incoming: &Incoming) -> String {
     match &incoming.message {
-        ToServer::Join(join) | ToServer::SignedJoin(SignedJoin { join, .. }) => format!("join of agent {}", join.agent),
-        ToServer::Command(command) | ToServer::SignedCommand(SignedCommand { command, .. }) => {
-            format!("command of agent {}, tick {}", command.agent, command.tick)
+        ToServer::Join(request) => format!("join of agent {}", request.claimed().join.agent),
+        ToServer::Command(command) => {
+            let Command { agent, tick, .. } = command.claimed();
+            format!("command of agent {agent}, tick {tick}")
         }
         ToServer::Undecodable { .. } => "an undecodable message".to_owned(),
     }

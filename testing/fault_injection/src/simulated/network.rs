@@ -16,9 +16,10 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use agent_node::transport::{Inbound as ToAgents, ServerTransport};
-use msgs::ids::AgentId;
-use msgs::maes_msgs::{Command, Join, Scenario};
+use msgs::ids::{AgentId, Tick};
+use msgs::maes_msgs::{Command, Scenario};
 use protocol::lockstep::SourceId;
+use protocol::signed::{JoinRequest, Signed};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use system::wall_clock;
@@ -27,6 +28,7 @@ use transport::{Inbound as ToServer, Incoming};
 use super::adversary::{Adversary, DELAY_MAX, Mutation, steps, up_to};
 use super::messages::{bytes_to_agents, bytes_to_server, described, described_to_server};
 use super::scenarios::AGENTS_MAX;
+use super::trace::TraceEvent;
 
 /// Virtual time after which a run hangs.
 const HANG: Duration = Duration::from_secs(3600);
@@ -173,6 +175,12 @@ pub(super) struct Network {
     pub(super) counts: Counts,
     /// `None` if no log is kept.
     log: Option<Vec<String>>,
+    /// `None` if no trace is kept.
+    pub(super) trace: Option<Vec<TraceEvent>>,
+    /// When the present server was started.
+    pub(super) server_began: Duration,
+    /// The first tick that the recording lacks which the present server resumes.
+    pub(super) resumes_at: Option<Tick>,
 }
 
 impl Network {
@@ -196,6 +204,9 @@ impl Network {
             sent: BTreeSet::new(),
             counts: Counts::default(),
             log: keeps_log.then(Vec::new),
+            trace: None,
+            server_began: Duration::ZERO,
+            resumes_at: None,
         }
     }
 
@@ -246,11 +257,13 @@ impl Network {
     /// Starts a server process, which may be killed after some actions.
     pub(super) fn start_server(&mut self) {
         self.is_server_up = true;
+        self.server_began = self.clock;
         self.server_kill_in = (self.adversary.server_kills > 0).then(|| steps(&mut self.random));
     }
 
     /// Ends the server process: later processes hear nothing of its run.
     pub(super) fn end_server(&mut self) {
+        self.note(|| TraceEvent::ServerEnded);
         self.is_server_up = false;
         self.server_inbox.clear();
         self.announced = None;
@@ -302,7 +315,9 @@ impl Network {
             losses: [0; 2],
             last: [Duration::ZERO; 2],
         };
+        let agents = port.agents.clone();
         self.ports.insert(process, port);
+        self.note(|| TraceEvent::ProcessStarted { process, agents });
         if let Some(scenario) = self.announced.clone() {
             self.announce_to(process, scenario);
         }
@@ -310,9 +325,12 @@ impl Network {
 
     pub(super) fn disconnect(&mut self, process: u32) {
         self.ports.remove(&process);
+        self.note(|| TraceEvent::ProcessEnded { process });
     }
 
     pub(super) fn announce(&mut self, scenario: &Scenario) {
+        let resumes_at = self.resumes_at;
+        self.note(|| TraceEvent::ServerStarted { run: scenario.run, resumes_at });
         self.announced = Some(scenario.clone());
         let processes: Vec<u32> = self.ports.keys().copied().collect();
         for process in processes {
@@ -343,6 +361,7 @@ impl Network {
     }
 
     fn send_to_server(&mut self, process: u32, topic_agent: AgentId, message: ToServer) {
+        self.note(|| TraceEvent::ProcessSent { process, message: message.clone() });
         let source = SourceId(u128::from(process).to_le_bytes());
         let incoming = Incoming { topic_agent, source, message };
         let what = || described_to_server(&incoming);
@@ -447,14 +466,14 @@ pub(super) struct AgentsEnd {
 }
 
 impl ServerTransport for AgentsEnd {
-    fn send_join(&mut self, join: &Join) {
-        let message = ToServer::Join(join.clone());
-        self.network.borrow_mut().send_to_server(self.process, AgentId(join.agent), message);
+    fn send_join(&mut self, join: &Signed<JoinRequest>) {
+        let agent = AgentId(join.claimed().join.agent);
+        self.network.borrow_mut().send_to_server(self.process, agent, ToServer::Join(join.clone()));
     }
 
-    fn send_command(&mut self, command: &Command) {
-        let message = ToServer::Command(command.clone());
-        self.network.borrow_mut().send_to_server(self.process, AgentId(command.agent), message);
+    fn send_command(&mut self, command: &Signed<Command>) {
+        let agent = AgentId(command.claimed().agent);
+        self.network.borrow_mut().send_to_server(self.process, agent, ToServer::Command(command.clone()));
     }
 
     fn now(&self) -> Instant {
@@ -468,6 +487,10 @@ impl ServerTransport for AgentsEnd {
         let port = network.ports.get_mut(&self.process)?;
         let message = port.inbox.pop_front();
         port.waits_until = waits_until;
+        if let Some(message) = &message {
+            let process = self.process;
+            network.note(|| TraceEvent::ProcessReceived { process, message: message.clone() });
+        }
         network.schedule(timeout, Event::Wake(self.process));
         message
     }

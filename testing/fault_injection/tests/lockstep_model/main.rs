@@ -14,18 +14,22 @@
 //! messages arrive. Stateright's `eventually` does not see that a path closes a cycle; so this is
 //! checked in each state, by following one fair course of events to its end.
 //!
+//! *Traces:* what real servers and agent processes receive and send in simulated faulty runs is
+//! replayed in the model, step by step ([`replay`]).
+//!
 //! Bounds: crashes (of a process, of the server, or a second process for the same agents),
 //! processes in all, and expired timers.
 
 mod process;
+mod replay;
 mod server;
 
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use process::{Message, Network, Process};
-use server::{Phase, Plan, Server};
+use process::{Decisions, Message, Network, Process};
+use server::{Phase, Plan, Polls, Server, Timeouts};
 use stateright::{Checker, Model, Property};
 
 /// A broken server.
@@ -127,7 +131,7 @@ impl LockStep {
         let Some(at) = state.processes.iter().position(|process| process.instance == instance) else { return };
         let State { processes, network, .. } = state;
         let processes = Arc::make_mut(processes);
-        if processes[at].handle(message, Arc::make_mut(network)) {
+        if processes[at].handle(message, &self.plan.decisions, Arc::make_mut(network)) {
             let group = processes.remove(at).group;
             let is_over = matches!(message, Message::Observation { .. });
             if !is_over && may_start && !state.processes.iter().any(|process| process.group == group) {
@@ -299,7 +303,18 @@ const THREE: &[&[u32]] = &[&[0], &[1, 2]];
 /// A run of two ticks with so many crashes, and one timer that expires.
 fn model(groups: &[&[u32]], crashes: u8) -> LockStep {
     let agents = groups.iter().map(|group| group.len() as u32).sum();
-    let plan = Plan { agents, last: 1, polled: None, leaves: None, is_paced: false, has_shutdown: false, mutant: None };
+    let plan = Plan {
+        agents,
+        last: 1,
+        polls: Polls::Never,
+        decisions: Decisions::Counted,
+        // Shorter than any interval between two resends.
+        timeouts: Timeouts::all(Duration::from_millis(7)),
+        leaves: None,
+        is_paced: false,
+        has_shutdown: false,
+        mutant: None,
+    };
     let groups = groups.iter().map(|group| group.to_vec()).collect();
     LockStep { plan, groups, crashes, servers: 0, processes: 4, timers: 1, starts_joined: true }
 }
@@ -372,7 +387,7 @@ fn an_agent_leaves_between_two_ticks() {
 #[test]
 fn polled_agents_change_nothing() {
     let mut polled = model(TWO, 1);
-    polled.plan.polled = Some(1);
+    polled.plan.polls = Polls::In(1);
     check("two agents, a crash, without look-ahead", polled);
 }
 

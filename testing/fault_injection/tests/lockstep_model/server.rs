@@ -15,13 +15,34 @@ use protocol::lockstep::{
     RunIdentity, SourceId, TimeoutPolicy, Transmit,
 };
 use protocol::observation::RequestKind;
+use protocol::signed::Signed;
 use protocol::wake_condition::WakeCondition;
 
 use crate::Mutant;
-use crate::process::{Message, Network, undisturbed};
+use crate::process::{Decisions, Message, Network};
 
-/// Shorter than any interval between two resends.
-const TIMEOUT: Duration = Duration::from_millis(7);
+/// How long the server waits for replies.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Timeouts {
+    /// In tick 0.
+    pub(crate) first: Duration,
+    pub(crate) later: Duration,
+    pub(crate) shutdown: Duration,
+}
+
+impl Timeouts {
+    pub(crate) fn all(timeout: Duration) -> Self {
+        Self { first: timeout, later: timeout, shutdown: timeout }
+    }
+}
+
+/// The ticks in which every agent is polled that is not due, without look-ahead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Polls {
+    Never,
+    In(u64),
+    Always,
+}
 
 /// What is run.
 #[derive(Debug, Clone)]
@@ -29,8 +50,9 @@ pub(crate) struct Plan {
     pub(crate) agents: u32,
     /// The last tick.
     pub(crate) last: u64,
-    /// The tick in which every agent is polled that is not due, without look-ahead.
-    pub(crate) polled: Option<u64>,
+    pub(crate) polls: Polls,
+    pub(crate) decisions: Decisions,
+    pub(crate) timeouts: Timeouts,
     /// An agent that leaves, and the tick.
     pub(crate) leaves: Option<(u32, u64)>,
     /// Whether messages come between two ticks, as in a run with a real-time factor.
@@ -62,6 +84,7 @@ struct Exchange {
     agent: u32,
     fragments: Arc<Vec<Observation>>,
     command: Command,
+    wake: WakeCondition,
 }
 
 #[derive(Debug, Clone)]
@@ -74,6 +97,8 @@ pub(crate) struct Server {
     recording: Vec<Exchange>,
     has_left: bool,
     run: u64,
+    /// Waits for replies that have ended.
+    waits: u64,
     time: Duration,
     /// The process to which each id was given last.
     owners: BTreeMap<u32, u8>,
@@ -85,9 +110,10 @@ pub(crate) struct Server {
 impl Server {
     /// A server that starts a run, or resumes the one of a server that was killed.
     pub(crate) fn start(plan: &Plan, before: Option<&Self>) -> Self {
-        let run = before.map_or(1, |before| before.run + 1);
+        let number = before.map_or(1, |before| before.run / 2 + 1);
         let replays = ReplayPolicy { keeps_log: true, allows_replacement: true };
-        let identity = RunIdentity::new(2 * run, [0; 32]);
+        // Messages of before its reset are ignored.
+        let identity = RunIdentity::new(4 * number, [0; 32]).after_reset();
         let mut sessions = AgentSessions::new(identity, JoinPolicy::default(), plan.agents, replays);
         sessions.announce(&Scenario::default(), false);
         let mut server = Self {
@@ -99,7 +125,8 @@ impl Server {
                 .map_or_else(|| vec![WakeCondition::NEXT_TICK; plan.agents as usize], |it| it.wake_conditions.clone()),
             recording: before.map(|before| before.recording.clone()).unwrap_or_default(),
             has_left: before.is_some_and(|before| before.has_left),
-            run,
+            run: identity.run(),
+            waits: 0,
             time: Duration::ZERO,
             owners: BTreeMap::new(),
             violation: None,
@@ -141,11 +168,12 @@ impl Server {
                 let last_tick = last_tick.unwrap_or(Join::NONE);
                 let controller = "rbw".to_owned();
                 let join = Join { run, agent, instance: instance.into(), protocol: PROTOCOL, controller, last_tick };
-                (agent, instance, Inbound::Join(join))
+                (agent, instance, Inbound::Join(Signed::unsigned(join)))
             }
             Message::Command { agent, instance, tick, info, wake } => {
                 let wake = WireWakeCondition { at_tick: wake, ..WireWakeCondition::default() };
-                (agent, instance, Inbound::Command(Command { tick, run, agent, wake, info, ..Command::default() }))
+                let command = Command { tick, run, agent, wake, info, ..Command::default() };
+                (agent, instance, Inbound::Command(Signed::unsigned(command)))
             }
             Message::Reply { .. } | Message::Observation { .. } => return false,
         };
@@ -174,6 +202,41 @@ impl Server {
             self.fingerprint = self.sessions.fingerprint();
         }
         has_changed
+    }
+
+    /// Lets time pass until a message comes.
+    pub(crate) fn wait_until(&mut self, time: Duration) {
+        self.time = time;
+        let message = Inbound::Join(Signed::unsigned(Join { run: self.run - 1, ..Join::default() }));
+        self.sessions.handle(Incoming { topic_agent: AgentId(0), source: SourceId([0; 16]), message }, time);
+        self.fingerprint = self.sessions.fingerprint();
+    }
+
+    /// What has to change before the timers of the present wait are of no interest.
+    pub(crate) fn waits(&self) -> u64 {
+        self.waits
+    }
+
+    /// Does what is due now.
+    pub(crate) fn expire(&mut self, plan: &Plan, network: &mut Network) {
+        self.sessions.handle_timeout(self.time);
+        self.attend(plan, network);
+        self.fingerprint = self.sessions.fingerprint();
+    }
+
+    /// Forgets what was committed from a tick on, as a recording that was cut.
+    pub(crate) fn forget_from(&mut self, tick: u64) {
+        self.recording.retain(|exchange| exchange.command.tick < tick);
+        self.tick = tick;
+        self.wake_conditions.fill(WakeCondition::NEXT_TICK);
+        for Exchange { agent, wake, .. } in &self.recording {
+            self.wake_conditions[*agent as usize] = *wake;
+        }
+    }
+
+    /// The first tick that is not committed.
+    pub(crate) fn tick(&self) -> u64 {
+        self.tick
     }
 
     /// Waits until the next timer expires. Returns whether that has changed anything.
@@ -247,13 +310,14 @@ impl Server {
                 Message::Reply { agent, instance, code, accepted }
             }
             Transmit::Observation(agent, signed) => {
-                let Observation { tick, phase, .. } = signed.observation;
+                let &Observation { tick, phase, .. } = signed.claimed();
                 Message::Observation { agent: agent.0, tick, has_ended: phase == Observation::ENDED }
             }
         });
     }
 
     fn answered(&mut self, plan: &Plan, replies: Replies, network: &mut Network) {
+        self.waits += 1;
         match self.phase {
             Phase::Replay => self.start_tick(plan, network),
             Phase::Tick => self.commit(plan, replies, network),
@@ -270,11 +334,11 @@ impl Server {
 
     /// All ids have a process.
     fn begin(&mut self, plan: &Plan, network: &mut Network) {
-        if self.recording.is_empty() {
+        if self.recording.is_empty() || self.tick > plan.last {
             self.start_tick(plan, network);
             return;
         }
-        for Exchange { agent, fragments, command } in &self.recording {
+        for Exchange { agent, fragments, command, .. } in &self.recording {
             self.sessions.append(AgentId(*agent), Arc::clone(fragments), command, false);
         }
         if let Some((agent, _)) = plan.leaves.filter(|_| self.has_left) {
@@ -282,7 +346,17 @@ impl Server {
         }
         self.phase = Phase::Replay;
         self.sessions.enter(Tick(self.tick));
-        self.sessions.await_replies(self.time, TIMEOUT, TimeoutPolicy::Hold);
+        self.await_replies(plan, network);
+    }
+
+    fn await_replies(&mut self, plan: &Plan, network: &mut Network) {
+        let timeout = if self.tick == 0 { plan.timeouts.first } else { plan.timeouts.later };
+        self.sessions.await_replies(self.time, timeout, TimeoutPolicy::Hold);
+        self.attend(plan, network);
+    }
+
+    fn shut_down(&mut self, plan: &Plan, last: &[ObservationRequest], network: &mut Network) {
+        self.sessions.shut_down(Tick(self.tick), last, self.time, plan.timeouts.shutdown);
         self.attend(plan, network);
     }
 
@@ -295,36 +369,68 @@ impl Server {
         ObservationRequest { agent: AgentId(agent), kind, fragments: Arc::new(vec![fragment]) }
     }
 
-    /// Starts the present tick, or the next one in which an agent is asked.
+    /// Starts the present tick, or the next one in which an agent is asked, or ends the run.
     fn start_tick(&mut self, plan: &Plan, network: &mut Network) {
-        if let Some((agent, _)) = plan.leaves.filter(|(_, tick)| self.tick == *tick && !self.has_left) {
-            self.phase = Phase::Dismissal;
-            self.has_left = true;
-            let last = [self.request(agent, RequestKind::Polled, Observation::ENDED)];
-            self.sessions.shut_down(Tick(self.tick), &last, self.time, TIMEOUT);
-            self.attend(plan, network);
+        while self.tick <= plan.last {
+            if let Some((agent, _)) = plan.leaves.filter(|(_, tick)| self.tick == *tick && !self.has_left) {
+                self.phase = Phase::Dismissal;
+                self.has_left = true;
+                let last = [self.request(agent, RequestKind::Polled, Observation::ENDED)];
+                return self.shut_down(plan, &last, network);
+            }
+            self.requests = self.due(plan);
+            self.sessions.enter(Tick(self.tick));
+            self.phase = Phase::Tick;
+            if !self.requests.is_empty() {
+                for request in &self.requests {
+                    self.sessions.request(request);
+                }
+                return self.await_replies(plan, network);
+            }
+            self.tick += 1;
+            if self.holds_pace(plan) {
+                return;
+            }
+        }
+        self.end(plan, network);
+    }
+
+    /// Whether a pause follows before the present tick.
+    fn holds_pace(&mut self, plan: &Plan) -> bool {
+        let is_held = plan.is_paced && self.tick <= plan.last;
+        if is_held {
+            self.phase = Phase::Paced;
+            self.sessions.enter(Tick(self.tick));
+        }
+        is_held
+    }
+
+    fn end(&mut self, plan: &Plan, network: &mut Network) {
+        if !plan.has_shutdown {
+            self.phase = Phase::Over;
             return;
         }
-        self.requests = (0..plan.agents)
-            .filter(|agent| !self.is_out(plan, *agent))
-            .filter_map(|agent| {
-                let is_scheduled = self.wake_conditions[agent as usize].is_met(Tick(self.tick), EventMask::empty());
-                let is_polled = plan.polled == Some(self.tick);
-                let kind = if is_scheduled { RequestKind::Scheduled } else { RequestKind::Polled };
-                (is_scheduled || is_polled).then(|| self.request(agent, kind, Observation::RUNNING))
-            })
-            .collect();
-        self.sessions.enter(Tick(self.tick));
-        self.phase = Phase::Tick;
-        if self.requests.is_empty() {
-            self.commit(plan, Replies::new(), network);
-            return;
-        }
-        for request in &self.requests {
-            self.sessions.request(request);
-        }
-        self.sessions.await_replies(self.time, TIMEOUT, TimeoutPolicy::Hold);
-        self.attend(plan, network);
+        self.phase = Phase::Shutdown;
+        let agents = (0..plan.agents).filter(|agent| !self.is_out(plan, *agent));
+        let last: Vec<_> =
+            agents.map(|agent| self.request(agent, RequestKind::Scheduled, Observation::ENDED)).collect();
+        self.shut_down(plan, &last, network);
+    }
+
+    /// The requests of the present tick.
+    fn due(&self, plan: &Plan) -> Vec<ObservationRequest> {
+        let is_polled = match plan.polls {
+            Polls::Never => false,
+            Polls::In(tick) => tick == self.tick,
+            Polls::Always => true,
+        };
+        let agents = (0..plan.agents).filter(|agent| !self.is_out(plan, *agent));
+        let requests = agents.filter_map(|agent| {
+            let is_scheduled = self.wake_conditions[agent as usize].is_met(Tick(self.tick), EventMask::empty());
+            let kind = if is_scheduled { RequestKind::Scheduled } else { RequestKind::Polled };
+            (is_scheduled || is_polled).then(|| self.request(agent, kind, Observation::RUNNING))
+        });
+        requests.collect()
     }
 
     fn commit(&mut self, plan: &Plan, mut replies: Replies, network: &mut Network) {
@@ -339,27 +445,16 @@ impl Server {
                 }
                 continue;
             }
-            if reply.message.info != undisturbed(agent.0, self.tick) {
+            if reply.message.info != plan.decisions.undisturbed(agent.0, self.tick) {
                 self.violate(format!("agent {agent} has told {:?} in tick {}", reply.message.info, self.tick));
             }
-            self.wake_conditions[agent.index()] = reply.command.wake;
+            let wake = reply.command.wake;
+            self.wake_conditions[agent.index()] = wake;
             self.sessions.append(agent, Arc::clone(&fragments), &reply.message, true);
-            self.recording.push(Exchange { agent: agent.0, fragments, command: reply.message });
+            self.recording.push(Exchange { agent: agent.0, fragments, command: reply.message, wake });
         }
         self.tick += 1;
-        if self.tick > plan.last && !plan.has_shutdown {
-            self.phase = Phase::Over;
-        } else if self.tick > plan.last {
-            self.phase = Phase::Shutdown;
-            let agents = (0..plan.agents).filter(|agent| !self.is_out(plan, *agent));
-            let last: Vec<_> =
-                agents.map(|agent| self.request(agent, RequestKind::Scheduled, Observation::ENDED)).collect();
-            self.sessions.shut_down(Tick(self.tick), &last, self.time, TIMEOUT);
-            self.attend(plan, network);
-        } else if plan.is_paced {
-            self.phase = Phase::Paced;
-            self.sessions.enter(Tick(self.tick));
-        } else {
+        if !self.holds_pace(plan) {
             self.start_tick(plan, network);
         }
     }

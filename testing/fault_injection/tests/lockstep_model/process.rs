@@ -2,7 +2,8 @@
 //! observation once, and repeats an answer that is asked for again. What it decides is a function
 //! of all that it has observed, as that of a real controller.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use msgs::maes_msgs::JoinReply;
 
@@ -21,20 +22,41 @@ pub(crate) enum Message {
 
 pub(crate) type Network = BTreeSet<Message>;
 
-/// When an agent wants to be asked after a tick.
-pub(crate) fn next_due(agent: u32, tick: u64) -> u64 {
-    tick + 1 + u64::from(agent % 2)
+/// What the agents decide.
+#[derive(Debug, Clone)]
+pub(crate) enum Decisions {
+    /// To be asked after one or two ticks.
+    Counted,
+    /// By agent, the ticks in which it was due in a recorded run.
+    Recorded(Arc<BTreeMap<u32, BTreeSet<u64>>>),
 }
+
+impl Decisions {
+    /// When an agent wants to be asked after a tick.
+    pub(crate) fn next_due(&self, agent: u32, tick: u64) -> u64 {
+        match self {
+            Self::Counted => tick + 1 + u64::from(agent % 2),
+            Self::Recorded(due) => due[&agent].range(tick.saturating_add(1)..).next().copied().unwrap_or(u64::MAX),
+        }
+    }
+
+    /// What an undisturbed agent tells in a tick in which it is due: what it has observed so far.
+    pub(crate) fn undisturbed(&self, agent: u32, tick: u64) -> String {
+        let ticks = std::iter::successors(Some(0), |&tick| Some(self.next_due(agent, tick)));
+        told(&ticks.take_while(|&due| due <= tick).collect::<Vec<_>>())
+    }
+}
+
+/// Longest history that is told tick by tick.
+const TOLD_MAX: usize = 8;
 
 /// What an agent has observed, as its commands tell it.
-pub(crate) fn told(history: &[u64]) -> String {
-    history.iter().map(u64::to_string).collect::<Vec<_>>().join(" ")
-}
-
-/// What an undisturbed agent tells in a tick in which it is due.
-pub(crate) fn undisturbed(agent: u32, tick: u64) -> String {
-    let ticks = std::iter::successors(Some(0), |&tick| Some(next_due(agent, tick)));
-    told(&ticks.take_while(|&due| due <= tick).collect::<Vec<_>>())
+fn told(history: &[u64]) -> String {
+    if history.len() <= TOLD_MAX {
+        return history.iter().map(u64::to_string).collect::<Vec<_>>().join(" ");
+    }
+    let hash = history.iter().fold(0_u64, |hash, tick| hash.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(tick + 1));
+    format!("{} ticks: {hash:x}", history.len())
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -110,7 +132,7 @@ impl Process {
     }
 
     /// Handles a message for it. Returns whether the process ends.
-    pub(crate) fn handle(&mut self, message: &Message, network: &mut Network) -> bool {
+    pub(crate) fn handle(&mut self, message: &Message, decisions: &Decisions, network: &mut Network) -> bool {
         let instance = self.instance;
         match *message {
             Message::Reply { agent, code, accepted, .. } => {
@@ -143,7 +165,7 @@ impl Process {
                         let is_due = tick >= hosted.due;
                         if is_due {
                             hosted.history.push(tick);
-                            hosted.due = next_due(agent, tick);
+                            hosted.due = decisions.next_due(agent, tick);
                         }
                         let info = if is_due { told(&hosted.history) } else { String::new() };
                         hosted.last = Some(Message::Command { agent, instance, tick, info, wake: hosted.due });
