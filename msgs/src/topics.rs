@@ -445,7 +445,7 @@ mod tests {
         let count = names.len();
         names.sort();
         names.dedup();
-        assert_eq!((names.len(), count), (23 + 96, 23 + 96));
+        assert_eq!((names.len(), count), (23 + 132, 23 + 132));
     }
 
     #[test]
