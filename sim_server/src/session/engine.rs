@@ -63,8 +63,7 @@ const KEPT_BYTES_MAX: usize = 1 << 25;
 /// Share of the free cells with which the time until the team is home is taken.
 const EXPLORED_ENOUGH: f64 = 0.99;
 
-/// Time in its bases after which a team without a goal has come back for good: a goal that is found
-/// meanwhile, by a search or with the map of another agent, is found sooner.
+/// Time in its bases after which a team without a goal has come back for good.
 const WAITED_TICKS: u64 = 500;
 
 /// The state of a run.
@@ -234,8 +233,7 @@ impl<'a> Engine<'a> {
     }
 
     /// Whether the whole team has come back to its bases for good: all is explored, or all agents
-    /// have waited there for [`WAITED_TICKS`], and no event is ahead. Notes the first time that the
-    /// team is home with [`EXPLORED_ENOUGH`]. Call it once in each tick.
+    /// have waited there, and no event is ahead. Notes the first time with [`EXPLORED_ENOUGH`].
     pub(super) fn is_team_back(&mut self) -> bool {
         if self.scenario.energy.is_none() {
             return false;
@@ -246,19 +244,16 @@ impl<'a> Engine<'a> {
             return false;
         }
         self.flush_scans();
-        let coverage = self.world.coverage();
-        let (is_explored, is_enough) = (coverage.is_explored(), coverage.explored() >= EXPLORED_ENOUGH);
-        if is_enough {
+        let is_explored = self.world.coverage().is_explored();
+        if self.world.coverage().explored() >= EXPLORED_ENOUGH {
             self.world.note_team_is_home();
         }
         let waits = |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting);
         let tick = self.tick();
-        self.waiting_since = match self.world.agents().filter(|&agent| self.takes_part(agent)).all(waits) {
-            true => self.waiting_since.or(Some(tick)),
-            false => None,
-        };
-        let have_waited = self.waiting_since.is_some_and(|since| tick >= since.after(WAITED_TICKS));
-        self.schedule.is_empty() && self.joining.is_empty() && (is_explored || have_waited)
+        let do_all_wait = self.world.agents().filter(|&agent| self.takes_part(agent)).all(waits);
+        self.waiting_since = do_all_wait.then(|| self.waiting_since.unwrap_or(tick));
+        let is_over = is_explored || self.waiting_since.is_some_and(|since| tick >= since.after(WAITED_TICKS));
+        self.schedule.is_empty() && self.joining.is_empty() && is_over
     }
 
     /// The digest up to the last tick.
@@ -593,8 +588,8 @@ impl<'a> Engine<'a> {
         let attainable = self.world.attainable().map(Attainable::seen_share);
         counters.extend(attainable.map(|share| Counter::new(CounterName::AttainablePpm, (share * 1e6).round() as u64)));
         if let Some(EnergyTotals { used_j, ran_empty, home_at }) = self.world.energy_totals() {
-            counters.push(Counter::new(CounterName::EnergyUsed, (used_j * 1e3).round() as u64));
-            counters.push(Counter::new(CounterName::RanEmpty, ran_empty));
+            let used = Counter::new(CounterName::EnergyUsed, (used_j * 1e3).round() as u64);
+            counters.extend([used, Counter::new(CounterName::RanEmpty, ran_empty)]);
             counters.extend(home_at.map(|tick| Counter::new(CounterName::TickHome, tick.0)));
         }
         counters.extend((self.interventions > 0).then(|| Counter::new(CounterName::Interventions, self.interventions)));
