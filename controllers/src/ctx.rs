@@ -11,7 +11,7 @@ use agent::bodies::{BodyKind, BodyModel};
 use agent::command::Motion;
 use agent::exploration_map::ExplorationMap;
 use agent::navigation::{NavigationStatus, NavigationTask, SearchTime};
-use agent::observation::{Observation, Pose, RunInfo};
+use agent::observation::{Contact, Energy, Observation, Pose, RunInfo};
 use agent::path::{Goal, Graph, Neighbours, Path, direct, find};
 
 /// Largest coordinate of a waypoint, metres.
@@ -24,6 +24,8 @@ pub struct Ctx<'a> {
     run_info: &'a RunInfo,
     tick: Tick,
     pose: Pose,
+    pub(super) energy: Option<Energy>,
+    pub(super) contacts: Vec<Contact>,
     map: &'a mut ExplorationMap,
     navigation: &'a mut NavigationTask,
 }
@@ -38,7 +40,10 @@ impl<'a> Ctx<'a> {
         map: &'a mut ExplorationMap,
         navigation: &'a mut NavigationTask,
     ) -> Self {
-        Self { agent, run_info, tick: observation.tick, pose: observation.pose, map, navigation }
+        // The way home keeps clear of them.
+        let contacts = if observation.energy.is_some() { observation.contacts.clone() } else { Vec::new() };
+        let energy = observation.energy.as_deref().cloned();
+        Self { agent, run_info, tick: observation.tick, pose: observation.pose, energy, contacts, map, navigation }
     }
 
     /// The id of the agent.
@@ -81,7 +86,13 @@ impl<'a> Ctx<'a> {
     /// centre ([`voxels::BodyLattice`]).
     #[must_use]
     pub fn cell(&self) -> Cell {
-        self.navigation.cell_near(self.map, &self.pose.position)
+        self.cell_near(&self.pose.position)
+    }
+
+    /// The cell whose place is nearest to a point (metres, frame `map`).
+    #[must_use]
+    pub fn cell_near(&self, point: &Point3<f64>) -> Cell {
+        self.navigation.cell_near(self.map, point)
     }
 
     /// Where the body is in a cell on its paths, metres, frame `map`: mostly at its centre

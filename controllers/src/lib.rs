@@ -18,6 +18,7 @@ pub mod ctx;
 pub mod dsvp;
 pub mod dsvp_maes3d;
 mod failed_goals;
+mod go_home;
 pub mod lvd;
 pub mod lvd_maes3d;
 mod maes3d_legs;
@@ -32,6 +33,7 @@ mod suggestion;
 #[cfg(test)]
 pub(crate) mod testing;
 mod viewpoints;
+pub mod way_home;
 /// The example of docs/controllers.md, word for word.
 #[cfg(test)]
 pub mod zigzag;
@@ -44,6 +46,7 @@ use rand_chacha::ChaCha8Rng;
 use agent::command::Command;
 use agent::observation::{Observation, RunInfo};
 pub use ctx::Ctx;
+use go_home::GoHome;
 pub use registry::{ControllerError, Registry, RegistryError};
 use settings::{Setting, SettingError, Settings};
 pub use suggestion::did_you_mean;
@@ -240,7 +243,8 @@ impl Registration {
         let mut settings = Settings::parse(settings)?;
         let rng = voxels::random_streams::stream(run_info.agents_seed, agent.0.into(), self.stream);
         let controller = (self.construct)(&mut settings, Setup { agent, run_info, rng })?;
-        Ok((controller, settings.finish()?))
+        let rng = voxels::random_streams::stream(run_info.agents_seed, agent.0.into(), go_home::STREAM);
+        Ok((Box::new(GoHome::around(controller, rng)), settings.finish()?))
     }
 }
 

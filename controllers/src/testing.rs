@@ -54,6 +54,7 @@ pub(crate) fn idle() -> Observation {
         scan_tick: None,
         seen: Cells::default(),
         view: None,
+        energy: None,
         change: None,
     }
 }

@@ -92,6 +92,7 @@ one_column! {
     u32 => Whole, |value| Some((*value).into());
     f64 => Number, |value| Some(*value);
     Option<f64> => Number, |value| *value;
+    Option<u64> => Whole, |value| *value;
 }
 
 /// The values along x, y and z.

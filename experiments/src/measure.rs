@@ -51,6 +51,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
     let (seen_mean, seen_deviation) = mean_and_deviation(&result.explored_by);
     let stages = stages.until(Tick(result.tick));
     let free_cells = count(CounterName::FreeCells);
+    let energy_j = counters.get(&CounterName::EnergyUsed).map(|&millijoules| millijoules as f64 / 1e3);
     let redundancy = redundancy(&result.explored_by, result.explored);
     let known = seen_again.map(|cells| ratio(cells as f64, free_cells as f64 * result.explored).unwrap_or(0.0));
     let row = RunRow {
@@ -79,6 +80,10 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         area_under_explored: area_under(&series, scenario.duration_s),
         distance_m: result.distance_m.iter().sum(),
         distance_max_m: result.distance_m.iter().copied().fold(0.0, f64::max),
+        energy_j,
+        energy_per_cell_j: energy_j.and_then(|energy_j| ratio(energy_j, result.explored * free_cells as f64)),
+        ran_empty: counters.get(&CounterName::RanEmpty).copied(),
+        t_home_s: counters.get(&CounterName::TickHome).map(|&tick| seconds(tick)),
         redundancy,
         redundancy_known: known,
         redundancy_unknown: known.map(|known| (redundancy - known).max(0.0)),

@@ -68,7 +68,8 @@ fn known(scenario: &Scenario) -> Scenario {
         reserve: Vec::new(),
         ..known.agents
     };
-    (known.stop_when_explored, known.stop_when_covered) = (true, false);
+    (known.stop_when_explored, known.stop_when_covered, known.stop_when_back) = (true, false, false);
+    known.energy = None;
     known.sensor = SensorSection { range_sigma_m: scenario.sensor.range_sigma_m, ..SensorSection::default() };
     known
 }

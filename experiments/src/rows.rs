@@ -146,6 +146,16 @@ row! {
             "Mean of the explored share over the whole duration, 0 to 1; constant after the end.";
         distance_m: f64 = "Path length, summed over the agents, m.";
         distance_max_m: f64 = "Maximum path length of an agent, m.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        energy_j: Option<f64> = "Energy that all bodies have drawn, J; missing if bodies need none.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        energy_per_cell_j: Option<f64> = "Energy per free cell that the team has seen, J.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        ran_empty: Option<u64> = "How often a body has run out of energy; missing if bodies need none.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        t_home_s: Option<f64> =
+            "Sim time to the first tick in which the whole team rests in its bases and has seen 99 % of \
+             the free cells, s.";
         redundancy: f64 =
             "Cells seen by each agent itself, summed over the agents, divided by the cells seen by \
              the team, minus 1.";

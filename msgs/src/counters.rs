@@ -70,6 +70,9 @@ counters! {
     RelayWritingsLost = "relay_writings_lost", "messages", "Messages to relays that were lost.";
     RelayReadings = "relay_readings", "messages", "Messages read from relays.";
     AttainablePpm = "attainable_ppm", "millionths", "Share of the free cells that a team of bodies wider than a cell can see.";
+    EnergyUsed = "energy_used_millijoules", "mJ", "Energy that all bodies have drawn, if they need any.";
+    RanEmpty = "ran_empty", "times", "How often a body has run out of energy, if bodies need any.";
+    TickHome = "tick_home_permille_990", "tick", "First tick in which the whole team rests in its bases and has seen 990 thousandths of the free cells.";
     Interventions = "interventions", "changes", "Changes of the world by services, if there were any.";
     MapChanges = "map_changes", "changes", "Changes of the map by events and requests, if there were any.";
     RefusedOtherRun = "refused_other_run", "messages", "Refused: of another run.";

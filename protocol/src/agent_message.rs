@@ -33,7 +33,8 @@ pub enum Peer {
     /// A relay that is deployed at the position of the agent and stores the content (as a receiver
     /// only).
     NewRelay,
-    /// The server, which sends the scenario that holds from now on (as a sender only).
+    /// The server, which sends the scenario that holds from now on, or the energy of the agent (as
+    /// a sender only).
     Server,
 }
 

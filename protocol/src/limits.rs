@@ -37,6 +37,9 @@ pub const INFO_BYTES_MAX: usize = 1_024;
 /// Most waypoints of a path.
 pub const PATH_POINTS_MAX: usize = 1_024;
 
+/// Most bases where an agent charges: its observations name all of them.
+pub const BASES_MAX: usize = 64;
+
 /// Most different bodies of a team.
 pub const BODIES_MAX: usize = 256;
 
@@ -59,7 +62,7 @@ mod tests {
     use super::*;
     use msgs::cdr;
     use msgs::geometry_msgs::Point;
-    use msgs::maes_msgs::{AgentMessage, Body, Command, Motion, Observation, Scenario};
+    use msgs::maes_msgs::{AgentMessage, Body, Command, Energy, Motion, Observation, Scenario};
     use msgs::message::Message;
 
     #[test]
@@ -71,6 +74,7 @@ mod tests {
         states(AgentMessage::TYPE.definition, format!("FIRST_RELAY + {RELAYS_PER_AGENT_MAX} *"));
         states(Command::TYPE.definition, format!("at most {INFO_BYTES_MAX} bytes"));
         states(Scenario::TYPE.definition, format!("1 to {BODIES_MAX}"));
+        states(Energy::TYPE.definition, format!("1 to {BASES_MAX}"));
         states(Motion::TYPE.definition, format!("1 to {PATH_POINTS_MAX}"));
     }
 

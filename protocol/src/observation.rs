@@ -9,6 +9,7 @@ use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
 
 pub use crate::agent_message::{AgentMessage, Peer};
+pub use crate::energy::Energy;
 use crate::event_mask::EventMask;
 use crate::relay_id::RelayId;
 pub use crate::run_info::RunInfo;
@@ -101,6 +102,8 @@ pub struct Observation {
     pub seen: Cells,
     /// All cells of the last scan, if the last command requested them.
     pub view: Option<Cells>,
+    /// The energy of the body, if bodies need any: a message of [`Peer::Server`].
+    pub energy: Option<Box<Energy>>,
     /// The run info that holds from now on, if it has changed: a message of [`Peer::Server`] that
     /// has reached the agent. Controllers never see it: the agent adopts it before.
     pub change: Option<Box<RunInfo>>,

@@ -255,7 +255,10 @@ impl<'c> Session<'c, '_> {
             self.engine.flush_scans();
             self.observer.progress(self.engine.world());
         }
-        let Scenario { stop_when_covered, stop_when_explored, .. } = *self.engine.scenario();
+        let Scenario { stop_when_covered, stop_when_explored, stop_when_back, .. } = *self.engine.scenario();
+        let is_team_back = self.engine.is_team_back() && stop_when_back;
+        let (stop_when_covered, stop_when_explored) =
+            (stop_when_covered && !stop_when_back, stop_when_explored && !stop_when_back);
         if stop_when_covered || stop_when_explored {
             self.engine.flush_scans();
         }
@@ -265,7 +268,9 @@ impl<'c> Session<'c, '_> {
         let (world, scenario) = (self.engine.world(), self.engine.scenario());
         let is_covered = stop_when_covered && world.coverage().is_covered();
         let is_explored = !stop_when_covered && stop_when_explored && world.coverage().is_explored();
-        Ok(if is_covered {
+        Ok(if is_team_back {
+            Some(EndReason::AllBack)
+        } else if is_covered {
             Some(EndReason::Covered)
         } else if is_explored {
             Some(EndReason::Explored)

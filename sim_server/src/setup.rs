@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use msgs::ids::Tick;
 use msgs::{maes_msgs, topics};
 use thiserror::Error;
-use voxels::{Extent, ExtentError, m3dm, packed};
+use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
 
 use crate::map_file;
 use map_files::{ImportError, ImportSpec, MapReader};
@@ -18,7 +18,7 @@ use recording::recorder::{self, Document, RecordError, RecorderQueue, RunRecorde
 use recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, map};
 use simulation::digest::Digest;
 use simulation::scenario::{
-    LidarPattern, LidarSchedule, MapKind, MapSection, Origins, Override, Scenario, ScenarioError,
+    EnergySection, LidarPattern, LidarSchedule, MapKind, MapSection, Origins, Override, Scenario, ScenarioError,
 };
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnError};
@@ -110,6 +110,16 @@ pub enum SetupError {
     /// There is no room for the team.
     #[error(transparent)]
     Spawn(#[from] SpawnError),
+    /// A base is where no body can be.
+    #[error("energy.bases[{number}]: {position:?} m is {found}; expected a position in a free cell")]
+    Base {
+        /// Number of the base.
+        number: usize,
+        /// Its centre, metres.
+        position: [f64; 3],
+        /// What is there.
+        found: &'static str,
+    },
     /// An event that changes the map has no cells.
     #[error(
         "event[{number}]: the box from {low:?} to {high:?} m holds the centre of no cell that can change; expected a box \
@@ -352,6 +362,7 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     mapgen::check_memory(terrain.extent(), WORLD_CELL_BYTES + agents * (AGENT_CELL_BYTES + vote_bytes))
         .map_err(map_error(scenario))?;
     check_map_changes(scenario, terrain.extent())?;
+    check_bases(scenario, &terrain)?;
     let site = Site { terrain: &terrain, entrances: &entrances, seed: scenario.seed };
     let starts = scenario.spawn.poses(&site, &scenario.radii_m())?;
     Ok((World::new(terrain, params(scenario), &starts), report))
@@ -365,6 +376,20 @@ fn check_map_changes(scenario: &Scenario, extent: Extent) -> Result<(), SetupErr
             let (low, high) = (event.low.unwrap_or_default(), event.high.unwrap_or_default());
             return Err(SetupError::NoCells { number, low, high, cell_m: extent.cell_m(), inner_m });
         }
+    }
+    Ok(())
+}
+
+/// Whether each base is in a free cell.
+fn check_bases(scenario: &Scenario, terrain: &Grid<Terrain>) -> Result<(), SetupError> {
+    let bases = scenario.energy.as_ref().and_then(|energy| energy.bases.as_deref()).unwrap_or_default();
+    for (number, &position) in bases.iter().enumerate() {
+        let found = match terrain.get(terrain.extent().cell_of(&position.into())) {
+            Some(Terrain::Free) => continue,
+            Some(Terrain::Wall) => "in a wall",
+            None => "outside the map",
+        };
+        return Err(SetupError::Base { number, position, found });
     }
     Ok(())
 }
@@ -516,6 +541,7 @@ fn params(scenario: &Scenario) -> WorldParams {
         comms: scenario.communication.comms(scenario.seed),
         share_period_ticks: scenario.agents.share_period_ticks,
         noise: scenario.sensor.errors(scenario.seed),
+        energy: scenario.energy.as_ref().map(EnergySection::params),
         late: scenario.late_agents(),
     }
 }

@@ -64,6 +64,7 @@ impl Terminal {
     #[must_use]
     pub fn of(scenario: &Scenario) -> Self {
         let end = match scenario {
+            Scenario { stop_when_back: true, .. } => End::Duration,
             Scenario { stop_when_covered: true, .. } => End::Covered,
             Scenario { stop_when_explored: true, .. } => End::Explored,
             _ => End::Duration,

@@ -2,7 +2,8 @@
 //!
 //! The link of a tick is the BLAKE3 hash of the previous link, the interventions before the tick,
 //! its messages (committed observations and commands, as CDR, in the order of the agents), and the
-//! state of the world at its end, bit by bit: tick, bodies, coverage, and relays if there are any.
+//! state of the world at its end, bit by bit: tick, bodies with their energy if they need any,
+//! coverage, and relays if there are any.
 //!
 //! The session decides which messages are committed.
 
@@ -121,6 +122,9 @@ impl Chain {
             let (presence, is_on_air) = (world.presence(agent), world.is_on_air(agent));
             if presence != Presence::Active || !is_on_air {
                 bytes.extend_from_slice(&[presence as u8, u8::from(is_on_air)]);
+            }
+            if let Some(energy) = world.energy(agent) {
+                bytes.extend_from_slice(&energy.left_j.to_bits().to_le_bytes());
             }
         }
         let explored_at = bytes.len();

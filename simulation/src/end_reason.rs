@@ -15,6 +15,8 @@ pub enum EndReason {
     NothingMoreSeen,
     /// Bodies have been in every free cell.
     Covered,
+    /// The team has come back to its bases for good.
+    AllBack,
     /// The duration is over.
     Duration,
     /// The stop flag was set.
@@ -46,7 +48,7 @@ const fn row(reason: EndReason, name: &'static str, meaning: &'static str) -> En
 impl EndReason {
     /// The reasons with a name. In place of a name, the result of a run that has failed has the
     /// text of its error.
-    pub const TABLE: [EndReasonRow; 6] = [
+    pub const TABLE: [EndReasonRow; 7] = [
         row(Self::Explored, "explored", "the team has seen every free cell"),
         row(
             Self::NothingMoreSeen,
@@ -54,6 +56,11 @@ impl EndReason {
             "all agents rest, and what the team has not seen cannot be seen from anywhere that its bodies can reach",
         ),
         row(Self::Covered, "covered", "bodies have been in every free cell"),
+        row(
+            Self::AllBack,
+            "all are back",
+            "the team is back in its bases for good: it has seen every free cell, or has waited there for 10 s",
+        ),
         row(Self::Duration, "duration", "the duration is over"),
         row(Self::Interrupted, "interrupted", "a signal has ended the run"),
         row(Self::Quit, "quit", "a control request has ended the run"),
@@ -72,7 +79,7 @@ impl EndReason {
     /// Whether the run has reached the end that its scenario sets.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        matches!(self, Self::Explored | Self::NothingMoreSeen | Self::Covered | Self::Duration)
+        matches!(self, Self::Explored | Self::NothingMoreSeen | Self::Covered | Self::AllBack | Self::Duration)
     }
 
     /// Whether the run was ended from outside.
@@ -123,7 +130,8 @@ mod tests {
         }
         // What recordings hold.
         let names = EndReason::TABLE.map(|row| row.name);
-        let expected = ["explored", "nothing more can be seen", "covered", "duration", "interrupted", "quit"];
+        let expected =
+            ["explored", "nothing more can be seen", "covered", "all are back", "duration", "interrupted", "quit"];
         assert_eq!(names, expected);
     }
 

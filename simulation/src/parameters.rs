@@ -145,7 +145,7 @@ mod tests {
 
     /// Between them they have every key of a scenario.
     fn maximal_scenarios() -> Vec<Scenario> {
-        let common = "execution = { record = \"a\", rtf = 2.0 }\nstop_when_covered = true\n\
+        let common = "execution = { record = \"a\", rtf = 2.0 }\nstop_when_covered = true\nstop_when_back = true\n\
                       bodies = [{ agents = [0], kind = \"aerial\" }]\n\
                       event = [{ kind = \"leave\", at_s = 0.5, agent = 0 }]\n\
                       sensor = { range_sigma_m = 0.1, missed_returns = 0.1, pose_bound_m = 1.0, pose_step_m = 0.1 }\n\
@@ -181,8 +181,13 @@ mod tests {
                 "{ kind = \"scattered\" }",
             ),
         ]
-        .map(|(map, spawn)| scenario(&format!("map = {map}\nspawn = {spawn}\n{common}")))
-        .into()
+        .into_iter()
+        .zip(["capacity_j", "endurance_s"].into_iter().cycle())
+        .map(|((map, spawn), capacity)| {
+            let energy = format!("{{ {capacity} = 60.0, bases = [[1.0, 2.0, 3.0]] }}");
+            scenario(&format!("map = {map}\nspawn = {spawn}\nenergy = {energy}\n{common}"))
+        })
+        .collect()
     }
 
     #[test]

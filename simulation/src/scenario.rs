@@ -11,6 +11,7 @@
 mod bodies;
 mod changes;
 mod diagnosis;
+mod energy;
 pub mod events;
 pub mod keys;
 mod mix;
@@ -34,6 +35,7 @@ use crate::world::spawn::SpawnSpec;
 use changes::{Change, Refusal};
 
 pub use bodies::BodyEntry;
+pub use energy::EnergySection;
 pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use mix::{ControllerChoice, MixEntry};
 pub use origin::Origins;
@@ -73,6 +75,10 @@ pub struct Scenario {
     /// it then.
     #[serde(default, skip_serializing_if = "is_no")]
     pub stop_when_covered: bool,
+    /// Whether the run ends once the team has come back to its bases for good; full exploration and
+    /// coverage do not end it then.
+    #[serde(default, skip_serializing_if = "is_no")]
+    pub stop_when_back: bool,
     /// The terrain.
     pub map: MapSection,
     /// The team.
@@ -95,6 +101,9 @@ pub struct Scenario {
     /// Sensor noise.
     #[serde(default, skip_serializing_if = "radio::is_default")]
     pub sensor: SensorSection,
+    /// Batteries and bases; `None`: bodies need no energy.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub energy: Option<EnergySection>,
     /// Content of the recording beside the protocol.
     #[serde(default)]
     pub recording: RecordingSection,
@@ -274,6 +283,7 @@ impl Scenario {
         self.agents.check_mix(&checker)?;
         self.check_bodies(&checker)?;
         self.communication.check(&checker)?;
+        self.check_energy(&checker)?;
         self.check_events(&checker)?;
         if let SpawnSpec::Box { low, high, .. } = &self.spawn {
             let holds = low.iter().zip(high).all(|(low, high)| low.is_finite() && high.is_finite() && low <= high);

@@ -17,6 +17,7 @@ pub mod body;
 pub mod collision;
 pub mod comms;
 pub mod coverage;
+pub mod energy;
 pub mod lidar;
 pub mod map_change;
 pub mod noise;
@@ -48,6 +49,7 @@ use body::{Body, Motion, Pose};
 use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
+use energy::{Batteries, EnergyParams};
 use lidar::{CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
@@ -75,6 +77,8 @@ pub struct WorldParams {
     pub share_period_ticks: u32,
     /// The sensor noise.
     pub noise: SensorNoise,
+    /// The batteries of the bodies; `None`: they need no energy.
+    pub energy: Option<EnergyParams>,
     /// The agents that are not in the world at the start, and join later.
     pub late: BTreeSet<AgentId>,
 }
@@ -116,6 +120,8 @@ pub struct World {
     /// See [`World::defer_scans`].
     is_deferring: bool,
     totals: Totals,
+    /// `None`: bodies need no energy.
+    batteries: Option<Batteries>,
     /// Where the bodies started, or were put since, by agent.
     starts: Vec<Point3<f64>>,
     /// See [`World::attainable`].
@@ -200,6 +206,8 @@ impl World {
             coverage.cover(agent, index_of(&terrain, state.cell));
         }
         let spheres = agents.iter().map(AgentState::sphere).collect();
+        let bodies = agents.iter().map(|state| (state.body.model(), *state.body.pose()));
+        let batteries = params.energy.as_ref().map(|energy| Batteries::full(energy, bodies));
         Self {
             tick: Tick::ZERO,
             terrain,
@@ -216,6 +224,7 @@ impl World {
             with_task: Vec::new(),
             is_deferring: false,
             totals: Totals::default(),
+            batteries,
             starts: starts.iter().map(|pose| pose.position).collect(),
             attainable: OnceLock::new(),
             map_changed_at: None,
@@ -453,6 +462,7 @@ impl World {
             scan_tick: state.last_scan.map(|(_, tick)| tick),
             seen: Cells { free: delta.free, wall: delta.wall },
             view: None,
+            energy: None,
             change: None,
         };
         if state.want_view
@@ -466,7 +476,9 @@ impl World {
             };
             observation.view = Some(Cells { free: view.free, wall: view.wall });
         }
+        observation.energy = self.energy(agent).map(|energy| Box::new(energy.clone()));
         if kind == RequestKind::Scheduled {
+            let state = &mut self.agents[agent.index()];
             state.reported_relays = relays;
             self.note_reported_contacts(agent);
         }
@@ -480,12 +492,13 @@ impl World {
         self.with_task.clear();
         for (agent, command) in commands {
             let next_tick = self.tick.after(1);
+            let is_refused = self.refuses(agent, &command.motion);
             let state = &mut self.agents[agent.index()];
             state.want_view = command.want_view;
-            if command.motion != Motion::Keep {
+            if command.motion != Motion::Keep && !is_refused {
                 self.with_task.push(agent.index());
+                state.body.set_task(command.motion);
             }
-            state.body.set_task(command.motion);
             match (command.lidar, self.params.schedule) {
                 (ScanRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
                 (ScanRequest::Never, _) => {
@@ -503,6 +516,7 @@ impl World {
             }
         }
         self.move_bodies();
+        self.drain();
         self.agents.iter_mut().for_each(|state| state.drift.advance(&self.params.noise));
         self.tick = self.tick.after(1);
     }

@@ -51,8 +51,9 @@ fn cases() -> Vec<Case> {
             Vector3
         }
         maes_msgs {
-            AgentMessage Body CellRuns Command Contact Counter Digest Intervention Join JoinReply Lidar MapChange Motion
-            Observation Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation WakeCondition
+            AgentMessage Base Body CellRuns Command Contact Counter Digest Energy Intervention Join JoinReply Lidar MapChange
+            Motion Observation Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation
+            WakeCondition
         }
         nav_msgs { MapMetaData OccupancyGrid Odometry Path }
         octomap_msgs { Octomap }

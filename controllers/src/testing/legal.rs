@@ -117,6 +117,7 @@ prop_compose! {
             scan_tick: has_scanned.then_some(Tick(tick)),
             seen,
             view,
+            energy: None,
             change: None,
         }
     }

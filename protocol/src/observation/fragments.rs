@@ -13,7 +13,7 @@ use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::{cdr, geometry_msgs};
 use nalgebra::Vector3;
 
-use super::{AgentMessage, Cells, Collision, Contact, Observation, Peer, Pose, Relay, RunInfo, Surface};
+use super::{AgentMessage, Cells, Collision, Contact, Energy, Observation, Peer, Pose, Relay, RunInfo, Surface};
 use crate::event_mask::EventMask;
 use crate::geometry::{header, point, point_of, vector};
 use crate::limits::{AGENT_MESSAGE_BYTES_BARE, MESSAGE_BYTES_BARE, OBSERVATION_BYTES_MAX};
@@ -74,7 +74,12 @@ pub fn split(observation: Observation, phase: u8) -> Vec<Part> {
         .chain(observation.relays.iter().map(|relay| (relay.id.on_wire(), relay.position)))
         .map(|(agent, position)| maes_msgs::Contact { agent, position: point(&position) })
         .collect();
-    for message in observation.messages {
+    let energy = observation.energy.map(|energy| AgentMessage {
+        peer: Peer::Server,
+        kind: maes_msgs::AgentMessage::ENERGY,
+        data: energy.to_data(),
+    });
+    for message in energy.into_iter().chain(observation.messages) {
         parts.make_room(AGENT_MESSAGE_BYTES_BARE + message.data.len());
         parts.filling.messages.push(message.into());
     }
@@ -238,6 +243,7 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
         scan_tick: (first.scan_tick != Part::NEVER).then_some(Tick(first.scan_tick)),
         seen: Cells::default(),
         view: first.has_view.then(Cells::default),
+        energy: None,
         change: None,
     };
     for contact in &first.contacts {
@@ -263,10 +269,20 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
         }
         for maes_msgs::AgentMessage { agent, kind, data } in part.messages {
             match Peer::sender(agent) {
-                Peer::Server => {
-                    let change = changed_run_info(&data, run_info_before, AgentId(part.agent), tick)?;
-                    observation.change = Some(Box::new(change));
-                }
+                Peer::Server => match kind {
+                    maes_msgs::AgentMessage::SCENARIO => {
+                        let change = changed_run_info(&data, run_info_before, AgentId(part.agent), tick)?;
+                        observation.change = Some(Box::new(change));
+                    }
+                    maes_msgs::AgentMessage::ENERGY => {
+                        observation.energy = Some(Box::new(Energy::from_data(&data, tick)?));
+                    }
+                    kind => {
+                        let allowed = "SCENARIO or ENERGY from the server".to_owned();
+                        let value = format!("kind {kind}");
+                        return Err(WireError::Value { tick, field: "messages", value, allowed });
+                    }
+                },
                 peer => observation.messages.push(AgentMessage { peer, kind, data }),
             }
         }

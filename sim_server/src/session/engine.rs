@@ -35,6 +35,7 @@ use simulation::wire::{self, Change, MapChangeCause};
 use simulation::workers::Workers;
 use simulation::world::attainable::Attainable;
 use simulation::world::body::Pose;
+use simulation::world::energy::EnergyTotals;
 use simulation::world::map_change::{CellBox, MapChange};
 use simulation::world::{Presence, World};
 use voxels::Terrain;
@@ -58,6 +59,12 @@ pub(super) struct Shown<'e> {
 /// Beyond so many bytes the digest waits for no scans any more: in a tick in which a thousand
 /// agents exchange their maps, observations have some gigabytes.
 const KEPT_BYTES_MAX: usize = 1 << 25;
+
+/// Share of the free cells with which the time until the team is home is taken.
+const EXPLORED_ENOUGH: f64 = 0.99;
+
+/// Time in its bases after which a team without a goal has come back for good.
+const WAITED_TICKS: u64 = 500;
 
 /// The state of a run.
 pub(super) struct Engine<'a> {
@@ -88,6 +95,8 @@ pub(super) struct Engine<'a> {
     stages: Vec<Option<Stage>>,
     /// What the team had seen when all of it rested and something was left to see: cells.
     rested_at: Option<usize>,
+    /// Since when all agents wait in their bases.
+    waiting_since: Option<Tick>,
     /// The last information text of each agent.
     infos: Vec<String>,
 }
@@ -117,6 +126,7 @@ impl<'a> Engine<'a> {
             failed_searches: vec![0; agents],
             stages: vec![None; agents],
             rested_at: None,
+            waiting_since: None,
             infos: vec![String::new(); agents],
         })
     }
@@ -220,6 +230,30 @@ impl<'a> Engine<'a> {
         }
         self.rested_at = Some(explored);
         !self.world.is_anything_left()
+    }
+
+    /// Whether the whole team has come back to its bases for good: all is explored, or all agents
+    /// have waited there, and no event is ahead. Notes the first time with [`EXPLORED_ENOUGH`].
+    pub(super) fn is_team_back(&mut self) -> bool {
+        if self.scenario.energy.is_none() {
+            return false;
+        }
+        let mut team = self.world.agents().filter(|&agent| self.world.presence(agent).is_in_world()).peekable();
+        if team.peek().is_none() || !team.all(|agent| self.world.is_home(agent)) {
+            self.waiting_since = None;
+            return false;
+        }
+        self.flush_scans();
+        let is_explored = self.world.coverage().is_explored();
+        if self.world.coverage().explored() >= EXPLORED_ENOUGH {
+            self.world.note_team_is_home();
+        }
+        let waits = |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting);
+        let tick = self.tick();
+        let do_all_wait = self.world.agents().filter(|&agent| self.takes_part(agent)).all(waits);
+        self.waiting_since = do_all_wait.then(|| self.waiting_since.unwrap_or(tick));
+        let is_over = is_explored || self.waiting_since.is_some_and(|since| tick >= since.after(WAITED_TICKS));
+        self.schedule.is_empty() && self.joining.is_empty() && is_over
     }
 
     /// The digest up to the last tick.
@@ -553,6 +587,11 @@ impl<'a> Engine<'a> {
             .extend(milestones.map(|(permille, tick)| Counter::new(CounterName::TickExplored { permille }, tick.0)));
         let attainable = self.world.attainable().map(Attainable::seen_share);
         counters.extend(attainable.map(|share| Counter::new(CounterName::AttainablePpm, (share * 1e6).round() as u64)));
+        if let Some(EnergyTotals { used_j, ran_empty, home_at }) = self.world.energy_totals() {
+            let used = Counter::new(CounterName::EnergyUsed, (used_j * 1e3).round() as u64);
+            counters.extend([used, Counter::new(CounterName::RanEmpty, ran_empty)]);
+            counters.extend(home_at.map(|tick| Counter::new(CounterName::TickHome, tick.0)));
+        }
         counters.extend((self.interventions > 0).then(|| Counter::new(CounterName::Interventions, self.interventions)));
         counters.extend((map_changes > 0).then(|| Counter::new(CounterName::MapChanges, map_changes)));
         counters

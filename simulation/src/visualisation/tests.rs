@@ -37,6 +37,7 @@ fn world() -> World {
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        energy: None,
         late: BTreeSet::new(),
     };
     let pose = |x, yaw_rad| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad };

@@ -8,6 +8,7 @@
 //! Invariant: no body overlaps another, whoever joins.
 
 use msgs::ids::AgentId;
+use msgs::maes_msgs;
 use msgs::shared_bytes::SharedBytes;
 use nalgebra::Point3;
 use protocol::event_mask::EventMask;
@@ -139,7 +140,7 @@ impl World {
 
     /// Adds a message of the server to the next observation of an agent.
     pub fn tell(&mut self, agent: AgentId, data: SharedBytes) {
-        let message = AgentMessage { peer: Peer::Server, kind: 0, data };
+        let message = AgentMessage { peer: Peer::Server, kind: maes_msgs::AgentMessage::SCENARIO, data };
         self.agents[agent.index()].pending_observation.tell(message);
     }
 

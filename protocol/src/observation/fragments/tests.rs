@@ -104,6 +104,7 @@ fn observation() -> Observation {
         scan_tick: None,
         seen: Cells::default(),
         view: None,
+        energy: None,
         change: None,
     }
 }

@@ -25,6 +25,7 @@ fn world() -> World {
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        energy: None,
         late: Default::default(),
     };
     let start = |x| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad: 0.5 };

@@ -33,7 +33,7 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 23] = [
+pub const TABLES: [Table; 24] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
@@ -47,6 +47,10 @@ pub const TABLES: [Table; 23] = [
         key("stop_when_covered", Boolean, Is("false"), NONE,
             "whether the run ends once a body has been in every free cell; full exploration does not end it then",
             "ours").changeable(),
+        key("stop_when_back", Boolean, Is("false"), NONE,
+            "whether the run ends once all agents rest in their bases, and all is explored or they have waited there \
+             for 10 s; nothing else but the duration ends it then", "ours").limits("true only with `[energy]`").changeable()
+            .see("energy.md"),
     ]),
     Table::new("map", &[
         key("kind", Word(&["spheres", "noise", "building", "mine", "scene", "file"]), Required, NONE,
@@ -365,6 +369,29 @@ pub const TABLES: [Table; 23] = [
             "greatest error of the measured position along each axis", "MAES"),
         key("pose_step_m", Number("m"), Unset("a tenth of the bound"), between(0.0, 1e6),
             "greatest change of that error along each axis in a tick", "MAES"),
+    ]),
+    Table::new("energy", &[
+        key("capacity_j", Number("J"), Unset("required without `endurance_s`"), above(0.0, 1e12),
+            "what a full battery holds; the table is left out where bodies need no energy", "ours").see("energy.md"),
+        key("endurance_s", Number("s"), Unset("required without `capacity_j`"), above(0.0, 1e9),
+            "how long a full battery lasts at rest away from bases", "ours").limits("above 0, up to 1e9; not with `capacity_j`"),
+        key("idle_w", Number("W"), Is("1.0"), between(0.0, 1e6),
+            "power that a body draws, except at rest in a base", "ours"),
+        key("hover_w", Number("W"), Is("0.0"), between(0.0, 1e6),
+            "power that an aerial body draws in addition, to stay in the air", "ours"),
+        key("move_j_per_m", Number("J/m"), Is("0.0"), between(0.0, 1e6),
+            "energy that a body draws in addition for each metre", "ours"),
+        key("charge_w", Number("W"), Is("10.0"), between(0.0, 1e9),
+            "power that a body gains at rest in a base; 0: bases do not charge", "ours"),
+        key("bases", Positions("m"), Unset("the start of each agent, for it alone"), NONE,
+            "centres of the bases, for all agents", "ours").limits("1 to 64 positions in free cells"),
+        key("base_radius_m", Number("m"), Is("2.0"), above(0.0, 1e6),
+            "distance of the centre of a body from that of a base up to which it is in the base", "ours")
+            .limits("above 0, up to 1e6; at least half of the diagonal of a cell"),
+        key("return_home", Boolean, Is("true"), NONE,
+            "whether controllers go back to a base before their energy ends", "ours"),
+        key("reserve", Number(""), Is("0.2"), between(0.0, 0.9),
+            "share of the capacity that they plan to have left when they are back", "ours"),
     ]),
     Table::new("recording", &[
         key("poses_period_ticks", Integer("ticks"), Is("10"), PERIOD_OR_NEVER,

@@ -37,6 +37,7 @@ fn params(rays: u32) -> WorldParams {
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        energy: None,
         late: Default::default(),
     }
 }

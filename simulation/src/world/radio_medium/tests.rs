@@ -50,6 +50,7 @@ fn params(comms: Comms) -> WorldParams {
         comms,
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        energy: None,
         late: Default::default(),
     }
 }
