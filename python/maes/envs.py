@@ -1,7 +1,8 @@
 """Environments for learning: worlds that are stepped with an action for every agent.
 
 `Worlds` steps many of them at once in Rust, on all cores. `parallel_env` is one of them with the
-interface of PettingZoo, and `ExplorationEnv` has a single agent and that of Gymnasium.
+interface of PettingZoo, and `ExplorationEnv` has a single agent and that of Gymnasium, where it is
+`gymnasium.make("maes/Exploration-v0")`; `ExplorationVectorEnv` is many of these over one `Worlds`.
 
 What an agent is shown, as arrays:
 
@@ -15,6 +16,9 @@ What an agent is shown, as arrays:
 - `frontiers`: float32, (frontiers, 4): the centres of the nearest frontiers of its map by straight
   distance, relative to the body in metres, and 1; zeros where there are fewer.
 
+With `observations="flat"` an environment joins them in one float32 vector, as
+`gymnasium.spaces.flatten` does.
+
 Actions, one kind for all agents:
 
 - "velocity": float32, (4,), -1 to 1: velocity along the axes of the body (x forward, y left, z up) as
@@ -23,253 +27,163 @@ Actions, one kind for all agents:
   it goes by the shortest known path; it stops where no path is known.
 - "frontier": whole number, 0 to frontiers: the index of the frontier to go to; `frontiers` continues.
 
+Shares up to 1/1024 beyond -1 and 1, such as rounding makes, count as -1 and 1; others are refused.
+
 The reward of a step is the share of the free cells that the agent has seen for the first time
 itself; `reward` replaces it.
 
 Seeds are whole numbers from 0 to 2**63 - 1, also those of NumPy. `seed` of a constructor seeds the
 first reset, as `reset(seed=...)` does; without either, each environment draws its own from the
 operating system. The seed in a scenario is not used.
+
+A copy of an environment, by `copy.deepcopy` or a pickle, is a new one of the same scenario and
+arguments, with the seed that was given last. Without a seed each copy draws its own.
+
+`render_mode` "rgb_array" makes `render` return the layer of cells at the height of the first agent
+from above, uint8 (height, width, 3): known free cells are light, unknown ones grey, walls dark, and
+the agents are discs, rings where they are in another layer. "human" shows it in a window of
+matplotlib at each step.
 """
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
-from gymnasium import spaces
-from gymnasium.utils import seeding
+from gymnasium import logger, spaces
+from gymnasium.utils import EzPickle
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
 from pettingzoo import ParallelEnv
+from pettingzoo.utils import BaseParallelWrapper
 
 from . import _maes
+from ._pictures import Window
+from ._worlds import METRES_MAX, PLACE, Worlds, generator_of, seed_of, world_seed
 from .scenarios import Scenario
 
-Floats = npt.NDArray[np.float64]
-Reward = Callable[[dict[str, Floats]], npt.ArrayLike]
+__all__ = [
+    "ExplorationEnv",
+    "ExplorationVectorEnv",
+    "FlatObservations",
+    "ParallelExploration",
+    "Worlds",
+    "parallel_env",
+]
 
-OWN = 12
-PLACE = 4
-METRES_MAX = np.float32(1e4)
-TICK_S = 0.02
-SEED_MAX = 2**63 - 1
-# The seeds that are drawn leave room for counting on.
-DRAWN = 2**62
-
-
-def _scenario(scenario: Scenario | str | None, keys: dict[str, Any]) -> Scenario:
-    made = scenario if isinstance(scenario, Scenario) else Scenario(scenario)
-    return made.replace(**keys) if keys else made
+MODES = ("human", "rgb_array")
 
 
-def _seed(given: Any) -> int:
-    """A seed as `int`; also of NumPy, whose integers Gymnasium does not take."""
-    try:
-        seed = operator.index(given)
-    except TypeError:
-        raise _maes.BadInput(f"seed = {given!r}: expected a whole number from 0 to 2**63 - 1, or None") from None
-    if not 0 <= seed <= SEED_MAX:
-        raise _maes.BadInput(f"seed = {seed}: expected 0 to 2**63 - 1")
-    return seed
+class _OneWorld(EzPickle):
+    """What environments of one world have in common, whatever library they are for."""
 
+    metadata: dict[str, Any]
 
-def _generator(seed: Any) -> tuple[np.random.Generator, int]:
-    """A generator with its seed, which is that of the operating system without one."""
-    return seeding.np_random(None if seed is None else _seed(seed))
+    def _prepare(self, scenario: Scenario | str | None, arguments: dict[str, Any]) -> None:
+        """Take the arguments of the constructor: those of `Worlds`, `observations` and
+        `render_mode`."""
+        EzPickle.__init__(self, scenario, **arguments)
+        observations = arguments.pop("observations", "dict")
+        if observations not in ("dict", "flat"):
+            raise _maes.BadInput(f'observations = {observations!r}: expected "dict" or "flat"')
+        self.render_mode: str | None = arguments.pop("render_mode", None)
+        if self.render_mode not in (None, *MODES):
+            raise _maes.BadInput(f'render_mode = {self.render_mode!r}: expected None, "human" or "rgb_array"')
+        self._worlds = Worlds(1, scenario, **arguments)
+        self._dict_space = self._worlds.observation_space()
+        self._is_flat = observations == "flat"
+        self._window: Window | None = None
+        self.metadata = {**self.metadata, "render_fps": max(round(1 / self._worlds.period_s), 1)}
 
+    def _space(self) -> spaces.Space[Any]:
+        """The space of what one agent is shown."""
+        return spaces.flatten_space(self._dict_space) if self._is_flat else self._dict_space
 
-class Worlds:
-    """Worlds of one scenario with different seeds, stepped in Rust on all cores.
+    def _shown(self, agent: int) -> Any:
+        """A copy of what an agent is shown."""
+        shown = {key: array[0, agent].copy() for key, array in self._worlds.observe().items()}
+        return spaces.flatten(self._dict_space, shown) if self._is_flat else shown
 
-    `observe` returns arrays for all agents of all worlds, with two leading axes (worlds, agents);
-    the same memory is written again by the next step. A world that has ended begins again with a
-    new seed in the same step; what is shown is then its first observation.
-    """
+    def _note_seed(self, seed: int | None) -> None:
+        """Keep a seed of `reset` for copies."""
+        if seed is not None:
+            self._ezpickle_kwargs["seed"] = seed_of(seed)
 
-    def __init__(
-        self,
-        count: int,
-        scenario: Scenario | str | None = None,
-        *,
-        seed: int | None = None,
-        period_s: float = 0.2,
-        actions: str = "velocity",
-        crop_radius: int = 5,
-        frontiers: int = 16,
-        waypoint_m: float = 10.0,
-        reward: Reward | None = None,
-        **keys: Any,
-    ) -> None:
-        """`count` worlds with the seeds `seed`, `seed + 1` and so on, counted from a drawn one without
-        `seed`; `period_s` is the sim time between two decisions; `keys` change the scenario."""
-        first = int(_generator(None)[0].integers(DRAWN)) if seed is None else _seed(seed)
-        self.scenario = _scenario(scenario, keys)
-        self.count = count
-        self.agents = int(self.scenario["agents.count"])
-        self.actions = actions
-        self.frontiers = frontiers
-        self.side = 2 * crop_radius + 1
-        self.action_width = {"velocity": 4, "waypoint": 3, "frontier": 1}.get(actions, 0)
-        self._reward = reward
-        self._next_seed = first + count
-        self._native = _maes.Worlds(
-            self.scenario._native,
-            list(range(first, first + count)),
-            ticks_per_step=round(period_s / TICK_S),
-            crop_radius=crop_radius,
-            frontiers=frontiers,
-            actions=actions,
-            waypoint_m=waypoint_m,
-        )
-        shape = (count, self.agents)
-        self._arrays: dict[str, npt.NDArray[Any]] = {
-            "crop": np.zeros((*shape, self.side, self.side, self.side), np.uint8),
-            "own": np.zeros((*shape, OWN), np.float32),
-            "contacts": np.zeros((*shape, max(self.agents - 1, 1), PLACE), np.float32),
-            "frontiers": np.zeros((*shape, frontiers, PLACE), np.float32),
+    def _details(self, details: dict[str, Any], agent: int) -> dict[str, Any]:
+        """The details of a step for one agent."""
+        return {
+            "explored": float(details["explored"][0]),
+            "explored_gain": float(details["explored_gain"][0, agent]),
+            "distance_m": float(details["distance_m"][0, agent]),
+            "collided": bool(details["collided"][0, agent]),
         }
-        # The same memory without axes.
-        self._flat = [array.reshape(-1) for array in self._arrays.values()]
-        self._show()
 
-    def _show(self) -> None:
-        self._native.show(*self._flat)
+    def _draw_window(self) -> None:
+        """Show the world if that is asked for."""
+        if self.render_mode == "human":
+            self._window = self._window or Window()
+            self._window.show(self._worlds.picture(0))
 
-    def observe(self) -> dict[str, npt.NDArray[Any]]:
-        """What all agents are shown now, by name."""
-        return self._arrays
-
-    def reset(self, seeds: Sequence[int] | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Begin all worlds again with these seeds, or with the next ones."""
-        if seeds is None:
-            seeds = [self._draw() for _ in range(self.count)]
-        if len(seeds) != self.count:
-            raise ValueError(f"{len(seeds)} seeds: expected {self.count}")
-        self._native.reset(list(enumerate(map(_seed, seeds))))
-        self._show()
-        return self._arrays
-
-    def _draw(self) -> int:
-        self._next_seed += 1
-        return self._next_seed - 1
-
-    def step(
-        self, actions: npt.ArrayLike, *, begin_again: bool = True
-    ) -> tuple[dict[str, npt.NDArray[Any]], Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
-        """Step every world; `actions` has the shape (worlds, agents, numbers of an action).
-
-        Returns observations, rewards (worlds, agents), whether each world is explored, whether its
-        time is over, and details: `explored_gain` (share), `distance_m` and `collided`, each
-        (worlds, agents), and `explored` (share, by world) before worlds begin again.
-        """
-        flat = np.ascontiguousarray(actions, np.float32)
-        shape = (self.count, self.agents, self.action_width)
-        if flat.shape != shape:
-            raise ValueError(f"actions has shape {flat.shape}: expected {shape}")
-        gains = self._native.step(flat.reshape(-1), *self._flat).reshape(self.count, self.agents, 3)
-        shares, explored, over = self._native.status()
-        details: dict[str, Any] = {
-            "explored_gain": gains[..., 0],
-            "distance_m": gains[..., 1],
-            "collided": gains[..., 2],
-            "explored": shares,
-        }
-        rewards = gains[..., 0] if self._reward is None else np.asarray(self._reward(details), float)
-        if rewards.shape != (self.count, self.agents):
-            raise ValueError(f"reward has shape {rewards.shape}: expected {(self.count, self.agents)}")
-        over &= ~explored
-        ended = np.flatnonzero(explored | over)
-        if begin_again and len(ended):
-            self._native.reset([(int(world), self._draw()) for world in ended])
-            self._show()
-        return self._arrays, rewards, explored, over, details
-
-    def poses(self) -> npt.NDArray[np.float32]:
-        """True position (m) and heading (rad) of all agents: (worlds, agents, 4)."""
-        return self._native.poses().reshape(self.count, self.agents, 4)
-
-    def team_map(self, world: int) -> npt.NDArray[np.uint8]:
-        """Which cells of a world the team has seen to be free, indexed [x, y, z]. One copy."""
-        x, y, z = self._native.size
-        return self._native.team_map(world).reshape(z, y, x).transpose(2, 1, 0)
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """The picture of `render_mode` "rgb_array"; "human" has shown it already."""
+        if self.render_mode == "rgb_array":
+            return self._worlds.picture(0)
+        if self.render_mode is None:
+            logger.warn('render() without a render_mode: expected "human" or "rgb_array" in the constructor')
+        return None
 
     def close(self) -> None:
-        """Free the worlds; later calls raise."""
-        self._native.close()
-
-    def observation_space(self) -> spaces.Dict:
-        """The space of what one agent is shown."""
-        others = (max(self.agents - 1, 1), PLACE)
-        near = (self.frontiers, PLACE)
-        return spaces.Dict(
-            {
-                "crop": spaces.Box(0, 3, (self.side, self.side, self.side), np.uint8),
-                "own": spaces.Box(-1, 1, (OWN,), np.float32),
-                "contacts": spaces.Box(-METRES_MAX, METRES_MAX, others, np.float32),
-                "frontiers": spaces.Box(-METRES_MAX, METRES_MAX, near, np.float32),
-            }
-        )
-
-    def action_space(self) -> spaces.Space[Any]:
-        """The space of the actions of one agent."""
-        if self.actions == "frontier":
-            return spaces.Discrete(self.frontiers + 1)
-        return spaces.Box(-1, 1, (self.action_width,), np.float32)
-
-    def shown(self, agent: int) -> dict[str, npt.NDArray[Any]]:
-        """A copy of what an agent of the first world is shown."""
-        return {key: array[0, agent].copy() for key, array in self._arrays.items()}
-
-    def action(self, given: Any, agent: str) -> npt.NDArray[np.float32]:
-        """The numbers of an action, or `ValueError`."""
-        array = np.asarray(given, np.float32).reshape(-1)
-        if array.shape != (self.action_width,):
-            raise ValueError(f"action of {agent} has shape {np.shape(given)}: expected ({self.action_width},)")
-        return array
+        """Free the world; later calls raise."""
+        if self._window is not None:
+            self._window.close()
+        self._worlds.close()
 
 
-class ParallelExploration(ParallelEnv[str, dict[str, Any], Any]):
+class ParallelExploration(_OneWorld, ParallelEnv[str, Any, Any]):
     """A team in one world, as a PettingZoo `ParallelEnv`; agents are "agent_0", "agent_1" and so on.
 
-    A new world is generated at each reset, with a seed that `np_random` draws. `state()` has the true poses of all agents (float32,
-    (agents * 4,): x, y, z in metres and heading in rad) for a central critic.
+    A new world is generated at each reset, with a seed that `np_random` draws. `state()` has the true
+    poses of all agents (float32, (agents * 4,): x, y, z in metres and heading in rad) for a central
+    critic.
     """
 
-    metadata = {"name": "maes_exploration_v0", "render_modes": []}
+    metadata = {"name": "maes_exploration_v0", "render_modes": list(MODES), "is_parallelizable": True}
 
     def __init__(self, scenario: Scenario | str | None = None, **arguments: Any) -> None:
-        self.np_random, self.np_random_seed = _generator(arguments.get("seed"))
-        self._worlds = Worlds(1, scenario, **arguments)
-        self.render_mode = None
+        """The arguments are those of `Worlds`, `observations` ("dict" or "flat") and `render_mode`."""
+        self.np_random, self.np_random_seed = generator_of(arguments.get("seed"))
+        self._prepare(scenario, arguments)
         self.possible_agents = [f"agent_{agent}" for agent in range(self._worlds.agents)]
         self.agents: list[str] = []
-        self._observation_space = {agent: self._worlds.observation_space() for agent in self.possible_agents}
-        self._action_space = {agent: self._worlds.action_space() for agent in self.possible_agents}
+        self.observation_spaces = {agent: self._space() for agent in self.possible_agents}
+        self.action_spaces = {agent: self._worlds.action_space() for agent in self.possible_agents}
         count = PLACE * len(self.possible_agents)
         self.state_space = spaces.Box(-METRES_MAX, METRES_MAX, (count,), np.float32)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """The space of what an agent is shown."""
-        return self._observation_space[agent]
+        return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
         """The space of its actions."""
-        return self._action_space[agent]
+        return self.action_spaces[agent]
 
-    def _shown(self) -> dict[str, dict[str, Any]]:
-        return {agent: self._worlds.shown(place) for place, agent in enumerate(self.possible_agents)}
+    def _all_shown(self) -> dict[str, Any]:
+        return {agent: self._shown(place) for place, agent in enumerate(self.possible_agents)}
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin with a new world; a seed makes it and those of later resets repeatable."""
         if seed is not None:
-            self.np_random, self.np_random_seed = _generator(seed)
-        self._worlds.reset([int(self.np_random.integers(2**31))])
+            self.np_random, self.np_random_seed = generator_of(seed)
+        self._note_seed(seed)
+        self._worlds.reset([world_seed(self.np_random)])
         self.agents = list(self.possible_agents)
-        return self._shown(), {agent: {} for agent in self.agents}
+        self._draw_window()
+        return self._all_shown(), {agent: {} for agent in self.agents}
 
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
         """Step with an action for each agent."""
@@ -280,19 +194,12 @@ class ParallelExploration(ParallelEnv[str, dict[str, Any], Any]):
         rows = [self._worlds.action(actions[agent], agent) for agent in self.possible_agents]
         _, rewards, explored, over, details = self._worlds.step([rows], begin_again=False)
         agents = list(enumerate(self.possible_agents))
-        info = {
-            agent: {
-                "explored": float(details["explored"][0]),
-                "explored_gain": float(details["explored_gain"][0, place]),
-                "distance_m": float(details["distance_m"][0, place]),
-                "collided": bool(details["collided"][0, place]),
-            }
-            for place, agent in agents
-        }
+        info = {agent: self._details(details, place) for place, agent in agents}
+        self._draw_window()
         if explored[0] or over[0]:
             self.agents = []
         return (
-            self._shown(),
+            self._all_shown(),
             {agent: float(rewards[0, place]) for place, agent in agents},
             {agent: bool(explored[0]) for _, agent in agents},
             {agent: bool(over[0]) for _, agent in agents},
@@ -303,59 +210,207 @@ class ParallelExploration(ParallelEnv[str, dict[str, Any], Any]):
         """True poses of all agents: float32, (agents * 4,)."""
         return self._worlds.poses().reshape(-1)
 
-    def render(self) -> None:
-        """There are no pictures here; record a run instead."""
-
-    def close(self) -> None:
-        """Free the world; later calls raise."""
-        self._worlds.close()
-
 
 def parallel_env(scenario: Scenario | str | None = None, **arguments: Any) -> ParallelExploration:
     """A PettingZoo environment; the arguments are those of `Worlds`."""
     return ParallelExploration(scenario, **arguments)
 
 
-class ExplorationEnv(gymnasium.Env[dict[str, Any], Any]):
+class FlatObservations(BaseParallelWrapper[str, Any, Any]):
+    """Any PettingZoo `ParallelEnv` with each observation as one vector, as
+    `gymnasium.wrappers.FlattenObservation` makes it of Gymnasium's."""
+
+    def __init__(self, env: ParallelEnv[str, Any, Any]) -> None:
+        super().__init__(env)
+        inner = {agent: env.observation_space(agent) for agent in env.possible_agents}
+        self.observation_spaces = {agent: spaces.flatten_space(space) for agent, space in inner.items()}
+        self._inner = inner
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """The space of what an agent is shown."""
+        return self.observation_spaces[agent]
+
+    def _flat(self, shown: dict[str, Any]) -> dict[str, Any]:
+        return {agent: spaces.flatten(self._inner[agent], one) for agent, one in shown.items()}
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """As the wrapped environment does."""
+        shown, info = self.env.reset(seed=seed, options=options)
+        return self._flat(shown), info
+
+    def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], ...]:
+        """As the wrapped environment does."""
+        shown, *rest = self.env.step(actions)
+        return self._flat(shown), *rest
+
+
+class ExplorationEnv(_OneWorld, gymnasium.Env[Any, Any]):
     """A single agent in one world, as a Gymnasium environment.
 
     A new world is generated at each reset, with a seed that `np_random` draws.
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": list(MODES)}
 
     def __init__(self, scenario: Scenario | str | None = None, **arguments: Any) -> None:
+        """The arguments are those of `Worlds`, `observations` ("dict" or "flat") and `render_mode`."""
         if scenario is None:
             arguments.setdefault("agents", 1)
-        self._worlds = Worlds(1, scenario, **arguments)
+        self._prepare(scenario, arguments)
         if self._worlds.agents != 1:
             raise _maes.BadInput(f"agents.count = {self._worlds.agents}: expected 1; parallel_env has teams")
         if (seed := arguments.get("seed")) is not None:
-            self._np_random, self._np_random_seed = _generator(seed)
-        self.render_mode = None
-        self.observation_space = self._worlds.observation_space()
+            self._np_random, self._np_random_seed = generator_of(seed)
+        self.observation_space = self._space()
         self.action_space = self._worlds.action_space()
         self._is_over = True
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin with a new world; a seed makes it and those of later resets repeatable."""
-        super().reset(seed=None if seed is None else _seed(seed))
-        self._worlds.reset([int(self.np_random.integers(2**31))])
+        super().reset(seed=None if seed is None else seed_of(seed))
+        self._note_seed(seed)
+        self._worlds.reset([world_seed(self.np_random)])
         self._is_over = False
-        return self._worlds.shown(0), {}
+        self._draw_window()
+        return self._shown(0), {}
 
-    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Step with an action."""
         if self._is_over:
             raise RuntimeError("the episode is over: call reset before step")
         row = self._worlds.action(action, "the agent")
         _, rewards, explored, over, details = self._worlds.step([[row]], begin_again=False)
         self._is_over = bool(explored[0] or over[0])
-        info = {"explored": float(details["explored"][0]), "collided": bool(details["collided"][0, 0])}
-        return self._worlds.shown(0), float(rewards[0, 0]), bool(explored[0]), bool(over[0]), info
+        self._draw_window()
+        info = self._details(details, 0)
+        return self._shown(0), float(rewards[0, 0]), bool(explored[0]), bool(over[0]), info
 
-    def close(self) -> None:
-        """Free the world; later calls raise."""
+
+class ExplorationVectorEnv(EzPickle, VectorEnv[Any, Any, Any]):
+    """Many worlds with a single agent each, as a Gymnasium `VectorEnv` that steps all of them in Rust.
+
+    It has the worlds of a `SyncVectorEnv` of `ExplorationEnv` with the same seeds in `reset`, and the
+    same results in every `AutoresetMode`. `seed` of the constructor seeds environment i with
+    `seed + i`. Observations are copies unless `copy` is false: then each step overwrites them.
+    """
+
+    metadata = {"render_modes": ["rgb_array"]}
+
+    def __init__(
+        self,
+        num_envs: int,
+        scenario: Scenario | str | None = None,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        render_mode: str | None = None,
+        seed: int | None = None,
+        **arguments: Any,
+    ) -> None:
+        """Further arguments are those of `Worlds`."""
+        named = {"autoreset_mode": autoreset_mode, "copy": copy, "render_mode": render_mode, "seed": seed}
+        EzPickle.__init__(self, num_envs, scenario, **named, **arguments)
+        if render_mode not in (None, "rgb_array"):
+            raise _maes.BadInput(f'render_mode = {render_mode!r}: expected None or "rgb_array"')
+        if scenario is None:
+            arguments.setdefault("agents", 1)
+        self._worlds = Worlds(num_envs, scenario, seed=seed, **arguments)
+        if self._worlds.agents != 1:
+            raise _maes.BadInput(f"agents.count = {self._worlds.agents}: expected 1; parallel_env has teams")
+        self.num_envs, self.render_mode, self.copy = num_envs, render_mode, copy
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space = self._worlds.observation_space()
+        self.single_action_space = self._worlds.action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._generators = [generator_of(None if seed is None else seed + place)[0] for place in range(num_envs)]
+        self._has_ended: npt.NDArray[np.bool_] = np.ones(num_envs, bool)
+
+    def _shown(self) -> dict[str, Any]:
+        shown = {key: array[:, 0] for key, array in self._worlds.observe().items()}
+        return {key: array.copy() for key, array in shown.items()} if self.copy else shown
+
+    def _begin(self, chosen: npt.NDArray[np.bool_]) -> None:
+        """Begin these worlds again."""
+        self._worlds.begin((int(place), world_seed(self._generators[place])) for place in np.flatnonzero(chosen))
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Begin all worlds again, or those of `options["reset_mask"]`; `seed` is a whole number, of which
+        environment i gets `seed + i`, or a list with a seed or None for each."""
+        if seed is None:
+            seed = [None] * self.num_envs
+        elif np.ndim(seed) == 0:
+            seed = [seed_of(seed) + place for place in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"{len(seed)} seeds: expected {self.num_envs}")
+        chosen = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
+        if chosen.shape != (self.num_envs,) or chosen.dtype != np.bool_:
+            given = f"{chosen.dtype} {chosen.shape}"
+            raise ValueError(f"options['reset_mask'] is {given}: expected bool ({self.num_envs},)")
+        for place, one in enumerate(seed):
+            if chosen[place] and one is not None:
+                self._generators[place] = generator_of(one)[0]
+        self._begin(chosen)
+        self._has_ended[chosen] = False
+        return self._shown(), {}
+
+    def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
+        """Step every world with its action, (num_envs, numbers of an action), or (num_envs,) for
+        frontiers."""
+        begins = self._has_ended
+        if begins.any() and self.autoreset_mode != AutoresetMode.NEXT_STEP:
+            raise RuntimeError(f"episode {np.flatnonzero(begins)[0]} is over: call reset before step")
+        rows = self._worlds.rows(actions)
+        if begins.any():
+            # Their action counts for nothing, as in other vectors.
+            rows[begins] = 0.0
+        _, rewards, explored, over, details = self._worlds.step(rows[:, None], begin_again=False)
+        rewards = np.where(begins, 0.0, rewards[:, 0])
+        explored, over = explored & ~begins, over & ~begins
+        self._has_ended = explored | over
+        infos: dict[str, Any] = {}
+        at_once = self._has_ended & (self.autoreset_mode == AutoresetMode.SAME_STEP)
+        if at_once.any():
+            shown = self._shown()
+            infos["final_obs"] = np.full(self.num_envs, None, object)
+            for place in np.flatnonzero(at_once):
+                infos["final_obs"][place] = {key: array[place].copy() for key, array in shown.items()}
+            infos["final_info"] = self._infos(details, at_once)
+            infos["_final_obs"] = infos["_final_info"] = at_once
+            self._has_ended = self._has_ended & ~at_once
+        if (again := at_once | begins).any():
+            self._begin(again)
+        return self._shown(), rewards, explored, over, {**infos, **self._infos(details, ~again)}
+
+    def _infos(self, details: dict[str, Any], of: npt.NDArray[np.bool_]) -> dict[str, Any]:
+        """The details of a step for some environments, each with a mask of those that have it."""
+        if not of.any():
+            return {}
+        columns = {key: details[key][:, 0] for key in ("explored_gain", "distance_m")}
+        columns |= {"explored": details["explored"], "collided": details["collided"][:, 0] > 0}
+        infos = {key: np.where(of, column, column.dtype.type(0)) for key, column in columns.items()}
+        return infos | {f"_{key}": of for key in columns}
+
+    def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:
+        """The pictures of all worlds, with `render_mode` "rgb_array"."""
+        if self.render_mode is None:
+            return None
+        return tuple(self._worlds.picture(world) for world in range(self.num_envs))
+
+    def close_extras(self, **keys: Any) -> None:
+        """Free the worlds; later calls raise."""
         self._worlds.close()
+
+
+gymnasium.register(
+    "maes/Exploration-v0",
+    entry_point="maes.envs:ExplorationEnv",
+    vector_entry_point="maes.envs:ExplorationVectorEnv",
+)

@@ -12,6 +12,12 @@ import numpy.typing as npt
 from . import _maes
 
 
+def _unpacked(bits: npt.NDArray[np.uint8], size: tuple[int, int, int], cell_m: float) -> Map:
+    """A map from a bit for each cell, as a pickle has it."""
+    walls = np.unpackbits(bits, count=int(np.prod(size)))
+    return Map(walls.reshape(size), cell_m, as_is=True)
+
+
 class Map:
     """A true map of cells, each wall or free. Outside the map all is wall."""
 
@@ -109,6 +115,9 @@ class Map:
         ax.set_xlabel("x (m)")
         ax.set_ylabel("y (m)")
         return ax
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpacked, (np.packbits(self.walls()), self.size, self.cell_m)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Map) and self._native == other._native

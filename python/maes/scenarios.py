@@ -123,6 +123,9 @@ class Scenario:
 
         return Map._of(self._native.map())
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Scenario.from_toml, (self.to_toml(),)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scenario) and self._native == other._native
 

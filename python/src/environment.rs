@@ -111,6 +111,20 @@ impl PyWorlds {
         Ok(crops.zip(own).zip(contacts).zip(frontiers).map(of_world))
     }
 
+    fn cells<'py>(
+        &self,
+        py: Python<'py>,
+        world: usize,
+        of: impl FnOnce(&Environment) -> Vec<u8> + Send,
+    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        let cells = self.with(py, |worlds| {
+            let count = worlds.len();
+            let outside = || bad_input(format!("world {world}: expected 0 to {}", count - 1));
+            Ok(of(worlds.get(world).ok_or_else(outside)?))
+        })?;
+        Ok(PyArray1::from_vec(py, cells))
+    }
+
     fn with<T>(&self, py: Python<'_>, use_them: impl FnOnce(&mut Vec<Environment>) -> PyResult<T> + Send) -> PyResult<T>
     where
         T: Send,
@@ -273,12 +287,13 @@ impl PyWorlds {
 
     /// Which cells of a world the team has seen to be free, by index: uint8.
     fn team_map<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyArray1<u8>>> {
-        let known = self.with(py, |worlds| {
-            let count = worlds.len();
-            let outside = || bad_input(format!("world {world}: expected 0 to {}", count - 1));
-            Ok(worlds.get(world).ok_or_else(outside)?.team_map())
-        })?;
-        Ok(PyArray1::from_vec(py, known))
+        self.cells(py, world, Environment::team_map)
+    }
+
+    /// The `CellState`s of a layer of cells of a world, x fastest: uint8. Walls are those of the true
+    /// map; free cells count as explored if some agent has seen them.
+    fn layer<'py>(&self, py: Python<'py>, world: usize, z: u32) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        self.cells(py, world, |environment| environment.layer(z))
     }
 
     /// Frees the worlds; later calls raise.

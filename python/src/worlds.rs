@@ -28,7 +28,7 @@ use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
 use simulation::workers::Workers;
 use simulation::world::World;
-use voxels::Cell;
+use voxels::{Cell, Terrain};
 
 use crate::frontiers::NearFrontiers;
 
@@ -73,6 +73,9 @@ pub(crate) const OWN_WIDTH: usize = 12;
 /// Numbers that describe another agent or a frontier: relative position in metres, and 1 if it is
 /// there.
 pub(crate) const PLACE_WIDTH: usize = 4;
+
+/// How far a share may be beyond -1 and 1 and counts as these: a unit of half precision there.
+const SHARE_TOLERANCE: f32 = 1.0 / 1024.0;
 
 /// Where the observation of one agent is written.
 pub(crate) struct View<'a> {
@@ -247,7 +250,7 @@ impl Environment {
         };
         for (number, &value) in action.iter().enumerate() {
             match self.shape.actions {
-                Actions::Velocity | Actions::Waypoint if !(-1.0..=1.0).contains(&value) => {
+                Actions::Velocity | Actions::Waypoint if !(value.abs() <= 1.0 + SHARE_TOLERANCE) => {
                     return wrong(number, "-1 to 1");
                 }
                 Actions::Frontier
@@ -269,17 +272,15 @@ impl Environment {
         let Some(observation) = observation else { return Ok(Command::LOST) };
         let position = observation.pose.position;
         let mut go_to = |goal| go_to(map, navigation, position, goal, tick);
+        let share = |number: usize| f64::from(action[number].clamp(-1.0, 1.0));
         let motion = match self.shape.actions {
-            Actions::Velocity => {
-                let share = |number: usize| f64::from(action[number]);
-                Motion::Velocity {
-                    linear_in_body_m_s: Vector3::new(share(0), share(1), share(2)) * body.speed_max_m_s,
-                    yaw_rate_rad_s: share(3) * body.turn_rate_max_rad_s,
-                    path: Vec::new(),
-                }
-            }
+            Actions::Velocity => Motion::Velocity {
+                linear_in_body_m_s: Vector3::new(share(0), share(1), share(2)) * body.speed_max_m_s,
+                yaw_rate_rad_s: share(3) * body.turn_rate_max_rad_s,
+                path: Vec::new(),
+            },
             Actions::Waypoint => {
-                let offset = Vector3::new(action[0].into(), action[1].into(), action[2].into()) * self.shape.waypoint_m;
+                let offset = Vector3::new(share(0), share(1), share(2)) * self.shape.waypoint_m;
                 let goal = self.run_info.extent.cell_of(&(position + offset));
                 go_to(goal)
             }
@@ -358,6 +359,24 @@ impl Environment {
             known[cell] = CellState::Free as u8;
         }
         known
+    }
+
+    /// The `CellState`s of a layer of cells, x fastest: the walls of the true map, free cells that
+    /// some agent has seen, and unexplored ones. Empty outside the map.
+    pub(crate) fn layer(&self, z: u32) -> Vec<u8> {
+        let [x, y, layers] = self.run_info.extent.size();
+        if z >= layers {
+            return Vec::new();
+        }
+        let area = x as usize * y as usize;
+        let first = z as usize * area;
+        let explored = self.world.coverage().explored_cells();
+        let state = |(place, terrain): (usize, &Terrain)| match terrain {
+            Terrain::Wall => CellState::Wall as u8,
+            Terrain::Free if explored.contains(first + place) => CellState::Free as u8,
+            Terrain::Free => CellState::Unexplored as u8,
+        };
+        self.world.terrain().as_slice()[first..first + area].iter().enumerate().map(state).collect()
     }
 }
 

@@ -22,6 +22,7 @@ def test_pettingzoo_and_gymnasium_accept_them(actions):
     parallel_api_test(parallel_env(agents=3, actions=actions, **CAVE), num_cycles=150)
     parallel_seed_test(lambda: parallel_env(agents=2, actions=actions, **CAVE), num_cycles=50)
     check_env(ExplorationEnv(actions=actions, **CAVE), skip_render_check=True)
+    check_env(gymnasium.make("maes/Exploration-v0", actions=actions, observations="flat", **CAVE).unwrapped)
 
 
 def starts(env, seeds=(None,)):
@@ -196,6 +197,51 @@ def test_wrong_use_names_the_thing():
     frontier.reset()
     with pytest.raises(ValueError, match="whole number from 0 to 16"):
         frontier.step(17)
+
+
+def test_actions_are_shares_up_to_rounding():
+    """What a network in single or half precision makes of 1 is 1; anything else is refused."""
+    limit = np.float32(1 + 1 / 1024)
+    for actions in ("velocity", "waypoint"):
+        wanted, rounded = (Worlds(1, agents=2, seed=3, actions=actions, **CAVE) for _ in range(2))
+        width = wanted.action_width
+        for _ in range(20):
+            for worlds, value in ((wanted, 1.0), (rounded, limit)):
+                worlds.step(np.full((1, 2, width), value) * [1, -1, 1, -1][:width])
+        assert (wanted.poses() == rounded.poses()).all()
+        for wrong in (1.01, -1.01, 1e300, np.inf, -np.inf, np.nan):
+            given = np.zeros((1, 2, width))
+            given[0, 1, 2] = wrong
+            with pytest.raises(ValueError, match="world 0: action of agent 1: number 2 is .*: expected -1 to 1"):
+                wanted.step(given)
+
+
+@pytest.mark.parametrize("make", [ExplorationEnv, lambda **keys: parallel_env(agents=1, **keys)])
+def test_actions_have_one_shape(make):
+    def step(env, action):
+        return env.step(action if isinstance(env, ExplorationEnv) else {"agent_0": action})
+
+    env, frontier = make(**CAVE), make(actions="frontier", **CAVE)
+    env.reset(), frontier.reset()
+    before = env._worlds.poses()
+    for wrong in (np.zeros((1, 4)), np.zeros((2, 2)), np.zeros(3), 0.0, np.zeros((4, 1))):
+        with pytest.raises(ValueError, match=r"action of .* has shape \(.*\): expected \(4,\)"):
+            step(env, wrong)
+    for wrong in (np.zeros(4, complex), [1j, 0, 0, 0], ["1", "0", "0", "0"], [None] * 4):
+        with pytest.raises(ValueError, match="action of .* has the type .*: expected real numbers"):
+            step(env, wrong)
+    assert (env._worlds.poses() == before).all()
+    for right in (np.zeros(4), [0, 0, 0, 0], (0.0,) * 4, np.zeros(4, np.int8), np.zeros(4, np.float16)):
+        step(env, right)
+    for right in (0, np.int64(0), np.zeros((), int), [0], np.array([16])):
+        step(frontier, right)
+    for wrong in (np.zeros((1, 1)), [0, 1]):
+        with pytest.raises(ValueError, match=r"has shape .*: expected \(\)"):
+            step(frontier, wrong)
+    with pytest.raises(ValueError, match="whole number from 0 to 16"):
+        step(frontier, 0.5)
+    with pytest.raises(ValueError, match=r"actions has the type complex128: expected real numbers"):
+        Worlds(1, agents=1, **CAVE).step(np.zeros((1, 1, 4), complex))
 
 
 def test_threads_have_worlds_of_their_own():
