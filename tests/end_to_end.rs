@@ -26,6 +26,8 @@ mod agent_replacement;
 /// Bad scenarios, maps, recordings and arguments: one line of error with the place, exit code 2, no
 /// file.
 mod bad_input;
+/// Batteries: the same bytes over ROS 2 and in memory, forked and resumed.
+mod energy;
 /// Plans of many runs, and their reports.
 mod experiments;
 /// Random fault injection: runs over ROS 2 are the same with processes killed, suspended and sent

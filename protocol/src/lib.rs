@@ -4,9 +4,9 @@
 //! In reading order: [`observation`] and [`command`] are what is exchanged in a tick, made of
 //! [`motion`], [`scan_request`], [`agent_message`], [`wake_condition`] and [`stage`]; [`run_info`]
 //! is what agents are told of a run, with the bodies of the team ([`body_model`], [`kinematics`]);
-//! [`energy`] is what a body holds and draws; [`lockstep`] is the protocol of the server, [`signed`]
-//! is the envelope of messages that the keys of [`signing`] authenticate, [`map_views`] shows maps to
-//! others, and [`limits`] has all bounds.
+//! [`energy`] is what a body holds and draws; [`lockstep`] is the protocol of the server,
+//! [`signed`] is the envelope of messages that the keys of [`signing`] authenticate, [`map_views`]
+//! shows maps to others, and [`limits`] has all bounds.
 //!
 //! Invariants: what a conversion from a message returns is legal, whatever was received; both
 //! directions of a conversion stand in one file. There is no transport, no ROS client and no clock

@@ -64,7 +64,8 @@ pub const TABLES: [Table; 24] = [
         key("seed", Seed, Unset("that of the run"), NONE,
             "seed of the map alone: the same map with other random streams of the agents", "ours"),
         key("file", Path, Unset("required for `\"file\"`"), NONE,
-            "the map file; as all paths of `[map]`, relative to the folder of the scenario file (as a flag, to the present folder)", "reference: one fixed path")
+            "the map file; it and other paths of the map start from the folder of the scenario file, those of flags from the \
+             present one", "reference: one fixed path")
             .limits("a known [format](maps.md#file-formats); only with `\"file\"`"),
     ]),
     Table::new("map.import", &[
