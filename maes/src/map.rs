@@ -152,9 +152,9 @@ pub(crate) struct CheckArgs {
     /// The map, of any known format.
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// Radius of a body in metres, as body.radius_m.
-    #[arg(long, value_name = "M", default_value_t = 0.4)]
-    pub(crate) radius_m: f64,
+    /// Radius of a body in metres, as body.radius_m [default: 0.4, or 16 cells if that is less]
+    #[arg(long, value_name = "M")]
+    pub(crate) radius_m: Option<f64>,
     /// Number of agents, as agents.count.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) agents: u32,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pathlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -78,7 +79,7 @@ class Scenario:
         changes = _changes(keys)
         if source is None or isinstance(source, Mapping):
             changes = [*_changes(source or {}), *changes]
-            self._native = _maes.NativeScenario.parse("the scenario", _DEFAULT, changes)
+            self._native = _maes.NativeScenario.parse("the scenario", _DEFAULT, changes, "")
         else:
             self._native = _maes.NativeScenario.load(os.fspath(source), changes)
 
@@ -90,12 +91,12 @@ class Scenario:
 
     @classmethod
     def from_toml(cls, text: str, /, **keys: Any) -> Scenario:
-        """A scenario from TOML text."""
-        return cls._of(_maes.NativeScenario.parse("the text", text, _changes(keys)))
+        """A scenario from TOML text; its paths start from the working directory."""
+        return cls._of(_maes.NativeScenario.parse("the text", text, _changes(keys), ""))
 
     def replace(self, **keys: Any) -> Scenario:
         """The same scenario with other values of some keys."""
-        return self._of(_maes.NativeScenario.parse("the scenario", self.to_toml(), _changes(keys)))
+        return self._of(_parsed(self.to_toml(), self._native.paths_from, _changes(keys)))
 
     def to_toml(self) -> str:
         """All keys as TOML, which `maes run` reads."""
@@ -124,7 +125,7 @@ class Scenario:
         return Map._of(self._native.map())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Scenario.from_toml, (self.to_toml(),)
+        return _copied, (self.to_toml(), self._native.paths_from)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scenario) and self._native == other._native
@@ -137,3 +138,11 @@ class Scenario:
         agents, of_map = table["agents"], table["map"]
         what = of_map.get("file") or f"{of_map['kind']} {of_map.get('size')}"
         return f"Scenario({agents['count']} x {agents['controller']}, map {what}, seed {table['seed']})"
+
+
+def _parsed(text: str, paths_from: pathlib.Path, changes: list[tuple[str, Any]]) -> _maes.NativeScenario:
+    return _maes.NativeScenario.parse("the scenario", text, changes, paths_from)
+
+
+def _copied(text: str, paths_from: pathlib.Path) -> Scenario:
+    return Scenario._of(_parsed(text, paths_from, []))

@@ -1,6 +1,6 @@
 //! Scenarios: the schema and the checks of the crate `simulation`, with Python values.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use recording::location::recording_at;
@@ -31,10 +31,12 @@ fn overrides(changes: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Vec<Override>
 
 #[pymethods]
 impl PyScenario {
-    /// Parses TOML, changes keys, and checks the whole; `name` stands in errors.
+    /// Parses TOML with paths that start from a folder, changes keys, and checks the whole; `name`
+    /// stands in errors.
     #[staticmethod]
-    fn parse(name: &str, text: &str, changes: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Self> {
-        let scenario = setup::parse(name, text, &overrides(changes)?).map_err(bad_input)?;
+    fn parse(name: &str, text: &str, changes: Vec<(String, Bound<'_, PyAny>)>, paths_from: PathBuf) -> PyResult<Self> {
+        let overrides = overrides(changes)?;
+        let scenario = setup::parse_with_paths_from(&paths_from, name, text, &overrides).map_err(bad_input)?;
         Ok(Self { scenario })
     }
 
@@ -44,6 +46,12 @@ impl PyScenario {
         let file = recording_at(file).map_err(bad_input)?;
         let scenario = setup::load(&file, &overrides(changes)?).map_err(bad_input)?;
         Ok(Self { scenario })
+    }
+
+    /// The folder that its paths start from; empty: the working directory.
+    #[getter]
+    fn paths_from(&self) -> &Path {
+        &self.scenario.map.folder
     }
 
     /// All keys as TOML.

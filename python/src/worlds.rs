@@ -250,7 +250,7 @@ impl Environment {
         };
         for (number, &value) in action.iter().enumerate() {
             match self.shape.actions {
-                Actions::Velocity | Actions::Waypoint if !(value.abs() <= 1.0 + SHARE_TOLERANCE) => {
+                Actions::Velocity | Actions::Waypoint if value.is_nan() || value.abs() > 1.0 + SHARE_TOLERANCE => {
                     return wrong(number, "-1 to 1");
                 }
                 Actions::Frontier

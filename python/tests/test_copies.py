@@ -37,6 +37,9 @@ def test_scenarios_and_maps_copy(copied, tmp_path):
     shape.save(tmp_path / "map.m3dm")
     of_file = maes.Scenario(map={"kind": "file", "file": str(tmp_path / "map.m3dm"), "size": None})
     assert copied(of_file).map() == of_file.map()
+    (tmp_path / "beside.toml").write_text(of_file.to_toml().replace(str(tmp_path / "map.m3dm"), "map.m3dm"))
+    beside = maes.Scenario(tmp_path / "beside.toml")
+    assert copied(beside) == beside and copied(beside).replace(seed=9).map() == of_file.map()
 
 
 MAKERS = [ExplorationEnv, lambda **keys: parallel_env(agents=2, **keys), lambda **keys: ExplorationVectorEnv(2, **keys)]

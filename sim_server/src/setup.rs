@@ -166,14 +166,15 @@ pub fn load_with_paths_from(folder: &Path, file: &Path, overrides: &[Override]) 
         let column = before.chars().rev().take_while(|&character| character != '\n').count() + 1;
         SetupError::NoText { file: name.clone(), line, column }
     })?;
-    let mut scenario = Scenario::parse(&name, &text, overrides)?;
-    start_paths_from(folder, &mut scenario.map, overrides);
-    resolve(scenario, &Origins::new(&name, &text, overrides))
+    parse_with_paths_from(folder, &name, &text, overrides)
 }
 
 /// Lets the paths of a scenario file start from a folder, and those of overrides from the working
 /// directory.
 fn start_paths_from(folder: &Path, map: &mut MapSection, overrides: &[Override]) {
+    if folder.as_os_str().is_empty() {
+        return;
+    }
     let is_typed = |keys: &[&str]| overrides.iter().any(|change| keys.contains(&change.key.as_str()));
     let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
     let has_typed_file = is_typed(&["map", "map.file"]);
@@ -203,7 +204,23 @@ fn start_paths_from(folder: &Path, map: &mut MapSection, overrides: &[Override])
 /// # Errors
 /// If the scenario is not legal.
 pub fn parse(file: &str, text: &str, overrides: &[Override]) -> Result<Scenario, SetupError> {
-    resolve(Scenario::parse(file, text, overrides)?, &Origins::new(file, text, overrides))
+    parse_with_paths_from(Path::new(""), file, text, overrides)
+}
+
+/// [`parse`], with the paths in the text from a folder, and those of overrides from the working
+/// directory.
+///
+/// # Errors
+/// See [`parse`].
+pub fn parse_with_paths_from(
+    folder: &Path,
+    file: &str,
+    text: &str,
+    overrides: &[Override],
+) -> Result<Scenario, SetupError> {
+    let mut scenario = Scenario::parse(file, text, overrides)?;
+    start_paths_from(folder, &mut scenario.map, overrides);
+    resolve(scenario, &Origins::new(file, text, overrides))
 }
 
 /// The scenario with the length of its cells. If it names none, the map file decides; the length is

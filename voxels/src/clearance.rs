@@ -10,7 +10,7 @@
 use crate::{BodyLattice, Cell, FACES, Grid, Terrain};
 
 /// Distance beyond which distances are not distinguished, in cells.
-pub const REACH_CELLS: i32 = 8;
+pub const REACH_CELLS: i32 = 16;
 
 /// The square of a distance of [`REACH_CELLS`] or more, in half cells.
 const FAR: u16 = (2 * REACH_CELLS as u16).pow(2);

@@ -26,6 +26,9 @@ const RAYS: u32 = 5124;
 /// Most parts and passages that a report names.
 const SHOWN: usize = 3;
 
+/// Radius of a body that is not given, metres: the default of body.radius_m.
+const RADIUS_M: f64 = 0.4;
+
 /// Seed of the starts that are tried.
 const SEED: u64 = 1;
 
@@ -35,8 +38,9 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let imported = spec.read()?;
     let extent = imported.terrain.extent();
     let most_m = radius_max_m(extent.cell_m());
-    if !(args.radius_m > 0.0 && args.radius_m <= most_m) {
-        return Err(MapCliError::Radius { radius_m: args.radius_m, most_m });
+    let radius_m = args.radius_m.unwrap_or(RADIUS_M.min(most_m));
+    if !(radius_m > 0.0 && radius_m <= most_m) {
+        return Err(MapCliError::Radius { radius_m, most_m });
     }
     let mut advice = Vec::new();
     let mut report = Report::new(out);
@@ -64,14 +68,14 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     report.cells(extent, free)?;
     let body_on = |clearance: &Clearance, radius_m: f64| Reach::new(clearance, radius_m / extent.cell_m(), free);
     let body = |radius_m: f64| body_on(&Clearance::for_body(radius_m, &terrain), radius_m);
-    let clearance = Clearance::for_body(args.radius_m, &terrain);
-    let here = body_on(&clearance, args.radius_m);
+    let clearance = Clearance::for_body(radius_m, &terrain);
+    let here = body_on(&clearance, radius_m);
     let (room, reached) = (100.0 * here.fits(), 100.0 * here.reached());
-    report.line("body", format_args!("radius {} m: fits in {room:.1} % of the free cells", args.radius_m))?;
+    report.line("body", format_args!("radius {radius_m} m: fits in {room:.1} % of the free cells"))?;
     report.line("reachable", format_args!("{reached:.1} % of the free cells, from the largest part with room"))?;
     let starts_at: Vec<voxels::Cell> = here.start().into_iter().map(|index| extent.cell_at(index)).collect();
     let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, f64::INFINITY, std::f64::consts::TAU);
-    let seen = Attainable::of(&terrain, &scanner, &[Bodies { radius_m: args.radius_m, starts: starts_at }]);
+    let seen = Attainable::of(&terrain, &scanner, &[Bodies { radius_m, starts: starts_at }]);
     report.line("seen", format_args!("{:.1} % of the free cells, from there", 100.0 * seen.seen_share()))?;
     // Where bodies of this size are in a cell decides which passages are narrow for them.
     let passages = clearance.passages(((PART * free as f64) as usize).max(1));
@@ -79,7 +83,7 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     if here.reached() < ENOUGH {
         let half_m = extent.cell_m() / 2.0;
         let narrow = passages.iter().map(|passage| passage.radius_cells * extent.cell_m());
-        let mut radii_m: Vec<f64> = narrow.chain([half_m]).filter(|&radius_m| radius_m < args.radius_m).collect();
+        let mut radii_m: Vec<f64> = narrow.chain([half_m]).filter(|&narrow_m| narrow_m < radius_m).collect();
         radii_m.sort_by(f64::total_cmp);
         radii_m.dedup();
         // A smaller body reaches no less.
@@ -98,7 +102,7 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
             format!("a body of half a cell reaches {share:.1} %: {remedy}")
         });
     }
-    let has_starts = starts(&mut report, &terrain, args, &mut advice)?;
+    let has_starts = starts(&mut report, &terrain, (args.agents, radius_m), &mut advice)?;
     if advice.is_empty() {
         report.line("advice", "none: the map is sound for these bodies")?;
     }
@@ -110,7 +114,7 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     if has_starts {
         return Ok(());
     }
-    Err(MapCliError::NoStart { file: args.file.clone(), agents: args.agents, radius_m: args.radius_m })
+    Err(MapCliError::NoStart { file: args.file.clone(), agents: args.agents, radius_m })
 }
 
 /// A length in metres, rounded down to millimetres so that it still fits.
@@ -188,10 +192,10 @@ fn narrow(report: &mut Report<'_>, passages: &[Passage], extent: Extent) -> Resu
 fn starts(
     report: &mut Report<'_>,
     terrain: &Grid<Terrain>,
-    args: &CheckArgs,
+    (agents, radius_m): (u32, f64),
     advice: &mut Vec<String>,
 ) -> Result<bool, MapCliError> {
-    let radii_m = vec![args.radius_m; args.agents as usize];
+    let radii_m = vec![radius_m; agents as usize];
     let site = Site { terrain, entrances: &[], seed: SEED };
     let scattered = SpawnSpec::Scattered { min_distance_m: 0.0, seed: None, yaw_rad: 0.0 };
     let nearest = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
@@ -200,7 +204,7 @@ fn starts(
         match spawn.poses(&site, &radii_m) {
             Ok(_) => {
                 has_starts = true;
-                report.line("starts", format_args!("spawn.kind = {name:?}: {} agents fit", args.agents))?;
+                report.line("starts", format_args!("spawn.kind = {name:?}: {agents} agents fit"))?;
             }
             Err(error) => {
                 report.line("starts", format_args!("spawn.kind = {name:?}: {error}"))?;

@@ -96,7 +96,7 @@ pub(crate) enum MapCliError {
         last: u32,
     },
     /// A radius that no body can have, or for which distances are not known.
-    #[error("--radius-m {radius_m}: allowed is above 0 to {most_m} m, eight cells")]
+    #[error("--radius-m {radius_m}: allowed is above 0 to {most_m} m, 16 cells")]
     Radius {
         /// The requested radius, metres.
         radius_m: f64,

@@ -211,7 +211,7 @@ fn bad_input_is_one_line_and_writes_nothing() {
             "a.m3dm: map size along x is 130 cells, an M3DM file holds 1 to 127",
         ),
         ("convert @good.txt @a.obj --origin 1,2,0", "a.obj: --origin is an option for yaml files"),
-        ("check @good.txt --radius-m 9", "--radius-m 9: allowed is above 0 to 8 m, eight cells"),
+        ("check @good.txt --radius-m 17", "--radius-m 17: allowed is above 0 to 16 m, 16 cells"),
         ("info @good.txt @bad.txt --png @a.png", "--png a.png: a picture is of one map, there are 2"),
     ] {
         assert_eq!(scratch.map(line), Err(expected.to_owned()), "{line}");

@@ -137,7 +137,7 @@ impl MapRoom {
         let cell_m = self.terrain.extent().cell_m();
         let most_m = radius_max_m(cell_m);
         if !(radius_m > 0.0 && radius_m <= most_m) {
-            return Err(format!("a radius of {radius_m} m: allowed is above 0 to {most_m} m, eight cells"));
+            return Err(format!("a radius of {radius_m} m: allowed is above 0 to {most_m} m, 16 cells"));
         }
         Ok(Reach::new(&Clearance::for_body(radius_m, &self.terrain), radius_m / cell_m, self.free))
     }
@@ -309,7 +309,7 @@ mod tests {
         for (query, words) in [
             ("radius_m=no", "radius_m=no: expected metres"),
             ("near=1,2", "near=1,2: expected x,y,z in metres"),
-            ("radius_m=9", "a radius of 9 m: allowed is above 0 to 4 m, eight cells"),
+            ("radius_m=9", "a radius of 9 m: allowed is above 0 to 8 m, 16 cells"),
             ("", "a radius of 0 m"),
         ] {
             let refused = room().answers()(query).unwrap_err();
