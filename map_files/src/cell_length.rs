@@ -9,7 +9,8 @@ use std::borrow::Cow;
 
 use voxels::Extent;
 
-use super::bytes::BYTE_ORDER_MARK;
+use super::FormatError;
+use super::bytes::{BYTE_ORDER_MARK, shown};
 
 /// What stands before the number.
 const KEY: &str = "cell_m = ";
@@ -47,12 +48,21 @@ fn after(bytes: &[u8], searched: usize, is_placed: impl Fn(&str) -> bool) -> Opt
 }
 
 /// A text map without the length in its first line, which stays as an empty one.
-pub(super) fn skip(text: &str) -> Cow<'_, str> {
+///
+/// # Errors
+/// If the first line is meant to hold a length and holds none that is legal.
+pub(super) fn skip(text: &str) -> Result<Cow<'_, str>, FormatError> {
+    let (first, rest) = text.split_once('\n').unwrap_or((text, ""));
+    let Some(value) = first.strip_prefix(KEY.trim_end_matches(" = ")) else { return Ok(Cow::Borrowed(text)) };
     if in_first_line(text.as_bytes()).is_none() {
-        return Cow::Borrowed(text);
+        let value = value.trim().trim_start_matches('=').trim_start();
+        let reason = format!(
+            "cell_m is {}, allowed are finite lengths in metres above 0, written as {KEY}0.5",
+            shown(value.as_bytes())
+        );
+        return Err(FormatError::line(1, reason));
     }
-    let rest = text.split_once('\n').map_or("", |(_, rest)| rest);
-    Cow::Owned(format!("\n{rest}"))
+    Ok(Cow::Owned(format!("\n{rest}")))
 }
 
 /// The first line of a text map: empty for cells of 1 m, which need none.
@@ -75,8 +85,15 @@ mod tests {
         for wrong in ["-1", "0", "inf", "NaN", "x"] {
             assert_eq!(in_first_line(format!("cell_m = {wrong}\n").as_bytes()), None, "{wrong}");
         }
-        assert_eq!(skip("cell_m = 2\n##\n"), "\n##\n");
-        assert_eq!(skip("##\n"), "##\n");
+        assert_eq!(skip("cell_m = 2\n##\n").unwrap(), "\n##\n");
+        assert_eq!(skip("##\n").unwrap(), "##\n");
+        for (line, value) in [("cell_m = 0", "0"), ("cell_m = -1\r", "-1"), ("cell_m=NaN", "NaN"), ("cell_m", "")] {
+            let error = skip(&format!("{line}\n##\n")).unwrap_err().to_string();
+            assert!(
+                error.starts_with(&format!("line 1: cell_m is \"{value}\", allowed are finite lengths")),
+                "{line}: {error}"
+            );
+        }
         assert_eq!(in_first_line("\u{feff}cell_m = 2\n##\n".as_bytes()), Some(2.0));
     }
 }

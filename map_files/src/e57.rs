@@ -1,8 +1,8 @@
 //! Survey scans of E57 (ASTM E2807): the points of all scans of a file, with the poses of these.
 //!
 //! A scan lies where its pose puts it, and its scanner in the origin of the scan; so the pose is
-//! also from where its points were seen. A scan without a pose, or with one at 0 0 0 that is the
-//! only one of its file, may have been put together from several: from where it was seen is not
+//! also from where its points were seen. A scan without a pose, or with one at 0 0 0 where no scan of
+//! the file has another, may have been put together from several: from where it was seen is not
 //! known. Points that are marked as invalid, or have only a direction, are dropped and counted.
 //!
 //! The crate `e57` (0.11) decodes; its author keeps it, and reads files of a dozen scanners. It
@@ -80,9 +80,10 @@ fn scans(bytes: &[u8], work: &mut WorkBudget) -> Result<Scans, FormatError> {
         return Err(damaged(reason));
     }
     let mut scans = Scans { count: clouds.len(), ..Scans::default() };
-    for cloud in &clouds {
-        let pose = pose(cloud)?;
-        let is_known = pose.is_some_and(|pose| clouds.len() > 1 || pose.translation.vector.norm_squared() > 0.0);
+    let poses = clouds.iter().map(pose).collect::<Result<Vec<_>, _>>()?;
+    let are_known = are_known(&poses);
+    for (cloud, pose) in clouds.iter().zip(poses) {
+        let is_known = pose.is_some() && are_known;
         scans.with_pose += usize::from(is_known);
         let pose = pose.unwrap_or_else(Isometry3::identity);
         let seen_from = if is_known { pose.translation.vector.into() } else { [f64::NAN; 3] };
@@ -114,6 +115,12 @@ fn pose(cloud: &PointCloud) -> Result<Option<Isometry3<f64>>, FormatError> {
         return Err(damaged("the pose of a scan is none"));
     }
     Ok(Some(Isometry3::from_parts(place, UnitQuaternion::from_quaternion(turn))))
+}
+
+/// Whether poses say from where points were seen: those of scans that were brought into one frame
+/// lie all in its origin.
+fn are_known(poses: &[Option<Isometry3<f64>>]) -> bool {
+    poses.iter().flatten().any(|pose| pose.translation.vector.norm_squared() > 0.0)
 }
 
 /// Where a point lies in its scan; `None` if it met nothing.
@@ -161,6 +168,14 @@ mod tests {
         // All of it seen from another place.
         let wrong = with(crate::ImportOptions { sensor: Some([-9.0, 2.0, 2.0]), ..Default::default() });
         assert!(wrong.notes.iter().any(|note| note.name == "rays" && note.is_warning));
+    }
+
+    #[test]
+    fn scans_in_one_frame_have_no_sensors() {
+        let at = |x: f64| Some(Isometry3::translation(x, 0.0, 0.0));
+        assert!(!are_known(&[]) && !are_known(&[None]));
+        assert!(!are_known(&[at(0.0)]) && !are_known(&[at(0.0), None, at(0.0)]));
+        assert!(are_known(&[at(2.0)]) && are_known(&[at(0.0), at(2.0)]));
     }
 
     #[test]

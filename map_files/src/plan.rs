@@ -4,6 +4,7 @@
 //! has the highest y.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 
 use voxels::{Cell, Extent, Terrain};
@@ -103,6 +104,9 @@ impl Plan {
         Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
     }
 }
+
+/// The names of the keys that are read.
+const OF_THE_SERVER: [&str; 7] = ["image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate", "mode"];
 
 /// The keys of a `map.yaml` of the map server.
 struct Keys {
@@ -264,7 +268,8 @@ impl Keys {
     }
 }
 
-/// The keys of a file: flat YAML, as the map server and its tools write it.
+/// The keys of a file: flat YAML, as the map server and its tools write it. What is indented belongs
+/// to another key, save the numbers of `origin`.
 fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
     let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -273,19 +278,22 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
     let mut origin: Option<Vec<f64>> = None;
     let (mut occupied_thresh, mut free_thresh, mut negate, mut mode) = (0.65, 0.25, false, Mode::Trinary);
     let mut is_list = false;
-    let mut lines = text.lines().enumerate();
-    while let Some((index, line)) = lines.next() {
-        let at = index + 1;
-        let mut line = Cow::Borrowed(without_comment(line).trim_end());
-        // A list in brackets may go on in the next lines.
-        while line.contains('[') && !line.contains(']') {
-            let Some((_, more)) = lines.next() else { break };
-            line = Cow::Owned(format!("{line} {}", without_comment(more).trim()));
-        }
-        let line = line.as_ref();
-        if line.trim().is_empty() || line == "---" || line == "..." {
+    let mut seen = BTreeSet::new();
+    let mut least = None;
+    let mut lines = in_lines(text).into_iter();
+    while let Some((at, line)) = lines.next() {
+        let mut line = Cow::Borrowed(without_comment(&line).trim_end());
+        if line.is_empty() || line == "---" || line == "..." || line.starts_with('%') {
             continue;
         }
+        let indentation = line.len() - line.trim_start().len();
+        let is_nested = indentation > *least.get_or_insert(indentation);
+        // A list in brackets may go on in the next lines.
+        while !is_nested && line.contains('[') && !line.contains(']') {
+            let Some((_, more)) = lines.next() else { break };
+            line = Cow::Owned(format!("{line} {}", without_comment(&more).trim()));
+        }
+        let line = line.as_ref();
         let wrong = |what: &str, value: &str, expected: &str| {
             FormatError::line(at, format!("{what} is {}, expected {expected}", shown(value.as_bytes())))
         };
@@ -298,10 +306,30 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
             origin.get_or_insert_default().push(number("origin", item)?);
             continue;
         }
+        if is_list && is_nested {
+            return Err(wrong("origin", line.trim(), "[x, y, yaw] on the line of its key, or an item on each line"));
+        }
+        // Of other keys, list items need no indentation.
+        if is_nested || line.trim_start().starts_with('-') {
+            continue;
+        }
         is_list = false;
+        if line.trim_start().starts_with('{') {
+            return Err(FormatError::line(
+                at,
+                "braces are read around the whole file only; write one key on each line",
+            ));
+        }
         let (key, value) = line.split_once(':').ok_or_else(|| wrong("a line", line, "KEY: VALUE"))?;
-        let value = unquoted(value.trim());
-        match unquoted(key.trim()) {
+        let (key, plain) = (unquoted(key.trim()), value.trim());
+        let value = unquoted(plain);
+        if OF_THE_SERVER.contains(&key) && !seen.insert(key.to_owned()) {
+            return Err(FormatError::line(at, format!("{key} is given twice; leave out one of them")));
+        }
+        if OF_THE_SERVER.contains(&key) && plain.starts_with(['>', '|', '&', '*', '!']) {
+            return Err(wrong(key, value, "the value itself, on the line of its key"));
+        }
+        match key {
             "image" => image = Some(value.to_owned()).filter(|value| !value.is_empty()),
             "resolution" => {
                 let metres = number("resolution", value)?;
@@ -320,8 +348,8 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
             "free_thresh" => free_thresh = number("free_thresh", value)?,
             "negate" => {
                 negate = match value {
-                    "0" | "false" | "False" => false,
-                    "1" | "true" | "True" => true,
+                    "0" | "false" | "False" | "FALSE" | "no" | "No" | "NO" | "off" | "Off" | "OFF" => false,
+                    "1" | "true" | "True" | "TRUE" | "yes" | "Yes" | "YES" | "on" | "On" | "ON" => true,
                     _ => return Err(wrong("negate", value, "0 or 1")),
                 }
             }
@@ -360,6 +388,37 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
         negate,
         mode,
     })
+}
+
+/// The lines of a text with their numbers, a key on each: without the braces around flow style and
+/// JSON, and whatever ends a line.
+fn in_lines(text: &str) -> Vec<(usize, Cow<'_, str>)> {
+    let lines = || text.split('\n').flat_map(|line| line.strip_suffix('\r').unwrap_or(line).split('\r')).zip(1..);
+    if !text.trim_start().starts_with('{') || !text.trim_end().ends_with('}') {
+        return lines().map(|(line, at)| (at, Cow::Borrowed(line))).collect();
+    }
+    let (mut depth, mut quote, mut entry) = (0u32, None, String::new());
+    let mut entries = Vec::new();
+    for (line, at) in lines() {
+        // Lines mean nothing here.
+        for character in without_comment(line).chars().chain([' ']) {
+            let outer = depth;
+            match (quote, character) {
+                (Some(open), _) if open == character => quote = None,
+                (None, '"' | '\'') => quote = Some(character),
+                (None, '[' | '{') => depth += 1,
+                (None, ']' | '}') => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            let is_brace = quote.is_none() && outer + depth == 1;
+            if is_brace || (quote.is_none() && depth == 1 && character == ',') {
+                entries.push((at, Cow::Owned(std::mem::take(&mut entry).trim().to_owned())));
+            } else {
+                entry.push(character);
+            }
+        }
+    }
+    entries
 }
 
 /// A line up to its comment, which begins at `#` after a space or at the start of the line.

@@ -44,6 +44,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, Vec<Note>), FormatError> {
             binary(triangles)
         }
         _ if is_text => ascii(bytes)?,
+        Some(_) if is_other_text(bytes) => {
+            let reason = "a text that does not begin with solid; save it as STL, as bytes or as text of UTF-8";
+            return Err(FormatError::line(1, reason));
+        }
         Some(length) => {
             let reason =
                 format!("the file ends here, expected length {length} bytes, or a text that begins with solid");
@@ -52,6 +56,14 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, Vec<Note>), FormatError> {
         None => return Err(FormatError::byte(bytes.len(), "the file ends within its header of 84 bytes")),
     };
     Ok((mesh, notes))
+}
+
+/// Whether the header of a binary file is a text to its end, or one of UTF-16: no number of
+/// triangles.
+fn is_other_text(bytes: &[u8]) -> bool {
+    let is_letter = |byte: &u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
+    let header = &bytes[..bytes.len().min(HEADER)];
+    header.iter().all(is_letter) || header.starts_with(&[0xff, 0xfe]) || header.starts_with(&[0xfe, 0xff])
 }
 
 /// The length that a binary file with this header has.
@@ -143,6 +155,10 @@ mod tests {
         assert!(
             refuse(&[1; 90]).starts_with("byte 90: the file ends here, expected length 842150534 bytes, or a text")
         );
+        let other = "line 1: a text that does not begin with solid; save it";
+        assert!(refuse(format!("; a comment\n{TRIANGLE_TEXT}").as_bytes()).starts_with(other));
+        let wide: Vec<u8> = format!("\u{feff}{TRIANGLE_TEXT}").encode_utf16().flat_map(u16::to_le_bytes).collect();
+        assert!(refuse(&wide).starts_with(other));
         assert_eq!(refuse(b"solid\nvertex 1 2\n"), "line 2: a coordinate is missing");
         assert_eq!(refuse(b"solid\nvertex 1 2 3\nendloop\n"), "line 3: a loop of 1 vertices, expected 3");
         assert_eq!(refuse(b"solid\nvortex\n"), "line 2: \"vortex\" is no key of an STL file");

@@ -13,6 +13,6 @@ fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let text = str::from_utf8(&spec.bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     // Places in errors count the line of the length.
-    let map = cell_length::skip(text);
+    let map = cell_length::skip(text)?;
     with_cells_of(Grid::from_text(&map)?, spec)
 }

@@ -62,11 +62,11 @@ pub struct ImportOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up: Option<Up>,
     /// Meshes and point clouds: metres for each unit of the file [default: 1].
-    #[cfg_attr(feature = "clap", arg(long, value_name = "M"))]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "M", allow_negative_numbers = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
     /// Meshes and point clouds: layers of free cells around what the file holds [default: 0].
-    #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N", allow_negative_numbers = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub margin_cells: Option<u32>,
     /// Meshes, point clouds and OctoMap: what lies outside this box is left out; its lowest and its
@@ -82,7 +82,7 @@ pub struct ImportOptions {
     pub free_from: Option<[f64; 3]>,
     /// With free_from: openings of at most so many cells are closed, so that free space ends at
     /// them [default: 0].
-    #[cfg_attr(feature = "clap", arg(long, value_name = "N"))]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "N", allow_negative_numbers = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gap_cells: Option<u32>,
     /// Point clouds: position of the sensor in the file's own coordinates; cells between it and the

@@ -254,3 +254,37 @@ fn a_picture_may_be_png() {
     assert_eq!(server.notes[0].text, "1 occupied, 2 free, 1 unknown, which become wall");
     assert!(ImportSpec::new("a.png", bytes[..40].to_vec()).read().is_err());
 }
+
+#[test]
+fn only_keys_of_the_map_itself_count() {
+    let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
+    let plain = yaml(KEYS, image).read().unwrap();
+    let flow = "{image: map.pgm, resolution: 0.05, origin: [-10.5, 3, 0.0], negate: no, free_thresh: 0.196}\n";
+    for text in [
+        format!("{KEYS}saved:\n  by: slam\n  resolution: 0.1\n"),
+        format!("{KEYS}meta:\n  text: |\n    a [ b\n    resolution: 7\n"),
+        format!("layers:\n- name: a\n  image: b.pgm\n{KEYS}"),
+        format!("%YAML 1.1\n---\n{KEYS}"),
+        KEYS.replace('\n', "\r"),
+        KEYS.replace('\n', "\r\n"),
+        KEYS.lines().map(|line| format!("  {line}\n")).collect(),
+        KEYS.replace("negate: 0", "negate: off"),
+        flow.to_owned(),
+        flow.replace(", ", ",\n  ").replace("no,", "false, # none\n more: {a: 1, resolution: 7},"),
+        r#"{"image": "map.pgm", "resolution": 0.05, "origin": [-10.5, 3, 0], "note": "a, {b", "free_thresh": 0.196}"#
+            .to_owned(),
+    ] {
+        let imported = yaml(&text, image).read().unwrap_or_else(|error| panic!("{text}: {error}"));
+        assert_eq!(imported, plain, "{text}");
+    }
+    let refuse = |text: &str| yaml(text, image).read().unwrap_err().to_string();
+    assert_eq!(
+        refuse(&format!("{KEYS}resolution: 0.1\n")),
+        "map.yaml: line 7: resolution is given twice; leave out one of them"
+    );
+    let folded = KEYS.replace("image: map.pgm", "image: >-\n  map.pgm");
+    assert!(refuse(&folded).contains("line 1: image is \">-\", expected the value itself"), "{}", refuse(&folded));
+    assert!(refuse(&format!("{{a: 1}}\n{KEYS}")).contains("line 1: braces are read around the whole file only"));
+    assert!(refuse("origin:\n  [1, 2, 3]\n").contains("line 2: origin is"), "{}", refuse("origin:\n  [1, 2, 3]\n"));
+    assert!(refuse("{image: m,\n resolution: x}").contains("line 2: resolution is \"x\""));
+}
