@@ -7,9 +7,9 @@
 //! is full. Its controller sees what was observed meanwhile in one observation afterwards, and
 //! decides as after the end of a task.
 //!
-//! A controller that rests for [`REST_TICKS`] and waits for no time is brought home as well, and goes on from there if it
-//! finds a goal. A trip that has shown nothing new, or bases that do not charge, end the mission:
-//! the agent waits at home for good.
+//! A controller that rests for [`REST_TICKS`] and waits for no time is brought home as well, and
+//! goes on from there if it finds a goal. A trip that has shown nothing new, or bases that do not
+//! charge, end the mission: the agent waits at home for good.
 //!
 //! Invariants: without energy in its observations, or where the scenario says not to go home, the
 //! wrapper is not there. Its controller sees every event, cell and message, in order.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pathlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -140,9 +139,9 @@ class Scenario:
         return f"Scenario({agents['count']} x {agents['controller']}, map {what}, seed {table['seed']})"
 
 
-def _parsed(text: str, paths_from: pathlib.Path, changes: list[tuple[str, Any]]) -> _maes.NativeScenario:
+def _parsed(text: str, paths_from: str, changes: list[tuple[str, Any]]) -> _maes.NativeScenario:
     return _maes.NativeScenario.parse("the scenario", text, changes, paths_from)
 
 
-def _copied(text: str, paths_from: pathlib.Path) -> Scenario:
+def _copied(text: str, paths_from: str) -> Scenario:
     return Scenario._of(_parsed(text, paths_from, []))

@@ -1,6 +1,7 @@
 //! Scenarios: the schema and the checks of the crate `simulation`, with Python values.
 
-use std::path::{Path, PathBuf};
+use std::ffi::OsStr;
+use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use recording::location::recording_at;
@@ -50,8 +51,9 @@ impl PyScenario {
 
     /// The folder that its paths start from; empty: the working directory.
     #[getter]
-    fn paths_from(&self) -> &Path {
-        &self.scenario.map.folder
+    fn paths_from(&self) -> &OsStr {
+        // As a text: Python's own type for paths makes `.` of the empty one.
+        self.scenario.map.folder.as_os_str()
     }
 
     /// All keys as TOML.
