@@ -1,8 +1,8 @@
 //! Survey scans of E57 (ASTM E2807): the points of all scans of a file, with the poses of these.
 //!
 //! A scan lies where its pose puts it, and its scanner in the origin of the scan; so the pose is
-//! also from where its points were seen. A scan without a pose, or with one at 0 0 0 where no scan of
-//! the file has another, may have been put together from several: from where it was seen is not
+//! also from where its points were seen. A scan without a pose, or with one at 0 0 0 where no scan
+//! of the file has another, may have been put together from several: from where it was seen is not
 //! known. Points that are marked as invalid, or have only a direction, are dropped and counted.
 //!
 //! The crate `e57` (0.11) decodes; its author keeps it, and reads files of a dozen scanners. It

@@ -268,8 +268,8 @@ impl Keys {
     }
 }
 
-/// The keys of a file: flat YAML, as the map server and its tools write it. What is indented belongs
-/// to another key, save the numbers of `origin`.
+/// The keys of a file: flat YAML, as the map server and its tools write it. What is indented
+/// belongs to another key, save the numbers of `origin`.
 fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
     let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);

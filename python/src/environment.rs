@@ -290,8 +290,8 @@ impl PyWorlds {
         self.cells(py, world, Environment::team_map)
     }
 
-    /// The `CellState`s of a layer of cells of a world, x fastest: uint8. Walls are those of the true
-    /// map; free cells count as explored if some agent has seen them.
+    /// The `CellState`s of a layer of cells of a world, x fastest: uint8. Walls are those of the
+    /// true map; free cells count as explored if some agent has seen them.
     fn layer<'py>(&self, py: Python<'py>, world: usize, z: u32) -> PyResult<Bound<'py, PyArray1<u8>>> {
         self.cells(py, world, |environment| environment.layer(z))
     }
