@@ -132,5 +132,5 @@ test("a map is measured, and gives a scenario that runs", async ({ page, servers
   await expect(starts).toHaveCount(1);
   await page.getByTestId("room-radius").fill("90");
   await page.getByTestId("room-radius").blur();
-  await expect(page.getByTestId("room-problem")).toContainText("allowed is above 0 to 2 m");
+  await expect(page.getByTestId("room-problem")).toContainText("allowed is above 0 to 4 m");
 });
