@@ -44,7 +44,7 @@ use protocol::lockstep::{AgentSessions, MissingReplies, ObservationRequest, Repl
 use recording::playback::{Playback, RecordedTick};
 use simulation::digest::Digest;
 pub use simulation::end_reason::EndReason;
-use simulation::scenario::{OnAgentLoss, Scenario};
+use simulation::scenario::{OnAgentLoss, Scenario, StopRule};
 use simulation::wire;
 use simulation::world::World;
 use system::wall_clock::nanoseconds;
@@ -255,28 +255,25 @@ impl<'c> Session<'c, '_> {
             self.engine.flush_scans();
             self.observer.progress(self.engine.world());
         }
-        let Scenario { stop_when_covered, stop_when_explored, stop_when_back, .. } = *self.engine.scenario();
-        let is_team_back = self.engine.is_team_back() && stop_when_back;
-        let (stop_when_covered, stop_when_explored) =
-            (stop_when_covered && !stop_when_back, stop_when_explored && !stop_when_back);
-        if stop_when_covered || stop_when_explored {
+        let rule = self.engine.scenario().stop_rule();
+        let is_team_back = self.engine.is_team_back();
+        if matches!(rule, StopRule::Covered | StopRule::Explored) {
             self.engine.flush_scans();
         }
-        // A recording of an earlier build may go on where the team can see nothing more.
-        let is_over = || self.playback.as_ref().is_none_or(|playback| !playback.covers(self.engine.tick()));
-        let is_all_seen = !stop_when_covered && stop_when_explored && is_over() && self.engine.can_see_nothing_more();
-        let (world, scenario) = (self.engine.world(), self.engine.scenario());
-        let is_covered = stop_when_covered && world.coverage().is_covered();
-        let is_explored = !stop_when_covered && stop_when_explored && world.coverage().is_explored();
-        Ok(if is_team_back {
-            Some(EndReason::AllBack)
-        } else if is_covered {
-            Some(EndReason::Covered)
-        } else if is_explored {
-            Some(EndReason::Explored)
-        } else if is_all_seen {
-            Some(EndReason::NothingMoreSeen)
-        } else if self.engine.tick() >= scenario.duration_ticks() {
+        let fulfilled = match rule {
+            StopRule::Back => is_team_back.then_some(EndReason::AllBack),
+            StopRule::Covered => self.engine.world().coverage().is_covered().then_some(EndReason::Covered),
+            StopRule::Explored if self.engine.world().coverage().is_explored() => Some(EndReason::Explored),
+            StopRule::Explored => {
+                // A recording of an earlier build may go on where the team can see nothing more.
+                let is_over = self.playback.as_ref().is_none_or(|playback| !playback.covers(self.engine.tick()));
+                (is_over && self.engine.can_see_nothing_more()).then_some(EndReason::NothingMoreSeen)
+            }
+            StopRule::Duration => None,
+        };
+        Ok(if fulfilled.is_some() {
+            fulfilled
+        } else if self.engine.tick() >= self.engine.scenario().duration_ticks() {
             Some(EndReason::Duration)
         } else if self.is_stopped() {
             Some(EndReason::Interrupted)

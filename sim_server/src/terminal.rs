@@ -19,7 +19,7 @@ use msgs::printable;
 
 use crate::session::{Outcome, RunObserver};
 use protocol::lockstep::listed;
-use simulation::scenario::Scenario;
+use simulation::scenario::{Scenario, StopRule};
 use simulation::world::World;
 use simulation::world::attainable::Attainable;
 use system::progress_bar::{self, TimeLeft};
@@ -35,18 +35,11 @@ const WAITING_PERIOD: Duration = Duration::from_secs(1);
 /// Steps of the bar.
 const BAR_LENGTH: u64 = 10_000;
 
-/// What ends a run before its duration, by which progress is measured.
-#[derive(Debug, Clone, Copy)]
-enum End {
-    Explored,
-    Covered,
-    Duration,
-}
-
 /// Progress display on stderr.
 pub struct Terminal {
     bar: Option<ProgressBar>,
-    end: End,
+    /// By which progress is measured.
+    rule: StopRule,
     time_left: TimeLeft,
     duration: Tick,
     agents: u32,
@@ -63,13 +56,7 @@ impl Terminal {
     /// For a run of a scenario.
     #[must_use]
     pub fn of(scenario: &Scenario) -> Self {
-        let end = match scenario {
-            Scenario { stop_when_back: true, .. } => End::Duration,
-            Scenario { stop_when_covered: true, .. } => End::Covered,
-            Scenario { stop_when_explored: true, .. } => End::Explored,
-            _ => End::Duration,
-        };
-        Self { end, agents: scenario.agents.count, ..Self::new(scenario.last_duration_ticks()) }
+        Self { rule: scenario.stop_rule(), agents: scenario.agents.count, ..Self::new(scenario.last_duration_ticks()) }
     }
 
     /// For what ends after a duration.
@@ -77,7 +64,7 @@ impl Terminal {
     pub fn new(duration: Tick) -> Self {
         Self {
             bar: progress_bar::on_stderr(BAR_LENGTH),
-            end: End::Duration,
+            rule: StopRule::Duration,
             time_left: TimeLeft::default(),
             duration,
             agents: 0,
@@ -169,10 +156,10 @@ impl RunObserver for Terminal {
         let wall_s = now.duration_since(started).as_secs_f64();
         let (explored, covered) = (world.coverage().explored(), world.coverage().covered());
         let elapsed = world.tick().0 as f64 / self.duration.0.max(1) as f64;
-        let done = match self.end {
-            End::Explored => explored / attainable.map_or(1.0, Attainable::seen_share),
-            End::Covered => covered,
-            End::Duration => 0.0,
+        let done = match self.rule {
+            StopRule::Explored => explored / attainable.map_or(1.0, Attainable::seen_share),
+            StopRule::Covered => covered,
+            StopRule::Back | StopRule::Duration => 0.0,
         };
         let until_limit = Duration::try_from_secs_f64(wall_s / elapsed * (1.0 - elapsed).max(0.0)).ok();
         let left = [self.time_left.estimate(now, done), until_limit].into_iter().flatten().min();
@@ -180,7 +167,7 @@ impl RunObserver for Terminal {
             "{:5.1} % explored{}{} | {} left | {:.0} x real time | {} of at most {}",
             explored * 100.0,
             attainable.map_or_else(String::new, |team| format!(" of {:.1} %", team.seen_share() * 100.0)),
-            if let End::Covered = self.end { format!(", {:.1} % covered", covered * 100.0) } else { String::new() },
+            if self.rule == StopRule::Covered { format!(", {:.1} % covered", covered * 100.0) } else { String::new() },
             left.map_or_else(|| "?".to_owned(), progress_bar::clock),
             if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },
             clock(world.tick()),

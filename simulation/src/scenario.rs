@@ -59,6 +59,19 @@ const BODY_CELLS_MAX: f64 = 16.0;
 /// Smallest radius of a body, in cells: below it, rounding decides whether it touches a wall.
 const BODY_CELLS_MIN: f64 = 1e-3;
 
+/// What ends a run before its duration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopRule {
+    /// Every free cell has been seen.
+    Explored,
+    /// A body has been in every free cell.
+    Covered,
+    /// The team has come back to its bases for good.
+    Back,
+    /// Nothing.
+    Duration,
+}
+
 /// Everything that determines a run. The keys are described in docs/scenario.md.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -240,6 +253,17 @@ impl Scenario {
     pub fn third_party(&self) -> BTreeSet<AgentId> {
         let with_own_command = self.agents.with_own_command().filter(|_| !self.agents.command_signs);
         with_own_command.chain(self.agents.cmd_vel.iter().copied()).map(AgentId).collect()
+    }
+
+    /// What ends the run before its duration.
+    #[must_use]
+    pub fn stop_rule(&self) -> StopRule {
+        match self {
+            Self { stop_when_back: true, .. } => StopRule::Back,
+            Self { stop_when_covered: true, .. } => StopRule::Covered,
+            Self { stop_when_explored: true, .. } => StopRule::Explored,
+            _ => StopRule::Duration,
+        }
     }
 
     /// The tick at which the run ends at the latest.

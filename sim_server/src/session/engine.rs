@@ -30,7 +30,7 @@ use protocol::stage::Stage;
 use protocol::wake_condition::WakeCondition;
 use recording::playback::RecordedTick;
 use simulation::digest::{Chain, Digest};
-use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent};
+use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent, StopRule};
 use simulation::wire::{self, Change, MapChangeCause};
 use simulation::workers::Workers;
 use simulation::world::attainable::Attainable;
@@ -39,6 +39,8 @@ use simulation::world::energy::EnergyTotals;
 use simulation::world::map_change::{CellBox, MapChange};
 use simulation::world::{Presence, World};
 use voxels::Terrain;
+
+mod completion;
 
 /// A committed exchange with an agent.
 pub(super) struct CommittedReply {
@@ -59,12 +61,6 @@ pub(super) struct Shown<'e> {
 /// Beyond so many bytes the digest waits for no scans any more: in a tick in which a thousand
 /// agents exchange their maps, observations have some gigabytes.
 const KEPT_BYTES_MAX: usize = 1 << 25;
-
-/// Share of the free cells with which the time until the team is home is taken.
-const EXPLORED_ENOUGH: f64 = 0.99;
-
-/// Time in its bases after which a team without a goal has come back for good.
-const WAITED_TICKS: u64 = 500;
 
 /// The state of a run.
 pub(super) struct Engine<'a> {
@@ -103,7 +99,7 @@ pub(super) struct Engine<'a> {
 
 impl<'a> Engine<'a> {
     pub(super) fn new(scenario: &'a Scenario, mut world: World) -> Result<Self, RunError> {
-        if !scenario.stop_when_explored && !scenario.stop_when_covered {
+        if matches!(scenario.stop_rule(), StopRule::Back | StopRule::Duration) {
             world.defer_scans();
         }
         let agents = scenario.agents.count as usize;
@@ -213,47 +209,6 @@ impl<'a> Engine<'a> {
         if earlier.digest() == recorded {
             self.chain = earlier;
         }
-    }
-
-    /// Whether all agents rest and nothing more can be seen from where their bodies can be, with no
-    /// event ahead that could change it. Call [`Engine::settle`] before.
-    pub(super) fn can_see_nothing_more(&mut self) -> bool {
-        let rests =
-            |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting) && !self.world.body(agent).is_active();
-        let is_team_at_rest = || self.world.agents().filter(|&agent| self.takes_part(agent)).all(rests);
-        if !(self.schedule.is_empty() && self.joining.is_empty() && is_team_at_rest()) {
-            return false;
-        }
-        let explored = self.world.coverage().explored_count();
-        if self.rested_at == Some(explored) {
-            return false;
-        }
-        self.rested_at = Some(explored);
-        !self.world.is_anything_left()
-    }
-
-    /// Whether the whole team has come back to its bases for good: all is explored, or all agents
-    /// have waited there, and no event is ahead. Notes the first time with [`EXPLORED_ENOUGH`].
-    pub(super) fn is_team_back(&mut self) -> bool {
-        if self.scenario.energy.is_none() {
-            return false;
-        }
-        let mut team = self.world.agents().filter(|&agent| self.world.presence(agent).is_in_world()).peekable();
-        if team.peek().is_none() || !team.all(|agent| self.world.is_home(agent)) {
-            self.waiting_since = None;
-            return false;
-        }
-        self.flush_scans();
-        let is_explored = self.world.coverage().is_explored();
-        if self.world.coverage().explored() >= EXPLORED_ENOUGH {
-            self.world.note_team_is_home();
-        }
-        let waits = |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting);
-        let tick = self.tick();
-        let do_all_wait = self.world.agents().filter(|&agent| self.takes_part(agent)).all(waits);
-        self.waiting_since = do_all_wait.then(|| self.waiting_since.unwrap_or(tick));
-        let is_over = is_explored || self.waiting_since.is_some_and(|since| tick >= since.after(WAITED_TICKS));
-        self.schedule.is_empty() && self.joining.is_empty() && is_over
     }
 
     /// The digest up to the last tick.
