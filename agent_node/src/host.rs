@@ -370,11 +370,7 @@ impl<T: ServerTransport> Host<T> {
         let Some(hosted) = self.agents.get_mut(&id).filter(|hosted| hosted.is_accepted) else {
             return Ok(());
         };
-        let verified = match &hosted.key {
-            Some(key) => part.verify(key),
-            None => Ok(part.trusted()),
-        };
-        let Ok(mut part) = verified else {
+        let Ok(mut part) = part.verify_with(hosted.key.as_ref()) else {
             self.ignore(id, &format!("an observation of tick {tick} that the server has not signed is ignored"));
             return Ok(());
         };
@@ -416,11 +412,8 @@ impl<T: ServerTransport> Host<T> {
             wait_up_to(self.chaos_delay);
         }
         let command = Command { run: self.run, ..command };
-        let signed = match self.agents.get(&agent).and_then(|hosted| hosted.key.as_ref()) {
-            Some(key) => Signed::sign(command, key),
-            None => Signed::unsigned(command),
-        };
-        self.transport.send_command(&signed);
+        let key = self.agents.get(&agent).and_then(|hosted| hosted.key.as_ref());
+        self.transport.send_command(&Signed::sign_with(command, key));
     }
 }
 

@@ -50,6 +50,15 @@ impl<T> Signed<T> {
         Self { payload, signature }
     }
 
+    /// A message with the signature of a key, if there is one.
+    #[must_use]
+    pub fn sign_with(payload: T, key: Option<&impl Signs<T>>) -> Self {
+        match key {
+            Some(key) => Self::sign(payload, key),
+            None => Self::unsigned(payload),
+        }
+    }
+
     /// The message, if it has the signature of a key.
     ///
     /// # Errors
@@ -58,6 +67,17 @@ impl<T> Signed<T> {
         match is_equal(&key.signature(&self.payload), &self.signature) {
             true => Ok(Verified(self.payload)),
             false => Err(ForgedError),
+        }
+    }
+
+    /// The message, if it has the signature of a key; without a key, it is [trusted](Self::trusted).
+    ///
+    /// # Errors
+    /// See [`Signed::verify`].
+    pub fn verify_with(self, key: Option<&impl Signs<T>>) -> Result<Verified<T>, ForgedError> {
+        match key {
+            Some(key) => self.verify(key),
+            None => Ok(self.trusted()),
         }
     }
 

@@ -38,10 +38,8 @@ impl Authentication {
     pub(super) fn join(&self, join: Join, source: [u8; 16]) -> Signed<JoinRequest> {
         let starts = self.credentials.as_ref().map_or(0, |credentials| credentials.starts);
         let request = JoinRequest { join, nonce: self.nonce(), starts };
-        match self.secret() {
-            Some(secret) => Signed::sign(request, &secret.join_key(&self.announcement, &source)),
-            None => Signed::unsigned(request),
-        }
+        let key = self.secret().map(|secret| secret.join_key(&self.announcement, &source));
+        Signed::sign_with(request, key.as_ref())
     }
 
     /// The reply to a join, and the key that follows from it if messages are signed.

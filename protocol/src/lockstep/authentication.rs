@@ -39,17 +39,13 @@ impl Grant {
 
     /// A command of the process, if it is signed by it.
     pub(super) fn verify(&self, agent: AgentId, command: Signed<Command>) -> Result<Verified<Command>, Refusal> {
-        let Some(key) = &self.key else { return Ok(command.trusted()) };
         let tick = Tick(command.claimed().tick);
-        command.verify(key).map_err(|_| Refusal::ForgedCommand { agent, tick })
+        command.verify_with(self.key.as_ref()).map_err(|_| Refusal::ForgedCommand { agent, tick })
     }
 
     /// Signs a fragment of an observation for the process.
     pub(super) fn sign(&self, fragment: Fragment) -> Signed<Fragment> {
-        match &self.key {
-            Some(key) => Signed::sign(fragment, key),
-            None => Signed::unsigned(fragment),
-        }
+        Signed::sign_with(fragment, self.key.as_ref())
     }
 }
 

@@ -126,10 +126,7 @@ impl Signing {
     /// The command of a member.
     fn command(&mut self, command: Command) -> Inbound {
         let agent = command.agent as usize;
-        let signed = match &self.keys[agent] {
-            Some(key) => Signed::sign(command, key),
-            None => Signed::unsigned(command),
-        };
+        let signed = Signed::sign_with(command, self.keys[agent].as_ref());
         self.macs[agent] = SignedCommand::from(signed.clone()).mac;
         Inbound::Command(signed)
     }
@@ -332,10 +329,7 @@ impl AgentTransport for Script<'_> {
 
     fn send(&mut self, agent: AgentId, signed: Signed<Observation>) {
         let key = self.signing.as_ref().and_then(|signing| signing.keys[agent.index()].as_ref());
-        let part = match key {
-            Some(key) => signed.verify(key).expect("each observation is signed"),
-            None => signed.trusted(),
-        };
+        let part = signed.verify_with(key).expect("each observation is signed");
         assert!(cdr::encode(&*part).len() <= OBSERVATION_BYTES_MAX, "a part is larger than a sample may be");
         if (part.tick, part.phase) != (self.tick, self.phase) {
             (self.tick, self.phase) = (part.tick, part.phase);
