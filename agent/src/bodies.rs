@@ -50,6 +50,19 @@ pub fn legs_s(
     points.into_iter().map(leg_s).sum()
 }
 
+/// Length of the legs along points, metres.
+#[must_use]
+pub fn legs_m(from: &Point3<f64>, points: &[Point3<f64>]) -> f64 {
+    std::iter::once(from).chain(points).zip(points).map(|(from, to)| (to - from).norm()).sum()
+}
+
+/// The place on a leg by `by` that is nearest to a point, as a share of it, 0 to 1.
+#[must_use]
+pub fn nearest_share(from: &Point3<f64>, by: &Vector3<f64>, point: &Point3<f64>) -> f64 {
+    let length_squared = by.norm_squared();
+    if length_squared > 0.0 { ((point - from).dot(by) / length_squared).clamp(0.0, 1.0) } else { 0.0 }
+}
+
 /// Time from rest to rest over a distance, seconds.
 fn ramp_s(distance: f64, speed_max: f64, acceleration: f64, deceleration: f64) -> f64 {
     let per_speed_s = 1.0 / acceleration + 1.0 / deceleration;

@@ -11,7 +11,7 @@ use protocol::limits::PATH_POINTS_MAX;
 use voxels::Cell;
 
 use super::Ctx;
-use agent::bodies::{BodyModel, leg_s, legs_s};
+use agent::bodies::{BodyModel, leg_s, legs_m, legs_s, nearest_share};
 use agent::command::Motion;
 use agent::navigation::NavigationStatus;
 use agent::observation::Contact;
@@ -101,8 +101,8 @@ impl Ctx<'_> {
     }
 
     fn do_legs_touch(&self, from: Point3<f64>, waypoints: &[Point3<f64>]) -> bool {
-        let mut at = from;
-        waypoints.iter().any(|&next| !self.is_clear_of_contacts(&std::mem::replace(&mut at, next), &next))
+        let mut legs = std::iter::once(&from).chain(waypoints).zip(waypoints);
+        legs.any(|(from, to)| !self.is_clear_of_contacts(from, to))
     }
 
     fn way_home_by(
@@ -160,9 +160,8 @@ impl Ctx<'_> {
         let own_m = self.body().radius_m;
         let along = to - from;
         let is_clear = |contact: &Contact| {
-            let offset = contact.position - from;
-            let share = (offset.dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            (offset - along * share).norm() > own_m + self.run_info().bodies.of(contact.agent).radius_m
+            let share = nearest_share(from, &along, &contact.position);
+            (contact.position - from - along * share).norm() > own_m + self.run_info().bodies.of(contact.agent).radius_m
         };
         self.contacts.iter().all(is_clear)
     }
@@ -171,9 +170,7 @@ impl Ctx<'_> {
     fn cost_j(&self, model: &EnergyModel, waypoints: &[Point3<f64>]) -> f64 {
         let time_s = legs_s(self.body(), (self.position(), self.yaw_rad()), waypoints.iter().copied(), 1.0)
             + SPARE_OF_LEG_S * waypoints.len() as f64;
-        let mut at = self.position();
-        let length_m: f64 = waypoints.iter().map(|&next| (next - std::mem::replace(&mut at, next)).norm()).sum();
-        model.drawn_j(time_s, length_m) * (1.0 + SPARE)
+        model.drawn_j(time_s, legs_m(&self.position(), waypoints)) * (1.0 + SPARE)
     }
 }
 

@@ -11,6 +11,7 @@ use voxels::Cell;
 use super::super::Ctx;
 use super::obstacles::Obstacles;
 use agent::abstract_graph::{AbstractGraph, ShortestPaths};
+use agent::bodies::legs_m;
 use agent::command::Motion;
 use agent::navigation::NavigationStatus;
 use agent::observation::Observation;
@@ -61,7 +62,7 @@ pub(super) fn hold(observation: &Observation) -> Motion {
 /// Length of a motion along waypoints from `from`, metres; 0 for other motions.
 pub(super) fn path_length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
     let Motion::Path(waypoints) = motion else { return 0.0 };
-    std::iter::once(from).chain(waypoints).zip(waypoints).map(|(from, to)| (to - from).norm()).sum()
+    legs_m(from, waypoints)
 }
 
 /// The motion to a cell in a region that has been reached, if a path avoids the other agents.

@@ -5,7 +5,7 @@
 use nalgebra::{Point3, Vector3};
 use voxels::{BodyLattice, Cell, Extent};
 
-use agent::bodies::Bodies;
+use agent::bodies::{Bodies, nearest_share};
 use agent::command::Motion;
 use agent::observation::Contact;
 
@@ -138,13 +138,8 @@ impl Obstacles {
     /// the start does not count unless the leg comes nearer still.
     pub(crate) fn block(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
         let by = to - from;
-        let length_squared = by.norm_squared();
         self.near.iter().any(|obstacle| {
-            let share = if length_squared > 0.0 {
-                ((obstacle.at - from).dot(&by) / length_squared).clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
+            let share = nearest_share(from, &by, &obstacle.at);
             let apart = (obstacle.at - (from + by * share)).norm();
             apart < obstacle.clearance_m && share > 0.0
         })
