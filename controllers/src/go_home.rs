@@ -185,13 +185,14 @@ impl GoHome {
     fn homewards(&self, motion: Motion, is_idle: bool, info: &str) -> Command {
         let wake = match motion {
             Motion::Stop => WakeCondition::NEXT_TICK,
-            _ => WakeCondition::TASK_DONE.or(self.wake_of_idle(is_idle)),
+            _ => self.wake_on_the_way(is_idle),
         };
         Command::new(motion, wake).with_stage(Stage::Relocating).with_info(info)
     }
 
-    fn wake_of_idle(&self, is_idle: bool) -> WakeCondition {
-        if is_idle { self.inner_wake } else { NEVER }
+    /// With the next decision of its controller, if that may find a goal.
+    fn wake_on_the_way(&self, is_idle: bool) -> WakeCondition {
+        WakeCondition::TASK_DONE.or(if is_idle { self.inner_wake } else { NEVER })
     }
 
     fn returning(&mut self, observation: &Observation, energy: &Energy, is_idle: bool, ctx: &mut Ctx<'_>) -> Command {
@@ -211,7 +212,7 @@ impl GoHome {
             let aside = collision_recovery::step_aside_for(HOLD_TICKS, &mut self.rng, ctx);
             return aside.with_stage(Stage::Relocating);
         }
-        let wake = WakeCondition::TASK_DONE.or(self.wake_of_idle(is_idle));
+        let wake = self.wake_on_the_way(is_idle);
         if observation.is_active && !has_collided && !observation.events.intersects(EventMask::REVISED) {
             return Command::keep(wake);
         }
