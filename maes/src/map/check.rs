@@ -6,6 +6,7 @@
 use std::io::Write;
 
 use mapgen::repair;
+use protocol::body_model::BodyModel;
 use simulation::world::attainable::{Attainable, Bodies};
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnSpec};
@@ -26,9 +27,6 @@ const RAYS: u32 = 5124;
 /// Most parts and passages that a report names.
 const SHOWN: usize = 3;
 
-/// Radius of a body that is not given, metres: the default of body.radius_m.
-const RADIUS_M: f64 = 0.4;
-
 /// Seed of the starts that are tried.
 const SEED: u64 = 1;
 
@@ -38,7 +36,7 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let imported = spec.read()?;
     let extent = imported.terrain.extent();
     let most_m = radius_max_m(extent.cell_m());
-    let radius_m = args.radius_m.unwrap_or(RADIUS_M.min(most_m));
+    let radius_m = args.radius_m.unwrap_or(BodyModel::default().radius_m.min(most_m));
     if !(radius_m > 0.0 && radius_m <= most_m) {
         return Err(MapCliError::Radius { radius_m, most_m });
     }

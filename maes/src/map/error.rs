@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 use voxels::ExtentError;
+use voxels::clearance::REACH_CELLS;
 
 use map_files::{FormatError, ImportError};
 use mapgen::MapError;
@@ -96,7 +97,7 @@ pub(crate) enum MapCliError {
         last: u32,
     },
     /// A radius that no body can have, or for which distances are not known.
-    #[error("--radius-m {radius_m}: allowed is above 0 to {most_m} m, 16 cells")]
+    #[error("--radius-m {radius_m}: allowed is above 0 to {most_m} m, {REACH_CELLS} cells")]
     Radius {
         /// The requested radius, metres.
         radius_m: f64,

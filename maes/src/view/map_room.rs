@@ -14,6 +14,7 @@ use nalgebra::Point3;
 use serde::Serialize;
 use sim_server::setup;
 use simulation::world::spawn::{Site, SpawnSpec};
+use voxels::clearance::REACH_CELLS;
 use voxels::{BodyLattice, Cell, Clearance, Grid, Terrain, line_of_sight};
 
 use crate::map::reach::{Reach, radius_max_m};
@@ -137,7 +138,7 @@ impl MapRoom {
         let cell_m = self.terrain.extent().cell_m();
         let most_m = radius_max_m(cell_m);
         if !(radius_m > 0.0 && radius_m <= most_m) {
-            return Err(format!("a radius of {radius_m} m: allowed is above 0 to {most_m} m, 16 cells"));
+            return Err(format!("a radius of {radius_m} m: allowed is above 0 to {most_m} m, {REACH_CELLS} cells"));
         }
         Ok(Reach::new(&Clearance::for_body(radius_m, &self.terrain), radius_m / cell_m, self.free))
     }
