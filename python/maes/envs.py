@@ -246,6 +246,11 @@ class FlatObservations(BaseParallelWrapper[str, Any, Any]):
         return self._flat(shown), *rest
 
 
+def _check_single(worlds: Worlds) -> None:
+    if worlds.agents != 1:
+        raise _maes.BadInput(f"agents.count = {worlds.agents}: expected 1; parallel_env has teams")
+
+
 class ExplorationEnv(_OneWorld, gymnasium.Env[Any, Any]):
     """A single agent in one world, as a Gymnasium environment.
 
@@ -259,8 +264,7 @@ class ExplorationEnv(_OneWorld, gymnasium.Env[Any, Any]):
         if scenario is None:
             arguments.setdefault("agents", 1)
         self._prepare(scenario, arguments)
-        if self._worlds.agents != 1:
-            raise _maes.BadInput(f"agents.count = {self._worlds.agents}: expected 1; parallel_env has teams")
+        _check_single(self._worlds)
         if (seed := arguments.get("seed")) is not None:
             self._np_random, self._np_random_seed = generator_of(seed)
         self.observation_space = self._space()
@@ -319,8 +323,7 @@ class ExplorationVectorEnv(EzPickle, VectorEnv[Any, Any, Any]):
         if scenario is None:
             arguments.setdefault("agents", 1)
         self._worlds = Worlds(num_envs, scenario, seed=seed, **arguments)
-        if self._worlds.agents != 1:
-            raise _maes.BadInput(f"agents.count = {self._worlds.agents}: expected 1; parallel_env has teams")
+        _check_single(self._worlds)
         self.num_envs, self.render_mode, self.copy = num_envs, render_mode, copy
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
