@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# easystarjs 0.4.4: a road that costs 0.1 a tile is not taken, the same map with all costs times
-# ten is driven on the road.
+# easystarjs 0.4.4: a road that costs 0.1 a tile is not taken, the same map with all costs times ten
+# is driven on the road.
 #
 # Expected: `setTileCost` takes the multiplicative cost of a tile; multiplying every cost by ten
 # leaves the cheapest path as it is.

@@ -6,8 +6,8 @@
 # (area or point) the one that GDAL gives.
 # Seen: two files of one raster, cells of 10 m, have one extent in GDAL. In JavaScript the one whose
 # heights are points (as of SRTM and of many heightmaps) has the centre of its first cell as its
-# corner: left and right are 5 m too far east, top and bottom 5 m too far south, and
-# `getOrigin` moves with them. `pixelIsArea()` tells the two apart.
+# corner: left and right are 5 m too far east, top and bottom 5 m too far south, and `getOrigin`
+# moves with them. `pixelIsArea()` tells the two apart.
 # So: without `pixelIsArea()` take half a cell off, towards the north west, before placing terrain.
 set -eu
 dir=$(mktemp -d)

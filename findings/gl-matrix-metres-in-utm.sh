@@ -2,8 +2,8 @@
 # gl-matrix 3.4.4 (npm): a position in UTM is off by 10 cm after it was put into a vector, and two
 # robots 20 cm apart are at one place.
 #
-# Expected: JavaScript's numbers are doubles, so `vec3.fromValues(462271.877, 5249737.396, 400)` is that,
-# as in three's Vector3.
+# Expected: JavaScript's numbers are doubles, so `vec3.fromValues(462271.877, 5249737.396, 400)` is
+# that, as in three's Vector3.
 # Seen: vectors, quaternions and matrices are Float32Arrays: the northing becomes 5249737.5, and
 # `vec3.distance` between two positions 20 cm apart is 0.
 # So: `glMatrix.setMatrixArrayType(Array)` before anything else, or subtract a local origin first.

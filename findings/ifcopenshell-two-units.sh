@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # ifcopenshell 0.9.0.post1: of one wall the placement is in millimetres and the geometry in metres.
 #
-# Expected: what the library says of one element, `get_local_placement` and `create_shape`, is in one
-# unit, that of the file or metres.
+# Expected: what the library says of one element, `get_local_placement` and `create_shape`, is in
+# one unit, that of the file or metres.
 # Seen: a wall at (10, 20) m in a file whose unit is mm, the library's default, has the placement
-# (10000, 20000, 0) and vertices from (0, 0, 0) to (5, 0.2, 3). Their sum, the way to put the
-# walls of a building together, makes a cloud of walls of kilometres; the matrix that comes with
-# the shape is in metres.
+# (10000, 20000, 0) and vertices from (0, 0, 0) to (5, 0.2, 3). Their sum, the way to put the walls
+# of a building together, makes a cloud of walls of kilometres; the matrix that comes with the shape
+# is in metres.
 # So: multiply placements and quantities by `ifcopenshell.util.unit.calculate_unit_scale(file)`, or
 # take the shape's own matrix, or `use-world-coords`.
 set -eu

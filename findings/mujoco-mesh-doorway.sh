@@ -4,12 +4,12 @@
 #
 # Expected: range finder and contacts see one geometry, and `geom_xpos` of a wall at (5, 0, 0)
 # without a rotation is that.
-# Seen: rays are cast at the triangles and go through the doorway; contacts are with the convex hull,
-# so a robot in the middle of the doorway is 0.4 m deep in the wall. The mesh is moved to its centre
-# of mass and turned to its axes of inertia: `geom_xpos` is 1.3 m higher and `geom_xmat` is turned
-# by 90 degrees.
+# Seen: rays are cast at the triangles and go through the doorway; contacts are with the convex
+# hull, so a robot in the middle of the doorway is 0.4 m deep in the wall. The mesh is moved to its
+# centre of mass and turned to its axes of inertia: `geom_xpos` is 1.3 m higher and `geom_xmat` is
+# turned by 90 degrees.
 # So: cut buildings into convex parts (each its own mesh) before loading them; compare poses of
-# bodies, not of geoms. A map made of rays shows doors that nobody can pass.
+# bodies, not of geoms. A map made of rays shows doors that cannot be passed.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

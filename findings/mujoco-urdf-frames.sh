@@ -2,12 +2,12 @@
 # mujoco 4.0.0: of a URDF robot the base hangs in the air without a mass, and the frames of fixed
 # joints are gone.
 #
-# Expected: a robot that is loaded from URDF falls when nothing holds it, weighs what its links weigh,
-# and has a body for each link, so that a laser can be placed at the link `lidar`.
+# Expected: a robot that is loaded from URDF falls when nothing holds it, weighs what its links
+# weigh, and has a body for each link, so that a laser can be placed at the link `lidar`.
 # Seen: the first link becomes the world itself: its 10 kg are gone, it does not fall, and the links
 # that are fixed to it, with their masses, are gone as well; a link that is fixed to a moving one is
-# merged with that. Four links and 14 kg leave one body of 2 kg. Shapes for display only are left out
-# too, so a wall without <collision> is not there for rays.
+# merged with that. Four links and 14 kg leave one body of 2 kg. Shapes for display only are left
+# out too, so a wall without <collision> is not there for rays.
 # So: add `<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco>` to the file and a
 # floating joint at its root; compare the sum of the masses with the file's.
 set -eu

@@ -4,9 +4,9 @@
 #
 # Expected: a planner whose state validity checker forbids the wall returns no path to the other
 # side; `PathGeometric.check()` finds what is wrong.
-# Seen: motions are checked at steps of 1 % of the diameter of the bounds, here 1.4 m, and every wall
-# that is thinner may be stepped over: RRTConnect finds an "Exact solution" of 3 to 5 states, and
-# `check()`, with the same steps, agrees. The same wall with the resolution at 0.1 % stops it. A
+# Seen: motions are checked at steps of 1 % of the diameter of the bounds, here 1.4 m, and every
+# wall that is thinner may be stepped over: RRTConnect finds an "Exact solution" of 3 to 5 states,
+# and `check()`, with the same steps, agrees. The same wall with the resolution at 0.1 % stops it. A
 # hall that is declared larger than the building makes its walls thinner.
 # So: `setStateValidityCheckingResolution(half the thinnest wall / getMaximumExtent())` whenever the
 # bounds are set, and check final paths with a checker of your own.

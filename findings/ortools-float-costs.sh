@@ -4,8 +4,8 @@
 #
 # Expected: a callback that returns 0.37, or an array of floats as costs, is optimised as it is, or
 # refused, as `RegisterTransitMatrix` refuses a float.
-# Seen: each float that a transit callback returns counts as 0, 370.0 too, so the first tour that
-# is found is optimal, here half as long again as the shortest; with `int` around it, it is right.
+# Seen: each float that a transit callback returns counts as 0, 370.0 too, so the first tour that is
+# found is optimal, here half as long again as the shortest; with `int` around it, it is right.
 # `SimpleLinearSumAssignment` cuts 0.9 and 0.1 to 0: robots get the farther goal, the status is
 # OPTIMAL.
 # So: scale and round costs to integers yourself, and recompute the cost of the answer.

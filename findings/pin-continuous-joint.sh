@@ -4,11 +4,11 @@
 #
 # Expected: a joint that turns has one value, its angle, or two that are checked.
 # Seen: of type "continuous" the configuration is (cos, sin), of "revolute" it is the angle. A
-# vector [0.5, 0] is taken as it is: the "rotation" of the wheel is diag(0.5, 0.5, 1), and all
-# that hangs on it is scaled. Nothing is raised, and the order of the other joints in the vector
-# is shifted by one. A coupled joint (`mimic`) is a free one unless `mimic=True` is given.
-# So: start from `pin.neutral(model)` and move by `pin.integrate`; check `model.nq == model.nv` before
-# a vector of angles is passed.
+# vector [0.5, 0] is taken as it is: the "rotation" of the wheel is diag(0.5, 0.5, 1), and all that
+# hangs on it is scaled. Nothing is raised, and the order of the other joints in the vector is
+# shifted by one. A coupled joint (`mimic`) is a free one unless `mimic=True` is given.
+# So: start from `pin.neutral(model)` and move by `pin.integrate`; check `model.nq == model.nv`
+# before a vector of angles is passed.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

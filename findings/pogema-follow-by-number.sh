@@ -2,14 +2,14 @@
 # pogema 1.4.0: whether one agent may follow another into the cell that it leaves depends on their
 # numbers.
 #
-# Expected: in multi-agent path finding an agent may enter a cell in the step in which another leaves
-# it (only shared cells and swaps are conflicts), or never may; the names of the agents do not
-# matter.
+# Expected: in multi-agent path finding an agent may enter a cell in the step in which another
+# leaves it (only shared cells and swaps are conflicts), or never may; the names of the agents do
+# not matter.
 # Seen: with the default collision system, "priority", agents move one after the other: agent 1 may
 # follow agent 0, agent 0 behind agent 1 stands still. "block_both" forbids both, "soft" allows
 # both.
-# So: use `collision_system="soft"` to execute the plans of a solver; compare policies only with
-# the same one, since queues flow or stall by the numbering.
+# So: use `collision_system="soft"` to execute the plans of a solver; compare policies only with the
+# same one, since queues flow or stall by the numbering.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

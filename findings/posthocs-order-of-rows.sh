@@ -2,13 +2,14 @@
 # scikit-posthocs 0.17.1: Wilcoxon's test for pairs gives p = 0.000002 or 0.9 by the order of the
 # table's rows, and `posthoc_ttest` is not for pairs.
 #
-# Expected: a table in long form, with one row per scenario and planner, has the same p values however
-# its rows are sorted; a paired test takes a column that says what is paired, as
+# Expected: a table in long form, with one row per scenario and planner, has the same p values
+# however its rows are sorted; a paired test takes a column that says what is paired, as
 # `posthoc_nemenyi_friedman` does (`block_col`).
-# Seen: `posthoc_wilcoxon(table, val_col, group_col)` pairs the n-th row of one group with the n-th of
-# the other. Of 20 scenarios, each 0.1 s slower with one planner, shuffled rows lose all evidence.
-# So: sort by scenario before the call, which matters for results that are written as runs
-# end; or pivot the table and test its columns with SciPy.
+# Seen: `posthoc_wilcoxon(table, val_col, group_col)` pairs the n-th row of one group with the n-th
+# of the other. Of 20 scenarios, each 0.1 s slower with one planner, shuffled rows lose all
+# evidence.
+# So: sort by scenario before the call, which matters for results that are written as runs end; or
+# pivot the table and test its columns with SciPy.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

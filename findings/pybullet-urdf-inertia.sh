@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # pybullet 3.2.7: the inertia in a URDF file is not used, unless a flag says so.
 #
-# Expected: `<inertia ixx="0.5" iyy="0.6" izz="0.7"/>` is the inertia of the link, as in every
-# other simulator that reads URDF.
+# Expected: `<inertia ixx="0.5" iyy="0.6" izz="0.7"/>` is the inertia of the link, as in every other
+# simulator that reads URDF.
 # Seen: `loadURDF` computes it from the collision shape, here 0.333 on each axis of a box of 2 kg;
 # only with the flag URDF_USE_INERTIA_FROM_FILE the file counts.
 # So: give the flag whenever motion is compared between simulators, above all for links whose

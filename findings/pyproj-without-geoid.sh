@@ -2,9 +2,9 @@
 # pyproj 3.7.2: from ellipsoidal height to height above the geoid and nothing changes, also with
 # `only_best=True`.
 #
-# Expected: from EPSG:4979 to EPSG:4326+5773 (EGM96) a point near Zurich at 500 m becomes 453 m; if the
-# grid of the geoid is not at hand, as in a wheel without network, there is an error, at the latest
-# with `only_best=True`, "raise if the best transformation is not available".
+# Expected: from EPSG:4979 to EPSG:4326+5773 (EGM96) a point near Zurich at 500 m becomes 453 m; if
+# the grid of the geoid is not at hand, as in a wheel without network, there is an error, at the
+# latest with `only_best=True`, "raise if the best transformation is not available".
 # Seen: 500.0 comes back as 500.0, without a warning, for EGM96 and EGM2008. `accuracy` is -1 and
 # the description says "ballpark vertical transformation". Only `allow_ballpark=False` raises.
 # So: pass `allow_ballpark=False` whenever heights matter, and test one known point: barometers and

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# pyrealsense2 2.59.1.11053: the hole-filling filter, set to take the farthest neighbour, fills a gap
-# with what is on its left; set to the nearest, it fills nothing.
+# pyrealsense2 2.59.1.11053: the hole-filling filter, set to take the farthest neighbour, fills a
+# gap with what is on its left; set to the nearest, it fills nothing.
 #
-# Expected: mode 1, the default, is "farest from around": a hole between a wall at 1 m and one at 4 m
-# gets 4 m; mode 2, "nearest from around", gets 1 m.
+# Expected: mode 1, the default, is "farest from around": a hole between a wall at 1 m and one at 4
+# m gets 4 m; mode 2, "nearest from around", gets 1 m.
 # Seen: in mode 1 ten columns without depth between 1 m on the left and 4 m on the right all become
 # 1 m; with the picture mirrored they become 4 m: pixels to the right do not count as "around". In
 # mode 2 the hole stays, in both pictures, since a neighbour without depth is the nearest; it only

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# pyrealsense2 2.59.1.11053: a point that is projected and deprojected with "modified Brown-Conrady",
-# the lens of colour streams, comes back beside itself.
+# pyrealsense2 2.59.1.11053: a point that is projected and deprojected with "modified
+# Brown-Conrady", the lens of colour streams, comes back beside itself.
 #
 # Expected: `rs2_deproject_pixel_to_point` undoes `rs2_project_point_to_pixel` for each distortion
 # model, or refuses one that it cannot undo.
 # Seen: for none, Brown-Conrady, inverse Brown-Conrady and Kannala-Brandt it does; for modified
-# Brown-Conrady the distortion is ignored on the way back, and (0.4, 0.2, 1) becomes
-# (0.408, 0.204, 1) with k1 = 0.1: 9 mm at 1 m, more to the edge. (The C source asserts that this
-# model is not given; the wheel has no assertions.)
+# Brown-Conrady the distortion is ignored on the way back, and (0.4, 0.2, 1) becomes (0.408, 0.204,
+# 1) with k1 = 0.1: 9 mm at 1 m, more to the edge. (The C source asserts that this model is not
+# given; the wheel has no assertions.)
 # So: undistort the pixel first, e.g. by iteration, or align colour to depth and deproject there.
 set -eu
 dir=$(mktemp -d)

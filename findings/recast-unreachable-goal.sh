@@ -7,8 +7,8 @@
 # Seen: success is true, there is no error and no flag, and the path of two points ends on the edge
 # of the floor where it began, beside the straight line. A goal that can be reached answers in the
 # same form. Recast's own status bit for a partial result is not handed on.
-# So: compare the last point with the goal, by more than the radius of the search, before driving;
-# a coverage or reachability test that counts successes counts all goals.
+# So: compare the last point with the goal, by more than the radius of the search, before driving; a
+# coverage or reachability test that counts successes counts all goals.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

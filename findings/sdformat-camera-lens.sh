@@ -2,9 +2,9 @@
 # sdformat 12.3.0 (Debian 12): a camera of 90 degrees and 640 by 480 pixels has the focal length and
 # the centre of another picture.
 #
-# Expected: `Camera::LensIntrinsicsFx` and `Cx`, if the file gives none, follow from its field of view
-# and its width: 320 and 320 pixels. If only `fx` is given, `fy` is the same and the centre is that
-# of the picture.
+# Expected: `Camera::LensIntrinsicsFx` and `Cx`, if the file gives none, follow from its field of
+# view and its width: 320 and 320 pixels. If only `fx` is given, `fy` is the same and the centre is
+# that of the picture.
 # Seen: 277 and 160, the defaults of a camera of 60 degrees and 320 by 240 pixels, whatever the
 # picture. With `<fx>320</fx>` alone, `HasLensIntrinsics` is true, `fy` stays 277 and the centre
 # (160, 120), a quarter of the picture off, so a cloud from depth leans and squints.

@@ -2,11 +2,11 @@
 # sdformat 12.3.0 (Debian 12): an element with a spelling mistake is no error, and its value is the
 # default: a laser of 10 Hz and 30 m is one of any rate that sees up to 0 m.
 #
-# Expected: an element that SDF does not know (`<update_rat>`, or `<maximum>` for `<max>`) is among the
-# errors that `Root::Load` returns, since the specification names all elements, or is warned of.
+# Expected: an element that SDF does not know (`<update_rat>`, or `<maximum>` for `<max>`) is among
+# the errors that `Root::Load` returns, since the specification names all elements, or is warned of.
 # Seen: there are no errors and no output; the update rate is 0, "as fast as possible", the range
-# ends at 0. A required element that is left out has its default in the same silence. Only a file
-# in the folder ~/.sdformat, if anything, tells.
+# ends at 0. A required element that is left out has its default in the same silence. Only a file in
+# the folder ~/.sdformat, if anything, tells.
 # So: check files against the schema of SDF (`xmllint --relaxng` or a list of names) before loading.
 set -eu
 dir=$(mktemp -d)

@@ -5,8 +5,8 @@
 # that it cannot grid is an error.
 # Seen: cell numbers have 21 bits, so with cells of 0.25 m all points beyond 262 km, as any northing
 # is, are left out or put together: of 1000 points in 50 m, 1000 remain at the origin and 1 at
-# (462000, 5249000). A line on stderr per point says `voxel coord is out of range`, in a notebook
-# or a node nobody sees it; no exception, no flag.
+# (462000, 5249000). The library writes a line per point to stderr and returns the cloud of one
+# point, without an exception or a flag.
 # So: subtract a local origin before any downsampling or registration.
 set -eu
 dir=$(mktemp -d)

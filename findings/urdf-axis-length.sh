@@ -2,11 +2,11 @@
 # One URDF in seven libraries: a lift whose axis is (1, 0, 1) goes 1 m, or 1.41 m, and one library
 # makes of such a hinge a matrix that is no rotation.
 #
-# Expected: URDF's axis is a direction that "should be normalized"; a joint value of 1 is 1 m, or
-# 1 rad, and a longer vector is normalised or refused.
-# Seen: pin, urchin and mujoco move the child by 1 m; yourdfpy, kinpy, ikpy and pybullet by
-# 1.41 m. Of a hinge the first six make a rotation; ikpy's matrix stretches by a third, so that all
-# that hangs on the joint grows.
+# Expected: URDF's axis is a direction that "should be normalized"; a joint value of 1 is 1 m, or 1
+# rad, and a longer vector is normalised or refused.
+# Seen: pin, urchin and mujoco move the child by 1 m; yourdfpy, kinpy, ikpy and pybullet by 1.41 m.
+# Of a hinge the first six make a rotation; ikpy's matrix stretches by a third, so that all that
+# hangs on the joint grows.
 # So: write unit axes, (0.7071 0 0.7071), and check lengths in a tool before a robot is compared
 # between simulators.
 set -euo pipefail

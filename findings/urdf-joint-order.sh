@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# pin 4.1.0 beside yourdfpy, urchin, kinpy, mujoco and pybullet: the joints of one URDF have the order
-# of the file, or of the alphabet.
+# pin 4.1.0 beside yourdfpy, urchin, kinpy, mujoco and pybullet: the joints of one URDF have the
+# order of the file, or of the alphabet.
 #
 # Expected: a vector of joint values is in the order of the file's joints, as in the five others, so
 # that a log of one library can be played in another.
 # Seen: pin sorts the children of a link by the names of their joints: `wheel_right`, `arm`,
-# `arm_tip` become `arm`, `arm_tip`, `wheel_right`. All are hinges, so lengths agree and
-# nothing fails: the arm turns by the wheel's angle. A rename of a joint changes the order.
+# `arm_tip` become `arm`, `arm_tip`, `wheel_right`. All are hinges, so lengths agree and nothing
+# fails: the arm turns by the wheel's angle. A rename of a joint changes the order.
 # So: index by name, `model.joints[model.getJointId(name)].idx_q`, and store names beside values as
 # sensor_msgs/JointState does.
 set -eu
