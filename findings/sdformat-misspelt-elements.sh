@@ -5,9 +5,9 @@
 # Expected: an element that SDF does not know (`<update_rat>`, or `<maximum>` for `<max>`) is among
 # the errors that `Root::Load` returns, since the specification names all elements, or is warned of.
 # Seen: there are no errors and no output; the update rate is 0, "as fast as possible", the range
-# ends at 0. A required element that is left out has its default in the same silence. Only a file in
-# the folder ~/.sdformat, if anything, tells.
-# So: check files against the schema of SDF (`xmllint --relaxng` or a list of names) before loading.
+# ends at 0. A required element that is left out has its default in the same silence.
+# So: compare the names of a file's elements with those of the specification (the folder `1.9` of
+# the package sdformat-sdf) before loading, and print what was read.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
