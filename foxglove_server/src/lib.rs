@@ -159,8 +159,8 @@ impl FoxgloveServer {
         Ok(stream)
     }
 
-    /// The next request for a run, if one arrives in time. Other requests are refused, because there
-    /// is no run.
+    /// The next request for a run, if one arrives in time. Other requests are refused, because
+    /// there is no run.
     #[must_use]
     pub fn next_request(&self, timeout: Duration) -> Option<IdleRequest> {
         services::idle_request(self.requests.recv_timeout(timeout).ok()?)

@@ -1,5 +1,5 @@
-//! What commands show on terminals of 40, 80 and 100 columns: one line of progress that never wraps,
-//! and nothing of it left at the end.
+//! What commands show on terminals of 40, 80 and 100 columns: one line of progress that never
+//! wraps, and nothing of it left at the end.
 
 use std::process::{Command, Stdio};
 

@@ -2,8 +2,8 @@
 //!
 //! Both sides are tables of runs, `runs.csv`, of the same plan. Runs are paired by their axes and
 //! their seed, and so by map. A run is a function of its scenario, so runs of equal digests are the
-//! same run, and what differs has been changed by somebody. Whether that matters is decided for each
-//! variant by the mean of one measure, and with six pairs or more by the permutation test of the
+//! same run, and any other difference has a cause. Whether it matters is decided for each variant by
+//! the mean of one measure, and with six pairs or more by the permutation test of the
 //! [`statistics`], adjusted for the number of variants (Holm).
 
 use std::collections::BTreeMap;
@@ -91,7 +91,7 @@ struct Row {
     digest: String,
 }
 
-/// The runs of a table by variant (values of the axes, or the controller), and then by seed and map.
+/// The runs of a table by variant (values of the axes, or the controller), then by seed and map.
 type Runs = BTreeMap<String, BTreeMap<String, Row>>;
 
 /// The table that a path names: a file, or `runs.csv` in a folder.

@@ -62,13 +62,14 @@ pub struct RunArgs {
     #[cfg(feature = "view")]
     #[arg(long, requires = "view", conflicts_with = "idle")]
     pub stay: bool,
-    /// With --idle or --stay: the program that checks the controller of a run before it starts, called with
-    /// `--check --id 0 --controller NAME --set KEY=VALUE...` [default: agent_node beside this
-    /// program]; given again: a first argument of that program
+    /// With --idle or --stay: the program that checks the controller of a run before it starts,
+    /// called with `--check --id 0 --controller NAME --set KEY=VALUE...` [default: agent_node
+    /// beside this program]; given again: a first argument of that program
     #[cfg(feature = "view")]
     #[arg(long, value_name = "PROGRAM", requires = "view")]
     pub check_agents: Vec<PathBuf>,
-    /// With --idle or --stay: the folder of the recordings of requested runs, which the server names
+    /// With --idle or --stay: the folder of the recordings of requested runs, which the server
+    /// names
     #[cfg(feature = "view")]
     #[arg(long, value_name = "DIR", requires = "view", default_value = crate::requested_run::RECORD_DIR)]
     pub record_dir: PathBuf,
