@@ -2,8 +2,8 @@
 //!
 //! Both sides are tables of runs, `runs.csv`, of the same plan. Runs are paired by their axes and
 //! their seed, and so by map. A run is a function of its scenario, so runs of equal digests are the
-//! same run, and any other difference has a cause. Whether it matters is decided for each variant by
-//! the mean of one measure, and with six pairs or more by the permutation test of the
+//! same run, and any other difference has a cause. Whether it matters is decided for each variant
+//! by the mean of one measure, and with six pairs or more by the permutation test of the
 //! [`statistics`], adjusted for the number of variants (Holm).
 
 use std::collections::BTreeMap;
