@@ -231,7 +231,9 @@ test("a run is restarted, and stopped", LONG, async ({ page, servers }) => {
   await expect(page.getByTestId("banner-connection")).toContainText("The run is over");
 });
 
-test("a viewed run stays for a restart and for a new run", async ({ page, servers }) => {
+test("a viewed run stays for a restart and for a new run", LONG, async ({ page, servers }) => {
+  // Three runs.
+  test.slow();
   const { run, url } = await servers.viewedRun([
     "--agents",
     "2",
