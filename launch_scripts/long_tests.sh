@@ -7,7 +7,8 @@
 # Dask, Ray and submitit, SIERRA, exported maps in trimesh, Open3D, pyoctomap and PCL, the viewer
 # Rerun without a window, which needs a driver for Vulkan (Debian: mesa-vulkan-drivers), and what
 # `cargo install` installs; without words also runs over Zenoh, every code block of the documents
-# that takes long, such as movies and benchmarks, and the site with its links.
+# that takes long, such as movies and benchmarks, the site with its links, the first ten minutes of
+# docs/newcomers.md with a stopwatch, and runs in poorer environments.
 # Installs the Python packages and the mdBook that they need, and takes an hour on two cores. Exit
 # code 1 if a test fails.
 set -euo pipefail
@@ -20,5 +21,7 @@ if (($# == 0)); then
     cargo test --release --locked -p tests -p ros_node --features tests/zenoh -- zenoh || failed=1
     MAES_DOCUMENTED=long cargo test --release --locked -p tests --test end_to_end documented_blocks || failed=1
     launch_scripts/site.sh || failed=1
+    launch_scripts/newcomers.sh || failed=1
+    launch_scripts/check_environments.sh || failed=1
 fi
 exit "$failed"

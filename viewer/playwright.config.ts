@@ -22,6 +22,8 @@ export default defineConfig({
   expect: { timeout: 60_000 },
   use: {
     viewport: { width: 960, height: 600 },
+    // Recordings do not play by themselves then.
+    contextOptions: { reducedMotion: "reduce" },
     actionTimeout: 60_000,
     navigationTimeout: 60_000,
     screenshot: "only-on-failure",

@@ -8,8 +8,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::{Args, ValueEnum};
 use recording::location::recording_at;
 use serde::Serialize;
 use thiserror::Error;
@@ -37,9 +37,37 @@ pub struct CaptureArgs {
     /// Layers to draw, for example walls,unexplored,trails,labels [default: those of the page]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub layers: Option<Vec<String>>,
+    /// From where the whole map is seen; top has x to the right and y upwards, front x to the
+    /// right, side y to the right
+    #[arg(long, value_enum, value_name = "WHERE", default_value_t, conflicts_with = "agent")]
+    pub camera: Camera,
+    /// Colour around the map; white is for print
+    #[arg(long, value_enum, value_name = "COLOUR", default_value_t)]
+    pub background: Background,
     /// The folder of the page [default: the one that was built here]
     #[arg(long, value_name = "DIR")]
     pub page: Option<PathBuf>,
+}
+
+/// From where the whole map is seen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Camera {
+    /// From above a corner.
+    #[default]
+    Corner,
+    Top,
+    Front,
+    Side,
+}
+
+/// What is around the map.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Background {
+    #[default]
+    Dark,
+    White,
 }
 
 /// Sim time of a snapshot or of a movie.
@@ -129,7 +157,8 @@ struct Cut {
 /// # Panics
 /// Never: an order is plain data.
 pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), CaptureError> {
-    let view = View { size: args.size, agent: args.agent, layers: args.layers.as_deref(), cut: None };
+    let CaptureArgs { size, agent, camera, background, .. } = *args;
+    let view = View { size, agent, layers: args.layers.as_deref(), cut: None, camera, background };
     render(&args.file, args.page.as_deref(), &view, time, out)
 }
 
@@ -143,7 +172,8 @@ pub fn take(args: &CaptureArgs, time: CaptureTime, out: &Path) -> Result<(), Cap
 pub fn take_map(picture: &MapPicture<'_>, out: &Path) -> Result<(), CaptureError> {
     let cut = picture.cut.map(|(axis, share)| Cut { axis, share });
     let layers = ["walls".to_owned()];
-    let view = View { size: picture.size, agent: None, layers: Some(&layers), cut };
+    let (camera, background) = (Camera::Corner, Background::Dark);
+    let view = View { size: picture.size, agent: None, layers: Some(&layers), cut, camera, background };
     render(picture.map, picture.page, &view, CaptureTime::Snapshot { at: MAP_TIME_S }, out)
 }
 
@@ -154,6 +184,8 @@ struct View<'a> {
     agent: Option<u32>,
     layers: Option<&'a [String]>,
     cut: Option<Cut>,
+    camera: Camera,
+    background: Background,
 }
 
 fn render(
@@ -227,10 +259,12 @@ mod tests {
                 agent: None,
                 layers: Some(&["walls".to_owned()]),
                 cut: Some(Cut { axis: 'z', share: 0.5 }),
+                camera: Camera::Top,
+                background: Background::White,
             },
             time: CaptureTime::Snapshot { at: 1.5 },
         };
-        let expected = serde_json::json!({ "url": "u", "out": "/o.png", "size": [1, 2], "agent": null, "layers": ["walls"], "cut": { "axis": "z", "share": 0.5 }, "at": 1.5 });
+        let expected = serde_json::json!({ "url": "u", "out": "/o.png", "size": [1, 2], "agent": null, "layers": ["walls"], "cut": { "axis": "z", "share": 0.5 }, "camera": "top", "background": "white", "at": 1.5 });
         assert_eq!(serde_json::to_value(&order).unwrap(), expected);
     }
 }

@@ -49,7 +49,7 @@ use hub::Hub;
 pub use observed_transport::ObservedTransport;
 pub use server_address::ServerAddress;
 use services::ClientRequest;
-pub use services::StartRequest;
+pub use services::{IdleRequest, StartRequest};
 pub use static_files::{RecordingPaths, StaticFileServer};
 
 /// The default address, with the port that Foxglove expects.
@@ -159,18 +159,11 @@ impl FoxgloveServer {
         Ok(stream)
     }
 
-    /// The next request to start a run, if one arrives in time. Other requests are refused, because
+    /// The next request for a run, if one arrives in time. Other requests are refused, because
     /// there is no run.
     #[must_use]
-    pub fn next_start(&self, timeout: Duration) -> Option<StartRequest> {
-        match self.requests.recv_timeout(timeout).ok()? {
-            ClientRequest::Start(request) => Some(request),
-            ClientRequest::Service { responder, .. } => {
-                responder.respond_err("there is no run; /sim_server/start_run starts one".to_owned());
-                None
-            }
-            ClientRequest::Rtf(_) => None,
-        }
+    pub fn next_request(&self, timeout: Duration) -> Option<IdleRequest> {
+        services::idle_request(self.requests.recv_timeout(timeout).ok()?)
     }
 
     /// Waits until readers of the live stream have read its end.

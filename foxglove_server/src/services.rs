@@ -11,7 +11,8 @@ use msgs::maes_msgs::ChangeMap;
 use msgs::schema::{self, ServiceSchema};
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
-    GetSimulationState, GetSimulatorFeatures, ResetSimulation, SetSimulationState, StepSimulation,
+    GetSimulationState, GetSimulatorFeatures, ResetSimulation, ResetSimulationResponse, Result as Outcome,
+    SetSimulationState, StepSimulation,
 };
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +37,30 @@ pub struct StartRequest {
     /// Whether the run is recorded, under a name of the server's own making.
     pub is_recorded: bool,
     responder: Responder,
+}
+
+/// What a client can ask a server without a run for.
+pub enum IdleRequest {
+    /// A run of a scenario.
+    Start(StartRequest),
+    /// The last run again, from its beginning.
+    Restart(Ask<ResetSimulation>),
+}
+
+impl IdleRequest {
+    /// Answers that the run has started, with the file name of its recording if there is one, or
+    /// why not.
+    pub fn answer(self, outcome: Result<Option<&str>, &str>) {
+        match self {
+            Self::Start(request) => request.answer(outcome),
+            Self::Restart(ask) => ask.answer(|_| ResetSimulationResponse {
+                result: match outcome {
+                    Ok(_) => Outcome::ok(),
+                    Err(reason) => Outcome::failure(Outcome::RESULT_OPERATION_FAILED, reason),
+                },
+            }),
+        }
+    }
 }
 
 /// Request of `/sim_server/start_run`, JSON.
@@ -86,9 +111,12 @@ const SERVICES: [(&str, Describe, Parse); 6] = [
     ("get_simulation_state", schema::service::<GetSimulationState>, |bytes, to| ask(bytes, to).map(Request::State)),
     ("set_simulation_state", schema::service::<SetSimulationState>, |bytes, to| ask(bytes, to).map(Request::SetState)),
     ("step_simulation", schema::service::<StepSimulation>, |bytes, to| ask(bytes, to).map(Request::Step)),
-    ("reset_simulation", schema::service::<ResetSimulation>, |bytes, to| ask(bytes, to).map(Request::Reset)),
+    (RESET, schema::service::<ResetSimulation>, |bytes, to| ask(bytes, to).map(Request::Reset)),
     ("change_map", schema::service::<ChangeMap>, |bytes, to| ask(bytes, to).map(Request::ChangeMap)),
 ];
+
+/// The name of the service that restarts a run.
+const RESET: &str = "reset_simulation";
 
 /// The name of the service that starts runs.
 const START: &str = "/sim_server/start_run";
@@ -237,6 +265,21 @@ pub(super) fn refuse(request: ClientRequest, reason: &str) {
         ClientRequest::Service { responder, .. } => responder.respond_err(reason.to_owned()),
         ClientRequest::Start(request) => request.answer(Err(reason)),
         ClientRequest::Rtf(_) => {}
+    }
+}
+
+/// The request for a run of a server that has none, or `None` if it was answered already.
+pub(super) fn idle_request(asked: ClientRequest) -> Option<IdleRequest> {
+    match asked {
+        ClientRequest::Start(request) => Some(IdleRequest::Start(request)),
+        ClientRequest::Service { service, .. } if SERVICES[service].0 == RESET => match request(asked)? {
+            Request::Reset(ask) => Some(IdleRequest::Restart(ask)),
+            _ => None,
+        },
+        ClientRequest::Service { .. } | ClientRequest::Rtf(_) => {
+            refuse(asked, "there is no run; /sim_server/start_run starts one");
+            None
+        }
     }
 }
 

@@ -43,7 +43,7 @@ use map::{MapCliError, MapCommand};
 use movie::MovieArgs;
 use new::NewArgs;
 use oracle::OracleArgs;
-use plans::{BatchArgs, MergeArgs, ReportArgs};
+use plans::{BatchArgs, CompareArgs, MergeArgs, ReportArgs};
 use recordings::{DiffArgs, InfoArgs, RecoverArgs, SnapshotArgs, VerifyArgs};
 #[cfg(feature = "ros")]
 use replay::ReplayArgs;
@@ -74,6 +74,8 @@ enum Command {
     Batch(BatchArgs),
     /// Join the folders of one plan into one
     Merge(MergeArgs),
+    /// Compare the results of a plan with stored ones; exit code 1 if a variant has become worse
+    Compare(CompareArgs),
     /// Make figures, tables and a page from the runs of a folder
     Report(ReportArgs),
     /// Execute a benchmark that can be cited, or verify the results of others
@@ -139,6 +141,7 @@ fn main() -> ExitCode {
         Command::Run(args) => run::run(&args, given),
         Command::Batch(args) => plans::batch(&args),
         Command::Merge(args) => plans::merge(&args),
+        Command::Compare(args) => plans::compare(&args),
         Command::Report(args) => plans::report(&args),
         Command::Bench(command) => bench::run(&command),
         Command::View(args) => view::view(*args, given),

@@ -20,6 +20,7 @@ use experiments::merge;
 use experiments::plan::{BUILD, Plan};
 use experiments::retained_recordings::Keep;
 use experiments::store::{Store, StoreError};
+use report::regression::{self, RegressionMeasure};
 use report::{Heading, ReportError, ReportSummary};
 use sim_server::{exit, setup};
 
@@ -203,6 +204,49 @@ pub(crate) struct MergeArgs {
     out: PathBuf,
 }
 
+/// Arguments of `compare`.
+#[derive(Debug, Args)]
+pub(crate) struct CompareArgs {
+    /// The stored results: runs.csv, or the folder of a plan
+    base: PathBuf,
+    /// The new results of the same plan
+    new: PathBuf,
+    /// What is compared, restricted to the duration
+    #[arg(long, value_enum, value_name = "MEASURE", default_value_t = MeasureName::Area)]
+    measure: MeasureName,
+    /// How much worse the mean may be, in per cent
+    #[arg(long, value_name = "PERCENT", default_value_t = 5.0, value_parser = tolerance)]
+    tolerance: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum MeasureName {
+    /// Mean time until a cell is seen, which is what the area under the explored share leaves
+    Area,
+    #[value(name = "time-90")]
+    Time90,
+    #[value(name = "time-99")]
+    Time99,
+    #[value(name = "time-100")]
+    Time100,
+}
+
+impl From<MeasureName> for RegressionMeasure {
+    fn from(name: MeasureName) -> Self {
+        match name {
+            MeasureName::Area => Self::Unseen,
+            MeasureName::Time90 => Self::TimeTo(90),
+            MeasureName::Time99 => Self::TimeTo(99),
+            MeasureName::Time100 => Self::TimeTo(100),
+        }
+    }
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    let percent = text.parse::<f64>().ok().filter(|percent| (0.0..=1000.0).contains(percent));
+    percent.ok_or_else(|| "expected per cent, 0 to 1000".to_owned())
+}
+
 /// Arguments of `report`.
 #[derive(Debug, Args)]
 pub(crate) struct ReportArgs {
@@ -324,6 +368,19 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<ExitCode> {
     let runs = merge::merge(&args.folders, &args.out)?;
     print(&format!("{runs} runs in {}", args.out.join("runs.csv").display()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Compares results with stored ones; fails if a variant has become worse.
+pub(crate) fn compare(args: &CompareArgs) -> anyhow::Result<ExitCode> {
+    let changes = regression::changes(&args.base, &args.new, args.measure.into())?;
+    let mut regressions = 0;
+    for change in &changes {
+        let is_worse = change.is_regression(args.tolerance / 100.0);
+        regressions += usize::from(is_worse);
+        print(&format!("{}{change}", if is_worse { "regression: " } else { "" }));
+    }
+    print(&format!("{regressions} of {} variants are worse by more than {} %", changes.len(), args.tolerance));
+    Ok(if regressions > 0 { ExitCode::from(exit::DIFFERENT) } else { ExitCode::SUCCESS })
 }
 
 /// Makes the report of a folder, and its tables of all runs.

@@ -7,6 +7,8 @@ pub(crate) mod processes;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fmt;
+#[cfg(feature = "ros")]
+use std::io::IsTerminal;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -63,6 +65,10 @@ pub(crate) struct RunArgs {
     /// Show the run in a browser or in Foxglove at this address; `maes view` does more
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = foxglove_server::DEFAULT_ADDRESS)]
     pub(crate) view: Option<String>,
+    /// Keep the page after the end of a run that is shown, for a restart and new runs, until Ctrl-C
+    /// [default: on a terminal; with `maes view`: true]
+    #[arg(long, value_name = "true|false", num_args = 0..=1, default_missing_value = "true")]
+    stay: Option<bool>,
     /// The folder of the page, if it is not the one that was built here
     #[arg(long, value_name = "DIR")]
     pub(crate) page: Option<PathBuf>,
@@ -264,6 +270,9 @@ impl RunArgs {
 
     /// Refuses flags that have no meaning over this transport.
     pub(crate) fn check_transport(&self) -> anyhow::Result<()> {
+        if self.stay.is_some() && self.view.is_none() {
+            bail!("--stay: only with --view");
+        }
         if self.transport == Transport::Ros2 {
             let of_memory = [("together", self.together), ("decision-times", self.decision_times)];
             let of_memory = of_memory.into_iter().chain([("log", self.log.is_some())]);
@@ -336,7 +345,13 @@ pub(crate) fn run(args: &RunArgs, given: &ArgMatches) -> anyhow::Result<ExitCode
             memory::run(args, &scenario)
         }
         #[cfg(feature = "ros")]
-        Transport::Ros2 => processes::run(args, args.server_flags(given), None),
+        Transport::Ros2 => {
+            let mut flags = args.server_flags(given);
+            if args.view.is_some() {
+                flags.extend(args.flags_of_view(given, std::io::stderr().is_terminal())?);
+            }
+            processes::run(args, flags, None)
+        }
         #[cfg(not(feature = "ros"))]
         Transport::Ros2 => bail!("--transport ros2: {WITHOUT_ROS}; expected memory"),
     }

@@ -24,6 +24,7 @@ mod page;
 mod pairs;
 mod plot;
 mod png;
+pub mod regression;
 mod study;
 mod svg;
 mod table;

@@ -58,20 +58,25 @@ pub struct RunArgs {
     #[cfg(feature = "view")]
     #[arg(long, requires = "view", conflicts_with_all = ["resume", "fork", "scenario"])]
     pub idle: bool,
-    /// With --idle: the program that checks the controller of a run before it starts, called with
-    /// `--check --id 0 --controller NAME --set KEY=VALUE...` [default: agent_node beside this
-    /// program]; given again: a first argument of that program
+    /// Stay after the run: serve restarts of it, and the runs that are started on the page
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "PROGRAM", requires = "idle")]
+    #[arg(long, requires = "view", conflicts_with = "idle")]
+    pub stay: bool,
+    /// With --idle or --stay: the program that checks the controller of a run before it starts,
+    /// called with `--check --id 0 --controller NAME --set KEY=VALUE...` [default: agent_node
+    /// beside this program]; given again: a first argument of that program
+    #[cfg(feature = "view")]
+    #[arg(long, value_name = "PROGRAM", requires = "view")]
     pub check_agents: Vec<PathBuf>,
-    /// With --idle: the folder of the recordings of requested runs, which the server names
+    /// With --idle or --stay: the folder of the recordings of requested runs, which the server
+    /// names
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "DIR", requires = "idle", default_value = crate::requested_run::RECORD_DIR)]
+    #[arg(long, value_name = "DIR", requires = "view", default_value = crate::requested_run::RECORD_DIR)]
     pub record_dir: PathBuf,
-    /// With --idle: the folder of the map files that requested runs may name [default: the folder
-    /// of the project's scenarios, if it is here]
+    /// With --idle or --stay: the folder of the map files that requested runs may name [default:
+    /// the folder of the project's scenarios, if it is here]
     #[cfg(feature = "view")]
-    #[arg(long, value_name = "DIR", requires = "idle")]
+    #[arg(long, value_name = "DIR", requires = "view")]
     pub map_dir: Option<PathBuf>,
     /// Resume the run of this recording, whose server was killed; completes it, or the file that
     /// --record names

@@ -10,6 +10,8 @@ use std::process::ExitCode;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+#[cfg(feature = "view")]
+use std::sync::atomic::Ordering;
 
 use crate::cli::{Cli, Command as CliCommand, RunArgs};
 use crate::profile::{Profile, Profiled};
@@ -22,7 +24,7 @@ use crate::{exit, renamed, setup};
 use anyhow::Context;
 use clap::Parser;
 #[cfg(feature = "view")]
-use foxglove_server::{FoxgloveServer, FoxgloveServerError, ObservedTransport, Token};
+use foxglove_server::{FoxgloveServer, FoxgloveServerError, IdleRequest, ObservedTransport, Token};
 use mapgen::MapReport;
 use msgs::ids::{AgentId, Tick};
 use msgs::printable;
@@ -34,6 +36,7 @@ use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
 use system::os;
+use system::program::AGENTS_OF_START;
 use system::results;
 use system::summary::Summary;
 use transport::Transport;
@@ -41,6 +44,18 @@ use transport::Transport;
 /// Wall time between two looks at whether an idle server is to end.
 #[cfg(feature = "view")]
 const IDLE_PERIOD: std::time::Duration = std::time::Duration::from_millis(100);
+
+/// What requested scenarios are called in errors.
+#[cfg(feature = "view")]
+const REQUESTED: &str = "the scenario";
+
+/// Why a restart is refused.
+#[cfg(feature = "view")]
+const NO_RUN: &str = "there is no run to restart; /sim_server/start_run starts one";
+
+/// What is said when the page stays after a run.
+#[cfg(feature = "view")]
+const STAYS: &str = "the page stays for a restart and for new runs; Ctrl-C ends it";
 
 /// Runs cannot be observed.
 #[cfg(not(feature = "view"))]
@@ -170,7 +185,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         Err(error) => return failed(&error),
     };
     let ready = || match &args.ready {
-        Some(file) => std::fs::write(file, "ready\n").context(file.display().to_string()),
+        Some(file) => std::fs::write(file, format!("{AGENTS_OF_START}\n")).context(file.display().to_string()),
         None => Ok(()),
     };
     match job.begin(made, &env, viewing.as_ref()) {
@@ -181,8 +196,23 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
                 args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
             let mut terminal = Terminal::of(&scenario).with_log(log);
             tell_address(viewing.as_ref(), &mut terminal);
-            let ended = job.carry_out(begun, playback, &mut terminal, &stop, || guard.shutting_down());
-            ended.map(|code| if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
+            let code = match viewing.as_ref().filter(|_| stays(args)) {
+                #[cfg(feature = "view")]
+                Some(viewing) => {
+                    let code = job.carry_out(begun, playback, &mut terminal, &stop, || ())?;
+                    let has_result = [ExitCode::SUCCESS, ExitCode::from(exit::BY_SIGNAL)].contains(&code);
+                    let code = if has_result && !stop.load(Ordering::Relaxed) {
+                        terminal.show(STAYS);
+                        serve_requests(args, &env, &overrides, viewing, &stop, Some(&job))?.unwrap_or(code)
+                    } else {
+                        code
+                    };
+                    guard.shutting_down();
+                    code
+                }
+                _ => job.carry_out(begun, playback, &mut terminal, &stop, || guard.shutting_down())?,
+            };
+            Ok(if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
         }
         Err(error) => failed(&error),
     }
@@ -196,7 +226,7 @@ fn open_viewing(args: &RunArgs) -> anyhow::Result<Result<Option<FoxgloveServer>,
         Err(FoxgloveServerError::System(error)) => return Ok(Err(error.into())),
         token => token?,
     };
-    Ok(FoxgloveServer::open(address, page.as_deref(), args.idle, token, &args.view_allow_origin).map(Some))
+    Ok(FoxgloveServer::open(address, page.as_deref(), args.idle || args.stay, token, &args.view_allow_origin).map(Some))
 }
 
 #[cfg(not(feature = "view"))]
@@ -222,40 +252,83 @@ fn tell_address(_: Option<&FoxgloveServer>, _: &mut Terminal) {}
 /// Serves the runs that people start on the page, one after the other, until it is interrupted.
 #[cfg(feature = "view")]
 fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
-    const NAME: &str = "the scenario";
-    let maps = args.map_dir.clone().or_else(scenarios_folder);
-    let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
-    let policy = join_policy(args)?;
     let (stop, guard) = stop_and_guard(0)?;
     let viewing = match open_viewing(args)? {
         Ok(viewing) => viewing.expect("an idle server is looked at"),
         Err(error) => return failed(&error),
     };
-    let log = args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
-    let log_of_one = || log.as_ref().map(File::try_clone).transpose().context("--log");
-    let mut waiting = Terminal::new(Tick::ZERO).with_log(log_of_one()?);
-    tell_address(Some(&viewing), &mut waiting);
+    if let Some(file) = &args.log {
+        File::create(file).context(file.display().to_string())?;
+    }
+    tell_address(Some(&viewing), &mut Terminal::new(Tick::ZERO).with_log(open_log(args)?));
     guard.started();
-    let mut code = ExitCode::SUCCESS;
+    let code = serve_requests(args, env, overrides, &viewing, &stop, None)?.unwrap_or(ExitCode::SUCCESS);
+    guard.shutting_down();
+    Ok(if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
+}
+
+/// The log, to write at its end.
+#[cfg(feature = "view")]
+fn open_log(args: &RunArgs) -> anyhow::Result<Option<File>> {
+    let open = |file: &PathBuf| File::options().append(true).open(file).context(file.display().to_string());
+    args.log.as_ref().map(open).transpose()
+}
+
+/// Whether the page stays after the run.
+fn stays(args: &RunArgs) -> bool {
+    #[cfg(feature = "view")]
+    return args.stay;
+    #[cfg(not(feature = "view"))]
+    return false;
+}
+
+/// Serves the runs that clients request, one after the other, until `stop` is set; the exit code of
+/// the last one. The run of `first` is the one that a restart repeats until there is another one.
+#[cfg(feature = "view")]
+fn serve_requests(
+    args: &RunArgs,
+    env: &RosEnv,
+    overrides: &[Override],
+    viewing: &FoxgloveServer,
+    stop: &AtomicBool,
+    first: Option<&Job<'_>>,
+) -> anyhow::Result<Option<ExitCode>> {
+    let maps = args.map_dir.clone().or_else(scenarios_folder);
+    let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
+    let policy = join_policy(args)?;
+    let (summary, profile) = (args.summary.as_deref(), args.profile.as_deref());
+    // The recording of a run is not written again.
+    let unrecorded = |scenario: &Scenario| {
+        let mut scenario = scenario.clone();
+        scenario.execution.record = None;
+        scenario
+    };
+    let mut latest = first.map(|job| (job.name.as_str(), unrecorded(job.scenario), job.resumed, Team::OfStart));
+    let mut code = None;
     let mut runs = 0;
-    while !stop.load(std::sync::atomic::Ordering::Relaxed) {
-        let Some(request) = viewing.next_start(IDLE_PERIOD) else { continue };
-        let RequestedRun { scenario, recording } = match requested.scenario(&request, overrides) {
-            Ok(run) => run,
-            Err(error) => {
-                request.answer(Err(&error.to_string()));
+    while !stop.load(Ordering::Relaxed) {
+        let Some(request) = viewing.next_request(IDLE_PERIOD) else { continue };
+        let next = match &request {
+            IdleRequest::Start(start) => requested
+                .scenario(start, overrides)
+                .map_err(|error| error.to_string())
+                .and_then(|RequestedRun { scenario, recording }| {
+                    let of_agents = |reason| format!("{REQUESTED}: agents.controller, agents.set: {reason}");
+                    check_agents(&args.check_agents, &scenario).map_err(of_agents)?;
+                    Ok(((REQUESTED, scenario, None, Team::Requested), recording))
+                }),
+            IdleRequest::Restart(_) => latest.clone().map(|run| (run, None)).ok_or_else(|| NO_RUN.to_owned()),
+        };
+        let ((name, scenario, resumed, team), recording) = match next {
+            Ok(next) => next,
+            Err(reason) => {
+                request.answer(Err(&reason));
                 continue;
             }
         };
-        if let Err(reason) = check_agents(&args.check_agents, &scenario) {
-            request.answer(Err(&format!("{NAME}: agents.controller, agents.set: {reason}")));
-            continue;
-        }
-        let (summary, profile) = (args.summary.as_deref(), args.profile.as_deref());
-        let policy = policy.clone();
-        let job = Job { name: NAME.to_owned(), scenario: &scenario, resumed: None, summary, profile, policy };
-        let begun = job.make().and_then(|made| job.begin(made, env, Some(&viewing)));
-        let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, &scenario).map(|()| begun)) {
+        let job = Job { name: name.to_owned(), scenario: &scenario, resumed, summary, profile, policy: policy.clone() };
+        let begun = job.make().and_then(|made| job.begin(made, env, Some(viewing)));
+        let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, team, &scenario).map(|()| begun)) {
             Ok(begun) => begun,
             Err(error) => {
                 request.answer(Err(&format!("{error:#}")));
@@ -264,11 +337,21 @@ fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<
         };
         runs += 1;
         request.answer(Ok(recording.as_deref()));
-        let mut terminal = Terminal::of(&scenario).with_log(log_of_one()?);
-        code = job.carry_out(begun, None, &mut terminal, &stop, || ())?;
+        let mut terminal = Terminal::of(&scenario).with_log(open_log(args)?);
+        code = Some(job.carry_out(begun, None, &mut terminal, stop, || ())?);
+        latest = Some((name, unrecorded(&scenario), resumed, team));
     }
-    guard.shutting_down();
-    Ok(if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
+    Ok(code)
+}
+
+/// Whose agents a run without an end of the server has.
+#[cfg(feature = "view")]
+#[derive(Clone, Copy)]
+enum Team {
+    /// Those with which the server was started.
+    OfStart,
+    /// Those of a requested scenario.
+    Requested,
 }
 
 /// The folder of the project's scenarios, if this is a build of the workspace.
@@ -311,14 +394,20 @@ fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> 
     Ok(())
 }
 
-/// Says which agents may be started: in a file beside the one of `--ready`, whose name is written
-/// into that.
+/// Says which agents may be started: into the file of `--ready` goes the word for the agents of the
+/// start, or the name of a file beside it with the scenario of others.
 #[cfg(feature = "view")]
-fn tell_agents(args: &RunArgs, number: u32, scenario: &Scenario) -> anyhow::Result<()> {
+fn tell_agents(args: &RunArgs, number: u32, team: Team, scenario: &Scenario) -> anyhow::Result<()> {
     let Some(ready) = &args.ready else { return Ok(()) };
-    let file = ready.with_file_name(format!("run_{number}.toml"));
-    std::fs::write(&file, scenario.to_toml()).context(file.display().to_string())?;
-    std::fs::write(ready, format!("{}\n", file.display())).context(ready.display().to_string())
+    let line = match team {
+        Team::OfStart => AGENTS_OF_START.to_owned(),
+        Team::Requested => {
+            let file = ready.with_file_name(format!("run_{number}.toml"));
+            std::fs::write(&file, scenario.to_toml()).context(file.display().to_string())?;
+            file.display().to_string()
+        }
+    };
+    std::fs::write(ready, format!("{line}\n")).context(ready.display().to_string())
 }
 
 /// A run that is to be served.

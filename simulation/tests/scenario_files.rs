@@ -17,7 +17,7 @@ const SCHEMA: &str = "launch_scripts/scenarios/scenario.schema.json";
 const FORM: &str = "viewer/src/app/scenario-keys.json";
 
 /// The keys that the start form sets.
-const FORM_KEYS: [&str; 19] = [
+const FORM_KEYS: [&str; 20] = [
     "seed",
     "duration_s",
     "stop_when_explored",
@@ -32,6 +32,7 @@ const FORM_KEYS: [&str; 19] = [
     "map.noise.fill",
     "map.noise.smoothing",
     "map.building.floors",
+    "map.scene.name",
     "agents.count",
     "agents.controller",
     "agents.share_period_ticks",

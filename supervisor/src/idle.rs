@@ -14,7 +14,7 @@ use crate::child::{Signal, exit_code};
 use crate::domain::{self, DomainLock};
 use crate::processes::{self, AgentProcess, ChildEvents, JoinSecret, send};
 use crate::ready::ReadyPipe;
-use crate::team::Team;
+use crate::team::{Group, Team};
 
 /// An idle server.
 #[derive(Debug, Clone)]
@@ -55,6 +55,7 @@ impl IdleServer {
             command.arg("--check-agents").arg(part);
         }
         command.arg("--log").arg(self.logs.join("server.log")).arg("--ready").arg(ready.path());
+        processes::kill_with_this_process(&mut command);
         let mut server = processes::start(command)?;
         begun();
         let mut agents: Vec<AgentProcess> = Vec::new();
@@ -70,7 +71,7 @@ impl IdleServer {
             }
             // For every run that begins the server says which scenario it is.
             while let Some(line) = ready.next_line().map_err(|source| SupervisorError::io("ready", source))? {
-                self.start_team(Path::new(&line), &secret, &mut agents)?;
+                agents.extend(start_requested(&self.binaries, &self.logs, Path::new(&line), &secret)?);
             }
             events.wait(Some(std::os::fd::AsFd::as_fd(&ready)))?;
         };
@@ -80,23 +81,23 @@ impl IdleServer {
         processes::await_end(agents, &mut events)?;
         Ok(code)
     }
+}
 
-    fn start_team(
-        &self,
-        file: &Path,
-        secret: &JoinSecret,
-        agents: &mut Vec<AgentProcess>,
-    ) -> Result<(), SupervisorError> {
-        // The server has read it before; if it is gone, so is the run.
-        let Ok(text) = input_file::read_text(file, TEXT_BYTES_MAX) else { return Ok(()) };
-        let Ok(scenario) = Scenario::parse(&file.display().to_string(), &text, &[]) else { return Ok(()) };
-        let run = file.file_stem().unwrap_or_default().to_string_lossy();
-        for group in Team::default().groups(&scenario) {
-            let log = self.logs.join(format!("{run}_agent_{}.log", group.first));
-            let command = processes::command(&self.binaries, "agent_node", None, secret);
-            let process = processes::start_agents(processes::with_ids(command, group), &log)?;
-            agents.push(AgentProcess::Local(process));
-        }
-        Ok(())
-    }
+/// Starts the agents of a requested run, whose scenario the server has written to a file.
+pub(crate) fn start_requested(
+    binaries: &Path,
+    logs: &Path,
+    file: &Path,
+    secret: &JoinSecret,
+) -> Result<Vec<AgentProcess>, SupervisorError> {
+    // The server has read it before; if it is gone, so is the run.
+    let Ok(text) = input_file::read_text(file, TEXT_BYTES_MAX) else { return Ok(Vec::new()) };
+    let Ok(scenario) = Scenario::parse(&file.display().to_string(), &text, &[]) else { return Ok(Vec::new()) };
+    let run = file.file_stem().unwrap_or_default().to_string_lossy();
+    let start = |group: Group| {
+        let log = logs.join(format!("{run}_agent_{}.log", group.first));
+        let command = processes::command(binaries, "agent_node", None, secret);
+        processes::start_agents(processes::with_ids(command, group), &log).map(AgentProcess::Local)
+    };
+    Team::default().groups(&scenario).into_iter().map(start).collect()
 }

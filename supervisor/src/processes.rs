@@ -113,6 +113,22 @@ pub(crate) fn enter(command: &mut Command, ros_domain: Option<u32>) {
     }
 }
 
+/// Lets the system kill a process when this one is killed: one that would stay for ever.
+#[cfg(target_os = "linux")]
+pub(crate) fn kill_with_this_process(command: &mut Command) {
+    use std::os::unix::process::CommandExt;
+
+    #[expect(unsafe_code, reason = "the system kills the children of a process that is killed")]
+    // SAFETY: the closure makes one system call and touches no memory.
+    unsafe {
+        command.pre_exec(|| nix::sys::prctl::set_pdeathsig(Signal::SIGKILL).map_err(io::Error::from));
+    }
+}
+
+/// Other systems leave it alone: agents end when their server does.
+#[cfg(not(target_os = "linux"))]
+pub(crate) fn kill_with_this_process(_command: &mut Command) {}
+
 /// Starts a child process, and names the program if the system does not.
 pub(crate) fn start(command: Command) -> Result<ChildGuard, SupervisorError> {
     let program = command.get_program().to_owned();

@@ -17,6 +17,7 @@ use system::summary::Summary;
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain::{self, DomainLock};
 use crate::hosts::Hosts;
+use crate::idle::start_requested;
 use crate::processes::{self, AgentProcess, ChildEvents, JoinSecret, send};
 use crate::ready::ReadyPipe;
 use crate::remote::{self, RANGE, RemoteTeam, SUBNET};
@@ -25,6 +26,9 @@ use crate::{SupervisorError, outside};
 
 /// Restarts of each agent process before it is given up.
 pub const RESTARTS_MAX: u32 = 3;
+
+/// The flag of a server that does not end with its run.
+pub const STAY: &str = "--stay";
 
 /// Exit code of an agent process that cannot join: an argument, a controller, a setting.
 const AGENT_BAD_INPUT: u8 = 2;
@@ -130,15 +134,15 @@ impl Run<'_> {
             server,
             forwarded: 0,
             agents: BTreeMap::new(),
+            requested: Vec::new(),
             restarts: BTreeMap::new(),
             refusal: None,
         };
         let code = match supervision.await_ready(&mut ready, &mut events)? {
             Some(code) => code,
             None => {
-                drop(ready);
                 supervision.start_team()?;
-                let code = supervision.await_server(&mut events)?;
+                let code = supervision.await_server(&mut ready, &mut events)?;
                 supervision.end_agents(code, &mut events)?
             }
         };
@@ -179,6 +183,9 @@ impl Run<'_> {
             Source::Resumed => {}
         }
         command.envs(self.server_env.iter().cloned());
+        if self.server_flags.iter().any(|flag| flag == STAY) {
+            processes::kill_with_this_process(&mut command);
+        }
         if self.hosts.is_some() && !remote::reaches_hosts(std::env::var(RANGE).ok().as_deref()) {
             command.env(RANGE, SUBNET);
         }
@@ -261,6 +268,8 @@ struct Supervision<'a> {
     /// Interruptions that the server was sent.
     forwarded: u32,
     agents: BTreeMap<Group, AgentProcess>,
+    /// Agents of runs that were started on the page after this one.
+    requested: Vec<AgentProcess>,
     restarts: BTreeMap<Group, u32>,
     /// The exit code of a run that ends because of its agents.
     refusal: Option<u8>,
@@ -323,15 +332,27 @@ impl Supervision<'_> {
         }
     }
 
-    /// Looks after the agents until the server ends; its exit code.
-    fn await_server(&mut self, events: &mut ChildEvents) -> Result<u8, SupervisorError> {
+    /// Looks after the agents until the server ends, and starts those of the runs after this one;
+    /// the server's exit code.
+    fn await_server(&mut self, ready: &mut ReadyPipe, events: &mut ChildEvents) -> Result<u8, SupervisorError> {
         loop {
             self.forward_interruptions();
             self.look_after_agents()?;
+            self.requested.retain_mut(|agent| matches!(agent.ended(), Ok(None)));
             if let Some(status) = self.server.ended().map_err(|source| SupervisorError::io("sim_server", source))? {
                 return Ok(exit_code(status));
             }
-            events.wait(None)?;
+            while let Some(line) = ready.next_line().map_err(|source| SupervisorError::io("ready", source))? {
+                if line == program::AGENTS_OF_START {
+                    self.restarts.clear();
+                    self.start_team()?;
+                } else {
+                    let run = self.run;
+                    let binaries = program::within(Path::new(""), &run.binaries);
+                    self.requested.extend(start_requested(&binaries, &run.logs, Path::new(&line), &self.secret)?);
+                }
+            }
+            events.wait(Some(std::os::fd::AsFd::as_fd(ready)))?;
         }
     }
 
@@ -392,7 +413,8 @@ impl Supervision<'_> {
         let is_driven = |group: &Group| self.run.scenario.agents.cmd_vel.contains(&group.first);
         let unnotified = self.agents.iter().filter(|(group, _)| code != 0 || is_driven(group));
         unnotified.for_each(|(_, agent)| agent.signal(Signal::SIGTERM));
-        let agents: Vec<AgentProcess> = self.agents.into_values().collect();
+        self.requested.iter().filter(|_| code != 0).for_each(|agent| agent.signal(Signal::SIGTERM));
+        let agents: Vec<AgentProcess> = self.agents.into_values().chain(self.requested).collect();
         processes::await_end(agents, events)?;
         Ok(self.refusal.unwrap_or(code))
     }

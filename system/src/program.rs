@@ -3,6 +3,10 @@
 use std::path::{Path, PathBuf, absolute};
 use std::process::Command;
 
+/// What a server writes into the pipe of `--ready` when the agents that belong to its start may
+/// start; a name of a scenario file stands for those of another run.
+pub const AGENTS_OF_START: &str = "ready";
+
 /// A path as a process in `folder` finds it, the present folder if that is empty.
 #[must_use]
 pub fn within(folder: &Path, path: &Path) -> PathBuf {

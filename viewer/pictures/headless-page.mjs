@@ -71,12 +71,13 @@ export class HeadlessPage {
   }
 
   /**
-   * Sets the layers, the cut and the camera: behind the agent at this time, or on the whole cave.
-   * @param {Pick<CaptureRequest, "agent" | "layers" | "cut">} request
+   * Sets the layers, the cut, the background and the camera: behind the agent at this time, or on
+   * the whole cave.
+   * @param {Pick<CaptureRequest, "agent" | "layers" | "cut" | "camera" | "background">} request
    * @param {number} timeS
    */
-  async arrange({ agent, layers, cut }, timeS) {
-    await this.#page.evaluate(arrange, { agent, layers, cut, timeS });
+  async arrange({ agent, layers, cut, camera, background }, timeS) {
+    await this.#page.evaluate(arrange, { agent, layers, cut, camera, background, timeS });
   }
 
   /**
@@ -183,9 +184,10 @@ function readWhole() {
 }
 
 /**
- * @param {Pick<CaptureRequest, "agent" | "layers" | "cut"> & { timeS: number }} request
+ * @param {Pick<CaptureRequest, "agent" | "layers" | "cut" | "camera" | "background">
+ *   & { timeS: number }} request
  */
-async function arrange({ agent, layers, cut, timeS }) {
+async function arrange({ agent, layers, cut, camera, background, timeS }) {
   const maes = window.maes;
   const scene = maes?.scene;
   if (!maes || !scene) throw new Error("the page is gone");
@@ -199,12 +201,16 @@ async function arrange({ agent, layers, cut, timeS }) {
     scene.view.cut = cut;
     scene.viewChanged();
   }
+  scene.view.isOnWhite = background === "white";
+  document.documentElement.classList.toggle("is-on-white", scene.view.isOnWhite);
+  scene.viewChanged();
   // Notices are printed on the terminal; they would cover the image.
   for (const banners of document.querySelectorAll("[data-testid=banners]"))
     banners.setAttribute("hidden", "");
   await maes.showAt(timeS);
   // The camera looks where the agent looks at that time; the whole cave fits an image of this size.
   scene.select(agent, { fly: false });
+  if (agent === null && camera !== "corner") scene.lookFrom(camera);
 }
 
 /**

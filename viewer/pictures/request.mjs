@@ -19,6 +19,9 @@ const GIF_FPS_MAX = 50;
  */
 const SLACK_S = 0.01;
 
+const CAMERAS = /** @type {const} */ (["corner", "top", "front", "side"]);
+const BACKGROUNDS = /** @type {const} */ (["dark", "white"]);
+
 /** Layers that show nothing without an agent. */
 const LAYERS_OF_AGENT = ["hits", "belief"];
 
@@ -31,6 +34,8 @@ const LAYERS_OF_AGENT = ["hits", "belief"];
  * @property {readonly [number, number]} size Width and height, pixels.
  * @property {number | null} agent The agent that the camera follows; null: the whole cave.
  * @property {readonly string[] | null} layers Visible layers; null: the defaults of the page.
+ * @property {"corner" | "top" | "front" | "side"} camera From where the whole cave is seen.
+ * @property {"dark" | "white"} background
  * @property {Cut | null} cut What lies beyond this share of the map along the axis is left out.
  *
  * @typedef {CommonRequest & { kind: "png", atS: number }} ImageRequest
@@ -59,6 +64,8 @@ export function parseRequest(text) {
     agent: agentOf(fields["agent"] ?? null),
     layers: layersOf(fields["layers"] ?? null),
     cut: cutOf(fields["cut"] ?? null),
+    camera: wordOf("--camera", fields["camera"] ?? "corner", CAMERAS),
+    background: wordOf("--background", fields["background"] ?? "dark", BACKGROUNDS),
   };
   const kind = endingOf(common.out);
   if (isPicture) {
@@ -216,6 +223,20 @@ function layersOf(value) {
     throw new InvalidRequest(`--layers ${JSON.stringify(value)}: expected layer names separated by commas`);
   }
   return value;
+}
+
+/**
+ * @template {string} Word
+ * @param {string} option
+ * @param {unknown} value
+ * @param {readonly Word[]} words
+ * @returns {Word}
+ */
+function wordOf(option, value, words) {
+  const word = words.find((word) => word === value);
+  if (word === undefined)
+    throw new InvalidRequest(`${option} ${JSON.stringify(value)}: expected ${words.join(", ")}`);
+  return word;
 }
 
 /**

@@ -26,14 +26,17 @@ const times = (value) => frameTimesOf(request(value), RECORDING);
 
 describe("a request", () => {
   it("for an image", () => {
-    expect(request({ ...PICTURE, agent: 3, layers: ["walls"], cut: { axis: "z", share: 0.5 } })).toEqual({
+    const cut = { axis: "z", share: 0.5 };
+    const onWhite = { camera: "top", background: "white" };
+    expect(request({ ...PICTURE, agent: 3, layers: ["walls"], cut, ...onWhite })).toEqual({
       kind: "png",
       url: PICTURE.url,
       out: "/tmp/a.png",
       size: [640, 360],
       agent: 3,
       layers: ["walls"],
-      cut: { axis: "z", share: 0.5 },
+      cut,
+      ...onWhite,
       atS: 12,
     });
   });
@@ -47,6 +50,8 @@ describe("a request", () => {
       agent: null,
       layers: null,
       cut: null,
+      camera: "corner",
+      background: "dark",
       fromS: null,
       toS: 300,
       lengthS: 2,

@@ -35,6 +35,10 @@ function showOne(root: HTMLElement, search: string, opening: Promise<Run> | null
     get playback() {
       return app.playback;
     },
+    get lineEndS() {
+      return app.lineEndS;
+    },
+    scaleTo: (endS) => app.scaleTo(endS),
     follow: (playback) => app.follow(playback),
     get state() {
       return app.state;

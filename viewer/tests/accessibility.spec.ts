@@ -33,8 +33,23 @@ async function expectAccessible(page: Page, state: string): Promise<void> {
 // Scripts of the test are no files of the page.
 test.use({ bypassCSP: true });
 
-test("a recording", async ({ page, servers }) => {
-  await shown.openWhole(page, await servers.view(recording("cave")));
+for (const colorScheme of ["light", "dark"] as const) {
+  test(`a recording in the ${colorScheme} scheme`, async ({ page, servers }) => {
+    await page.emulateMedia({ colorScheme, reducedMotion: "reduce" });
+    await aRecording(page, await servers.view(recording("cave")));
+    // The panel is light or dark, and the image is the same.
+    const { r } = await page.evaluate(() => {
+      const [r] = getComputedStyle(document.querySelector(".side")!)
+        .backgroundColor.match(/\d+/g)!
+        .map(Number);
+      return { r: r! };
+    });
+    expect(r > 128).toBe(colorScheme === "light");
+  });
+}
+
+async function aRecording(page: Page, url: string): Promise<void> {
+  await shown.openWhole(page, url);
   await expectAccessible(page, "the cave");
   await page.keyboard.press("2");
   await expect(page.getByTestId("agent-title")).toHaveText("Agent 2");
@@ -43,7 +58,7 @@ test("a recording", async ({ page, servers }) => {
   await page.keyboard.press("?");
   await expect(page.getByRole("dialog")).toBeVisible();
   await expectAccessible(page, "the help");
-});
+}
 
 test("the image and the agents have names", async ({ page, servers }) => {
   await shown.openWhole(page, await servers.view(recording("cave")));

@@ -44,6 +44,17 @@ test("shows two recordings with linked time", async ({ page, servers }) => {
   expect(longS).toBeGreaterThan(shortS);
   await expectTimes(sides, [longS, shortS]);
 
+  // Both timelines are as long as the longer run, and a time beyond the shorter one is shown there.
+  for (const side of sides) {
+    const length = side.locator(".tl-labels span").last();
+    expect(await length.textContent()).toBe(await cave.locator(".tl-labels span").last().textContent());
+  }
+  const line = (await radio.getByTestId("timeline").boundingBox())!;
+  const beyondS = (shortS + longS) / 2;
+  await page.mouse.click(line.x + (line.width * beyondS) / longS, line.y + line.height / 2);
+  await expect.poll(async () => (await stateOf(radio)).timeS).toBeCloseTo(shortS, 6);
+  await expect.poll(async () => Math.abs((await stateOf(cave)).timeS - beyondS)).toBeLessThan(longS / 100);
+
   // Both play, at one rate, and stop together.
   await cave.getByTestId("timeline").press("Home");
   await expectTimes(sides, [0, 0]);
@@ -56,6 +67,17 @@ test("shows two recordings with linked time", async ({ page, servers }) => {
   const [one, two] = [await stateOf(cave), await stateOf(radio)];
   expect(one.isPlaying).toBe(false);
   expect(two).toMatchObject({ timeS: one.timeS, rate: one.rate });
+});
+
+test.describe("without reduced motion", () => {
+  test.use({ contextOptions: { reducedMotion: "no-preference" } });
+
+  test("both sides play when they are opened", async ({ page, servers }) => {
+    await page.goto(await servers.view(recording("cave"), recording("radio")));
+    for (const side of await sidesOf(page)) {
+      await side.waitForFunction(() => window.maes!.state.isPlaying && window.maes!.state.timeS > 1);
+    }
+  });
 });
 
 test("a side that drifts is set right", LONG, async ({ page, servers }) => {

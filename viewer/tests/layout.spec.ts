@@ -26,7 +26,10 @@ test("the welcome screen shows nothing of a run", async ({ page, servers }) => {
 test("pictures show the scene and a caption", async ({ page, servers }) => {
   await shown.open(page, `${await servers.view(recording("cave"))}&picture=1`);
   await expect(page.getByTestId("caption")).toContainText("cave.mcap");
-  expect((await visibleParts(page)).filter((part) => part !== "banners")).toEqual(["canvas", "caption"]);
+  const parts = (await visibleParts(page)).filter((part) => part !== "banners");
+  expect(parts).toEqual(["canvas", "legend", "caption"]);
+  await expect(page.getByTestId("legend").locator(".legend-entry").first()).toBeHidden();
+  await expect(page.getByTestId("scale")).toHaveText(/^\d+ m$/);
 });
 
 for (const [width, height] of [

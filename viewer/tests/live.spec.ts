@@ -231,6 +231,52 @@ test("a run is restarted, and stopped", LONG, async ({ page, servers }) => {
   await expect(page.getByTestId("banner-connection")).toContainText("The run is over");
 });
 
+test("a viewed run stays for a restart and for a new run", LONG, async ({ page, servers }) => {
+  // Three runs.
+  test.slow();
+  const { run, url } = await servers.viewedRun([
+    "--agents",
+    "2",
+    "--duration",
+    "4",
+    "--rtf",
+    "20",
+    "--paused",
+  ]);
+  await shown.open(page, url);
+  const ended = async (count: number) => {
+    await page.getByTestId("sim-play").click();
+    await run.prints("stdout", new RegExp(`(digest: [^]*){${count}}`));
+    await expectState(page, "ended");
+  };
+  await ended(1);
+  await run.prints("stderr", /the page stays/);
+  const first = await runId(page);
+
+  // The run again, without a question, because nothing is lost.
+  await page.getByTestId("sim-restart").click();
+  await expect.poll(() => runId(page)).not.toBe(first);
+  const second = await runId(page);
+  await ended(2);
+
+  // Another run, on a map of another kind.
+  await page.getByTestId("sim-new").click();
+  await page.getByTestId("start-generator").selectOption("mine");
+  await page.getByTestId("start-durationMin").fill("1");
+  await page.getByTestId("start-rtf").fill("9");
+  await page.getByTestId("start-go").click();
+  await expect.poll(() => runId(page)).not.toBe(second);
+  await run.prints("stdout", /(digest: [^]*){3}/);
+  await expectState(page, "ended");
+
+  const digests = [...run.stdout.matchAll(/^digest: (\S+)$/gm)].map(([, digest]) => digest);
+  expect(digests).toHaveLength(3);
+  expect(digests[1]).toBe(digests[0]);
+  expect(digests[2]).not.toBe(digests[0]);
+  expect(await page.evaluate(() => window.maes!.run!.setup.scenarioToml)).toContain('kind = "mine"');
+  expect(await run.interrupt()).toBe(0);
+});
+
 test("observing and controlling a run does not change its digest", async ({ page, servers }) => {
   const flags = ["--duration", "20"];
   const { server, url } = await servers.run([SCENARIO, ...flags, "--paused", "true", "--rtf", "5"]);

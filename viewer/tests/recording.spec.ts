@@ -28,6 +28,22 @@ test("opens from the file chooser", async ({ page, servers }) => {
   await expect(page.getByTestId("fact-radio-range")).toHaveText("15.0 m");
 });
 
+test.describe("without reduced motion", () => {
+  test.use({ contextOptions: { reducedMotion: "no-preference" } });
+
+  test("plays when it is opened, unless the address has a time", async ({ page, servers }) => {
+    const url = await servers.view(FILE);
+    await shown.open(page, url);
+    await page.waitForFunction(() => window.maes!.state.isPlaying && window.maes!.state.timeS > 1);
+    await page.getByTestId("play").click();
+    expect((await page.evaluate(() => window.maes!.state)).isPlaying).toBe(false);
+    await page.goto("about:blank");
+    await shown.open(page, `${url}&time=20`);
+    await shown.expectTime(page, 20);
+    expect((await page.evaluate(() => window.maes!.state)).isPlaying).toBe(false);
+  });
+});
+
 test("opens by drag and drop", LONG, async ({ page, servers }) => {
   await page.goto(addressWith(await servers.view(FILE), { recording: "" }));
   await expect(page.getByTestId("drop-zone")).toBeVisible();

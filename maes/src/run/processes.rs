@@ -13,15 +13,18 @@ use recording::Recording;
 use recording::playback::{Horizon, Playback};
 use sim_server::cli::KeyArgs;
 use sim_server::exit;
-use simulation::scenario::Scenario;
+use simulation::scenario::{Rtf, Scenario};
 use supervisor::hosts::Hosts;
-use supervisor::run::{Console, RemoteHosts, Run, Source};
+use supervisor::run::{Console, RemoteHosts, Run, STAY, Source};
 use supervisor::team::{Order, Team};
 use supervisor::{binaries, logs, outside};
 
 use super::{DEFAULT_SCENARIO, OrderName, ProcessSize, RunArgs, flag, is_given};
 use crate::output::say;
 use crate::{controllers, signals};
+
+/// Real-time factor of a run that is shown: at full speed, most are over before one has looked.
+const SHOWN_RTF: u32 = 5;
 
 /// The file that the server reads the default scenario from.
 const DEFAULT_FILE: &str = "default.toml";
@@ -95,6 +98,21 @@ impl RunArgs {
             flags.extend(self.origin_flags());
         }
         flags
+    }
+
+    /// Further flags of `sim_server run` for a run that is shown: five times real time unless
+    /// something else is wanted, and whether the page stays after the end.
+    pub(crate) fn flags_of_view(&self, given: &ArgMatches, stays: bool) -> anyhow::Result<Vec<OsString>> {
+        let mut flags = Vec::new();
+        if !is_given(given, "rtf") && matches!(self.scenario()?.execution.rtf, Rtf::Max(_)) {
+            flags.push(flag("rtf", SHOWN_RTF.to_string()));
+        }
+        if self.stay.unwrap_or(stays) {
+            flags.push(STAY.into());
+            let agents = binaries::program(&binaries::folder()?, "agent_node");
+            flags.extend(agents.into_iter().map(|word| flag("check-agents", word)));
+        }
+        Ok(flags)
     }
 
     /// The flags of `sim_server run` for the origins whose pages may connect.
@@ -175,6 +193,21 @@ mod tests {
         assert_eq!(flags, expected);
         assert_eq!(RunArgs::first_flag(&given, &[]).as_deref(), Some("--view"));
         assert_eq!(RunArgs::first_flag(&parsed("run a.mcap").1, &[]), None);
+    }
+
+    #[test]
+    fn a_shown_run_takes_five_times_real_time_unless_something_else_is_wanted() {
+        let rtf = |line: &str| {
+            let (args, given) = parsed(line);
+            let flags = args.flags_of_view(&given, false).unwrap();
+            flags.into_iter().map(|flag| flag.into_string().unwrap()).collect::<Vec<_>>()
+        };
+        assert_eq!(rtf("run --view"), ["--rtf=5"]);
+        assert!(rtf("run --view --rtf max").is_empty());
+        assert!(rtf("run --view --set execution.rtf=2.0").is_empty());
+        assert_eq!(rtf("run --view --rtf 1 --stay")[0], "--stay");
+        let (args, given) = parsed("run --view --rtf 1 --stay false");
+        assert!(args.flags_of_view(&given, true).unwrap().is_empty());
     }
 
     #[test]

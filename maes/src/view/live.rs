@@ -11,7 +11,6 @@ use std::time::Duration;
 use anyhow::bail;
 use clap::ArgMatches;
 use foxglove_server::{ServerAddress, Token};
-use simulation::scenario::Rtf;
 use supervisor::idle::IdleServer;
 use supervisor::{binaries, logs};
 
@@ -23,9 +22,6 @@ use crate::signals;
 /// Wall time between two attempts to connect, and their number.
 const PERIOD: Duration = Duration::from_millis(100);
 const ATTEMPTS: usize = 600;
-
-/// Real-time factor of a run that is shown: at full speed, most are over before one has looked.
-const SHOWN_RTF: u32 = 5;
 
 /// An attempt to open the page, given up when this is dropped.
 struct Opening {
@@ -44,10 +40,8 @@ pub(super) fn show_run(mut run: RunArgs, given: &ArgMatches, shown: Shown) -> an
         run.begin_paused();
         server_flags.push("--paused=true".into());
     }
-    if !is_given(given, "rtf") && matches!(run.scenario()?.execution.rtf, Rtf::Max(_)) {
-        server_flags.push(flag("rtf", SHOWN_RTF.to_string()));
-    }
     run.check_transport()?;
+    server_flags.extend(run.flags_of_view(given, true)?);
     let _opening = open_when_served(Browser::new(shown.browser), &shown.address, &shown.token);
     processes::run(&run, server_flags, Some(&shown.token))
 }

@@ -18,6 +18,7 @@ use system::wall_clock::now;
 use super::messages::{FromHost, LINE_MAX, ToHost, line};
 use crate::SupervisorError;
 use crate::child::{ChildGuard, Signal, exit_code};
+use crate::processes;
 
 /// The subcommand of `maes` that does this.
 pub const SUBCOMMAND: &str = "serve-agents";
@@ -125,7 +126,7 @@ fn start(
     command.arg("agent_node").args(arguments).envs(environment);
     let (output, for_stdout) = io::pipe()?;
     command.stdout(for_stdout.try_clone()?).stderr(for_stdout);
-    kill_with_this_process(&mut command);
+    processes::kill_with_this_process(&mut command);
     let agent = ChildGuard::start(command)?;
     let said = said.clone();
     thread::spawn(move || {
@@ -137,18 +138,3 @@ fn start(
     });
     Ok(agent)
 }
-
-#[cfg(target_os = "linux")]
-fn kill_with_this_process(command: &mut Command) {
-    use std::os::unix::process::CommandExt;
-
-    #[expect(unsafe_code, reason = "the system kills the agents of a process that is killed")]
-    // SAFETY: the closure makes one system call and touches no memory.
-    unsafe {
-        command.pre_exec(|| nix::sys::prctl::set_pdeathsig(Signal::SIGKILL).map_err(io::Error::from));
-    }
-}
-
-/// Other systems leave them alone: they end when their server does.
-#[cfg(not(target_os = "linux"))]
-fn kill_with_this_process(_command: &mut Command) {}

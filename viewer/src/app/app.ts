@@ -20,6 +20,7 @@ import { MapEdit } from "./map-edit.ts";
 import { MapRoom } from "./map-room.ts";
 import { ViewSettings } from "./view-settings.ts";
 import { RenderLoop } from "./render-loop.ts";
+import { lineEndS } from "./timeline-axis.ts";
 import { waitUntilKnown } from "./panel-state.ts";
 import type { PageActions, PagePart } from "./page-actions.ts";
 import type { PanelState } from "./panel-state.ts";
@@ -90,6 +91,10 @@ export class App implements PageActions {
   #isWaking = false;
   /** Whether a complete frame of the run has been drawn. */
   #hasPicture = false;
+  /** Whether the recording plays once its first picture is there: nobody has touched it. */
+  #mayPlay = false;
+  /** The least length of the timeline, that of a page beside this one. */
+  #scaleS = 0;
   readonly #settings: ViewSettings;
   #options: PageOptions;
   readonly #digits = new AgentNumberInput();
@@ -258,6 +263,12 @@ export class App implements PageActions {
     this.#room = run.setup.agents === 0 ? this.#roomOf(run) : null;
     this.#options = { ...this.#options, view: NO_VIEW, room: null };
     this.#isSeeking = timeS !== null;
+    this.#mayPlay =
+      this.live === null &&
+      timeS === null &&
+      run.setup.agents > 0 &&
+      !this.#options.isPicture &&
+      !matchMedia("(prefers-reduced-motion: reduce)").matches;
     if (timeS !== null) void this.#seekWhenKnown(run, timeS);
     else if (this.live) this.clock.follow();
     const wanted = agent ?? (this.live ? wasSelected : null);
@@ -324,6 +335,7 @@ export class App implements PageActions {
 
   seek(timeS: number): void {
     if (!this.run) return;
+    this.#mayPlay = false;
     this.clock.seek(timeS, this.run.endS, this.#isGrowing);
     this.#playbackChanged();
   }
@@ -337,10 +349,22 @@ export class App implements PageActions {
   follow(playback: Playback): void {
     const { run, clock } = this;
     this.#followed = run ? null : playback;
+    this.#mayPlay = false;
     if (!run) return;
     clock.rate = playback.rate;
     clock.seek(playback.timeS, run.endS, this.#isGrowing);
     clock.isPlaying = playback.isPlaying && (this.#isGrowing || playback.timeS < run.endS);
+    this.#changed();
+  }
+
+  get lineEndS(): number {
+    const { run } = this;
+    return run === null ? 0 : lineEndS(run.endS, run.setup.durationS, run.isComplete);
+  }
+
+  scaleTo(endS: number): void {
+    if (endS === this.#scaleS) return;
+    this.#scaleS = endS;
     this.#changed();
   }
 
@@ -353,6 +377,7 @@ export class App implements PageActions {
   togglePlay(): void {
     const { run, live, clock } = this;
     if (!run) return;
+    this.#mayPlay = false;
     if (live && clock.isFollowing && !run.isComplete) {
       if (live.canControl)
         this.control((it) => (it.simulationState === STATE.playing ? it.pause() : it.play()));
@@ -510,6 +535,7 @@ export class App implements PageActions {
     this.#hasPicture = true;
     this.loop.hurry();
     this.shell.setOpening(false);
+    if (this.#mayPlay) this.clock.play(run.endS, run.isComplete);
     this.#updatePanels(performance.now() / 1000);
     this.#isReady();
     setTimeout(() => run.readOn(), FULL_PICTURE_MS);
@@ -536,6 +562,7 @@ export class App implements PageActions {
       selected: this.#selected,
       live,
       realTimeFactor: clock.realTimeFactor,
+      lineEndS: Math.max(this.lineEndS, this.#scaleS),
     };
     shell.update(panel, this.#room, clock, live, this.#busy);
     const isMap = run?.setup.agents === 0;

@@ -23,6 +23,17 @@ describe("a recording", () => {
     expect(clock.timeS).toBe(0);
   });
 
+  it("keeps a time beyond its end for a longer one beside it", () => {
+    const clock = new Clock();
+    clock.seek(30, 10);
+    expect([clock.timeS, clock.wantedS]).toEqual([10, 30]);
+    clock.seek(Infinity, 10);
+    expect([clock.timeS, clock.wantedS]).toEqual([10, 10]);
+    clock.seek(30, 10);
+    clock.play(10, true);
+    expect([clock.timeS, clock.wantedS]).toEqual([0, 0]);
+  });
+
   it("waits for unread data", () => {
     const clock = new Clock();
     clock.rate = 100;

@@ -32,6 +32,8 @@ export class Clock {
   isFollowing = false;
   /** Time to show as soon as it is known; null: that which is shown. */
   #awaitedS: number | null = null;
+  /** Time that was sought beyond the end of a complete run, which a longer run beside it has. */
+  #beyondS: number | null = null;
   #wallS: number | null = null;
   #samples: Sample[] = [];
 
@@ -41,6 +43,7 @@ export class Clock {
     this.isPlaying = false;
     this.isFollowing = false;
     this.#awaitedS = null;
+    this.#beyondS = null;
     this.#wallS = null;
     this.#samples = [];
   }
@@ -49,9 +52,9 @@ export class Clock {
     return this.#awaitedS !== null;
   }
 
-  /** The time shown, or awaited. */
+  /** The time shown, awaited, or sought beyond the end. */
   get wantedS(): number {
-    return this.#awaitedS ?? this.timeS;
+    return this.#awaitedS ?? this.#beyondS ?? this.timeS;
   }
 
   /**
@@ -62,16 +65,19 @@ export class Clock {
     this.isFollowing = false;
     this.timeS = Math.min(Math.max(0, timeS), endS);
     this.#awaitedS = isGrowing && timeS > endS ? timeS : null;
+    this.#beyondS = !isGrowing && timeS > endS && Number.isFinite(timeS) ? timeS : null;
   }
 
   /** Plays from the present time, or from the start if that is the end of a complete run. */
   play(endS: number, isComplete: boolean): void {
     this.isPlaying = true;
+    this.#beyondS = null;
     if (isComplete && this.timeS >= endS) this.timeS = 0;
   }
 
   follow(): void {
     this.#awaitedS = null;
+    this.#beyondS = null;
     this.isFollowing = true;
     this.isPlaying = false;
   }

@@ -4,7 +4,8 @@
  * Seeking, playing, pausing or changing the rate of one side applies to both. Both play by their own
  * clocks, so that the longer one continues when the shorter one has ended; the side that was touched
  * last leads, and the other is set right if it drifts. A side whose recording is still being read
- * catches up as soon as it can. Cameras, layers and selections are not linked.
+ * catches up as soon as it can. Both timelines have the length of the longer one. Cameras, layers and
+ * selections are not linked.
  */
 import { el } from "./dom.ts";
 import { PLAYBACK_EVENT, type Handle } from "./handle.ts";
@@ -49,8 +50,11 @@ export class Comparison {
     if (side === 0) this.#frames[0]!.contentWindow?.focus();
   }
 
-  /** Sets the other side right while both play. */
+  /** Sets the other side right while both play, and both timelines to one length. */
   #correct(): void {
+    const sides = [this.#handle(0), this.#handle(1)];
+    const endS = Math.max(...sides.map((side) => side?.lineEndS ?? 0));
+    for (const side of sides) side?.scaleTo(endS);
     const other = this.#handle(1 - this.#leader);
     const [led, present] = [this.#handle(this.#leader)?.playback, other?.playback];
     if (led?.isPlaying === true && present?.isPlaying === true) {

@@ -153,8 +153,8 @@ export function slider(
   };
   input.value = String(range.value);
   input.addEventListener("input", () => {
-    write();
     change(input.valueAsNumber);
+    write();
   });
   write();
   const name = el("span", { class: "slider-name" }, label);
@@ -162,7 +162,6 @@ export function slider(
     root: el("label", { class: "slider" }, name, output, input),
     input,
     set(value) {
-      if (input.valueAsNumber === value) return;
       input.value = String(value);
       write();
     },

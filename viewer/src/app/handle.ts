@@ -50,6 +50,10 @@ export interface Handle {
    */
   showAt(timeS: number): Promise<void>;
   readonly playback: Playback;
+  /** The time at the right end of the timeline of this run alone; 0: there is none. */
+  readonly lineEndS: number;
+  /** Makes the timeline at least as long. */
+  scaleTo(endS: number): void;
   /** Takes over a playback, up to the end of the run, without an event. */
   follow(playback: Playback): void;
   readonly state: HandleState;
@@ -82,6 +86,10 @@ export function pendingHandle(page: Promise<Handle>): Handle {
     get playback() {
       return loaded?.playback ?? playback;
     },
+    get lineEndS() {
+      return loaded?.lineEndS ?? 0;
+    },
+    scaleTo: (endS) => loaded?.scaleTo(endS),
     follow: (followed) => void page.then((handle) => handle.follow(followed)),
     get state() {
       return loaded?.state ?? state;

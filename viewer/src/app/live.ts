@@ -172,6 +172,11 @@ export class LiveConnection {
     return this.canControl && this.#calls.has(services.SERVICES.changeMap);
   }
 
+  /** Whether the run that has ended can be started again. */
+  get canRestart(): boolean {
+    return this.canStart && this.session !== "";
+  }
+
   /** Whether a run can be started: the server is idle. */
   get canStart(): boolean {
     return this.state === "open" && this.isIdleServer && (this.session === "" || this.hasEnded);

@@ -11,6 +11,8 @@ export interface PanelState {
   readonly live: LiveConnection | null;
   /** Measured real-time factor of a live run. */
   readonly realTimeFactor: number;
+  /** The time at the right end of the timeline. */
+  readonly lineEndS: number;
 }
 
 /** The last progress message up to this time, the result included; null: none yet. */

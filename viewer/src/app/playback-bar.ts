@@ -59,7 +59,7 @@ export class PlaybackBar {
 
   update(panel: PanelState, clock: Clock): void {
     const { run, live, timeS } = panel;
-    this.#line.update(run, timeS);
+    this.#line.update(run, timeS, panel.lineEndS);
     setText(this.#time, clockTime(timeS));
     setText(this.#end, ` / ${clockTime(run.endS)}`);
     const isLive = live !== null && !run.isComplete;

@@ -6,15 +6,26 @@ import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import type { Run } from "../data/run.ts";
 import { agentColour } from "../scene/colours.ts";
-import { labels, lineEndS, shareOf } from "./timeline-axis.ts";
+import { labels, shareOf } from "./timeline-axis.ts";
 import { el, setHidden } from "./dom.ts";
 import { clockTime } from "./format.ts";
 import { progressColumns } from "./panel-state.ts";
 
+/** A colour of the page in the present scheme, read whenever the chart is drawn. */
+const colour =
+  (name: string) =>
+  (plot: uPlot): string => {
+    probe.style.color = `var(${name})`;
+    plot.root.append(probe);
+    const shown = getComputedStyle(probe).color;
+    probe.remove();
+    return shown;
+  };
+const probe = el("span", {});
+
 const WIDTH = 288;
 const HEIGHT = 156;
-const GRID = "rgb(140 160 190 / 10%)";
-const AXIS_TEXT = "#8c98aa";
+const GRID = "rgb(140 160 190 / 16%)";
 
 export class ProgressChart {
   readonly root: HTMLElement;
@@ -34,6 +45,7 @@ export class ProgressChart {
 
   constructor(seek: (timeS: number) => void) {
     this.#seek = seek;
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.#plot?.redraw(false));
     const key = el(
       "div",
       { class: "chart-key" },
@@ -44,11 +56,11 @@ export class ProgressChart {
     this.root = el("div", {}, this.#container, this.#empty, key);
   }
 
-  update(run: Run, timeS: number, selected: number | null): void {
+  /** `endS`: the end of the axis of time. */
+  update(run: Run, timeS: number, endS: number, selected: number | null): void {
     if (run !== this.#run) this.#open(run);
     const plot = this.#plot!;
     const points = run.progress.length + (run.result ? 1 : 0);
-    const endS = lineEndS(run.endS, run.setup.durationS, run.isComplete);
     if (points !== this.#points || endS !== this.#endS) {
       this.#points = points;
       this.#endS = endS;
@@ -67,7 +79,12 @@ export class ProgressChart {
     this.#plot?.destroy();
     this.#run = run;
     this.#points = -1;
-    const axis = { stroke: AXIS_TEXT, font: "11px system-ui, sans-serif", ticks: { show: false }, gap: 4 };
+    const axis = {
+      stroke: colour("--text-quiet"),
+      font: "11px system-ui, sans-serif",
+      ticks: { show: false },
+      gap: 4,
+    };
     const agents = Array.from({ length: run.setup.agents }, (_, agent) => this.#agentSeries(agent));
     this.#plot = new uPlot(
       {
@@ -95,8 +112,13 @@ export class ProgressChart {
         ],
         series: [
           {},
-          { stroke: "#f0c27a", width: 2, fill: "rgb(240 194 122 / 10%)", points: { show: false } },
-          { stroke: "#56c8d8", width: 2, points: { show: false } },
+          {
+            stroke: colour("--explored"),
+            width: 2,
+            fill: "rgb(240 194 122 / 10%)",
+            points: { show: false },
+          },
+          { stroke: colour("--covered"), width: 2, points: { show: false } },
           ...agents,
         ],
       },

@@ -1,4 +1,7 @@
 import { describe, expect, it } from "vitest";
+import { readFileSync } from "node:fs";
+import { parse } from "smol-toml";
+import { GENERATORS } from "./start-form.ts";
 import SCENARIO_KEYS from "./scenario-keys.json";
 import {
   buildingHeight,
@@ -9,6 +12,8 @@ import {
   help,
   radiusLimit,
   RANGES,
+  SCENES,
+  type SceneName,
   tomlString,
   toToml,
 } from "./scenario.ts";
@@ -56,6 +61,29 @@ rtf = 1.0
     const file = toToml({ ...DEFAULTS, generator: "file", mapFile: 'a "cave"\\1.m3dm' });
     expect(file).toContain('[map]\nkind = "file"\nfile = "a \\"cave\\"\\\\1.m3dm"\n\n[agents]');
     expect(file).not.toContain("size");
+    const mine = toToml({ ...DEFAULTS, generator: "mine" });
+    expect(mine).toContain('[map]\nkind = "mine"\nsize = 50\n\n[agents]');
+  });
+
+  it("has a place at the scale of its shipped scenario", () => {
+    for (const name of Object.keys(SCENES) as SceneName[]) {
+      const text = readFileSync(`../launch_scripts/scenarios/${name}.toml`, "utf8");
+      const [form, shipped] = [toToml({ ...DEFAULTS, generator: "scene", sceneName: name }), text].map(
+        (toml) => {
+          const { map, body, lidar } = parse(toml) as Record<string, Record<string, unknown>>;
+          return { map, body, rangeM: lidar!["range_m"] };
+        },
+      );
+      expect(form, name).toEqual(shipped);
+    }
+  });
+
+  it("knows all kinds of maps", () => {
+    const schema = readFileSync("../launch_scripts/scenarios/scenario.schema.json", "utf8");
+    const kinds = (
+      JSON.parse(schema) as { properties: { map: { properties: { kind: { enum: string[] } } } } }
+    ).properties.map.properties.kind.enum;
+    expect(GENERATORS.map(({ value }) => value as string).sort()).toEqual([...kinds].sort());
   });
 
   it("has a search budget only for controllers that search", () => {

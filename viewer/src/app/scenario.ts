@@ -7,7 +7,20 @@
 import controllers from "./controllers.json";
 import SCENARIO_KEYS from "./scenario-keys.json";
 
-export type Generator = "spheres" | "noise" | "building" | "file";
+export type Generator = "spheres" | "noise" | "building" | "mine" | "scene" | "file";
+
+/**
+ * The scenes at true scale: cells along x, y, z, the length of a cell, and the range of the LiDAR,
+ * as in `launch_scripts/scenarios`.
+ */
+export const SCENES = {
+  office: { size: [202, 202, 29], cellM: 0.1, lidarRangeM: 5 },
+  "octagon-maze": { size: [202, 202, 22], cellM: 0.1, lidarRangeM: 5 },
+  tunnels: { size: [512, 362, 42], cellM: 0.2, lidarRangeM: 15 },
+  garage: { size: [252, 152, 36], cellM: 0.2, lidarRangeM: 15 },
+} as const;
+
+export type SceneName = keyof typeof SCENES;
 
 export interface FormValues {
   agents: number;
@@ -25,6 +38,7 @@ export interface FormValues {
   noiseFillPercent: number;
   noiseSmoothing: number;
   buildingFloors: number;
+  sceneName: SceneName;
   /** Whether path searches take sim time, and their budget of cells per tick. */
   isSearchBudgeted: boolean;
   searchCellsPerTick: number;
@@ -81,6 +95,7 @@ export const DEFAULTS: FormValues = {
   noiseFillPercent: 53,
   noiseSmoothing: 5,
   buildingFloors: 3,
+  sceneName: "office",
   isSearchBudgeted: true,
   searchCellsPerTick: 100,
   communicationRangeM: Infinity,
@@ -112,6 +127,7 @@ export const FORM_KEYS = {
   noiseFillPercent: { key: "map.noise.fill", factor: 0.01 },
   noiseSmoothing: { key: "map.noise.smoothing", factor: 1 },
   buildingFloors: { key: "map.building.floors", factor: 1 },
+  sceneName: { key: "map.scene.name", factor: 1 },
   communicationRangeM: { key: "communication.range_m", factor: 1 },
   sensingFovDeg: { key: "lidar.fov_rad", factor: Math.PI / 180 },
   sharePeriodTicks: { key: "agents.share_period_ticks", factor: 1 },
@@ -174,6 +190,12 @@ function mapTable(values: FormValues): string[] {
     lines.push(`file = ${tomlString(values.mapFile)}`);
     return lines;
   }
+  if (values.generator === "scene") {
+    const { size, cellM } = SCENES[values.sceneName];
+    lines.push(`size = [${size.join(", ")}]`, `cell_m = ${number(cellM)}`);
+    lines.push("", "[map.scene]", `name = ${tomlString(values.sceneName)}`);
+    return lines;
+  }
   const [x, y, z] = values.size;
   lines.push(x === y && y === z ? `size = ${x}` : `size = [${x}, ${y}, ${z}]`);
   if (values.generator === "spheres") {
@@ -193,7 +215,7 @@ function mapTable(values: FormValues): string[] {
       `fill = ${number(values.noiseFillPercent / 100)}`,
       `smoothing = ${values.noiseSmoothing}`,
     );
-  } else {
+  } else if (values.generator === "building") {
     lines.push("", "[map.building]", `floors = ${values.buildingFloors}`);
   }
   return lines;
@@ -213,6 +235,15 @@ function agentsTable(values: FormValues): string[] {
   return lines;
 }
 
+/** The body and the LiDAR; small and short-sighted in scenes, whose passages are narrow. */
+function robotTables(values: FormValues): string[] {
+  const lidar = ["[lidar]", `fov_rad = ${real((values.sensingFovDeg / 180) * Math.PI)}`];
+  if (values.generator !== "scene") return lidar;
+  const body = ["[body]", 'kind = "aerial"', "radius_m = 0.25", "speed_max_m_s = 2.0"];
+  body.push("acceleration_m_s2 = 2.0", "deceleration_m_s2 = 2.0");
+  return [...body, "", ...lidar, `range_m = ${real(SCENES[values.sceneName].lidarRangeM)}`];
+}
+
 /** The scenario of a form. */
 export function toToml(values: FormValues): string {
   const lines = [
@@ -225,8 +256,7 @@ export function toToml(values: FormValues): string {
     "",
     ...agentsTable(values),
     "",
-    "[lidar]",
-    `fov_rad = ${real((values.sensingFovDeg / 180) * Math.PI)}`,
+    ...robotTables(values),
     "",
     "[communication]",
     `range_m = ${real(values.communicationRangeM)}`,

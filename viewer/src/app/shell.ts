@@ -256,7 +256,7 @@ export class Shell {
     this.#simulator.update(live);
     this.#agent.update(panel);
     this.#agents.update(panel);
-    if (this.#chartCard.open) this.#chart.update(run, timeS, selected);
+    if (this.#chartCard.open) this.#chart.update(run, timeS, panel.lineEndS, selected);
     this.#counters.update(panel);
     this.#scenario.update(panel);
   }

@@ -35,6 +35,9 @@ export class SimulatorCard {
   readonly #phases = new FactList();
   readonly #mapEdit: MapEditPanel;
   #isPlaying = false;
+  #hasEnded = false;
+  /** The real-time factor of the simulator; null: not known. */
+  #rtf: number | null = null;
 
   constructor(actions: SimulatorActions) {
     this.#play = iconButton("pause", "Pause the simulation", {
@@ -56,7 +59,10 @@ export class SimulatorCard {
       class: "icon-button framed",
       testid: "sim-restart",
       onclick: async () => {
-        if (!(await confirmed("Restart this run?", "Its progress so far is discarded.", "Restart"))) return;
+        // Of a run that has ended nothing is lost.
+        const isLost = !this.#hasEnded;
+        if (isLost && !(await confirmed("Restart this run?", "Its progress so far is discarded.", "Restart")))
+          return;
         actions.control((live) => live.restart());
       },
     });
@@ -89,10 +95,13 @@ export class SimulatorCard {
         min: 0,
         max: RUN_RATES.length - 1,
         step: 1,
-        value: 3,
-        format: (index) => speedFactor(RUN_RATES[index]!),
+        value: 0,
+        format: () => (this.#rtf === null ? "" : speedFactor(this.#rtf)),
       },
-      (index) => actions.control((live) => live.setRtf(RUN_RATES[index]!)),
+      (index) => {
+        this.#setSpeed(RUN_RATES[index]!);
+        actions.control((live) => live.setRtf(RUN_RATES[index]!));
+      },
     );
     this.#profile = el(
       "details",
@@ -125,16 +134,15 @@ export class SimulatorCard {
     if (!live) return;
     const { canControl, simulationState } = live;
     this.#isPlaying = simulationState === STATE.playing;
+    this.#hasEnded = live.hasEnded;
     if (this.#isPlaying) setIcon(this.#play, "pause", "Pause the simulation");
     else setIcon(this.#play, "play", "Resume the simulation");
     this.#play.disabled = !canControl;
-    this.#restart.disabled = !canControl;
+    this.#restart.disabled = !canControl && !live.canRestart;
     this.#stop.disabled = !canControl;
     for (const step of this.#steps) step.disabled = !canControl || this.#isPlaying;
     this.#speed.input.disabled = !canControl;
-    if (live.rtf !== null && document.activeElement !== this.#speed.input) {
-      this.#speed.set(nearestStep(RUN_RATES, live.rtf));
-    }
+    this.#setSpeed(live.rtf);
     this.#mapEdit.update(live);
     setHidden(this.#profile, !canControl);
     live.loop.setEnabled(canControl && this.#profile.open);
@@ -144,5 +152,12 @@ export class SimulatorCard {
     setHidden(this.#new, !live.isIdleServer);
     this.#new.disabled = !live.canStart;
     this.#new.title = live.canStart ? "" : "The current run has to end first";
+  }
+
+  /** Shows the factor itself, which may lie between two steps. */
+  #setSpeed(rtf: number | null): void {
+    if (rtf === this.#rtf) return;
+    this.#rtf = rtf;
+    this.#speed.set(rtf === null ? 0 : nearestStep(RUN_RATES, rtf));
   }
 }

@@ -6,7 +6,7 @@
 import { openDialog } from "./dialogs.ts";
 import { el, fill, select, setHidden, slider, textButton, toggle } from "./dom.ts";
 import type { Slider } from "./dom.ts";
-import { clockTime, speedFactor } from "./format.ts";
+import { clockTime, speedFactor, words } from "./format.ts";
 import { load, save } from "./storage.ts";
 import { nearestStep, RUN_RATES } from "./rates.ts";
 import {
@@ -19,14 +19,17 @@ import {
   help,
   RANGES,
   REFERENCE_AGENTS_MAX,
+  SCENES,
   toToml,
 } from "./scenario.ts";
-import type { FormValues, Generator, Range } from "./scenario.ts";
+import type { FormValues, Generator, Range, SceneName } from "./scenario.ts";
 
-const GENERATORS: readonly { value: Generator; label: string }[] = [
+export const GENERATORS: readonly { value: Generator; label: string }[] = [
   { value: "spheres", label: "Connected spheres" },
   { value: "noise", label: "Smoothed noise" },
   { value: "building", label: "Building" },
+  { value: "mine", label: "Mine" },
+  { value: "scene", label: "Place at true scale" },
   { value: "file", label: "Map file" },
 ];
 
@@ -201,7 +204,8 @@ export class StartForm {
         this.#setGenerator(generator as Generator);
       }).root,
       this.#when(() => values.generator === "file", this.#fileField()),
-      this.#when(() => values.generator !== "file", ...this.#sizeFields()),
+      this.#when(() => values.generator === "scene", this.#sceneField()),
+      this.#when(() => !["file", "scene"].includes(values.generator), ...this.#sizeFields()),
       this.#seedField(),
       this.#advanced(),
     );
@@ -275,6 +279,14 @@ export class StartForm {
     });
     this.#refreshers.push(() => (linked.input.checked = this.#isLinked));
     return [this.#when(() => values.generator !== "building", linked.root), ...axes];
+  }
+
+  #sceneField(): HTMLElement {
+    const scenes = Object.keys(SCENES).map((value) => ({ value, label: words(value) }));
+    return select("Place", "start-sceneName", scenes, this.#values.sceneName, (name) => {
+      this.#values.sceneName = name as SceneName;
+      this.#changed();
+    }).root;
   }
 
   #fileField(): HTMLElement {

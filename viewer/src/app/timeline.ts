@@ -3,7 +3,7 @@
  * dragged, and has the keys of a slider.
  */
 import type { Run } from "../data/run.ts";
-import { labels, lineEndS, milestones, shareOf, timeAt, recordedMilestones } from "./timeline-axis.ts";
+import { labels, milestones, shareOf, timeAt, recordedMilestones } from "./timeline-axis.ts";
 import { el, fill, setText } from "./dom.ts";
 import { clockTime, finePercent, percent } from "./format.ts";
 import { sharesAt } from "./panel-state.ts";
@@ -62,10 +62,11 @@ export class Timeline {
     this.#listen();
   }
 
-  update(run: Run, timeS: number): void {
+  /** `lineEndS`: the time at the right end. */
+  update(run: Run, timeS: number, lineEndS: number): void {
     this.#run = run;
     this.#timeS = timeS;
-    this.#lineEndS = lineEndS(run.endS, run.setup.durationS, run.isComplete);
+    this.#lineEndS = lineEndS;
     const share = shareOf(timeS, this.#lineEndS);
     this.#known.style.transform = `scaleX(${shareOf(run.endS, this.#lineEndS)})`;
     this.#played.style.transform = `scaleX(${share})`;
@@ -158,7 +159,9 @@ export class Timeline {
     const share = explored >= 0.99 ? finePercent(explored) : percent(explored);
     setText(
       this.#hint,
-      known ? `${clockTime(timeS)}, ${share} explored` : `${clockTime(timeS)}, not received yet`,
+      known
+        ? `${clockTime(timeS)}, ${share} explored`
+        : `${clockTime(timeS)}, ${run.isComplete ? "after the end" : "not received yet"}`,
     );
   }
 }

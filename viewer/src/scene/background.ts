@@ -1,4 +1,4 @@
-/** The background of the image: a dark radial gradient. */
+/** The background of the image: a dark radial gradient, or white. */
 
 import { GLSL3, Mesh, RawShaderMaterial, type BufferGeometry } from "three";
 import { FRAGMENT_HEAD, HEAD, type SharedUniforms } from "./glsl.ts";
@@ -23,7 +23,7 @@ void main() {
   uvec2 q = uvec2(gl_FragCoord.xy);
   uint h = (q.x * 1597334677u) ^ (q.y * 3812015801u);
   h = (h ^ (h >> 15)) * 2246822519u;
-  colour = vec4(c + (float(h >> 24) / 255.0 - 0.5) / 255.0, 1.0);
+  colour = vec4(mix(c + (float(h >> 24) / 255.0 - 0.5) / 255.0, vec3(1.0), paper), 1.0);
 }
 `;
 

@@ -53,7 +53,7 @@ void main() {
   float glance = 1.0 - clamp(-dot(n, away) / distanceM, 0.0, 1.0);
   float key = max(dot(n, light), 0.0);
   vec3 c = tint * sqrt(0.62 + 0.38 * key + 0.1 * n.z);
-  painted = vec4(mix(c, HAZE_SHOWN, hazinessAt(distanceM)), mix(alphas.x, alphas.y, glance * glance));
+  painted = vec4(mix(c, mix(HAZE_SHOWN, vec3(1.0), paper), hazinessAt(distanceM)), mix(alphas.x, alphas.y, glance * glance));
 }
 `;
 

@@ -27,6 +27,8 @@ export interface SharedUniforms {
   readonly foreground: IUniform<Vector4>;
   /** Width and height of the frame buffer, pixels. */
   readonly frameSize: IUniform<Vector2>;
+  /** Whether the background is white: 0 or 1. */
+  readonly paper: IUniform<number>;
   /** Size of a pixel at a distance of one metre, metres. */
   readonly pixelM: IUniform<number>;
   /** Frame buffer pixels per CSS pixel. */
@@ -42,6 +44,7 @@ export function makeSharedUniforms(): SharedUniforms {
     cut: { value: new Vector4(0, 0, 0, -1) },
     foreground: { value: new Vector4(0, 0, 0, -1) },
     frameSize: { value: new Vector2(1, 1) },
+    paper: { value: 0 },
     pixelM: { value: 0.001 },
     pixelRatio: { value: 1 },
   };
@@ -66,6 +69,7 @@ uniform vec2 haze;
 uniform vec4 cut;
 uniform vec4 foreground;
 uniform vec2 frameSize;
+uniform float paper;
 uniform float pixelM;
 uniform float pixelRatio;
 `;
@@ -124,7 +128,8 @@ uvec4 otherTexels(ivec3 cells, int facing) {
 
 export const FRAGMENT_HEAD = /* glsl */ `${HEAD}
 out vec4 colour;
-const vec3 HAZE = vec3(0.0026, 0.0042, 0.0078);
+const vec3 NIGHT_HAZE = vec3(0.0026, 0.0042, 0.0078);
+vec3 hazeColour() { return mix(NIGHT_HAZE, vec3(1.0), paper); }
 vec3 square(vec3 c) { return c * c; }
 vec3 shown(vec3 c) { return sqrt(c); }
 bool isCut(vec3 positionM) { return max(dot(cut, vec4(positionM, 1.0)), dot(foreground, vec4(positionM, 1.0))) > 0.0; }

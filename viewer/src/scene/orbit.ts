@@ -14,6 +14,16 @@ export interface Orbit {
   readonly distanceM: number;
 }
 
+/** Views of the whole map with a name: the yaw and the pitch. The default is from a corner. */
+export const NAMED_VIEWS = {
+  /** x to the right, y upwards. */
+  top: { yawRad: Math.PI / 2, pitchRad: (89 * Math.PI) / 180 },
+  /** Along y: x to the right. */
+  front: { yawRad: Math.PI / 2, pitchRad: 0 },
+  /** Against x: y to the right. */
+  side: { yawRad: Math.PI, pitchRad: 0 },
+} as const satisfies Record<string, Pick<Orbit, "yawRad" | "pitchRad">>;
+
 /** Vertical field of view. */
 export const FIELD_OF_VIEW_RAD = (45 * Math.PI) / 180;
 

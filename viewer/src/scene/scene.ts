@@ -18,7 +18,7 @@ import { makeSharedUniforms, type SharedUniforms } from "./glsl.ts";
 import { openGraphics } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
 import { MapMarks, type Marks } from "./map-marks.ts";
-import { distanceToFit, FIELD_OF_VIEW_RAD, type Orbit } from "./orbit.ts";
+import { distanceToFit, FIELD_OF_VIEW_RAD, NAMED_VIEWS, type Orbit } from "./orbit.ts";
 import { ReducedFrame } from "./reduced-frame.ts";
 import { Team } from "./team.ts";
 import { defaultView, type View } from "./view.ts";
@@ -215,6 +215,14 @@ export class Scene {
   /** Moves the camera around the middle of the map or the selected agent, at once. */
   setOrbit(orbit: Orbit): void {
     this.#cameraRig.setOrbit(orbit);
+  }
+
+  /** Shows the whole map in a view with a name, at once. */
+  lookFrom(name: keyof typeof NAMED_VIEWS): void {
+    const cave = this.#loaded?.caves.start;
+    if (cave === undefined) return;
+    const orbit = { ...this.#caveOrbit(cave), ...NAMED_VIEWS[name] };
+    this.#cameraRig.goTo({ ...orbit, distanceM: this.#fitted(cave, orbit) }, cave.middle, false);
   }
 
   /** Moves the camera, unless it is in flight. */
@@ -428,6 +436,7 @@ export class Scene {
     const common = this.#common;
     common.nowTick.value = tickAt(timeS);
     common.eye.value.copy(camera.position);
+    common.paper.value = this.view.isOnWhite ? 1 : 0;
     this.#cameraRig.aimLight(common.light.value);
     const followed = this.#selected === null ? null : cave.run.agentAt(this.#selected, timeS).position;
     cave.setForegroundCut(camera.position.toArray(), followed);
@@ -443,10 +452,15 @@ export class Scene {
     const flatness = Math.min(1, (extentM[2] * 2) / (extentM[0] + extentM[1]));
     const pitchRad = ((56 - 30 * flatness) * Math.PI) / 180;
     const orbit: Orbit = { centre: [0, 0, 0], yawRad: CAVE_YAW_RAD, pitchRad, distanceM: 1 };
+    return { ...orbit, distanceM: this.#fitted(cave, orbit) };
+  }
+
+  /** The distance from which the whole cave is seen. */
+  #fitted({ extentM, run }: Cave, orbit: Orbit): number {
     const aspect = this.#size.width / this.#size.height;
     // A map without agents has labels around it.
-    const room = cave.run.setup.agents === 0 ? 1.14 : 1.03;
-    return { ...orbit, distanceM: distanceToFit(orbit, extentM, aspect) * room };
+    const room = run.setup.agents === 0 ? 1.14 : 1.03;
+    return distanceToFit(orbit, extentM, aspect) * room;
   }
 
   /** Follows the belief of the selected agent while the layer is shown. */

@@ -42,8 +42,10 @@ export interface View {
   wallOpacity: number;
   /** What lies beyond this share of the map's length along the axis is cut away; 1: nothing. */
   cut: { axis: "x" | "y" | "z"; share: number };
+  /** Whether the background is white, as in print. */
+  isOnWhite: boolean;
 }
 
 export function defaultView(): View {
-  return { layers: { ...DEFAULT_LAYERS }, wallOpacity: 0.1, cut: { axis: "z", share: 1 } };
+  return { layers: { ...DEFAULT_LAYERS }, wallOpacity: 0.1, cut: { axis: "z", share: 1 }, isOnWhite: false };
 }

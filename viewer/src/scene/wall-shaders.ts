@@ -183,7 +183,7 @@ void main() {
   float edge = max(off.x, max(off.y, off.z));
   c *= 1.0 - edgeStrength * smoothstep(0.5 - edgeWidth, 0.5, edge);
   #endif
-  colour = vec4(shown(mix(c, HAZE, haziness)), 1.0);
+  colour = vec4(shown(mix(c, hazeColour(), haziness)), 1.0);
 }
 `;
 
@@ -199,7 +199,7 @@ void main() {
   #else
   vec3 c = surface() * lit;
   #endif
-  colour = vec4(shown(mix(c, HAZE, haziness)), min(alpha, 1.0));
+  colour = vec4(shown(mix(c, hazeColour(), haziness)), min(alpha, 1.0));
 }
 `;
 
@@ -213,6 +213,6 @@ export const RIM_FRAGMENT = /* glsl */ `${FRAGMENT}
 void main() {
   float key = max(dot(NORMALS[facing], light), 0.0);
   vec3 c = vec3(0.070, 0.084, 0.115) * (0.7 + 0.6 * key);
-  colour = vec4(shown(mix(c, HAZE, haziness)), 1.0);
+  colour = vec4(shown(mix(c, hazeColour(), haziness)), 1.0);
 }
 `;

@@ -1,8 +1,11 @@
 /** Test fixtures: servers, which end with the test, and a page whose unexpected errors fail it. */
+import { mkdtempSync } from "node:fs";
+import { join } from "node:path";
 import { test as base, type Page } from "@playwright/test";
 import { HeldServer } from "./held-server.ts";
 import { binary, environment, PAGE, RUN_SCRIPT, SCENARIO } from "./paths.ts";
 import { outputOf, Program } from "./programs.ts";
+import { temporaryFolder } from "./recordings.ts";
 import { digestIn, parseInfo, type Info } from "./info.ts";
 
 /**
@@ -61,6 +64,15 @@ export class Servers {
     const server = this.#start("sim_server", ["run", ...flags, "--view", address, "--page", PAGE]);
     const url = (await server.prints("stderr", /(http:\/\/\S+)\s/))[1]!;
     return { server, url };
+  }
+
+  /** `maes run` with a page that stays after the run; the program and the address of the page. */
+  async viewedRun(flags: readonly string[]): Promise<{ run: Program; url: string }> {
+    const view = ["--view", "127.0.0.1:0", "--page", PAGE, "--stay"];
+    const folder = mkdtempSync(join(temporaryFolder(), "viewed-"));
+    const run = this.#program(binary("maes"), ["run", ...flags, ...view], folder);
+    const url = (await run.prints("stderr", /(http:\/\/\S+)\s/))[1]!;
+    return { run, url };
   }
 
   /** Starts the agents of a run, in one process. */

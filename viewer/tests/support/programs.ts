@@ -59,6 +59,12 @@ export class Program {
     });
   }
 
+  /** Interrupts the process, as Ctrl-C does; resolves to its exit code. */
+  interrupt(): Promise<number> {
+    this.#child.kill("SIGINT");
+    return this.ended;
+  }
+
   /** Kills the process and waits for its end. */
   async kill(): Promise<void> {
     this.#child.kill("SIGKILL");
