@@ -25,7 +25,8 @@
 //! The reference draws from the one random stream of its engine; this controller draws from its
 //! own. The reference throws if a stage finds no destination, which ends the tick for the whole
 //! team; here the agent tries again. It makes way for agents that it runs into again and again, and
-//! rests before one that does not move for long.
+//! rests before one that does not move for long. Stages that lead nowhere follow each other less and
+//! less often.
 //!
 //! The reference has no bodies wider than a cell. Nodes for such a body are cells in which it has
 //! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier
@@ -95,8 +96,9 @@ const IDLE_TICKS: u64 = 250;
 /// wider than a cell does after each.
 const RUN_INTO_MAX: u32 = 8;
 
-/// Stages in a row that lead nowhere, with the map within the horizon as it was, after which the next one waits, each
-/// time twice as long, up to [`STALL_TICKS_MAX`]: 30 s. The trees grow with every stage.
+/// Stages in a row that lead nowhere, with the map within the horizon as it was, after which the
+/// next one waits, each time twice as long, up to [`STALL_TICKS_MAX`]: 30 s. The trees grow with
+/// every stage.
 const STALLS_MIN: u32 = 50;
 const STALL_TICKS_MAX: u64 = 1500;
 

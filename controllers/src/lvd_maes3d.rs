@@ -12,8 +12,8 @@
 //!   own cell;
 //! - selections of an occlusion point count, not visits, and if all were selected before, the last
 //!   one listed wins;
-//! - points near each other are not merged, and there is no fallback: it stays and tries again in
-//!   each tick;
+//! - points near each other are not merged, and there is no fallback: it stays and tries again, in
+//!   each tick there, here when the result can be another one;
 //! - a wall at the edge of the map that is seen in search mode is an error, and the agent does
 //!   nothing in that tick.
 //!
@@ -22,8 +22,8 @@
 //! long.
 //!
 //! The reference has no bodies wider than a cell. Such a body goes as near to a cell as it can, to
-//! no cell again to which it found no path until something near it changes, and without a
-//! destination to where it sees something unexplored (`viewpoints`).
+//! no cell again to which it found no path until something near it changes, to no occlusion point
+//! twice, and without a destination to where it sees something unexplored (`viewpoints`).
 //!
 //! Not reproducible: the order of rays on the same circle about the pole (here upwards, then along
 //! x), walls listed once for each of their rays (here once), straight paths checked on the true map
