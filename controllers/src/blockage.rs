@@ -2,9 +2,9 @@
 //!
 //! A body that blocks all paths mostly moves on, so an agent waits a little or evades, and plans
 //! again. One that has broken down in a passage does not: after some blockages at the same place
-//! the agent rests. It plans again when a contact begins or ends, when a message arrives, and after
-//! longer and longer times, since a body without a radio is noticed by collisions alone. A change
-//! of its map ends all that.
+//! the agent rests. It plans again when that body moves or its contact ends, and after longer and
+//! longer times, since a body without a radio is noticed by collisions alone. A change of its map
+//! ends all that.
 
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
@@ -12,7 +12,7 @@ use nalgebra::Point3;
 use super::Ctx;
 use super::dsvp::obstacles::is_near;
 use agent::command::{Command, Stage, WakeCondition};
-use agent::observation::Observation;
+use agent::observation::{Contact, Observation};
 use protocol::event_mask::EventMask;
 
 /// Blockages by a body after which it is taken to stay.
@@ -39,6 +39,8 @@ pub(crate) struct Blockages {
     standing: Vec<Standing>,
     /// Steps aside before bodies that are taken to stay.
     steps_aside: u32,
+    /// The body before which it rests, and until when.
+    resting: Option<(Standing, Tick)>,
 }
 
 /// A body that has not moved between blockages.
@@ -68,6 +70,10 @@ pub(crate) enum Yield {
     StepAside,
 }
 
+fn wake_from_rest(until: Tick) -> WakeCondition {
+    WakeCondition::at(until).or(WakeCondition::on(EventMask::CONTACTS | EventMask::MESSAGE))
+}
+
 impl Rest {
     /// The command of a body that has been stopped.
     pub(crate) fn command(self) -> Command {
@@ -83,8 +89,28 @@ impl Blockages {
         if self.steps_aside == STEPS_ASIDE_MAX {
             return Some(Yield::Rest(rest));
         }
+        self.resting = None;
         self.steps_aside += 1;
         Some(Yield::StepAside)
+    }
+
+    /// The wake-up condition of a rest that goes on: its time is not over, the map has not changed,
+    /// and the body in the way is where it was, as far as this agent can know.
+    pub(crate) fn still_rests(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<WakeCondition> {
+        let (standing, until) = self.resting?;
+        let is_there = |contact: &Contact| {
+            Some(contact.agent) == standing.agent && (contact.position - standing.at).norm() < ctx.body().radius_m
+        };
+        let is_blocked = standing.agent.is_none() || observation.contacts.iter().any(is_there);
+        let events = EventMask::COLLISION | EventMask::REVISED;
+        let rests = observation.tick < until
+            && ctx.map().free() + ctx.map().wall() == self.known_cells
+            && is_blocked
+            && !observation.events.intersects(events);
+        if !rests {
+            self.resting = None;
+        }
+        rests.then(|| wake_from_rest(until))
     }
 
     /// Notes that the bodies nearby block all paths now, or that this body has run into another
@@ -123,13 +149,14 @@ impl Blockages {
                 longest = Some(*standing);
             }
         }
-        longest.map(|standing| {
+        self.resting = longest.map(|standing| {
             let rests = (standing.blockages - BLOCKAGES_MIN + 1).min(RESTS_MAX);
-            let at = now.after(REST_TICKS * u64::from(rests));
-            let wake = WakeCondition::at(at).or(WakeCondition::on(EventMask::CONTACTS | EventMask::MESSAGE));
+            (standing, now.after(REST_TICKS * u64::from(rests)))
+        });
+        self.resting.map(|(standing, until)| {
             let body =
                 standing.agent.map_or_else(|| "the body in the way".to_owned(), |agent| format!("agent {agent}"));
-            Rest { wake, info: format!("waits for {body} to move") }
+            Rest { wake: wake_from_rest(until), info: format!("waits for {body} to move") }
         })
     }
 }

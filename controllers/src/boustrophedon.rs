@@ -15,6 +15,7 @@
 //! seen.
 
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 use std::task::Poll;
 
 use nalgebra::Point3;
@@ -22,13 +23,16 @@ use protocol::event_mask::EventMask;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
+use super::blockage::{Blockages, Yield};
+use super::dsvp::obstacles::{self, Obstacles};
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, collision_recovery};
 use agent::command::{Command, Motion, Stage, WakeCondition};
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::navigation::{NavigationStatus, SearchTime};
-use agent::observation::Observation;
+use agent::observation::{Contact, Observation};
+use agent::path::{Goal, Neighbours, Search};
 
 /// The directions of a line in order of preference, and the greatest length of each, cells.
 const LINES: [(Cell, u32); 6] = [
@@ -43,6 +47,10 @@ const LINES: [(Cell, u32); 6] = [
 /// Greatest length of a line, cells: longer ones would only delay the next look at what other
 /// agents have covered.
 const LINE_CELLS_MAX: u32 = 32;
+
+/// Ticks for which an agent holds after a collision with one that goes first: longer than that one
+/// holds, and takes to the next cells; 5 to 10 s.
+const LONG_HOLD_TICKS: RangeInclusive<u64> = 250..=500;
 
 /// The present task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +69,8 @@ pub struct Boustrophedon {
     search_time: SearchTime,
     rng: ChaCha8Rng,
     task: Task,
+    /// The agents that it has run into.
+    blockages: Blockages,
     /// Cells without a path to them.
     abandoned: BTreeSet<Cell>,
     /// Of a body wider than a cell, once it knows no other cell to be in.
@@ -74,7 +84,14 @@ impl Boustrophedon {
     /// If a setting is out of range.
     pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
-        Ok(Self { search_time, rng, task: Task::None, abandoned: BTreeSet::new(), viewpoints: None })
+        Ok(Self {
+            search_time,
+            rng,
+            task: Task::None,
+            blockages: Blockages::default(),
+            abandoned: BTreeSet::new(),
+            viewpoints: None,
+        })
     }
 
     /// Marks the cells of the line up to the body as covered, since the controller is not called in
@@ -88,7 +105,7 @@ impl Boustrophedon {
     }
 
     /// The step and the last cell of the next line, if there is one.
-    fn next_line(ctx: &Ctx<'_>) -> Option<(Cell, Cell)> {
+    fn next_line(ctx: &Ctx<'_>, obstacles: &Obstacles) -> Option<(Cell, Cell)> {
         let here = ctx.cell();
         // Lines lead from place to place.
         if ctx.place(here) != ctx.position() {
@@ -98,7 +115,7 @@ impl Boustrophedon {
             let mut end = here;
             for _ in 0..cells_max {
                 let next = end + step;
-                if ctx.map().state(next) != CellState::Free || !ctx.is_clear_to(next) {
+                if ctx.map().state(next) != CellState::Free || !ctx.is_clear_to(next) || obstacles.occupy(next) {
                     break;
                 }
                 end = next;
@@ -107,9 +124,9 @@ impl Boustrophedon {
         })
     }
 
-    /// The uncovered cell with the shortest path, among those that no agent in contact is nearer to
-    /// if there are any.
-    fn nearest(&self, observation: &Observation, ctx: &mut Ctx<'_>) -> Option<Cell> {
+    /// The uncovered cell with the shortest path through open cells, among those that no agent in
+    /// contact is nearer to if there are any.
+    fn nearest(&self, observation: &Observation, ctx: &Ctx<'_>, is_open: &dyn Fn(Cell) -> bool) -> Option<Cell> {
         let here = ctx.position();
         let others: Vec<Point3<f64>> = observation.contacts.iter().map(|contact| contact.position).collect();
         let is_wanted =
@@ -119,8 +136,27 @@ impl Boustrophedon {
             let own_m = (centre - here).norm();
             others.iter().all(|other| (centre - other).norm() >= own_m)
         };
-        let ours = ctx.nearest(|map, cell| is_wanted(map, cell) && is_ours(map, cell));
-        if ours.is_some() || others.is_empty() { ours } else { ctx.nearest(is_wanted) }
+        let nearest = |is_goal: &dyn Fn(Cell) -> bool| {
+            let search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Where(is_goal));
+            search.within(is_open).run()?.cells.last().copied()
+        };
+        let ours = nearest(&|cell| is_wanted(ctx.map(), cell) && is_ours(ctx.map(), cell));
+        if ours.is_some() || others.is_empty() { ours } else { nearest(&|cell| is_wanted(ctx.map(), cell)) }
+    }
+
+    /// Another agent is in the way: rests before one that stays, else steps aside; the one
+    /// with the lowest id continues first, so that two agents do not meet again and again.
+    fn give_way(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+        self.task = Task::None;
+        if let Some(Yield::Rest(rest)) = self.blockages.note_between_steps(observation, ctx) {
+            return rest.command();
+        }
+        let is_near = |contact: &&Contact| {
+            obstacles::is_near(contact, &ctx.position(), ctx.body().radius_m, &ctx.run_info().bodies)
+        };
+        let yields = observation.contacts.iter().filter(is_near).any(|contact| contact.agent < ctx.agent());
+        let hold_ticks = if yields { LONG_HOLD_TICKS } else { collision_recovery::HOLD_TICKS };
+        collision_recovery::step_aside_for(hold_ticks, &mut self.rng, ctx)
     }
 
     /// Where a body wider than a cell sees something unexplored.
@@ -149,10 +185,13 @@ impl Controller for Boustrophedon {
             self.abandoned.clear();
         }
         if self.task != Task::None && observation.events.intersects(EventMask::COLLISION) {
-            self.task = Task::None;
-            return collision_recovery::step_aside(&mut self.rng, ctx);
+            return self.give_way(observation, ctx);
         }
-        if let Some((step, end)) = Self::next_line(ctx) {
+        if let Some(wake) = self.blockages.still_rests(observation, ctx) {
+            return Command::keep(wake);
+        }
+        let obstacles = Obstacles::of(observation, ctx);
+        if let Some((step, end)) = Self::next_line(ctx, &obstacles) {
             self.task = Task::Line(ctx.cell(), step);
             let motion = Motion::Path(vec![ctx.place(end)]);
             return Command::new(motion, WakeCondition::TASK_DONE).with_info("ploughs");
@@ -161,8 +200,11 @@ impl Controller for Boustrophedon {
             Task::Transit(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
             _ => None,
         };
-        let goal = match under_way.or_else(|| self.nearest(observation, ctx)) {
+        let goal = match under_way.or_else(|| self.nearest(observation, ctx, &|cell| !obstacles.occupy(cell))) {
             Some(goal) => Poll::Ready(Some(goal)),
+            None if !obstacles.is_empty() && self.nearest(observation, ctx, &|_| true).is_some() => {
+                return self.give_way(observation, ctx);
+            }
             None => self.viewpoint(ctx),
         };
         let goal = match goal {
@@ -208,7 +250,6 @@ mod tests {
     use super::*;
     use crate::testing::{World, flat};
     use agent::command::ScanRequest;
-    use agent::observation::Contact;
 
     const HALL: &str = "\
         ##########\n\
@@ -254,15 +295,32 @@ mod tests {
 
     #[test]
     fn cells_nearer_to_another_agent_come_last() {
-        // Only both ends of a corridor are not covered.
-        let mut world = World::known("#########\n#.......#\n#########\n", flat(3, 1));
+        // Only two corners of a corridor are not covered.
+        let mut world = World::known("#########\n#.......#\n#.......#\n#########\n", flat(3, 1));
+        (1..8).for_each(|x| world.map.note_covered(flat(x, 2)));
         (2..7).for_each(|x| world.map.note_covered(flat(x, 1)));
         world.sense();
-        let aside = Contact { agent: msgs::ids::AgentId(0), position: Point3::new(2.5, 1.5, 0.5) };
+        let aside = Contact { agent: msgs::ids::AgentId(0), position: Point3::new(2.5, 2.5, 0.5) };
         world.observation.contacts = vec![aside];
         assert_eq!(world.ask(&mut controller("instant")).info, "goes to 7 1 0");
         world.map.note_covered(flat(7, 1));
         assert_eq!(world.ask(&mut controller("instant")).info, "goes to 1 1 0");
+    }
+
+    #[test]
+    fn lines_and_paths_keep_clear_of_the_bodies_nearby() {
+        let lane = "##########\n#........#\n##########\n";
+        let mut world = World::known(lane, flat(4, 1));
+        world.sense();
+        let ahead = Contact { agent: msgs::ids::AgentId(0), position: Point3::new(6.5, 1.5, 0.5) };
+        world.observation.contacts = vec![ahead];
+        let command = world.ask(&mut controller("instant"));
+        assert_eq!(command.motion, Motion::Path(vec![world.map.extent().centre(flat(5, 1))]));
+        // It cannot pass, and gives way.
+        (1..7).for_each(|x| world.map.note_covered(flat(x, 1)));
+        assert_eq!(world.ask(&mut controller("instant")).info, "makes way");
+        (7..9).for_each(|x| world.map.note_covered(flat(x, 1)));
+        assert_eq!(world.ask(&mut controller("instant")).info, "knows nothing to cover");
     }
 
     #[test]

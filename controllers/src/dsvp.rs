@@ -63,7 +63,7 @@ use agent::command::{Command, Motion, ScanRequest, Stage, WakeCondition};
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::observation::Observation;
 use agent::path::Neighbours;
-use avoidance::{Waypoints, hold, motion_to, obstacles_near, path_length_m};
+use avoidance::{Waypoints, hold, motion_to, path_length_m};
 pub use baselines::{c2_explorer, hungarian, racer, rendezvous};
 use coordination::Coordination;
 use driving::Driving;
@@ -216,7 +216,7 @@ impl<C: Coordination> Dsvp<C> {
     /// invalid.
     fn plan(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.update_graph(ctx);
-        let obstacles = obstacles_near(observation, ctx);
+        let obstacles = Obstacles::of(observation, ctx);
         let plan = match C::first_stage(self, observation, ctx, &obstacles) {
             Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
                 Plan::Nothing => match self.look_from_afar(observation, ctx, &obstacles) {
@@ -388,6 +388,11 @@ impl<C: Coordination> Dsvp<C> {
             return if has_met { self.coordination.with_messages(keep, observation) } else { keep };
         }
         self.driving = None;
+        if self.is_resting
+            && let Some(wake) = self.blockages.still_rests(observation, ctx)
+        {
+            return Command::keep(wake);
+        }
         if let Some(until) = self.waits_until
             && now < until
         {
@@ -397,7 +402,7 @@ impl<C: Coordination> Dsvp<C> {
         let has_waited = self.waits_until.take().is_some() || has_rested;
         if !has_waited && observation.collision.is_some_and(|collision| collision.with_agent) {
             self.update_graph(ctx);
-            let obstacles = obstacles_near(observation, ctx);
+            let obstacles = Obstacles::of(observation, ctx);
             return self.resolve_blockage(observation, ctx, &obstacles);
         }
         let since = *self.at_rest_since.get_or_insert(now);

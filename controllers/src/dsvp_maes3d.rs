@@ -25,7 +25,8 @@
 //! The reference draws from the one random stream of its engine; this controller draws from its
 //! own. The reference throws if a stage finds no destination, which ends the tick for the whole
 //! team; here the agent tries again. It makes way for agents that it runs into again and again, and
-//! rests before one that does not move for long.
+//! rests before one that does not move for long. Stages that lead nowhere follow each other less and
+//! less often.
 //!
 //! The reference has no bodies wider than a cell. Nodes for such a body are cells in which it has
 //! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier
@@ -95,6 +96,12 @@ const IDLE_TICKS: u64 = 250;
 /// wider than a cell does after each.
 const RUN_INTO_MAX: u32 = 8;
 
+/// Stages in a row that lead nowhere, with the map within the horizon as it was, after which the
+/// next one waits, each time twice as long, up to [`STALL_TICKS_MAX`]: 30 s. The trees grow with
+/// every stage.
+const STALLS_MIN: u32 = 50;
+const STALL_TICKS_MAX: u64 = 1500;
+
 /// The list is purged of former frontiers when it has this many entries, and again each time its
 /// length has doubled.
 const CLEARED_FROM: usize = 4096;
@@ -114,6 +121,8 @@ pub struct DsvpMaes3d {
     is_done: bool,
     /// What is left of the path that is under way.
     legs: Legs,
+    /// Stages in a row that have led nowhere, and the changes of the map up to the last one.
+    stalls: (u32, usize),
     /// The agents that it has run into.
     blockages: Blockages,
     /// The cell in which it has run into an agent, and how often in a row.
@@ -137,6 +146,7 @@ impl DsvpMaes3d {
             is_trying_again: false,
             is_done: false,
             legs: Legs::default(),
+            stalls: (0, 0),
             blockages: Blockages::default(),
             run_into: (Cell::default(), 0),
             beside: Vec::new(),
@@ -179,13 +189,37 @@ impl DsvpMaes3d {
         trees.destination = Some((at, node));
         match ctx.go_to_cell_by(cell, Neighbours::Six, SearchTime::Instant) {
             NavigationStatus::Go(motion) => {
-                self.goes(ctx, motion, Stage::Exploring, format!("exploration: to {}", text(cell)))
+                let is_there = Legs::is_done(&ctx.place(cell), ctx);
+                match is_there.then(|| self.wake_after_stall(ctx)).flatten() {
+                    Some(wake) => Command::keep(wake).with_stage(Stage::Waiting).with_info("exploration: stays"),
+                    None => self.goes(ctx, motion, Stage::Exploring, format!("exploration: to {}", text(cell))),
+                }
             }
             NavigationStatus::NoPath | NavigationStatus::Searching(_) if ctx.is_wide() => self.looks_from_afar(ctx),
-            NavigationStatus::NoPath | NavigationStatus::Searching(_) => Command::keep(WakeCondition::NEXT_TICK)
-                .with_stage(Stage::Exploring)
-                .with_info(format!("exploration: no way to {}", text(cell))),
+            NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
+                Command::keep(self.wake_after_stall(ctx).unwrap_or(WakeCondition::NEXT_TICK))
+                    .with_stage(Stage::Exploring)
+                    .with_info(format!("exploration: no way to {}", text(cell)))
+            }
         }
+    }
+
+    /// When the next stage begins after one that leads nowhere, if not at once.
+    fn wake_after_stall(&mut self, ctx: &Ctx<'_>) -> Option<WakeCondition> {
+        let (stalls, read) = self.stalls;
+        let by = Cell::new(HORIZON as i32, HORIZON as i32, HORIZON as i32);
+        let (lowest, highest) = (ctx.cell() - by, ctx.cell() + by);
+        let is_near = |(low, high): (Cell, Cell)| {
+            let along = |low, high, lowest, highest| low <= highest && high >= lowest;
+            along(low.x, high.x, lowest.x, highest.x)
+                && along(low.y, high.y, lowest.y, highest.y)
+                && along(low.z, high.z, lowest.z, highest.z)
+        };
+        let has_changed = ctx.map().boxes_changed_since(read).any(is_near);
+        self.stalls = (if has_changed { 0 } else { stalls + 1 }, ctx.map().journal_len());
+        let doublings = self.stalls.0.checked_sub(STALLS_MIN)?.min(STALL_TICKS_MAX.ilog2());
+        let at = ctx.tick().after((1 << doublings).min(STALL_TICKS_MAX));
+        Some(WakeCondition::at(at).or(WakeCondition::on(EventMask::MESSAGE)))
     }
 
     fn relocate(&mut self, ctx: &mut Ctx<'_>) -> Command {
@@ -311,8 +345,11 @@ impl Controller for DsvpMaes3d {
             self.run_into = (ctx.cell(), times);
         }
         let evades = has_run_into_agent && (ctx.is_wide() || self.run_into.1 > RUN_INTO_MAX);
+        let rest = if observation.is_active { None } else { self.blockages.still_rests(observation, ctx) };
         let standing = if has_run_into_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
-        let command = if let Some(Yield::Rest(rest)) = standing {
+        let command = if let Some(wake) = rest {
+            Command::keep(wake)
+        } else if let Some(Yield::Rest(rest)) = standing {
             rest.command()
         } else if evades {
             collision_recovery::step_aside(&mut self.rng, ctx)

@@ -26,6 +26,7 @@ pub(crate) mod region;
 pub(crate) mod searching;
 pub(crate) mod sights;
 
+use std::collections::BTreeMap;
 use std::task::Poll;
 
 use msgs::ids::Tick;
@@ -108,6 +109,14 @@ impl Purpose {
         if let Self::Towards(aim) = self { aim } else { goal }
     }
 
+    fn stage(self) -> Stage {
+        match self {
+            Self::Explore => Stage::Exploring,
+            Self::Evade => Stage::Waiting,
+            _ => Stage::Relocating,
+        }
+    }
+
     fn text(self) -> &'static str {
         match self {
             Self::Explore => "exploring",
@@ -140,6 +149,8 @@ pub struct Lvd {
     scan: LastScan,
     flood: Flood,
     places: Places,
+    /// See [`searching::Search`].
+    frontier_visits: BTreeMap<Cell, u64>,
     /// The present destination and its purpose.
     destination: Option<(Cell, Purpose)>,
     /// Destinations to avoid, and until when.
@@ -186,6 +197,7 @@ impl Lvd {
             scan: LastScan::default(),
             flood: Flood::default(),
             places: Places::new(merge_m),
+            frontier_visits: BTreeMap::new(),
             destination: None,
             refused: Vec::new(),
             wide: None,
@@ -210,7 +222,7 @@ impl Lvd {
         };
         match status {
             NavigationStatus::Go(motion) => {
-                let command = Command::new(motion, WakeCondition::on(UNDER_WAY));
+                let command = Command::new(motion, WakeCondition::on(UNDER_WAY)).with_stage(purpose.stage());
                 let centre = ctx.map().extent().centre(goal);
                 let text =
                     format!("destination ({:.2}, {:.2}, {:.2}), {}", centre.x, centre.y, centre.z, purpose.text());
@@ -313,6 +325,7 @@ impl Lvd {
             scan: &self.scan,
             region: &region,
             places: &self.places,
+            frontier_visits: &self.frontier_visits,
             visits_max: self.visits_max,
             is_refused: &|cell| is_refused(ctx, &self.refused, self.wide.as_ref(), cell),
         };
@@ -390,6 +403,7 @@ impl Controller for Lvd {
             // What could not be reached may be open now.
             (self.wide, self.waits_until) = (None, Tick::ZERO);
             self.refused.clear();
+            self.frontier_visits.clear();
         }
         if ctx.is_wide() {
             let (run_info, radius_m) = (ctx.run_info(), ctx.body().radius_m);
@@ -407,6 +421,9 @@ impl Controller for Lvd {
         if observation.is_active {
             return self.while_active(observation, ctx);
         }
+        if let Some(wake) = self.blockages.still_rests(observation, ctx) {
+            return Command::keep(wake);
+        }
         if now < self.waits_until {
             return Command::keep(WakeCondition::at(self.waits_until));
         }
@@ -421,6 +438,9 @@ impl Controller for Lvd {
             self.destination = None;
             if purpose.is_search() && purpose.aim(goal) == goal {
                 self.places.visit(goal, now);
+                if ctx.map().is_frontier(goal) {
+                    *self.frontier_visits.entry(goal).or_default() += 1;
+                }
             }
             if purpose == Purpose::Explore && ctx.map().state(goal) == CellState::Free {
                 self.refuse(goal, now);

@@ -12,8 +12,8 @@
 //!   own cell;
 //! - selections of an occlusion point count, not visits, and if all were selected before, the last
 //!   one listed wins;
-//! - points near each other are not merged, and there is no fallback: it stays and tries again in
-//!   each tick;
+//! - points near each other are not merged, and there is no fallback: it stays and tries again, in
+//!   each tick there, here when the result can be another one;
 //! - a wall at the edge of the map that is seen in search mode is an error, and the agent does
 //!   nothing in that tick.
 //!
@@ -22,8 +22,8 @@
 //! long.
 //!
 //! The reference has no bodies wider than a cell. Such a body goes as near to a cell as it can, to
-//! no cell again to which it found no path until something near it changes, and without a
-//! destination to where it sees something unexplored (`viewpoints`).
+//! no cell again to which it found no path until something near it changes, to no occlusion point
+//! twice, and without a destination to where it sees something unexplored (`viewpoints`).
 //!
 //! Not reproducible: the order of rays on the same circle about the pole (here upwards, then along
 //! x), walls listed once for each of their rays (here once), straight paths checked on the true map
@@ -49,11 +49,17 @@ use super::{Controller, Ctx};
 use agent::command::{Command, Motion, Stage, WakeCondition};
 use agent::exploration_map::CellState;
 use agent::navigation::{NavigationStatus, SearchTime};
-use agent::observation::Observation;
+use agent::observation::{Contact, Observation};
 use agent::path::Neighbours;
 
 /// Cells seen from within this distance are visited, in cells.
 const VISIT_RADIUS_CELLS: f64 = 3.75;
+
+/// Ticks after which an agent without a destination looks again if nothing has changed: 5 s.
+const IDLE_TICKS: u64 = 250;
+
+/// What an agent says that has no destination.
+const NO_DESTINATION: &str = "sees no destination";
 
 const UNDER_WAY: EventMask = EventMask::TASK_DONE.union(EventMask::COLLISION).union(EventMask::NEW_CELL);
 
@@ -65,19 +71,33 @@ struct OutOfBounds;
 #[derive(Debug, Default)]
 pub struct LvdMaes3d {
     scan: LastScan,
+    /// Whether it differs from the one before.
+    is_view_new: bool,
     /// Selections by occlusion point.
     selections: BTreeMap<Cell, u64>,
     is_in_search_mode: bool,
-    destination: Option<Point3<f64>>,
-    /// What is left of the path to it.
+    /// What is left of the path to the destination.
     legs: Legs,
     /// The tick in which the end of the present task is noticed.
     notices_at: Option<Tick>,
     said: String,
     /// The agents that it has run into.
     blockages: Blockages,
+    /// The last search without a path: from which cell, to which, and with how many changes of the
+    /// map.
+    no_path: Option<(Cell, Cell, usize)>,
+    /// The last choice without a destination.
+    idle: Option<Idle>,
     /// Of a body wider than a cell.
     wide: Option<Wide>,
+}
+
+/// What a choice without a destination depended on, beside the view.
+#[derive(Debug, PartialEq)]
+struct Idle {
+    contacts: Vec<Contact>,
+    map_changes: usize,
+    position: Point3<f64>,
 }
 
 /// What a body wider than a cell remembers beside that.
@@ -122,32 +142,50 @@ impl LvdMaes3d {
         })
     }
 
-    /// The occlusion point to visit; counts its selection.
-    fn occlusion_point(&mut self, extent: Extent, own: Cell, others: &[Cell]) -> Result<Option<Cell>, OutOfBounds> {
-        let mut nearest: Option<(i32, Cell)> = None;
-        let mut last = None;
+    /// The occlusion points in the order of their walls, repeatedly.
+    fn occlusion_points(&self, extent: Extent, own: Cell, others: &[Cell]) -> Result<Vec<Cell>, OutOfBounds> {
+        let mut points = Vec::new();
         let inside = |cell: Cell| if extent.contains(cell) { Ok(cell) } else { Err(OutOfBounds) };
         for wall in self.walls_in_ray_order(extent, own) {
             let is_wall = |cell| Ok(self.scan.is_wall(extent, inside(cell)?));
             occlusion::candidates(own, wall, is_wall, |cell| {
-                if !self.scan.is_free(extent, inside(cell)?) || !is_own(own, others, cell) || self.has_failed(cell) {
-                    return Ok(());
-                }
-                let distance = squared(cell - own);
-                let was_selected = self.selections.get(&cell).is_some_and(|&selections| selections > 0);
-                if !was_selected && nearest.is_none_or(|(least, _)| distance < least) {
-                    nearest = Some((distance, cell));
-                } else {
-                    last = Some(cell);
+                if self.scan.is_free(extent, inside(cell)?) && is_own(own, others, cell) && !self.has_failed(cell) {
+                    points.push(cell);
                 }
                 Ok(())
             })?;
         }
-        let point = nearest.map(|(_, cell)| cell).or(last);
-        if let Some(point) = point {
-            *self.selections.entry(point).or_default() += 1;
+        Ok(points)
+    }
+
+    fn was_selected(&self, point: Cell) -> bool {
+        self.selections.get(&point).is_some_and(|&selections| selections > 0)
+    }
+
+    /// The occlusion point to visit, and how often it has now been selected. A body wider than a
+    /// cell visits none twice.
+    fn occlusion_point(
+        &mut self,
+        extent: Extent,
+        own: Cell,
+        others: &[Cell],
+    ) -> Result<Option<(Cell, u64)>, OutOfBounds> {
+        let mut nearest: Option<(i32, Cell)> = None;
+        let mut last = None;
+        for cell in self.occlusion_points(extent, own, others)? {
+            let distance = squared(cell - own);
+            if !self.was_selected(cell) && nearest.is_none_or(|(least, _)| distance < least) {
+                nearest = Some((distance, cell));
+            } else {
+                last = Some(cell);
+            }
         }
-        Ok(point)
+        let last = last.filter(|_| self.wide.is_none());
+        Ok(nearest.map(|(_, cell)| cell).or(last).map(|point| {
+            let selections = self.selections.entry(point).or_default();
+            *selections += 1;
+            (point, *selections)
+        }))
     }
 
     /// The walls in view by their angle from our +y, then upwards, then along x.
@@ -164,18 +202,57 @@ impl LvdMaes3d {
         self.wide.as_ref().is_some_and(|wide| wide.failed.holds(cell))
     }
 
-    fn goes_to(&mut self, ctx: &mut Ctx<'_>, cell: Cell) -> Command {
-        let to = ctx.approach(cell).filter(|&to| !ctx.is_wide() || to != ctx.cell());
-        match to.map(|to| ctx.go_to_cell_by(to, Neighbours::Six, SearchTime::Instant)) {
-            Some(NavigationStatus::Go(motion)) => self.sets_out(ctx, cell, motion),
+    /// `is_last`: without a path there it would choose the same cell again.
+    fn goes_to(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, cell: Cell, is_last: bool) -> Command {
+        let search = (ctx.cell(), cell, ctx.map().journal_len());
+        let to = ctx.approach(cell).filter(|&to| match ctx.is_wide() {
+            true => to != ctx.cell(),
+            false => self.no_path != Some(search),
+        });
+        let status = to.map(|to| ctx.go_to_cell_by(to, Neighbours::Six, SearchTime::Instant));
+        match (status, &mut self.wide) {
+            (Some(NavigationStatus::Go(motion)), _) => self.sets_out(ctx, cell, motion),
             // It becomes idle again.
-            Some(NavigationStatus::Searching(_) | NavigationStatus::NoPath) | None => {
-                if let Some(wide) = &mut self.wide {
-                    wide.failed.insert(cell);
-                }
+            (_, Some(wide)) => {
+                wide.failed.insert(cell);
                 looks_again(WakeCondition::NEXT_TICK)
             }
+            (_, None) => {
+                self.no_path = Some(search);
+                if is_last { self.stays(observation, ctx) } else { looks_again(WakeCondition::NEXT_TICK) }
+            }
         }
+    }
+
+    /// Without a destination it chooses again once that can have another result: after the next
+    /// scan from here, when its map or the contacts change, and in the next tick if another agent
+    /// moves that may leave a cell or an occlusion point to it.
+    fn stays(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+        let now = observation.tick;
+        let idle = Idle {
+            contacts: observation.contacts.clone(),
+            map_changes: ctx.map().journal_len(),
+            position: ctx.position(),
+        };
+        let before = self.idle.replace(idle);
+        let is_left = !observation.contacts.is_empty() && self.is_anything_left(ctx);
+        let is_any_moving = before.as_ref().is_none_or(|before| before.contacts != observation.contacts);
+        let has_changed = self.is_view_new || before != self.idle;
+        let period_ticks = u64::from(ctx.run_info().lidar_period_ticks.max(1));
+        let next_scan = observation.scan_tick.map_or(now, |scan| scan.after(period_ticks)).max(now.next());
+        let at = match is_left {
+            true if is_any_moving => now.next(),
+            false if !has_changed => now.after(IDLE_TICKS),
+            _ => next_scan,
+        };
+        let command = looks_again(WakeCondition { at, events: EventMask::MESSAGE | EventMask::CONTACTS });
+        self.with_new_info(command.with_stage(Stage::Waiting), NO_DESTINATION.to_owned())
+    }
+
+    /// Whether there is a destination in view, whichever agent it belongs to.
+    fn is_anything_left(&self, ctx: &Ctx<'_>) -> bool {
+        let points = self.occlusion_points(ctx.map().extent(), ctx.cell(), &[]);
+        self.nearest_unvisited(ctx, &[]).is_some() || points.is_ok_and(|points| !points.is_empty())
     }
 
     /// A body wider than a cell without a destination goes where it sees something unexplored.
@@ -201,9 +278,14 @@ impl LvdMaes3d {
 
     fn sets_out(&mut self, ctx: &Ctx<'_>, cell: Cell, motion: Motion) -> Command {
         self.notices_at = None;
-        self.destination = Some(ctx.map().extent().centre(cell));
         let motion = self.legs.begin(motion, ctx);
-        self.with_new_info(under_way(motion))
+        let to = ctx.map().extent().centre(cell);
+        let (mode, stage) = match self.is_in_search_mode {
+            true => ("search mode", Stage::Relocating),
+            false => ("exploration mode", Stage::Exploring),
+        };
+        let text = format!("destination ({:.1}, {:.1}, {:.1}), {mode}", to.x, to.y, to.z);
+        self.with_new_info(under_way(motion).with_stage(stage), text)
     }
 
     fn goes_to_own_centre(&mut self, ctx: &Ctx<'_>) -> Command {
@@ -211,10 +293,7 @@ impl LvdMaes3d {
         self.sets_out(ctx, own, Motion::Path(vec![ctx.place(own)]))
     }
 
-    fn with_new_info(&mut self, command: Command) -> Command {
-        let Some(to) = self.destination else { return command };
-        let mode = if self.is_in_search_mode { "search mode" } else { "exploration mode" };
-        let text = format!("destination ({:.1}, {:.1}, {:.1}), {mode}", to.x, to.y, to.z);
+    fn with_new_info(&mut self, command: Command, text: String) -> Command {
         if text == self.said {
             return command;
         }
@@ -227,13 +306,13 @@ impl LvdMaes3d {
         let others = observation.contacts.iter().map(|contact| extent.cell_of(&contact.position));
         let others: Vec<Cell> = others.filter(|&cell| extent.contains(cell)).collect();
         if let Some(cell) = self.nearest_unvisited(ctx, &others) {
-            return self.goes_to(ctx, cell);
+            return self.goes_to(observation, ctx, cell, true);
         }
         self.is_in_search_mode = true;
         match self.occlusion_point(extent, ctx.cell(), &others) {
-            Ok(Some(cell)) => self.goes_to(ctx, cell),
+            Ok(Some((cell, selections))) => self.goes_to(observation, ctx, cell, selections > 1),
             Ok(None) | Err(OutOfBounds) if ctx.is_wide() => self.looks_from_afar(ctx),
-            Ok(None) | Err(OutOfBounds) => looks_again(WakeCondition::NEXT_TICK),
+            Ok(None) | Err(OutOfBounds) => self.stays(observation, ctx),
         }
     }
 }
@@ -260,6 +339,7 @@ impl Controller for LvdMaes3d {
             return looks_again(WakeCondition::at(now.next()));
         }
         if let Some(view) = &observation.view {
+            self.is_view_new = !self.scan.is_of(view);
             self.scan.load(extent, view);
         }
         if ctx.is_wide() {
@@ -279,6 +359,11 @@ impl Controller for LvdMaes3d {
         if observation.collision.is_some() {
             self.legs.end();
         }
+        if !observation.is_active
+            && let Some(wake) = self.blockages.still_rests(observation, ctx)
+        {
+            return looks_again(wake);
+        }
         let is_between_legs = !observation.is_active && self.legs.is_any_left();
         let is_idle = !observation.is_active && !is_between_legs && {
             let notices_at = *self.notices_at.get_or_insert(now.next());
@@ -292,7 +377,11 @@ impl Controller for LvdMaes3d {
                 // without a destination it stays at its centre.
                 let chosen =
                     if is_idle { self.chooses(observation, ctx) } else { looks_again(WakeCondition::NEXT_TICK) };
-                return if chosen.motion == Motion::Keep { self.goes_to_own_centre(ctx) } else { chosen };
+                let is_there = is_idle && Legs::is_done(&ctx.place(ctx.cell()), ctx);
+                return match chosen.motion {
+                    Motion::Keep if !is_there => self.goes_to_own_centre(ctx),
+                    _ => chosen,
+                };
             }
         }
         if is_between_legs && let Some(motion) = self.legs.next(ctx) {

@@ -49,6 +49,13 @@ impl Legs {
         self.rest.clear();
     }
 
+    /// Whether the body has nothing to do to be at a place at the end of a path that begins there.
+    pub(crate) fn is_done(place: &Point3<f64>, ctx: &Ctx<'_>) -> bool {
+        let turn = ctx.turn_to(HEADING_RAD);
+        let is_turned = !matches!(turn, Motion::Turn { angle_rad } if angle_rad.abs() >= TURN_MIN_RAD);
+        ctx.position() == *place && (is_turned || ctx.body().kind != BodyKind::Submarine)
+    }
+
     /// Whether a part is left.
     pub(crate) fn is_any_left(&self) -> bool {
         !self.rest.is_empty()

@@ -21,6 +21,7 @@ use protocol::event_mask::EventMask;
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
+use super::blockage::{Blockages, Yield};
 use super::relays::Relays;
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoint, Viewpoints};
@@ -48,6 +49,8 @@ pub struct NearestFrontier {
     viewpoints: Option<Viewpoints>,
     viewpoint: Option<Viewpoint>,
     relays: Relays,
+    /// The agents that it has run into.
+    blockages: Blockages,
     /// The waypoints ahead of it.
     waypoints: Vec<Point3<f64>>,
 }
@@ -68,6 +71,7 @@ impl NearestFrontier {
             viewpoints: None,
             viewpoint: None,
             relays,
+            blockages: Blockages::default(),
             waypoints: Vec::new(),
         })
     }
@@ -170,7 +174,17 @@ impl Controller for NearestFrontier {
         // collisions.
         if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events.intersects(EventMask::COLLISION) {
             (self.goal, self.viewpoint) = (None, None);
-            return collision_recovery::step_aside(&mut self.rng, ctx);
+            let has_met_agent = observation.collision.is_some_and(|collision| collision.with_agent);
+            let standing = if has_met_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
+            return match standing {
+                Some(Yield::Rest(rest)) => rest.command(),
+                _ => collision_recovery::step_aside(&mut self.rng, ctx),
+            };
+        }
+        if !observation.is_active
+            && let Some(wake) = self.blockages.still_rests(observation, ctx)
+        {
+            return Command::keep(wake);
         }
         if ctx.is_wide() {
             return self.go_to_viewpoint(observation, ctx);
@@ -320,14 +334,43 @@ mod tests {
         assert_eq!(world.ask(&mut controller).info, "knows no frontier", "nothing beyond");
     }
 
+    const ROOM: &str = "........\n........\n.......?\n";
+
+    #[test]
+    fn rests_before_a_body_that_stays() {
+        let mut world = World::known(ROOM, flat(1, 1));
+        world.observation.scan_tick = Some(Tick::ZERO);
+        let mut controller = controller("instant");
+        let meets = |world: &mut World, controller: &mut NearestFrontier| {
+            world.ask(controller);
+            world.wait(300);
+            world.collide();
+            world.ask(controller)
+        };
+        let rest = (0..20).map(|_| meets(&mut world, &mut controller)).find(|command| !command.wake.events.is_empty());
+        let rest = rest.unwrap();
+        assert_eq!(rest.info, "waits for the body in the way to move");
+        let begun = world.observation.tick;
+        assert!(rest.wake.at >= begun.after(500), "{:?}", rest.wake);
+        // A message that changes nothing on the map is no reason to try again.
+        world.wait(100);
+        world.observation.events = EventMask::MESSAGE;
+        assert_eq!(world.ask(&mut controller), Command::keep(rest.wake));
+        world.map.note_wall(&[7]);
+        assert_ne!(world.ask(&mut controller), Command::keep(rest.wake));
+    }
+
     #[test]
     fn steps_aside_at_random_and_continues() {
         let mut waits = BTreeSet::new();
         let mut places = BTreeSet::new();
-        let mut world = World::known("........\n........\n.......?\n", flat(1, 1));
+        let elsewhere = "????????\n".repeat(13);
+        let mut world = World::known(&format!("{elsewhere}########\n{ROOM}"), flat(1, 1));
         world.observation.scan_tick = Some(Tick::ZERO);
         let mut controller = controller("instant");
-        for _ in 0..100 {
+        // Its map changes, so it does not take the other body to stay.
+        for changed in (4 * 8..).take(100) {
+            world.map.note_wall(&[changed]);
             let go = world.ask(&mut controller);
             assert_eq!(destination(&world, &go), flat(6, 0));
             world.wait(10);

@@ -146,13 +146,15 @@ fn columns() -> Grid<Terrain> {
 fn what_is_behind_columns_is_seen_through_them() {
     let hall = columns();
     let visible = visible_share(&hall, 0.4, Cell::new(6, 6, 4), f64::INFINITY);
-    for controller in ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd"] {
+    for controller in ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd", "lvd-maes3d", "dsvp-maes3d"] {
         let keys = format!(
             "duration_s = 300.0\nbody = {{ radius_m = 0.4 }}\nagents = {{ count = 3, controller = \"{controller}\" }}\n\
              spawn = {{ kind = \"list\", poses = [[3.25, 3.25, 2.25], [3.25, 6.25, 2.25], [3.25, 9.25, 2.25]] }}\n"
         );
         let result = result(&hall, &keys);
         assert!(result.explored > (visible - 0.001).max(0.99), "{controller}: {} of {visible}", result.explored);
+        let attainable = result.counter(CounterName::AttainablePpm).unwrap_or(0) as f64 / 1e6;
+        assert!(result.explored < attainable + 1e-6, "{controller}: {} of {attainable}", result.explored);
         let failed = result.counter(CounterName::FailedSearches).unwrap_or(0);
         assert!(failed < 200, "{controller}: {failed} failed searches");
     }
@@ -202,12 +204,36 @@ fn teams_rest_before_a_lane_that_is_blocked() {
 }
 
 #[test]
-fn teams_notice_that_a_lane_is_freed() {
-    for controller in ["nearest-frontier", "dsvp", "dsvp-auction", "dsvp-team", "lvd"] {
-        let freed = "[[event]]\nat_s = 250.0\nkind = \"leave\"\nagent = 0\n";
-        let result = in_the_lane(controller, 900.0, freed);
-        assert!(result.explored > 0.999, "{controller}: {}", result.explored);
+fn teams_do_not_push_a_body_that_stays() {
+    for controller in ["nearest-frontier", "boustrophedon", "dsvp", "dsvp-team", "lvd", "lvd-maes3d", "dsvp-maes3d"] {
+        let result = in_the_lane(controller, 900.0, "");
+        let collisions = result.counter(CounterName::Collisions).unwrap_or(0);
+        assert!(collisions < 150, "{controller}: {collisions} collisions");
     }
+}
+
+#[test]
+fn agents_that_sweep_a_lane_from_both_ends_get_past_each_other() {
+    let mut rooms = solid([30, 5, 3], 1.0);
+    fill(&mut rooms, [1..4, 1..4, 1..2], Terrain::Free);
+    fill(&mut rooms, [4..25, 2..3, 1..2], Terrain::Free);
+    fill(&mut rooms, [25..29, 1..4, 1..2], Terrain::Free);
+    let keys = "duration_s = 600.0\nstop_when_covered = true\nagents = { count = 2, controller = \"boustrophedon\" }\n\
+                spawn = { kind = \"list\", poses = [[26.5, 3.5, 1.5], [17.5, 2.5, 1.5]] }\n";
+    let result = result(&rooms, keys);
+    assert_eq!((result.covered, result.reason.as_str()), (1.0, "covered"));
+}
+
+#[test]
+fn run_without_a_destination_takes_few_decisions() {
+    // A lane of one cell, behind the bend of which `lvd-maes3d` sees nothing.
+    let mut lane = solid([20, 9, 3], 1.0);
+    fill(&mut lane, [1..19, 1..2, 1..2], Terrain::Free);
+    fill(&mut lane, [18..19, 1..8, 1..2], Terrain::Free);
+    let keys = "duration_s = 900.0\nagents = { count = 1, controller = \"lvd-maes3d\" }\n\
+                spawn = { kind = \"list\", poses = [[9.5, 1.5, 1.5]] }\n";
+    let decisions = result(&lane, keys).counter(CounterName::Decisions).unwrap_or(0);
+    assert!((5..1000).contains(&decisions), "{decisions} decisions");
 }
 
 proptest! {

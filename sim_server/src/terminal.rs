@@ -21,7 +21,6 @@ use crate::session::{Outcome, RunObserver};
 use protocol::lockstep::listed;
 use simulation::scenario::{Scenario, StopRule};
 use simulation::world::World;
-use simulation::world::attainable::Attainable;
 use system::progress_bar::{self, TimeLeft};
 use system::wall_clock::now;
 
@@ -145,11 +144,12 @@ impl RunObserver for Terminal {
     }
 
     fn progress(&mut self, world: &World) {
-        let attainable = world.attainable();
-        if let Some(attainable) = attainable.filter(|_| !std::mem::replace(&mut self.has_told_attainable, true)) {
+        if let Some(attainable) = world.attainable().filter(|_| !std::mem::replace(&mut self.has_told_attainable, true))
+        {
             let (reached, seen) = (attainable.reached_share() * 100.0, attainable.seen_share() * 100.0);
             self.say(&format!("the bodies of the team reach {reached:.1} % of the free cells and see {seen:.1} %"));
         }
+        let attainable = world.attainable_share();
         let now = now();
         let started = *self.started.get_or_insert(now);
         let sim_s = world.tick().time_ns() as f64 * 1e-9;
@@ -157,7 +157,7 @@ impl RunObserver for Terminal {
         let (explored, covered) = (world.coverage().explored(), world.coverage().covered());
         let elapsed = world.tick().0 as f64 / self.duration.0.max(1) as f64;
         let done = match self.rule {
-            StopRule::Explored => explored / attainable.map_or(1.0, Attainable::seen_share),
+            StopRule::Explored => explored / attainable.unwrap_or(1.0),
             StopRule::Covered => covered,
             StopRule::Back | StopRule::Duration => 0.0,
         };
@@ -166,7 +166,7 @@ impl RunObserver for Terminal {
         let text = format!(
             "{:5.1} % explored{}{} | {} left | {:.0} x real time | {} of at most {}",
             explored * 100.0,
-            attainable.map_or_else(String::new, |team| format!(" of {:.1} %", team.seen_share() * 100.0)),
+            attainable.map_or_else(String::new, |share| format!(" of {:.1} %", share * 100.0)),
             if self.rule == StopRule::Covered { format!(", {:.1} % covered", covered * 100.0) } else { String::new() },
             left.map_or_else(|| "?".to_owned(), progress_bar::clock),
             if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },

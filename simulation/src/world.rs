@@ -261,6 +261,21 @@ impl World {
         self.attainable.get_or_init(|| attainable::of_team(self)).as_ref()
     }
 
+    /// Share of the free cells that are attainable or have been seen all the same, from between the
+    /// places of the bodies, 0 ..= 1; `None` as for [`World::attainable`].
+    ///
+    /// # Panics
+    /// If the world is not settled: see [`World::flush_scans`].
+    #[must_use]
+    pub fn attainable_share(&self) -> Option<f64> {
+        let coverage = self.coverage();
+        let (explored, free_cells) = (coverage.explored_cells(), coverage.free_cells());
+        self.attainable().map(|attainable| {
+            let unseen = attainable.seen().iter().filter(|&cell| !explored.contains(cell)).count();
+            (coverage.explored_count() + unseen) as f64 / free_cells as f64
+        })
+    }
+
     /// Whether the team can see a free cell that it has not seen, or may be able to.
     ///
     /// # Panics

@@ -43,17 +43,6 @@ impl Waypoints {
     }
 }
 
-/// The bodies that may block this one.
-pub(super) fn obstacles_near(observation: &Observation, ctx: &Ctx<'_>) -> Obstacles {
-    Obstacles::near(
-        &observation.contacts,
-        &ctx.position(),
-        ctx.body().radius_m,
-        &ctx.run_info().bodies,
-        ctx.map().extent(),
-    )
-}
-
 /// The motion of a body that is to be at rest: `Keep` if it is already.
 pub(super) fn hold(observation: &Observation) -> Motion {
     if observation.is_active { Motion::Stop } else { Motion::Keep }

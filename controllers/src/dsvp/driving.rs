@@ -88,7 +88,6 @@ mod tests {
     use voxels::Cell;
 
     use super::*;
-    use crate::dsvp::avoidance::obstacles_near;
     use crate::testing::World;
     use agent::bodies::BodyModel;
     use agent::observation::Contact;
@@ -107,7 +106,7 @@ mod tests {
         let observation = world.observation.clone();
         let ctx = world.ctx();
         let waypoints: Vec<Point3<f64>> = to.iter().map(|&cell| ctx.map().extent().centre(cell)).collect();
-        let obstacles = obstacles_near(&observation, &ctx);
+        let obstacles = Obstacles::of(&observation, &ctx);
         Driving::along(&waypoints, before, &observation, &ctx, &obstacles)
     }
 

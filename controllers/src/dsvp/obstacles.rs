@@ -5,9 +5,10 @@
 use nalgebra::{Point3, Vector3};
 use voxels::{BodyLattice, Cell, Extent};
 
+use crate::Ctx;
 use agent::bodies::{Bodies, nearest_share};
 use agent::command::Motion;
-use agent::observation::Contact;
+use agent::observation::{Contact, Observation};
 
 /// Distance between body centres below which a path is blocked, as a multiple of the distance at
 /// which the bodies touch.
@@ -49,6 +50,12 @@ pub(crate) fn is_near(contact: &Contact, here: &Point3<f64>, radius_m: f64, bodi
 }
 
 impl Obstacles {
+    /// The bodies that may block that of the agent.
+    pub(crate) fn of(observation: &Observation, ctx: &Ctx<'_>) -> Self {
+        let (here, bodies) = (ctx.position(), &ctx.run_info().bodies);
+        Self::near(&observation.contacts, &here, ctx.body().radius_m, bodies, ctx.map().extent())
+    }
+
     /// The obstacles near a body with a radius at `here`; metres, frame `map`. `bodies` are those
     /// of the team.
     pub(crate) fn near(
@@ -79,6 +86,11 @@ impl Obstacles {
         let mut obstacles = Self { extent, lattice, near, low, high, occupied: Vec::new() };
         obstacles.decide_all();
         obstacles
+    }
+
+    /// Whether no body is nearby.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.near.is_empty()
     }
 
     /// Decides all cells of the box, if there are not too many. A search among many obstacles asks

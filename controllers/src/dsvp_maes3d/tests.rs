@@ -368,3 +368,20 @@ fn without_destination_it_retries_and_lists_frontiers_once() {
     assert!(matches!(go.motion, Motion::Path(_)), "{go:?}");
     assert!(!planner.is_trying_again);
 }
+
+#[test]
+fn stages_that_lead_nowhere_follow_less_and_less_often() {
+    let mut world = World::known(&format!("{}?\n", ".".repeat(40)), flat(2, 0));
+    let mut planner = planner();
+    let mut wait = |world: &mut World| planner.wake_after_stall(&world.ctx()).map(|wake| wake.at.0);
+    // The first ones follow at once, as in the reference; the map has just become known.
+    let waits: Vec<_> = (0..100).map(|_| wait(&mut world)).collect();
+    let at_once = STALLS_MIN as usize;
+    assert!(waits[..at_once].iter().all(Option::is_none), "{waits:?}");
+    assert_eq!(waits[at_once..at_once + 4], [Some(1), Some(2), Some(4), Some(8)]);
+    assert!(waits[70..].iter().all(|&wait| (1024..=STALL_TICKS_MAX).contains(&wait.unwrap_or_default())), "{waits:?}");
+    world.map.note_wall(&[40]);
+    assert!(wait(&mut world).is_some(), "that is beyond the horizon");
+    world.map.note_covered(flat(3, 0));
+    assert_eq!(wait(&mut world), None);
+}

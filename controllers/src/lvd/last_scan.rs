@@ -35,6 +35,11 @@ impl LastScan {
         }
     }
 
+    /// Whether the scan is the one that is loaded.
+    pub(crate) fn is_of(&self, view: &Cells) -> bool {
+        self.view == *view
+    }
+
     /// Indices of the free cells seen, ascending.
     pub(crate) fn free(&self) -> &[u32] {
         &self.view.free

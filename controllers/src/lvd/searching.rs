@@ -1,5 +1,6 @@
 //! Search mode: the destination when no unvisited cell of the own region is in sight.
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::task::Poll;
 
@@ -23,7 +24,9 @@ pub(crate) struct Search<'a, 'b> {
     pub(crate) scan: &'a LastScan,
     pub(crate) region: &'a Region,
     pub(crate) places: &'a Places,
-    /// Places visited this often are left out.
+    /// Visits to cells that were frontiers afterwards as before.
+    pub(crate) frontier_visits: &'a BTreeMap<Cell, u64>,
+    /// Places and frontiers visited this often are left out.
     pub(crate) visits_max: u64,
     /// Destinations refused for other reasons.
     pub(crate) is_refused: &'a dyn Fn(Cell) -> bool,
@@ -67,6 +70,11 @@ impl Search<'_, '_> {
         self.places.visits(cell).0 < self.visits_max && !(self.is_refused)(cell)
     }
 
+    fn is_worth_a_visit(&self, frontier: Cell) -> bool {
+        let visits = self.frontier_visits.get(&frontier).copied().unwrap_or_default();
+        visits < self.visits_max && !(self.is_refused)(frontier)
+    }
+
     fn hides_something(&self, point: Cell) -> bool {
         let map = self.ctx.map();
         point.neighbours26().into_iter().any(|cell| match map.state(cell) {
@@ -102,13 +110,15 @@ impl Search<'_, '_> {
 
     /// The unvisited cell with the shortest path, in the region if there is one, else anywhere;
     /// then a frontier. On large maps this takes several ticks.
+    ///
+    /// Visits to frontiers count by cell: in narrow lanes many frontiers are one place.
     pub(crate) fn nearest_on_map(&self, flood: &mut Flood) -> Poll<Option<Cell>> {
         let map = self.ctx.map();
         let own = self.ctx.cell();
         flood.nearest(map, own, FLOOD_CELLS_MAX, self.ctx.tick(), |cell| {
             if map.state(cell) == CellState::Free && !(self.is_refused)(cell) {
                 if self.region.holds(&map.extent().centre(cell)) { Verdict::Best } else { Verdict::Good }
-            } else if cell != own && map.is_frontier(cell) && self.may_be_chosen(cell) {
+            } else if cell != own && map.is_frontier(cell) && self.is_worth_a_visit(cell) {
                 Verdict::Fair
             } else {
                 Verdict::No
@@ -151,7 +161,8 @@ mod tests {
         let ctx = world.ctx();
         let region = Region::new(&observation, &ctx);
         let is_refused = &|cell| refused.contains(&cell);
-        ask(&Search { ctx: &ctx, scan: &scan, region: &region, places, visits_max: 2, is_refused })
+        let frontier_visits = &BTreeMap::new();
+        ask(&Search { ctx: &ctx, scan: &scan, region: &region, places, frontier_visits, visits_max: 2, is_refused })
     }
 
     #[test]

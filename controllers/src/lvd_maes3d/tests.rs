@@ -116,7 +116,7 @@ fn selections_count_and_the_last_listed_point_remains() {
     let mut world = World::new(&hall(), Cell::new(3, 7, 2));
     let mut lvd = searching_in(&mut world);
     let extent = world.map.extent();
-    let mut select = || lvd.occlusion_point(extent, Cell::new(3, 7, 2), &[]).unwrap();
+    let mut select = || lvd.occlusion_point(extent, Cell::new(3, 7, 2), &[]).unwrap().map(|(point, _)| point);
     let mut selected = Vec::new();
     while let Some(point) = select()
         && !selected.contains(&point)
@@ -167,19 +167,67 @@ fn wall_at_the_edge_of_the_map_is_an_error() {
     let mut observation = world.observation.clone();
     observation.tick = Tick(5);
     lvd.notices_at = Some(Tick(5));
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(WakeCondition::NEXT_TICK));
+    let command = world.ask_about(&mut lvd, &observation);
+    assert_eq!((command.motion, command.info.as_str()), (Motion::Keep, NO_DESTINATION));
     assert!(lvd.selections.is_empty());
 }
 
+/// When it looks again that has found no destination at a tick, with the agents in contact.
+fn looks_again_at(lvd: &mut LvdMaes3d, world: &mut World, tick: u64, contacts: &[Contact]) -> u64 {
+    world.observation.tick = Tick(tick);
+    world.observation.scan_tick = Some(Tick(tick / 10 * 10));
+    world.observation.view = Some(world.view());
+    world.observation.contacts = contacts.to_vec();
+    lvd.is_in_search_mode = false;
+    let command = world.ask(lvd);
+    assert_eq!((command.motion, command.stage), (Motion::Keep, Some(Stage::Waiting)));
+    assert_eq!(command.wake.events, EventMask::MESSAGE | EventMask::CONTACTS);
+    command.wake.at.0
+}
+
 #[test]
-fn without_destination_it_retries_every_tick() {
+fn without_destination_it_waits_for_the_next_scan_then_for_changes() {
     let mut world = World::new(FIELD, MIDDLE);
-    let mut lvd = LvdMaes3d { notices_at: Some(Tick(5)), ..LvdMaes3d::new() };
     world.sense();
-    let mut observation = world.observation.clone();
-    observation.tick = Tick(5);
-    assert_eq!(world.ask_about(&mut lvd, &observation), looks_again(WakeCondition::NEXT_TICK));
-    assert!(lvd.is_in_search_mode);
+    cover_all(&mut world);
+    let mut lvd = LvdMaes3d { notices_at: Some(Tick(5)), ..LvdMaes3d::new() };
+    // The first view may be from another place; that of the next scan changes nothing.
+    assert_eq!(looks_again_at(&mut lvd, &mut world, 5, &[]), 10);
+    assert_eq!(looks_again_at(&mut lvd, &mut world, 10, &[]), 10 + IDLE_TICKS);
+}
+
+#[test]
+fn another_agent_that_moves_is_watched_in_each_tick() {
+    let mut world = World::new(FIELD, MIDDLE);
+    world.sense();
+    for cell in world.left(&[CellState::Covered]).into_iter().filter(|&cell| cell != Cell::new(1, 1, 0)) {
+        world.map.note_covered(cell);
+    }
+    let mut lvd = LvdMaes3d { notices_at: Some(Tick(5)), ..LvdMaes3d::new() };
+    assert_eq!(looks_again_at(&mut lvd, &mut world, 301, &[contact(3, 2, 0)]), 302);
+    assert_eq!(looks_again_at(&mut lvd, &mut world, 302, &[contact(4, 2, 0)]), 303);
+    assert_eq!(looks_again_at(&mut lvd, &mut world, 303, &[contact(4, 2, 0)]), 310, "it rests");
+    // What it leaves is this agent's.
+    world.observation.contacts.clear();
+    assert_eq!(world.ask(&mut lvd).motion, to(Cell::new(1, 1, 0)));
+}
+
+#[test]
+fn path_is_not_searched_again_until_the_map_changes() {
+    let mut world = World::new(FIELD, MIDDLE);
+    let index = |cell| Extent::new([15, 15, 1], 1.0).unwrap().index(cell).unwrap() as u32;
+    // Seen free, with unexplored cells before it.
+    let far = Cell::new(7, 11, 0);
+    world.map.note_covered(MIDDLE);
+    world.map.note_free(&[index(far)]);
+    world.observation.view = Some(Cells { free: vec![index(far)], wall: vec![] });
+    let mut lvd = LvdMaes3d { notices_at: Some(Tick::ZERO), ..LvdMaes3d::new() };
+    let first = world.ask(&mut lvd);
+    assert_eq!((first.motion, first.stage), (Motion::Keep, Some(Stage::Waiting)));
+    assert_eq!(lvd.no_path.map(|(from, to, _)| (from, to)), Some((MIDDLE, far)));
+    world.map.note_free(&[8, 9, 10].map(|y| index(Cell::new(7, y, 0))));
+    world.wait(20);
+    assert_eq!(world.ask(&mut lvd).motion, to(far));
 }
 
 #[test]

@@ -33,7 +33,6 @@ use simulation::digest::{Chain, Digest};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent, StopRule};
 use simulation::wire::{self, Change, MapChangeCause};
 use simulation::workers::Workers;
-use simulation::world::attainable::Attainable;
 use simulation::world::body::Pose;
 use simulation::world::energy::EnergyTotals;
 use simulation::world::map_change::{CellBox, MapChange};
@@ -540,7 +539,7 @@ impl<'a> Engine<'a> {
         let milestones = self.world.coverage().milestones();
         counters
             .extend(milestones.map(|(permille, tick)| Counter::new(CounterName::TickExplored { permille }, tick.0)));
-        let attainable = self.world.attainable().map(Attainable::seen_share);
+        let attainable = self.world.attainable_share();
         counters.extend(attainable.map(|share| Counter::new(CounterName::AttainablePpm, (share * 1e6).round() as u64)));
         if let Some(EnergyTotals { used_j, ran_empty, home_at }) = self.world.energy_totals() {
             let used = Counter::new(CounterName::EnergyUsed, (used_j * 1e3).round() as u64);

@@ -2,7 +2,8 @@
 //!
 //! A body moves from place to place ([`BodyLattice`]) along the axes where no wall is nearer than
 //! its radius. A free cell is *attainable* if a scan from a place that a body reaches sees it; no
-//! team of such bodies explores more, but for the little that is seen only from between the places.
+//! team of such bodies explores more, but for the little that is seen only from between the places,
+//! which [`World::attainable_share`] counts as well once it has been seen.
 //! The bodies of other agents are no obstacles here.
 //!
 //! Scans from some of the places see nearly all that is attainable, because the time is bounded:
