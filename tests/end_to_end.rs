@@ -92,6 +92,8 @@ mod recordings;
 mod replay;
 /// The ROS 2 package with the programs.
 mod ros_package;
+/// Depth cameras and spinning LiDARs: the same bytes over ROS 2 and in memory, and forked.
+mod sensors;
 /// Simulation control from a real ROS 2 node: pause, steps, entities, parameters.
 mod services;
 /// Runs over Zenoh, and another implementation of the format of rmw_zenoh that observes and

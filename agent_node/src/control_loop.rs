@@ -166,6 +166,7 @@ impl Agent {
         let Some(Reassembled { has_ended, mut observation }) = self.reassembler.take(part, &self.run_info)? else {
             return Ok(Reaction::None);
         };
+        self.run_info.field_of_view = observation.field_of_view;
         let tick = observation.tick;
         if has_ended {
             self.merge(&mut observation)?;
@@ -232,7 +233,7 @@ impl Agent {
     fn adopt(&mut self, now: RunInfo, tick: Tick) -> Result<(), AgentError> {
         let takes_over = self.is_another_controller(&now);
         self.sharing.set_period(now.share_period_ticks);
-        self.run_info = now;
+        self.run_info = RunInfo { field_of_view: self.run_info.field_of_view, ..now };
         if takes_over {
             self.controller_wake = WakeCondition::NEXT_TICK;
             let successor = (self.successors)(&self.run_info);

@@ -159,9 +159,9 @@ impl Boustrophedon {
         collision_recovery::step_aside_for(hold_ticks, &mut self.rng, ctx)
     }
 
-    /// Where a body wider than a cell sees something unexplored.
+    /// Where a body that needs viewpoints sees something unexplored.
     fn viewpoint(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Cell>> {
-        if !ctx.is_wide() {
+        if !ctx.needs_viewpoints() {
             return Poll::Ready(None);
         }
         let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
@@ -211,7 +211,7 @@ impl Controller for Boustrophedon {
             Poll::Ready(Some(goal)) => goal,
             Poll::Ready(None) => {
                 self.task = Task::None;
-                let info = match ctx.is_wide() && ctx.map().frontier_count() > 0 {
+                let info = match ctx.needs_viewpoints() && ctx.map().frontier_count() > 0 {
                     true => NOTHING_TO_SEE,
                     false => "knows nothing to cover",
                 };

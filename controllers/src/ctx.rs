@@ -221,6 +221,13 @@ impl<'a> Ctx<'a> {
         self.navigation.moves(Neighbours::TwentySix).are_wide()
     }
 
+    /// Whether the body has to look at some frontiers from elsewhere: because it is wider than a
+    /// cell and cannot be in them, or as its LiDAR sees neither all above nor all below it.
+    #[must_use]
+    pub fn needs_viewpoints(&self) -> bool {
+        self.is_wide() || self.run_info.field_of_view.is_some()
+    }
+
     /// The moves of the body on its map, for path searches of a controller's own; see
     /// [`agent::path`].
     #[must_use]

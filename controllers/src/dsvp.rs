@@ -218,6 +218,13 @@ impl<C: Coordination> Dsvp<C> {
         self.update_graph(ctx);
         let obstacles = Obstacles::of(observation, ctx);
         let plan = match C::first_stage(self, observation, ctx, &obstacles) {
+            // With a band of elevations a frontier itself is no viewpoint of what is above it.
+            Plan::Nothing if ctx.run_info().field_of_view.is_some() => {
+                match self.look_from_afar(observation, ctx, &obstacles) {
+                    Plan::Nothing => self.pursue(observation, ctx, &obstacles),
+                    plan => plan,
+                }
+            }
             Plan::Nothing => match self.relocate(observation, ctx, &obstacles) {
                 Plan::Nothing => match self.look_from_afar(observation, ctx, &obstacles) {
                     Plan::Nothing => self.pursue(observation, ctx, &obstacles),
@@ -248,7 +255,7 @@ impl<C: Coordination> Dsvp<C> {
                 self.goal = None;
                 let wake = WakeCondition::at(observation.tick.after(IDLE_TICKS));
                 let has_finished = self.pursuit.have_all_finished();
-                let info = match (has_finished, ctx.is_wide() && ctx.map().frontier_count() > 0) {
+                let info = match (has_finished, ctx.needs_viewpoints() && ctx.map().frontier_count() > 0) {
                     (_, true) => NOTHING_TO_SEE,
                     (true, false) => "nothing left to do",
                     (false, false) => "waiting for news",
@@ -357,6 +364,7 @@ enum Plan {
 impl<C: Coordination> Controller for Dsvp<C> {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.receive(observation, ctx);
+        self.gain_estimator.limit_to(ctx.run_info().field_of_view.as_ref());
         let command = self.choose(observation, ctx);
         let command = self.scanning.with_request(command, self.params.scan_range, observation, ctx);
         let has_met = observation.events.intersects(EventMask::CONTACTS);

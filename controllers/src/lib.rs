@@ -19,6 +19,7 @@ pub mod dsvp;
 pub mod dsvp_maes3d;
 mod failed_goals;
 mod go_home;
+mod look_around;
 pub mod lvd;
 pub mod lvd_maes3d;
 mod maes3d_legs;
@@ -47,6 +48,7 @@ use agent::command::Command;
 use agent::observation::{Observation, RunInfo};
 pub use ctx::Ctx;
 use go_home::GoHome;
+use look_around::LookAround;
 pub use registry::{ControllerError, Registry, RegistryError};
 use settings::{Setting, SettingError, Settings};
 pub use suggestion::did_you_mean;
@@ -243,8 +245,9 @@ impl Registration {
         let mut settings = Settings::parse(settings)?;
         let rng = voxels::random_streams::stream(run_info.agents_seed, agent.0.into(), self.stream);
         let controller = (self.construct)(&mut settings, Setup { agent, run_info, rng })?;
-        let rng = voxels::random_streams::stream(run_info.agents_seed, agent.0.into(), go_home::STREAM);
-        Ok((Box::new(GoHome::around(controller, rng)), settings.finish()?))
+        let stream = |purpose| voxels::random_streams::stream(run_info.agents_seed, agent.0.into(), purpose);
+        let controller = Box::new(LookAround::around(controller, stream(look_around::STREAM)));
+        Ok((Box::new(GoHome::around(controller, stream(go_home::STREAM))), settings.finish()?))
     }
 }
 

@@ -55,6 +55,7 @@ pub(crate) fn idle() -> Observation {
         seen: Cells::default(),
         view: None,
         energy: None,
+        field_of_view: None,
         change: None,
     }
 }
@@ -67,7 +68,7 @@ pub(crate) fn collided(observation: Observation, surface: Surface) -> Observatio
 /// One agent in a world.
 pub(crate) struct World {
     terrain: Grid<Terrain>,
-    run_info: RunInfo,
+    pub(crate) run_info: RunInfo,
     navigation: NavigationTask,
     pub(crate) map: ExplorationMap,
     /// The next observation. Agents in contact are obstacles when it moves in ticks.
@@ -123,6 +124,7 @@ impl World {
             settings: Vec::new(),
             bodies: team_of(BodyModel { radius_m: RADIUS_M, ..BodyModel::SUBMARINE }),
             lidar_range_m: f64::INFINITY,
+            field_of_view: None,
             lidar_period_ticks: 10,
             communication_range_m: f64::INFINITY,
             relays_per_agent: 2,

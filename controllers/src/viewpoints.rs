@@ -12,7 +12,8 @@
 //! the body has been is not chosen again; rays of at most [`RAY_CELLS_MAX`] cells are cast for a
 //! decision. The result depends on the map and on earlier calls alone.
 //!
-//! Bodies that touch one cell have no use for this: they go to the frontier.
+//! Bodies that touch one cell have no use for this: they go to the frontier, unless their LiDAR has
+//! a band of elevations and sees from there neither what is above nor what is below.
 
 mod beside;
 
@@ -25,7 +26,7 @@ use voxels::{BodyLattice, Cell, CellSet, Extent, walk_segment};
 use super::Ctx;
 use super::dsvp::gain::{GainEstimator, Likelihood};
 use agent::exploration_map::{CellState, ExplorationMap};
-use agent::observation::RunInfo;
+use agent::observation::{FieldOfView, RunInfo};
 use agent::path::{Goal, Neighbours, Reachable, Search};
 use beside::BesideFrontiers;
 
@@ -73,6 +74,8 @@ pub(crate) struct Viewpoints {
     /// Where the body is in a cell.
     lattice: BodyLattice,
     range_m: f64,
+    /// What the LiDAR sees with some heading; `None`: everything.
+    field_of_view: Option<FieldOfView>,
     /// Cells within this distance of a frontier along each axis are beside it.
     beside: i32,
     /// Cells from which nothing new is seen: those examined, and those at which the body has been.
@@ -92,11 +95,14 @@ impl Viewpoints {
         let extent = run_info.extent;
         let lattice = BodyLattice::of(radius_m, extent.cell_m());
         let range_cells = (run_info.lidar_range_m / extent.cell_m()).min(RANGE_CELLS_MAX);
+        let mut rays = GainEstimator::new(RAYS, range_cells, 1, Likelihood::new(1.0)).from(lattice);
+        rays.limit_to(run_info.field_of_view.as_ref());
         let beside = (radius_m / extent.cell_m() + 0.5).ceil() as i32 + 1;
         Self {
-            rays: GainEstimator::new(RAYS, range_cells, 1, Likelihood::new(1.0)).from(lattice),
+            rays,
             lattice,
             range_m: range_cells * extent.cell_m(),
+            field_of_view: run_info.field_of_view,
             beside,
             exhausted: CellSet::new(extent.volume()),
             reachable: Reachable::default(),
@@ -177,7 +183,9 @@ impl Viewpoints {
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(()),
         };
-        (there - here).norm() <= self.range_m && walk_segment(map.extent(), &here, &there, is_clear).is_continue()
+        self.field_of_view.is_none_or(|view| view.holds(&(there - here)))
+            && (there - here).norm() <= self.range_m
+            && walk_segment(map.extent(), &here, &there, is_clear).is_continue()
     }
 
     /// Of the nearest viewpoints from which a ray meets an unexplored cell, the one with the most

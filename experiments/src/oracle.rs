@@ -19,7 +19,6 @@ mod tours;
 mod viewpoints;
 
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{AgentsSection, CommunicationSection, Scenario, SensorSection};
@@ -39,9 +38,10 @@ pub fn of(scenario: &Scenario) -> Result<OracleRow, SetupError> {
     let is_exact = known.sensor.range_sigma_m == 0.0;
     let scenario = Scenario { sensor: SensorSection::default(), ..known };
     let (world, _report) = setup::build(&scenario)?;
-    let scanner = setup::scanner(&scenario);
+    let scanner = scenario.lidar.scanner();
     let bound = if is_exact { bound::of(&world, &scanner) } else { Marks::default() };
-    let flown = (scenario.lidar.fov_rad >= TAU)
+    let flown = scanner
+        .sees_all_around()
         .then(|| flight::fly(world, &scanner, scenario.lidar.period_ticks, scenario.duration_ticks()));
     Ok(OracleRow { bound, flown: flown.unwrap_or_default() })
 }

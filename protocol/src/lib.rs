@@ -28,6 +28,7 @@ pub mod body_model;
 pub mod command;
 pub mod energy;
 pub mod event_mask;
+pub mod field_of_view;
 pub mod geometry;
 pub mod kinematics;
 pub mod limits;

@@ -11,6 +11,7 @@ use nalgebra::{Point3, Vector3};
 pub use crate::agent_message::{AgentMessage, Peer};
 pub use crate::energy::Energy;
 use crate::event_mask::EventMask;
+pub use crate::field_of_view::FieldOfView;
 use crate::relay_id::RelayId;
 pub use crate::run_info::RunInfo;
 
@@ -104,6 +105,9 @@ pub struct Observation {
     pub view: Option<Cells>,
     /// The energy of the body, if bodies need any: a message of [`Peer::Server`].
     pub energy: Option<Box<Energy>>,
+    /// What the LiDAR sees of its surroundings, if that is not all around: a message of
+    /// [`Peer::Server`].
+    pub field_of_view: Option<FieldOfView>,
     /// The run info that holds from now on, if it has changed: a message of [`Peer::Server`] that
     /// has reached the agent. Controllers never see it: the agent adopts it before.
     pub change: Option<Box<RunInfo>>,

@@ -7,6 +7,7 @@ use msgs::maes_msgs;
 use voxels::Extent;
 
 use crate::body_model::{BodyModel, UnknownBodyKind};
+use crate::field_of_view::FieldOfView;
 use crate::wire_error::WireError;
 
 /// The static information on a run.
@@ -28,6 +29,9 @@ pub struct RunInfo {
     pub bodies: Bodies,
     /// Greatest range of the LiDAR, metres; infinity: unlimited.
     pub lidar_range_m: f64,
+    /// What the LiDAR of the agent sees of its surroundings; `None`: all around, or not known yet.
+    /// Each observation says it.
+    pub field_of_view: Option<FieldOfView>,
     /// Ticks between scans by default.
     pub lidar_period_ticks: u32,
     /// Greatest distance of agents in contact, metres; infinity: limited by line of sight alone.
@@ -85,6 +89,7 @@ impl RunInfo {
             settings,
             bodies: bodies(scenario)?,
             lidar_range_m: scenario.lidar.range_m,
+            field_of_view: None,
             lidar_period_ticks: scenario.lidar.period_ticks,
             communication_range_m: scenario.communication_range_m,
             relays_per_agent: scenario.radio.relays_per_agent,
@@ -108,6 +113,7 @@ impl RunInfo {
             settings: Vec::new(),
             bodies: Bodies::new(vec![BodyModel::SUBMARINE], vec![0]).expect("the agent has the only body"),
             lidar_range_m: f64::INFINITY,
+            field_of_view: None,
             lidar_period_ticks: 1,
             communication_range_m: f64::INFINITY,
             relays_per_agent: 0,

@@ -17,8 +17,7 @@ use mapgen::{self, GeneratedMap, MapError, MapReport, MapSpec};
 use recording::recorder::{self, Document, RecordError, RecorderQueue, RunRecorder};
 use recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, map};
 use simulation::digest::Digest;
-use simulation::scenario::{EnergySection, LidarPattern, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
-use simulation::world::lidar::{Pattern, Scanner};
+use simulation::scenario::{EnergySection, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
 use simulation::world::spawn::{Site, SpawnError};
 use simulation::world::{ScanSchedule, World, WorldParams};
 
@@ -434,23 +433,12 @@ fn table(scenario: &Scenario) -> &'static str {
     }
 }
 
-/// The LiDAR of every agent of a scenario.
-#[must_use]
-pub fn scanner(scenario: &Scenario) -> Scanner {
-    let lidar = &scenario.lidar;
-    let pattern = match lidar.pattern {
-        LidarPattern::Lattice => Pattern::Lattice { rays: lidar.rays },
-        LidarPattern::Shell => Pattern::Shell { radius_cells: lidar.shell_radius_cells },
-    };
-    Scanner::new(pattern, lidar.range_m, lidar.fov_rad)
-}
-
 fn params(scenario: &Scenario) -> WorldParams {
     let lidar = &scenario.lidar;
     WorldParams {
         body: scenario.body,
         other_bodies: scenario.other_bodies(),
-        scanner: scanner(scenario),
+        scanner: lidar.scanner(),
         schedule: match lidar.schedule {
             LidarSchedule::OnRequest => ScanSchedule::OnRequest { period_ticks: lidar.period_ticks },
             LidarSchedule::Maes3d => ScanSchedule::TakeTurns,

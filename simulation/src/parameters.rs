@@ -182,10 +182,12 @@ mod tests {
             ),
         ]
         .into_iter()
-        .zip(["capacity_j", "endurance_s"].into_iter().cycle())
-        .map(|((map, spawn), capacity)| {
+        .zip([("capacity_j", "ring"), ("endurance_s", "frustum")].into_iter().cycle())
+        .map(|((map, spawn), (capacity, pattern))| {
             let energy = format!("{{ {capacity} = 60.0, bases = [[1.0, 2.0, 3.0]] }}");
-            scenario(&format!("map = {map}\nspawn = {spawn}\nenergy = {energy}\n{common}"))
+            scenario(&format!(
+                "map = {map}\nspawn = {spawn}\nenergy = {energy}\nlidar = {{ pattern = \"{pattern}\" }}\n{common}"
+            ))
         })
         .collect()
     }
@@ -208,7 +210,10 @@ mod tests {
         }
         let declared = keys::TABLES.iter().filter(|table| !table.is_list());
         for key in declared.flat_map(|table| table.keys.iter().map(|key| table.path_of(key.name))) {
-            assert!(seen.contains(&key) || key == "agents.set", "{key} is no parameter of a maximal scenario");
+            assert!(
+                seen.contains(&key) || ["agents.set", "lidar.preset"].contains(&key.as_str()),
+                "{key} is no parameter of a maximal scenario"
+            );
         }
     }
 

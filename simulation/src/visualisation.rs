@@ -312,7 +312,8 @@ impl PublishState {
             VisualisationTopic::StaticTransforms => push(
                 messages,
                 topic,
-                poses::static_transforms(world.agents(), world.tick()).map(VisualisationMessage::Transforms),
+                poses::static_transforms(world.agents(), world.scanner().place_on_body(), world.tick())
+                    .map(VisualisationMessage::Transforms),
             ),
             VisualisationTopic::Odometry(agent) => {
                 push(messages, topic, [VisualisationMessage::Odometry(Box::new(odometry(world, agent)))])
@@ -415,11 +416,12 @@ fn explored(topic: VisualisationTopic, world: &World) -> VisualisationMessage {
     }
 }
 
-/// The static frames, and the walls as of tick 0.
+/// The static frames, with LiDARs that are above the centres of the bodies (metres) and look up
+/// (radians), and the walls as of tick 0.
 #[must_use]
-pub fn static_messages(terrain: &Grid<Terrain>, agents: u32) -> VisualisationMessages {
+pub fn static_messages(terrain: &Grid<Terrain>, agents: u32, lidar: (f64, f64)) -> VisualisationMessages {
     let mut messages = Vec::new();
-    let transforms = poses::static_transforms((0..agents).map(AgentId), Tick::ZERO);
+    let transforms = poses::static_transforms((0..agents).map(AgentId), lidar, Tick::ZERO);
     push(&mut messages, VisualisationTopic::StaticTransforms, transforms.map(VisualisationMessage::Transforms));
     let walls = walls(terrain, Tick::ZERO, 0).into_iter();
     push(&mut messages, VisualisationTopic::Map, walls.map(|marker| VisualisationMessage::Marker(Box::new(marker))));

@@ -174,6 +174,8 @@ impl World {
         let memory = SensorMemory::new(&terrain);
         let lidar = Arc::new(Lidar::new(params.scanner.clone(), params.noise, starts.len() as u32));
         let extent = terrain.extent();
+        // All others see the cells that their bodies are in.
+        let sees_all = params.scanner.field_of_view().is_none();
         let free_cells = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
         let period_ticks = match params.schedule {
             ScanSchedule::OnRequest { period_ticks } => Some(period_ticks),
@@ -181,13 +183,14 @@ impl World {
         };
         let agents: Vec<AgentState> = ids()
             .zip(starts)
-            .map(|(agent, &pose)| AgentState {
+            .map(|(agent, &pose)| (agent, pose, *params.other_bodies.get(&agent).unwrap_or(&params.body)))
+            .map(|(agent, pose, body)| AgentState {
                 presence: if params.late.contains(&agent) { Presence::Absent } else { Presence::Active },
                 has_radio: true,
-                body: Body::at_rest(*params.other_bodies.get(&agent).unwrap_or(&params.body), pose),
+                body: Body::at_rest(body, pose),
                 cell: extent.cell_of(&pose.position),
                 distance_m: 0.0,
-                sensor: Sensor::new(agent, &lidar, memory.unused()),
+                sensor: Sensor::new(agent, &lidar, memory.unused().of_body(if sees_all { 0.0 } else { body.radius_m })),
                 has_results: false,
                 is_uncounted: false,
                 outdated: BTreeSet::new(),
@@ -390,6 +393,12 @@ impl World {
         }
     }
 
+    /// The LiDAR of every agent.
+    #[must_use]
+    pub fn scanner(&self) -> &Scanner {
+        &self.params.scanner
+    }
+
     /// Number of rays of one scan.
     #[must_use]
     pub fn rays(&self) -> u32 {
@@ -478,6 +487,7 @@ impl World {
             seen: Cells { free: delta.free, wall: delta.wall },
             view: None,
             energy: None,
+            field_of_view: scanner.field_of_view(),
             change: None,
         };
         if state.want_view

@@ -51,7 +51,7 @@ fn cases() -> Vec<Case> {
             Vector3
         }
         maes_msgs {
-            AgentMessage Base Body CellRuns Command Contact Counter Digest Energy Intervention Join JoinReply Lidar MapChange
+            AgentMessage Base Body CellRuns Command Contact Counter Digest Energy FieldOfView Intervention Join JoinReply Lidar MapChange
             Motion Observation Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation
             WakeCondition
         }

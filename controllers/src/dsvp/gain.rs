@@ -15,6 +15,7 @@ use voxels::{BodyLattice, Cell};
 
 use super::expectation::{Expectation, Place};
 use agent::exploration_map::{Around, CellState, ExplorationMap};
+use agent::observation::FieldOfView;
 use rays::{Pattern, RayCell, Rays};
 
 /// How much an unexplored cell counts, by the number of known walls beside it: surfaces are smooth,
@@ -108,13 +109,38 @@ struct VisitedCell {
 impl GainEstimator {
     /// Rays in all directions, `range_cells` long.
     pub(crate) fn new(rays: u32, range_cells: f64, depth: u32, likelihood: Likelihood) -> Self {
-        Self { pattern: Pattern { from: BodyLattice::Centres, rays, range_cells }, rays: None, depth, likelihood }
+        let pattern = Pattern { from: BodyLattice::Centres, rays, range_cells, band_rad: None };
+        Self { pattern, rays: None, depth, likelihood }
     }
 
     /// With rays that begin where a body is in a cell.
     pub(crate) fn from(mut self, lattice: BodyLattice) -> Self {
         self.pattern.from = lattice;
         self
+    }
+
+    /// Leaves out the rays that no heading brings into a field of view; `None`: none.
+    pub(crate) fn limit_to(&mut self, view: Option<&FieldOfView>) {
+        let band_rad = view.map(|view| [view.lowest_rad, view.highest_rad]);
+        if self.pattern.band_rad != band_rad {
+            self.pattern.band_rad = band_rad;
+            self.rays = None;
+        }
+    }
+
+    /// Calls `found` with the first unexplored cell of each ray that meets one before a wall,
+    /// relative to the viewpoint.
+    pub(crate) fn each_first_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell, mut found: impl FnMut(Cell)) {
+        let rays = self.rays(map);
+        let mut start = 0;
+        for &end in &rays.ends {
+            let ray = &rays.cells[start..end as usize];
+            start = end as usize;
+            let end = ray.iter().find(|at| !map.state(viewpoint + at.by).is_free());
+            if let Some(end) = end.filter(|end| map.state(viewpoint + end.by) == CellState::Unexplored) {
+                found(end.by);
+            }
+        }
     }
 
     /// The rays on a map.

@@ -55,10 +55,10 @@ impl<C: Coordination> Dsvp<C> {
         if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
     }
 
-    /// The last stage of a body wider than a cell: to the nearest place from which it sees
+    /// The last stage of a body that needs viewpoints: to the nearest place from which it sees
     /// something unexplored.
     pub(super) fn look_from_afar(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        if !ctx.is_wide() {
+        if !ctx.needs_viewpoints() {
             return Plan::Nothing;
         }
         let (extent, here) = (ctx.map().extent(), ctx.cell());

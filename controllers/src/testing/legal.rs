@@ -8,6 +8,7 @@ use nalgebra::{Point3, Vector3};
 use proptest::collection::{btree_set, vec};
 use proptest::prelude::*;
 use protocol::event_mask::EventMask;
+use protocol::field_of_view::FieldOfView;
 use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, INFO_BYTES_MAX, PATH_POINTS_MAX, RELAY_BYTES_MAX};
 use protocol::relay_id::RelayId;
 use voxels::{Cell, Extent, Grid, Terrain};
@@ -118,6 +119,7 @@ prop_compose! {
             seen,
             view,
             energy: None,
+            field_of_view: None,
             change: None,
         }
     }
@@ -140,7 +142,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
     #[test]
-    fn commands_are_legal_for_any_observation(observations in observations(), seed: u64, is_aerial: bool) {
+    fn commands_are_legal_for_any_observation(
+        observations in observations(), seed: u64, is_aerial: bool,
+        has_camera in prop::bool::weighted(0.05),
+    ) {
         let extent = Extent::new(SIZE, 1.0).unwrap();
         for (name, settings) in NAMES.into_iter().map(|name| (name, &[][..])).chain(OTHER_SETTINGS) {
             let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
@@ -150,6 +155,13 @@ proptest! {
             }
             let run_info = RunInfo { agents_seed: seed, ..world.run_info.clone() };
             let mut controller = build(name, &settings, AGENT, &run_info).unwrap();
+            world.run_info.field_of_view = has_camera.then_some(FieldOfView {
+                horizontal_rad: 1.4,
+                lowest_rad: -0.5,
+                highest_rad: 0.5,
+                spacing_rad: 0.02,
+                min_range_m: 0.0,
+            });
             for observation in &observations {
                 world.map.note_free(&observation.seen.free);
                 world.map.note_wall(&observation.seen.wall);

@@ -13,7 +13,9 @@ use msgs::maes_msgs::{self, CellRuns, Observation as Part};
 use msgs::{cdr, geometry_msgs};
 use nalgebra::Vector3;
 
-use super::{AgentMessage, Cells, Collision, Contact, Energy, Observation, Peer, Pose, Relay, RunInfo, Surface};
+use super::{
+    AgentMessage, Cells, Collision, Contact, Energy, FieldOfView, Observation, Peer, Pose, Relay, RunInfo, Surface,
+};
 use crate::event_mask::EventMask;
 use crate::geometry::{header, point, point_of, vector};
 use crate::limits::{AGENT_MESSAGE_BYTES_BARE, MESSAGE_BYTES_BARE, OBSERVATION_BYTES_MAX};
@@ -79,7 +81,12 @@ pub fn split(observation: Observation, phase: u8) -> Vec<Part> {
         kind: maes_msgs::AgentMessage::ENERGY,
         data: energy.to_data(),
     });
-    for message in energy.into_iter().chain(observation.messages) {
+    let field_of_view = observation.field_of_view.map(|field_of_view| AgentMessage {
+        peer: Peer::Server,
+        kind: maes_msgs::AgentMessage::FIELD_OF_VIEW,
+        data: field_of_view.to_data(),
+    });
+    for message in energy.into_iter().chain(field_of_view).chain(observation.messages) {
         parts.make_room(AGENT_MESSAGE_BYTES_BARE + message.data.len());
         parts.filling.messages.push(message.into());
     }
@@ -244,6 +251,7 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
         seen: Cells::default(),
         view: first.has_view.then(Cells::default),
         energy: None,
+        field_of_view: None,
         change: None,
     };
     for contact in &first.contacts {
@@ -277,8 +285,11 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
                     maes_msgs::AgentMessage::ENERGY => {
                         observation.energy = Some(Box::new(Energy::from_data(&data, tick)?));
                     }
+                    maes_msgs::AgentMessage::FIELD_OF_VIEW => {
+                        observation.field_of_view = Some(FieldOfView::from_data(&data, tick)?);
+                    }
                     kind => {
-                        let allowed = "SCENARIO or ENERGY from the server".to_owned();
+                        let allowed = "SCENARIO, ENERGY or FIELD_OF_VIEW from the server".to_owned();
                         let value = format!("kind {kind}");
                         return Err(WireError::Value { tick, field: "messages", value, allowed });
                     }

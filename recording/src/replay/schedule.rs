@@ -294,5 +294,5 @@ fn static_messages(
 ) -> anyhow::Result<visualisation::VisualisationMessages> {
     let scenario = scenario?;
     let map = map::read(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("the recording has no map"))?;
-    Ok(visualisation::static_messages(&map, scenario.agents.count))
+    Ok(visualisation::static_messages(&map, scenario.agents.count, scenario.lidar.place_on_body()))
 }

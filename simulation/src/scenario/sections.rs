@@ -4,7 +4,6 @@
 //! Ranges and meanings are declared in [`super::keys`]; this module checks nothing.
 
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Deserializer, Serialize, de};
@@ -136,62 +135,6 @@ pub struct AgentsSection {
     /// Agents with other controllers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mix: Vec<super::MixEntry>,
-}
-
-/// `[lidar]`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LidarSection {
-    /// How rays are spread.
-    pub pattern: LidarPattern,
-    /// Rays of the lattice. Reference: 5124.
-    pub rays: u32,
-    /// Radius of the shell pattern, cells. Reference: 5.
-    pub shell_radius_cells: u32,
-    /// Range of the lattice, metres; `inf`: unlimited (reference).
-    pub range_m: f64,
-    /// Full opening angle of the cone about the heading, radians. Reference: all directions.
-    pub fov_rad: f64,
-    /// Who decides when to scan.
-    pub schedule: LidarSchedule,
-    /// Ticks between two scans until an agent requests otherwise. Reference: what each of ten
-    /// agents gets.
-    pub period_ticks: u32,
-}
-
-/// How rays are spread.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LidarPattern {
-    /// A Fibonacci lattice of `rays` rays.
-    Lattice,
-    /// One ray to every cell on the edge of a sphere of `shell_radius_cells` (the reference's older
-    /// sensing).
-    Shell,
-}
-
-/// Who decides when to scan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LidarSchedule {
-    /// Each agent; at the start every `period_ticks`.
-    OnRequest,
-    /// One agent in each tick, in turn, as in the reference.
-    Maes3d,
-}
-
-impl Default for LidarSection {
-    fn default() -> Self {
-        Self {
-            pattern: LidarPattern::Lattice,
-            rays: 5124,
-            shell_radius_cells: 5,
-            range_m: f64::INFINITY,
-            fov_rad: TAU,
-            schedule: LidarSchedule::OnRequest,
-            period_ticks: 10,
-        }
-    }
 }
 
 /// `[recording]`.

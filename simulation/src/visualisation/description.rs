@@ -9,14 +9,14 @@ use crate::wire::body_frame;
 use crate::world::World;
 
 /// One robot of all agents: the link `map`, and on it for each agent a sphere
-/// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` in its centre. Agents that do not fit
-/// into a sample are left out.
+/// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` where it is mounted. Agents that do not
+/// fit into a sample are left out.
 pub(super) fn robots(world: &World) -> std_msgs::String {
     const END: &str = "</robot>\n";
     let mut data = "<?xml version=\"1.0\"?>\n<robot name=\"maes\">\n  <link name=\"map\"/>\n".to_owned();
     for agent in world.agents() {
         let radius_m = world.body(agent).model().radius_m;
-        let one = robot(&body_frame(agent), &format!("agent_{agent}/lidar"), radius_m);
+        let one = robot(&body_frame(agent), &format!("agent_{agent}/lidar"), radius_m, world.scanner().place_on_body());
         if data.len() + one.len() + END.len() + MESSAGE_BYTES_BARE > VIEW_BYTES_MAX {
             break;
         }
@@ -26,7 +26,7 @@ pub(super) fn robots(world: &World) -> std_msgs::String {
     std_msgs::String { data }
 }
 
-fn robot(body: &str, lidar: &str, radius_m: f64) -> String {
+fn robot(body: &str, lidar: &str, radius_m: f64, (height_m, pitch_rad): (f64, f64)) -> String {
     let mut text = String::new();
     let sphere = format!("<geometry><sphere radius=\"{radius_m}\"/></geometry>");
     let written = (|| {
@@ -39,10 +39,14 @@ fn robot(body: &str, lidar: &str, radius_m: f64) -> String {
         writeln!(text, "  <link name=\"{lidar}\">\n    <visual><origin xyz=\"0 0 {radius_m}\"/><geometry>")?;
         let (radius, length) = (radius_m / 3.0, radius_m / 4.0);
         writeln!(text, "      <cylinder radius=\"{radius}\" length=\"{length}\"/></geometry></visual>\n  </link>")?;
-        for (kind, parent, child) in [("floating", "map", body), ("fixed", body, lidar)] {
+        let place = match (height_m, pitch_rad) {
+            (0.0, 0.0) => String::new(),
+            _ => format!("<origin xyz=\"0 0 {height_m}\" rpy=\"0 {} 0\"/>", -pitch_rad),
+        };
+        for (kind, parent, child, place) in [("floating", "map", body, ""), ("fixed", body, lidar, &place)] {
             writeln!(
                 text,
-                "  <joint name=\"{child}_joint\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/></joint>"
+                "  <joint name=\"{child}_joint\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>{place}</joint>"
             )?;
         }
         std::fmt::Result::Ok(())

@@ -1,7 +1,8 @@
 //! Transforms, odometry, paths and contacts.
 
 use msgs::geometry_msgs::{
-    Covariance, Pose, PoseStamped, PoseWithCovariance, TransformStamped, Twist, TwistWithCovariance, Vector3,
+    Covariance, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist,
+    TwistWithCovariance, Vector3,
 };
 use msgs::ids::{AgentId, Tick};
 use msgs::nav_msgs::{Odometry, Path};
@@ -36,17 +37,27 @@ pub(super) fn transforms(world: &World) -> impl Iterator<Item = TFMessage> + use
     in_parts(crate::wire::transforms(world).transforms)
 }
 
-/// The frame of each LiDAR, the centre of the body, and that of each odometry, the map.
-pub(super) fn static_transforms<A>(agents: A, tick: Tick) -> impl Iterator<Item = TFMessage> + use<A>
+/// The frame of each LiDAR, which is above the centre of the body (metres) and looks up (radians),
+/// and that of each odometry, the map.
+pub(super) fn static_transforms<A>(
+    agents: A,
+    (height_m, pitch_rad): (f64, f64),
+    tick: Tick,
+) -> impl Iterator<Item = TFMessage> + use<A>
 where
     A: Iterator<Item = AgentId>,
 {
+    let (sin, cos) = libm::sincos(-0.5 * pitch_rad);
+    let lidar = Transform {
+        translation: Vector3 { z: height_m, ..Vector3::default() },
+        rotation: Quaternion { x: 0.0, y: sin + 0.0, z: 0.0, w: cos },
+    };
     let of_agent = |agent| {
         let on_body = msgs::std_msgs::Header { frame_id: body_frame(agent), ..header(tick) };
-        let frames = [(on_body, "lidar"), (header(tick), "odom")];
-        frames.map(|(header, name)| {
+        let frames = [(on_body, "lidar", lidar), (header(tick), "odom", Transform::default())];
+        frames.map(|(header, name, transform)| {
             let child_frame_id = format!("agent_{agent}/{name}");
-            TransformStamped { header, child_frame_id, ..TransformStamped::default() }
+            TransformStamped { header, child_frame_id, transform }
         })
     };
     in_parts(agents.flat_map(of_agent).collect())

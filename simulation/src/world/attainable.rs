@@ -65,6 +65,7 @@ impl Attainable {
     #[must_use]
     pub fn of(terrain: &Grid<Terrain>, scanner: &Scanner, team: &[Bodies]) -> Self {
         let extent = terrain.extent();
+        let scanner = &scanner.swept();
         let free = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
         let mut reached = CellSet::new(extent.volume());
         let mut looks = Looks {
@@ -100,8 +101,9 @@ impl Attainable {
 }
 
 /// What the agents that have been in a world could reach and see together from where they started
-/// or were put, if all their bodies are wider than a cell; `None` for all others, for which that is
-/// everything, on large maps, and with a radius that is too large to tell. Once the map has
+/// or were put, if all their bodies are wider than a cell or their LiDARs do not look up and down
+/// all the way; `None` for all others, for which that is everything, on large maps, and with a
+/// radius that is too large to tell. Once the map has
 /// changed, it is what the agents that still work can reach and see from where they were then,
 /// whatever the width of their bodies.
 #[must_use]
@@ -112,6 +114,7 @@ pub fn of_team(world: &World) -> Option<Attainable> {
     }
     let mut team: Vec<Bodies> = Vec::new();
     let has_changed = world.map_revision() > 0;
+    let sees_all = world.params.scanner.field_of_view().is_none();
     let takes_part = |presence| match has_changed {
         true => presence == Presence::Active,
         false => presence != Presence::Absent,
@@ -119,7 +122,7 @@ pub fn of_team(world: &World) -> Option<Attainable> {
     for agent in world.agents().filter(|&agent| takes_part(world.presence(agent))) {
         let radius_m = world.body(agent).model().radius_m;
         let radius_cells = radius_m / extent.cell_m();
-        if (radius_cells <= 0.5 && !has_changed) || radius_cells > f64::from(REACH_CELLS) {
+        if (radius_cells <= 0.5 && sees_all && !has_changed) || radius_cells > f64::from(REACH_CELLS) {
             return None;
         }
         let start = BodyLattice::of(radius_m, extent.cell_m()).cell_near(extent, &world.starts[agent.index()]);
@@ -149,6 +152,9 @@ impl Looks<'_> {
     /// Notes what bodies can reach, and sees what they can see.
     fn look_around(&mut self, terrain: &Grid<Terrain>, bodies: &Bodies, reached: &mut CellSet) {
         let extent = terrain.extent();
+        if self.scanner.field_of_view().is_some() {
+            self.memory = self.memory.unused().of_body(bodies.radius_m);
+        }
         let clearance = Clearance::for_body(bodies.radius_m, terrain);
         let lattice = clearance.lattice();
         let mut places = reach(&clearance.room(bodies.radius_m / extent.cell_m()), &bodies.starts);

@@ -4,14 +4,14 @@
 //! A scan visits exactly the cells that [`voxels::walk`] visits along each of its rays up to the
 //! first wall, the wall included, with the same arithmetic and the same tie rule; a test compares
 //! the two. Rays are fixed in the frame `map` and do not turn with the body
-//! (docs/reference-model.md, "LiDAR"); the heading only selects which of them are used if the field
-//! of view is limited. Scans are exact, except for those of `noisy`. Bodies do not occlude what is
-//! behind them.
+//! (docs/reference-model.md, "LiDAR"), except those of a `grid` that has a front; with a cone the
+//! heading selects which of them are used. Scans are exact, except for those of `noisy`. Bodies do
+//! not occlude what is behind them.
 //!
 //! Layers, each of which knows only those above it:
 //!
-//! - this file, `pattern`, `slots`, `marks` and `memory`: what a scan is, its rays, and what a
-//!   sensor has seen;
+//! - this file, `pattern`, `grid`, `slots`, `marks` and `memory`: what a scan is, its rays, and
+//!   what a sensor has seen;
 //! - `engine`: the trait of all that casts scans, and [`NotCast`], the reasons why a scan or a ray
 //!   is not cast;
 //! - `cast`: how one ray, or a bundle of them, is followed;
@@ -27,6 +27,7 @@
 mod cast;
 mod culling;
 mod engine;
+mod grid;
 mod marks;
 mod memory;
 mod naive;
@@ -36,11 +37,13 @@ mod revision;
 mod slots;
 mod speculation;
 
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
+use protocol::field_of_view::FieldOfView;
 use voxels::Extent;
 
 use super::body::Pose;
@@ -48,6 +51,8 @@ use cast::Start;
 use culling::{Culling, CullingEngine};
 pub use engine::{CastCount, NotCast};
 pub(super) use engine::{Engine, NewCells};
+use grid::TurningRays;
+pub use grid::{Projection, RayGrid};
 pub use memory::SensorMemory;
 pub use naive::ScanView;
 pub(super) use noisy::NoisyScan;
@@ -56,7 +61,7 @@ pub(super) use revision::change_kinds;
 pub(super) use speculation::SpeculativeEngine;
 
 /// The directions of the rays of a scan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Pattern {
     /// A Fibonacci lattice: ray i of n has the azimuth `2 pi i / golden ratio` about the x axis of
     /// the map and the angle `acos(1 - 2 (i + 0.5) / n)` from it.
@@ -77,6 +82,18 @@ pub enum Pattern {
         /// largest map.
         radius_cells: u32,
     },
+    /// Rows and columns of rays, as those of a spinning LiDAR or a depth camera.
+    Grid(RayGrid),
+}
+
+/// Where a sensor is on its body, and what is too near for it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Mount {
+    /// Height above the centre of the body, metres, less than the radius of the body; negative:
+    /// below.
+    pub height_m: f64,
+    /// A ray that meets a wall up to this distance has no return, metres.
+    pub min_range_m: f64,
 }
 
 /// A LiDAR: its rays, range and field of view.
@@ -86,13 +103,17 @@ pub struct Scanner {
     range_m: f64,
     /// Cosine of half the field of view, or `None` if that is all directions.
     cone_cos: Option<f64>,
+    mount: Mount,
 }
 
 /// The rays of a pattern.
 struct Rays {
     pattern: Pattern,
     count: u32,
+    /// Those that do not turn with the body.
     bundles: Vec<Bundle>,
+    /// Those that do.
+    turning: Option<TurningRays>,
     /// Says which bundles need not be cast; `None` if all are.
     culling: Option<Arc<Culling>>,
 }
@@ -109,9 +130,17 @@ impl Rays {
         present.unwrap_or_else(|| {
             let directions = pattern.directions();
             let count = directions.len() as u32;
-            let bundles = Bundle::pack(directions);
-            let culling = Culling::of_many(pattern, count, &bundles);
-            let rays = Arc::new(Self { pattern, count, bundles, culling });
+            let rays = Arc::new(match pattern {
+                Pattern::Grid(grid) if grid.turns() => {
+                    let turning = Some(TurningRays::new(directions));
+                    Self { pattern, count, bundles: Vec::new(), turning, culling: None }
+                }
+                _ => {
+                    let bundles = Bundle::pack(directions);
+                    let culling = Culling::of_many(pattern, count, &bundles);
+                    Self { pattern, count, bundles, turning: None, culling }
+                }
+            });
             in_use.push(Arc::downgrade(&rays));
             rays
         })
@@ -126,6 +155,7 @@ impl fmt::Debug for Scanner {
             .field("rays", &self.rays.count)
             .field("range_m", &self.range_m)
             .field("cone_cos", &self.cone_cos)
+            .field("mount", &self.mount)
             .finish_non_exhaustive()
     }
 }
@@ -133,11 +163,47 @@ impl fmt::Debug for Scanner {
 impl Scanner {
     /// A LiDAR with this pattern of rays.
     ///
-    /// A lattice sees cells that a ray enters within `range_m` metres, which may be infinite; a
-    /// shell sees as far as its radius and ignores `range_m`. `fov_rad` is the full opening angle
-    /// of a cone about the heading, in radians; from 2 pi on all rays are used.
+    /// A lattice or a grid sees cells that a ray enters within `range_m` metres, which may be
+    /// infinite; a shell sees as far as its radius and ignores `range_m`. `fov_rad` is the full
+    /// opening angle of a cone about the heading, in radians; from 2 pi on all rays are used.
     pub fn new(pattern: Pattern, range_m: f64, fov_rad: f64) -> Self {
-        Self { rays: Rays::of(pattern), range_m, cone_cos: (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0)) }
+        let cone_cos = (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0));
+        Self { rays: Rays::of(pattern), range_m, cone_cos, mount: Mount::default() }
+    }
+
+    /// The same LiDAR at another place on its body.
+    #[must_use]
+    pub fn on(self, mount: Mount) -> Self {
+        Self { mount, ..self }
+    }
+
+    /// What it sees of its surroundings; `None` for a lattice and a shell.
+    pub fn field_of_view(&self) -> Option<FieldOfView> {
+        match self.rays.pattern {
+            Pattern::Grid(grid) => Some(grid.field_of_view(self.mount.min_range_m)),
+            Pattern::Lattice { .. } | Pattern::Shell { .. } => None,
+        }
+    }
+
+    /// A LiDAR that sees from one place what this one sees there with all headings, if it is a
+    /// grid; else this one.
+    #[must_use]
+    pub fn swept(&self) -> Self {
+        match self.rays.pattern {
+            Pattern::Grid(grid) if grid.turns() => Self { rays: Rays::of(Pattern::Grid(grid.swept())), ..self.clone() },
+            _ => self.clone(),
+        }
+    }
+
+    /// Its height above the centre of the body, metres, and by how much it looks up, radians.
+    pub fn place_on_body(&self) -> (f64, f64) {
+        let pitch_rad = if let Pattern::Grid(grid) = self.rays.pattern { grid.pitch_rad } else { 0.0 };
+        (self.mount.height_m, pitch_rad)
+    }
+
+    /// Where its rays begin, metres, frame `map`.
+    fn origin(&self, pose: &Pose) -> Point3<f64> {
+        pose.position + Vector3::new(0.0, 0.0, self.mount.height_m)
     }
 
     /// Number of rays of a scan with an unlimited field of view.
@@ -148,20 +214,20 @@ impl Scanner {
     /// The greatest length of a ray, metres, with cells of this length.
     pub fn greatest_range_m(&self, cell_m: f64) -> f64 {
         match self.rays.pattern {
-            Pattern::Lattice { .. } => self.range_m,
+            Pattern::Lattice { .. } | Pattern::Grid(_) => self.range_m,
             Pattern::Shell { radius_cells } => f64::from(radius_cells) * cell_m,
         }
     }
 
     /// Whether its scans do not depend on the heading.
     pub fn sees_all_around(&self) -> bool {
-        self.cone_cos.is_none()
+        self.cone_cos.is_none() && self.rays.turning.is_none()
     }
 
     /// Whether scans from two poses see the same. The heading matters only with a limited field of
     /// view.
     pub fn sees_the_same(&self, a: &Pose, b: &Pose) -> bool {
-        a.position == b.position && (self.cone_cos.is_none() || a.yaw_rad == b.yaw_rad)
+        a.position == b.position && (self.sees_all_around() || a.yaw_rad == b.yaw_rad)
     }
 
     /// Casts a scan from `pose` and marks the cells it hits as seen. Returns the count of its rays.
@@ -180,15 +246,19 @@ impl Scanner {
         CullingEngine.cast(self, memory, pose, NewCells { free: new_free, wall: new_wall })
     }
 
-    fn bundles(&self) -> &[Bundle] {
-        &self.rays.bundles
+    /// The rays of a scan at a heading.
+    fn bundles(&self, yaw_rad: f64) -> Cow<'_, [Bundle]> {
+        match &self.rays.turning {
+            Some(turning) => Cow::Owned(turning.at(yaw_rad)),
+            None => Cow::Borrowed(&self.rays.bundles),
+        }
     }
 
     /// The range of rays whose direction has length 1, in cells; infinite if they have other
     /// lengths.
     fn unit_range_cells(&self, extent: Extent) -> f64 {
         match self.rays.pattern {
-            Pattern::Lattice { .. } => self.range_m / extent.cell_m(),
+            Pattern::Lattice { .. } | Pattern::Grid(_) => self.range_m / extent.cell_m(),
             Pattern::Shell { .. } => f64::INFINITY,
         }
     }
@@ -196,19 +266,21 @@ impl Scanner {
     /// The start of the rays of a scan; `None`: outside the map.
     fn start(&self, memory: &SensorMemory, pose: &Pose) -> Option<Start> {
         let extent = memory.extent();
-        let cell = extent.cell_of(&pose.position);
-        if !extent.contains(cell) {
+        let (origin, own) = (self.origin(pose), extent.cell_of(&pose.position));
+        let cell = extent.cell_of(&origin);
+        if !extent.contains(cell) || !extent.contains(own) {
             return None;
         }
-        let position = extent.in_cells(&pose.position);
-        let limit = match self.rays.pattern {
-            Pattern::Lattice { .. } => self.range_m / extent.cell_m(),
-            Pattern::Shell { .. } => 1.0,
+        let limits = match self.rays.pattern {
+            Pattern::Lattice { .. } | Pattern::Grid(_) => [self.mount.min_range_m, self.range_m],
+            Pattern::Shell { .. } => [0.0, extent.cell_m()],
         };
         let cone = self
             .cone_cos
             .map(|cone_cos| (Vector3::new(libm::cos(pose.yaw_rad), libm::sin(pose.yaw_rad), 0.0), cone_cos));
-        Some(Start::new(*memory.marks().slots(), cell, position, limit, cone))
+        let slots = *memory.marks().slots();
+        let limits = limits.map(|limit_m| limit_m / extent.cell_m());
+        Some(Start::new(slots, [own, cell], extent.in_cells(&origin), limits, cone))
     }
 }
 

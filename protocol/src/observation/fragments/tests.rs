@@ -105,6 +105,7 @@ fn observation() -> Observation {
         seen: Cells::default(),
         view: None,
         energy: None,
+        field_of_view: None,
         change: None,
     }
 }
@@ -164,4 +165,16 @@ fn relays_are_contacts_and_senders() {
     let parts = split(Observation { relays, messages, ..observation() }, Part::RUNNING);
     assert_eq!(parts[0].contacts.iter().map(|contact| contact.agent).collect::<Vec<_>>(), [1, relay.on_wire()]);
     assert_eq!(parts[0].messages[0].agent, relay.on_wire());
+}
+
+#[test]
+fn field_of_view_is_a_message_of_the_server() {
+    let (horizontal_rad, lowest_rad, highest_rad, spacing_rad, min_range_m) = (1.4, -0.5, 0.5, 0.02, 0.3);
+    let view = FieldOfView { horizontal_rad, lowest_rad, highest_rad, spacing_rad, min_range_m };
+    let (agent, contacts) = (AgentId(0), Vec::new());
+    let expected = Observation { agent, contacts, field_of_view: Some(view), ..observation() };
+    let [part] = &split(expected.clone(), Part::RUNNING)[..] else { panic!("it is small") };
+    assert_eq!(part.messages[0].kind, maes_msgs::AgentMessage::FIELD_OF_VIEW);
+    let reassembled = FragmentReassembler::default().take(part.clone(), &run());
+    assert_eq!(reassembled.map(|whole| whole.map(|whole| whole.observation)), Ok(Some(expected)));
 }

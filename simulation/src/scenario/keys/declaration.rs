@@ -4,7 +4,7 @@
 //! docs/scenario.md and says where the default comes from: "reference" is MAES3D, "ours" has no
 //! counterpart there. Tests compare every row with the structs of the scenario.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
 
@@ -306,15 +306,18 @@ pub const TABLES: [Table; 24] = [
             "agents with this body", "ours").limits("0 to `agents.count` - 1, each in one entry at most"),
     ]),
     Table::new("lidar", &[
-        key("pattern", Word(&["lattice", "shell"]), Is("\"lattice\""), NONE,
-            "how rays are spread: evenly over all directions, or one to each cell on the edge of a sphere",
-            "reference: the first; the second is its older sensing"),
+        key("preset", Word(&["vlp-16", "os1-64", "mid-360", "depth-camera"]), Unset("none"), NONE,
+            "a ready LiDAR or camera; the other keys change it", "[makers](sensors.md#presets)"),
+        key("pattern", Word(&["lattice", "shell", "ring", "frustum"]), Unset("`\"lattice\"`, or that of the preset"), NONE,
+            "how rays are spread: evenly over all directions, to each cell on the edge of a sphere, in lines about the vertical, or \
+             through the pixels of a depth camera",
+            "reference: the first; the second is its older sensing").see("sensors.md"),
         key("rays", Integer(""), Is("5124"), between(1.0, 1e6),
             "rays of the lattice", "reference"),
         key("shell_radius_cells", Integer("cells"), Is("5"), between(1.0, 200.0),
             "radius of the shell, and its range", "reference"),
-        key("range_m", Number("m"), Is("inf"), above(0.0, UNLIMITED),
-            "range of the lattice; the shell does not use it", "reference: unlimited"),
+        key("range_m", Number("m"), Unset("`inf`; of a frustum 4.5"), above(0.0, UNLIMITED),
+            "length of the rays; the shell does not use it", "reference: unlimited"),
         key("fov_rad", Number("rad"), Is("6.283185307179586"), above(0.0, TAU),
             "full opening angle of the cone about the heading", "reference: 360 degrees"),
         key("schedule", Word(&["on_request", "maes3d"]), Is("\"on_request\""), NONE,
@@ -323,6 +326,27 @@ pub const TABLES: [Table; 24] = [
         key("period_ticks", Integer("ticks"), Is("10"), PERIOD,
             "ticks between two scans until an agent requests otherwise",
             "reference: as many as there are agents, so 10 with its largest team"),
+        key("horizontal_rad", Number("rad"), Unset("all around; of a frustum 80 degrees"), above(0.0, TAU),
+            "full horizontal angle about the heading; this key and the next ones are of rings and frustums alone", "ours").limits("above 0, up to 2 pi, of a frustum up to 3"),
+        key("vertical_rad", Number("rad"), Unset("60 degrees"), above(0.0, 3.0),
+            "full vertical angle of a frustum", "ours"),
+        key("lowest_rad", Number("rad"), Unset("-15 degrees"), between(-FRAC_PI_2, FRAC_PI_2),
+            "elevation of the lowest line of a ring", "ours").limits("-pi/2 to `highest_rad`"),
+        key("highest_rad", Number("rad"), Unset("15 degrees"), between(-FRAC_PI_2, FRAC_PI_2),
+            "elevation of the highest line", "ours").limits("`lowest_rad` to pi/2"),
+        key("columns", Integer(""), Unset("1024; of a frustum 80"), between(1.0, 8192.0),
+            "rays of a row", "ours"),
+        key("rows", Integer(""), Unset("16; of a frustum 60"), between(1.0, 1024.0),
+            "rows of pixels, or lines, which have equal distances", "ours")
+            .limits("1 to 1024, up to 2^20 rays"),
+        key("min_range_m", Number("m"), Unset("0"), between(0.0, 1e6),
+            "a ray that meets a wall up to this distance has no return", "ours")
+            .limits("0 to below `range_m`"),
+        key("mount_height_m", Number("m"), Unset("0"), between(-1e6, 1e6),
+            "height of the sensor above the centre of the body", "ours")
+            .limits("within the radius of the smallest body"),
+        key("mount_pitch_rad", Number("rad"), Unset("0"), between(-FRAC_PI_2, FRAC_PI_2),
+            "by how much the sensor looks up", "ours").limits("-pi/2 to pi/2"),
     ]),
     Table::new("communication", &[
         key("range_m", Number("m"), Is("inf"), at_least(0.0, UNLIMITED),

@@ -236,7 +236,7 @@ fn ranges_in_words() {
     assert_eq!(text(at_least(1.0, f64::from(u32::MAX))), "at least 1");
     assert_eq!(text(between(-TAU, TAU)), "-2 pi to 2 pi");
     assert_eq!(text(between(0.02, 2e8)), "0.02 to 2e8");
-    assert_eq!(find("lidar.pattern").unwrap().expected(), "expected \"lattice\" or \"shell\"");
+    assert_eq!(find("lidar.pattern").unwrap().expected(), "expected \"lattice\", \"shell\", \"ring\" or \"frustum\"");
 }
 
 #[test]

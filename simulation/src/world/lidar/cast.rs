@@ -19,32 +19,76 @@ use super::slots::{Slots, bit, word};
 pub(super) struct Start {
     slots: Slots,
     slot: u64,
+    /// The slot of the body's cell.
+    own_slot: u64,
     /// Distances along the axes to the upper boundaries of the body's cell, in cells.
     above: [f64; 3],
     /// Distances to the lower boundaries.
     below: [f64; 3],
     /// Range of the rays in lengths of their directions.
     limit: f64,
+    /// A ray that meets a wall up to here has no return, in the same lengths.
+    blind: f64,
     cone: Option<Cone>,
 }
 
 impl Start {
-    /// `position` is in cells, and lies in `cell`.
-    pub(super) fn new(slots: Slots, cell: Cell, position: [f64; 3], limit: f64, cone: Option<Cone>) -> Self {
+    /// The cells are that of the body and that of the sensor; `position`, in cells, is that of the
+    /// sensor. The lengths of rays are from `blind` to `limit`.
+    pub(super) fn new(
+        slots: Slots,
+        [own, cell]: [Cell; 2],
+        position: [f64; 3],
+        [blind, limit]: [f64; 2],
+        cone: Option<Cone>,
+    ) -> Self {
         let floor = [cell.x, cell.y, cell.z].map(f64::from);
         Self {
             slots,
             slot: slots.of(cell),
+            own_slot: slots.of(own),
             above: [0, 1, 2].map(|axis| floor[axis] + 1.0 - position[axis]),
             below: [0, 1, 2].map(|axis| position[axis] - floor[axis]),
             limit,
+            blind,
             cone,
         }
     }
 
-    /// The slot of the body's own cell.
+    /// The slot of the cell in which rays begin.
     pub(super) fn slot(&self) -> u64 {
         self.slot
+    }
+
+    /// Sees the cells of the body and of the sensor, which are free.
+    pub(super) fn see_own(&self, marks: &mut Marks, new: &mut NewCells<'_>) {
+        marks.see(self.own_slot, new);
+        marks.see(self.slot, new);
+    }
+
+    /// Whether a ray meets a wall so near that it has no return.
+    #[inline(always)]
+    pub(super) fn is_blind(&self, marks: &Marks, bundle: &Bundle, lane: usize) -> bool {
+        self.blind > 0.0 && self.meets_wall(marks, bundle, lane)
+    }
+
+    /// The same for the lanes of a bundle that are given, one bit each; returns those that do not.
+    #[cfg(any(target_arch = "x86_64", test))]
+    #[inline(never)]
+    pub(super) fn sighted(&self, marks: &Marks, bundle: &Bundle, lanes: u16) -> u16 {
+        let is_sighted = |lane: &u32| !self.meets_wall(marks, bundle, *lane as usize);
+        voxels::bits(lanes.into()).filter(is_sighted).fold(0, |sighted, lane| sighted | 1 << lane)
+    }
+
+    /// Whether rays may have no return because a wall is too near.
+    #[inline(always)]
+    pub(super) fn has_blind_range(&self) -> bool {
+        self.blind > 0.0
+    }
+
+    fn meets_wall(&self, marks: &Marks, bundle: &Bundle, lane: usize) -> bool {
+        let hit = cast_ray_within(self, self.blind, bundle, lane, |slot| marks.is_free(slot));
+        hit.is_some_and(|(slot, _)| self.slots.extent().contains(self.slots.cell(slot)))
     }
 
     /// The slots of the map.
@@ -71,6 +115,18 @@ pub(super) fn cast_ray(
     start: &Start,
     bundle: &Bundle,
     lane: usize,
+    enter: impl FnMut(u64) -> bool,
+) -> Option<(u64, f64)> {
+    cast_ray_within(start, start.limit, bundle, lane, enter)
+}
+
+/// The same for a ray of another length.
+#[inline(always)]
+fn cast_ray_within(
+    start: &Start,
+    limit: f64,
+    bundle: &Bundle,
+    lane: usize,
     mut enter: impl FnMut(u64) -> bool,
 ) -> Option<(u64, f64)> {
     let first = start.first(bundle);
@@ -93,7 +149,7 @@ pub(super) fn cast_ray(
             next_z += z;
             flipped = start.slots.above(flipped, 2);
         }
-        if entry > start.limit {
+        if entry > limit {
             return None;
         }
         let slot = flipped ^ flip;
@@ -191,6 +247,9 @@ fn scan_singly(marks: &mut Marks, start: &Start, bundles: &[Bundle], new: &mut N
     for bundle in bundles {
         for lane in bundle.lanes(start.cone()) {
             rays += 1;
+            if start.is_blind(marks, bundle, lane) {
+                continue;
+            }
             cast_ray(start, bundle, lane, |slot| marks.passes()[word(slot)] & bit(slot) != 0 || marks.see(slot, new));
         }
     }

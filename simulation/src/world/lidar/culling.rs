@@ -85,10 +85,11 @@ impl CullingEngine {
             return (CastCount::without(due, NotCast::OutsideMap), None);
         };
         let extent = memory.extent();
+        memory.see_body(&pose.position, &mut new);
         let Parts { marks, culling } = memory.parts();
-        marks.see(start.slot(), &mut new);
+        start.see_own(marks, &mut new);
         let kernel = Kernel::best();
-        let bundles = scanner.bundles();
+        let bundles = scanner.bundles(pose.yaw_rad);
         let (active, undo) = match &scanner.rays.culling {
             Some(rays) => {
                 let active = rays.active_bundles(&start, scanner.unit_range_cells(extent), marks, culling);
@@ -210,7 +211,7 @@ impl Culling {
             });
             begin = end;
         }
-        let is_of_distances = matches!(pattern, Pattern::Lattice { .. });
+        let is_of_distances = !matches!(pattern, Pattern::Shell { .. });
         let clear = is_of_distances.then(|| ClearCells::new(offset_bits));
         Self { octants, offset_bits, clear }
     }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use nalgebra::Point3;
 use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::culling::CullingState;
@@ -16,6 +17,9 @@ pub struct SensorMemory {
     /// noise.
     votes: Vec<i8>,
     culling: CullingState,
+    /// Radius of the body that knows the cells it is in, metres; 0: it knows that of its centre
+    /// alone, as its LiDAR sees the others.
+    body_radius_m: f64,
 }
 
 /// The parts of a memory that its engines change.
@@ -34,13 +38,52 @@ impl fmt::Debug for SensorMemory {
 impl SensorMemory {
     /// The memory of a LiDAR that has seen nothing yet.
     pub fn new(terrain: &Grid<Terrain>) -> Self {
-        Self { marks: Marks::new(terrain), votes: Vec::new(), culling: CullingState::new() }
+        Self { marks: Marks::new(terrain), votes: Vec::new(), culling: CullingState::new(), body_radius_m: 0.0 }
+    }
+
+    /// The same for a body of this radius (metres) that knows which cells it is in, whether its
+    /// LiDAR sees them or not.
+    #[must_use]
+    pub fn of_body(self, body_radius_m: f64) -> Self {
+        Self { body_radius_m, ..self }
+    }
+
+    /// The free cells that the body is in with its centre at a point (metres, frame `map`); none if
+    /// its LiDAR sees them.
+    pub(super) fn body_cells(&self, centre: &Point3<f64>) -> Vec<Cell> {
+        if self.body_radius_m == 0.0 {
+            return Vec::new();
+        }
+        let extent = self.extent();
+        let (at, radius) = (extent.in_cells(centre), self.body_radius_m / extent.cell_m());
+        let [x, y, z] = at.map(|at| (at - radius).floor() as i32..=(at + radius).floor() as i32);
+        let gap = |along: i32, axis: usize| {
+            let low = f64::from(along);
+            (low - at[axis]).max(at[axis] - low - 1.0).max(0.0)
+        };
+        let cells = z.flat_map(|z| {
+            y.clone().flat_map({
+                let x = x.clone();
+                move |y| x.clone().map(move |x| Cell::new(x, y, z))
+            })
+        });
+        let is_in = |cell: &Cell| {
+            let gaps = [gap(cell.x, 0), gap(cell.y, 1), gap(cell.z, 2)];
+            gaps.iter().map(|gap| gap * gap).sum::<f64>() < radius * radius
+        };
+        cells.filter(|cell| extent.contains(*cell) && is_in(cell) && !self.is_wall(*cell)).collect()
+    }
+
+    /// Sees the cells that the body is in.
+    pub(super) fn see_body(&mut self, centre: &Point3<f64>, new: &mut NewCells<'_>) {
+        self.body_cells(centre).into_iter().for_each(|cell| self.see(cell, new));
     }
 
     /// An empty memory for another LiDAR in the same terrain.
     #[must_use]
     pub fn unused(&self) -> Self {
-        Self { marks: self.marks.unused(), votes: Vec::new(), culling: CullingState::new() }
+        let (votes, culling) = (Vec::new(), CullingState::new());
+        Self { marks: self.marks.unused(), votes, culling, body_radius_m: self.body_radius_m }
     }
 
     /// The extent of the map.

@@ -3,7 +3,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::cast::{self, Start};
+use super::cast;
 use super::engine::{CastCount, Engine, NewCells, NotCast};
 use super::{Scanner, SensorMemory};
 use crate::world::body::Pose;
@@ -31,12 +31,21 @@ impl Engine for NaiveEngine {
     fn cast(&mut self, scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose, mut new: NewCells<'_>) -> CastCount {
         let due = u64::from(scanner.rays());
         let Some(start) = scanner.start(memory, pose) else { return CastCount::without(due, NotCast::OutsideMap) };
-        let marks = memory.parts().marks;
-        marks.see(start.slot(), &mut new);
-        let mut ends = Vec::new();
-        let enter = |slot| marks.see(slot, &mut new);
-        let in_view = follow(scanner, &start, enter, |end| ends.push(end));
-        self.hits.extend(ends.iter().filter_map(|end| end.hit(memory, pose)));
+        start.see_own(memory.parts().marks, &mut new);
+        memory.see_body(&pose.position, &mut new);
+        let mut in_view = 0;
+        for bundle in &*scanner.bundles(pose.yaw_rad) {
+            for lane in bundle.lanes(start.cone()) {
+                in_view += 1;
+                let marks = memory.parts().marks;
+                if start.is_blind(marks, bundle, lane) {
+                    continue;
+                }
+                let end = cast::cast_ray(&start, bundle, lane, |slot| marks.see(slot, &mut new));
+                let hit = end.and_then(|end| hit(end, bundle.direction(lane), memory, &scanner.origin(pose)));
+                self.hits.extend(hit);
+            }
+        }
         let mut count = CastCount::of(due);
         count.leave_out(due - in_view, NotCast::OutsideView);
         count
@@ -61,40 +70,27 @@ impl Scanner {
     pub fn hits(&self, memory: &SensorMemory, pose: &Pose) -> Vec<Point3<f64>> {
         let mut hits = Vec::new();
         let Some(start) = self.start(memory, pose) else { return hits };
-        let enter = |slot| memory.marks().is_free(slot);
-        follow(self, &start, enter, |end| hits.extend(end.hit(memory, pose)));
+        let (marks, origin) = (memory.marks(), self.origin(pose));
+        for bundle in &*self.bundles(pose.yaw_rad) {
+            for lane in bundle.lanes(start.cone()).filter(|&lane| !start.is_blind(marks, bundle, lane)) {
+                let end = cast::cast_ray(&start, bundle, lane, |slot| marks.is_free(slot));
+                hits.extend(end.and_then(|end| hit(end, bundle.direction(lane), memory, &origin)));
+            }
+        }
         hits
     }
 }
 
-/// The end of a ray in a wall or at the edge of the map.
-struct RayEnd {
-    slot: u64,
-    /// In cells if the direction has length 1, otherwise in lengths of the direction.
-    distance: f64,
+/// Where a ray meets a wall, metres, frame `map`; `None` at the edge of the map. The ray ends in a
+/// slot, at a distance that is in cells if its direction has length 1, otherwise in lengths of the
+/// direction.
+fn hit(
+    (slot, distance): (u64, f64),
     direction: Vector3<f64>,
-}
-
-impl RayEnd {
-    /// Where the ray meets a wall, metres, frame `map`; `None` at the edge of the map.
-    fn hit(&self, memory: &SensorMemory, pose: &Pose) -> Option<Point3<f64>> {
-        let extent = memory.extent();
-        let is_inside = extent.contains(memory.marks().slots().cell(self.slot));
-        is_inside.then(|| pose.position + self.direction * (self.distance * extent.cell_m()))
-    }
-}
-
-/// Follows all rays in the field of view, in their fixed order, each until `enter` returns false
-/// for a slot or its range ends; `end` gets where it returned false. Returns the number of rays.
-fn follow(scanner: &Scanner, start: &Start, mut enter: impl FnMut(u64) -> bool, mut end: impl FnMut(RayEnd)) -> u64 {
-    let mut rays = 0;
-    for bundle in scanner.bundles() {
-        for lane in bundle.lanes(start.cone()) {
-            rays += 1;
-            if let Some((slot, distance)) = cast::cast_ray(start, bundle, lane, &mut enter) {
-                end(RayEnd { slot, distance, direction: bundle.direction(lane) });
-            }
-        }
-    }
-    rays
+    memory: &SensorMemory,
+    origin: &Point3<f64>,
+) -> Option<Point3<f64>> {
+    let extent = memory.extent();
+    let is_inside = extent.contains(memory.marks().slots().cell(slot));
+    is_inside.then(|| origin + direction * (distance * extent.cell_m()))
 }

@@ -54,8 +54,10 @@ impl Engine for NoisyScan<'_> {
             return CastCount::without(due, NotCast::OutsideMap);
         };
         let mut votes = memory.take_votes();
-        votes[own] = VOTES;
-        let mut touched = vec![own];
+        let mut touched: Vec<usize> = extent.index(extent.cell_of(&scanner.origin(pose))).into_iter().collect();
+        touched.push(own);
+        touched.extend(memory.body_cells(&pose.position).into_iter().filter_map(|cell| extent.index(cell)));
+        touched.iter().for_each(|&index| votes[index] = VOTES);
         let in_view = scanner.follow(memory, pose, *self, |ray| {
             let mut vote = |cell: Cell, vote: i8| {
                 if let Some(index) = extent.index(cell)
@@ -137,12 +139,13 @@ impl Scanner {
         let is_wall = |cell: Cell| memory.is_wall(cell);
         // In lengths of a ray's direction; that of a shell's ray is as long as the ray.
         let reach = match self.rays.pattern {
-            Pattern::Lattice { .. } => self.range_m,
+            Pattern::Lattice { .. } | Pattern::Grid(_) => self.range_m,
             Pattern::Shell { .. } => extent.cell_m(),
         };
+        let (origin, blind_m) = (self.origin(pose), self.mount.min_range_m);
         let mut rng = scan.noise.scan_stream(scan.agent, scan.tick);
         let mut crossed: Vec<(Cell, f64)> = Vec::new();
-        for bundle in &self.rays.bundles {
+        for bundle in &*self.bundles(pose.yaw_rad) {
             for lane in bundle.lanes(start.cone()) {
                 rays += 1;
                 let direction = bundle.direction(lane);
@@ -151,7 +154,7 @@ impl Scanner {
                 crossed.clear();
                 let mut entered_wall = None;
                 let mut measured = None;
-                let _where_it_ended = walk(extent, &pose.position, &direction, reach, |cell, entry| {
+                let _where_it_ended = walk(extent, &origin, &direction, reach, |cell, entry| {
                     if let (Some(wall), None) = (entered_wall, measured) {
                         measured = Some((wall + entry) / 2.0 + noise.unwrap_or(0.0));
                     }
@@ -169,11 +172,14 @@ impl Scanner {
                     continue;
                 };
                 let Some(noise) = noise else { continue };
+                if blind_m > 0.0 && wall <= blind_m {
+                    continue;
+                }
                 // At the edge of the map or of the range the ray has not left the wall cell.
                 let measured = measured.unwrap_or(wall + noise);
                 let free = crossed.partition_point(|&(_, entry)| entry <= measured).saturating_sub(1);
                 if free > 0 {
-                    let hit = pose.position + direction * measured;
+                    let hit = origin + direction * measured;
                     vote(RayVote { free: &crossed[..free], wall: Some((crossed[free].0, hit)) });
                 }
             }

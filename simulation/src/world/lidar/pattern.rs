@@ -18,10 +18,12 @@ pub(super) type Cone = (Vector3<f64>, f64);
 
 impl Pattern {
     /// The directions of the rays in cell units; their length is the unit of distances along them.
+    /// Those of a grid are at heading 0.
     pub(super) fn directions(self) -> Vec<Vector3<f64>> {
         match self {
             Pattern::Lattice { rays } => (0..rays).map(|ray| lattice::direction(ray, rays)).collect(),
             Pattern::Shell { radius_cells } => shell(radius_cells),
+            Pattern::Grid(grid) => grid.directions(),
         }
     }
 }
@@ -65,7 +67,8 @@ impl Bundle {
         octants.flat_map(|rays| rays.chunks(LANES)).map(Self::of).collect()
     }
 
-    fn of(rays: &[Vector3<f64>]) -> Self {
+    /// A bundle of 1 to [`LANES`] rays of one octant.
+    pub(super) fn of(rays: &[Vector3<f64>]) -> Self {
         let mut directions = [rays[0]; LANES];
         directions[..rays.len()].copy_from_slice(rays);
         Self {
@@ -102,7 +105,8 @@ impl Bundle {
     }
 }
 
-fn octant(direction: &Vector3<f64>) -> [bool; 3] {
+/// By axis, whether a direction goes down it.
+pub(super) fn octant(direction: &Vector3<f64>) -> [bool; 3] {
     [0, 1, 2].map(|axis| direction[axis] < 0.0)
 }
 

@@ -25,8 +25,11 @@ fn scanned(scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose) -> (Vec<u3
 
 /// The rays of a pattern that lie within the field of view, by the angle itself.
 fn used(pattern: Pattern, yaw_rad: f64, fov_rad: f64) -> impl Iterator<Item = Vector3<f64>> {
-    let heading = Vector3::new(libm::cos(yaw_rad), libm::sin(yaw_rad), 0.0);
-    let all = pattern.directions().into_iter();
+    let (sin, cos) = libm::sincos(yaw_rad);
+    let heading = Vector3::new(cos, sin, 0.0);
+    let turns = matches!(pattern, Pattern::Grid(grid) if grid.turns());
+    let turned = move |ray: Vector3<f64>| Vector3::new(cos * ray.x - sin * ray.y, sin * ray.x + cos * ray.y, ray.z);
+    let all = pattern.directions().into_iter().map(move |ray| if turns { turned(ray) } else { ray });
     all.filter(move |direction| fov_rad >= TAU || heading.dot(&direction.normalize()) > libm::cos(fov_rad / 2.0))
 }
 
@@ -37,23 +40,32 @@ fn by_definition(
     pattern: Pattern,
     range_m: f64,
     fov_rad: f64,
+    mount: Mount,
 ) -> (BTreeSet<u32>, BTreeSet<u32>) {
     let extent = terrain.extent();
     let index = |cell: Cell| extent.index(cell).unwrap() as u32;
     let range_m = match pattern {
-        Pattern::Lattice { .. } => range_m,
+        Pattern::Lattice { .. } | Pattern::Grid(_) => range_m,
         Pattern::Shell { .. } => extent.cell_m(),
     };
-    let (mut free, mut wall) = (BTreeSet::from([index(extent.cell_of(&pose.position))]), BTreeSet::new());
+    let origin = pose.position + Vector3::z() * mount.height_m;
+    let own = [pose.position, origin].map(|point| index(extent.cell_of(&point)));
+    let (mut free, mut wall) = (BTreeSet::from(own), BTreeSet::new());
     for direction in used(pattern, pose.yaw_rad, fov_rad) {
-        let _ = walk(extent, &pose.position, &direction, range_m, |cell, _| {
+        let mut crossed = Vec::new();
+        let met = walk(extent, &origin, &direction, range_m, |cell, entry| {
             if is_wall_at(terrain, cell) {
-                wall.insert(index(cell));
-                return ControlFlow::Break(());
+                return ControlFlow::Break((cell, entry));
             }
-            free.insert(index(cell));
+            crossed.push(index(cell));
             ControlFlow::Continue(())
         });
+        match met {
+            ControlFlow::Break((_, entry)) if mount.min_range_m > 0.0 && entry <= mount.min_range_m => continue,
+            ControlFlow::Break((cell, _)) => drop(wall.insert(index(cell))),
+            ControlFlow::Continue(()) => {}
+        }
+        free.extend(crossed);
     }
     (free, wall)
 }
@@ -188,10 +200,27 @@ fn any_world() -> impl Strategy<Value = (Grid<Terrain>, [f64; 3])> {
     })
 }
 
+/// Rings, level and tilted, and cameras.
+fn any_grid() -> impl Strategy<Value = Pattern> {
+    let projection = prop_oneof![
+        (-1.5..1.5, 0.0..1.0)
+            .prop_map(|(lowest_rad, band)| Projection::Spherical { lowest_rad, highest_rad: lowest_rad + band }),
+        (0.1..2.9).prop_map(|vertical_rad| Projection::Pinhole { vertical_rad }),
+    ];
+    (projection, 1..24_u32, 1..16_u32, prop_oneof![Just(TAU), 0.1..2.9], prop_oneof![Just(0.0), -1.5..1.5]).prop_map(
+        |(projection, columns, rows, angle_rad, pitch_rad)| {
+            let is_camera = matches!(projection, Projection::Pinhole { .. });
+            let horizontal_rad = if is_camera { angle_rad.min(2.9) } else { angle_rad };
+            Pattern::Grid(RayGrid { projection, columns, rows, horizontal_rad, pitch_rad })
+        },
+    )
+}
+
 fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
     let pattern = prop_oneof![
         (1u32..400).prop_map(|rays| Pattern::Lattice { rays }),
         (1u32..6).prop_map(|radius_cells| Pattern::Shell { radius_cells }),
+        any_grid(),
     ];
     (pattern, prop_oneof![Just(f64::INFINITY), Just(1.0), 0.01..9.0], prop_oneof![Just(TAU), 0.1..TAU])
 }
@@ -199,9 +228,12 @@ fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
 /// A scanner whose rays are followed for `1 << offset_bits` cells to see whether they need be cast.
 fn with_culling(pattern: Pattern, range_m: f64, fov_rad: f64, offset_bits: u32) -> Scanner {
     let scanner = Scanner::new(pattern, range_m, fov_rad);
-    let culling = Some(Arc::new(Culling::new(pattern, scanner.bundles(), offset_bits)));
+    if scanner.rays.turning.is_some() {
+        return scanner;
+    }
+    let culling = Some(Arc::new(Culling::new(pattern, &scanner.rays.bundles, offset_bits)));
     let Rays { count, ref bundles, .. } = *scanner.rays;
-    Scanner { rays: Arc::new(Rays { pattern, count, bundles: bundles.clone(), culling }), ..scanner }
+    Scanner { rays: Arc::new(Rays { pattern, count, bundles: bundles.clone(), turning: None, culling }), ..scanner }
 }
 
 /// The cells that an engine finds, ascending, and the count of its rays.
@@ -314,7 +346,7 @@ proptest! {
         let body = pose(position, yaw_rad);
         prop_assume!(terrain.extent().contains(terrain.extent().cell_of(&body.position)));
         let scanner = Scanner::new(pattern, range_m, fov_rad);
-        let (free, wall) = by_definition(&terrain, &body, pattern, range_m, fov_rad);
+        let (free, wall) = by_definition(&terrain, &body, pattern, range_m, fov_rad, Mount::default());
         let sorted = |set: BTreeSet<u32>| set.into_iter().collect::<Vec<u32>>();
         let expected = (sorted(free), sorted(wall));
 
@@ -333,11 +365,44 @@ proptest! {
             let mut new = NewCells { free: &mut free, wall: &mut wall };
             let marks = memory.parts().marks;
             marks.see(start.slot(), &mut new);
-            let rays = kernel.scan(marks, &start, scanner.bundles(), 0.0, &mut new);
+            let rays = kernel.scan(marks, &start, &scanner.bundles(yaw_rad), 0.0, &mut new);
             prop_assert_eq!(rays, used(pattern, yaw_rad, fov_rad).count() as u64);
             prop_assert_eq!((free.len(), wall.len()), (expected.0.len(), expected.1.len()));
             let seen: Vec<usize> = memory.seen_cells().collect();
             prop_assert_eq!(seen.len(), free.len() + wall.len());
+        }
+    }
+
+    /// Every engine, with walls too near for a return, and with the sensor above or below the body.
+    #[test]
+    fn mounted_sensors_see_what_walk_visits(
+        (terrain, position) in any_world(),
+        (pattern, range_m, fov_rad) in any_scanner(),
+        offset_bits in 1_u32..5,
+        min_range_m in prop_oneof![Just(0.0), 0.0..3.0],
+        height_m in -0.5..0.5,
+        steps in prop::collection::vec(prop::array::uniform3(-0.6..0.6), 1..6),
+    ) {
+        let is_shell = matches!(pattern, Pattern::Shell { .. });
+        let mount = Mount { height_m, min_range_m: if is_shell { 0.0 } else { f64::min(min_range_m, range_m) } };
+        let extent = terrain.extent();
+        let is_free = |pose: &Pose| [0.0, height_m].iter().all(|up| {
+            let cell = extent.cell_of(&(pose.position + Vector3::z() * *up));
+            extent.contains(cell) && !is_wall_at(&terrain, cell)
+        });
+        let scanner = with_culling(pattern, range_m, fov_rad, offset_bits).on(mount);
+        let [mut naive, mut culled] = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
+        let mut known = BTreeSet::new();
+        for pose in poses(extent, position, steps).into_iter().filter(is_free) {
+            let (free, wall) = by_definition(&terrain, &pose, pattern, range_m, fov_rad, mount);
+            let view = scanner.view(&naive, &pose);
+            prop_assert!(view.free.iter().eq(&free) && view.wall.iter().eq(&wall));
+            prop_assert_eq!(&view.hits, &scanner.hits(&naive, &pose));
+            let new = |all: &BTreeSet<u32>| all.difference(&known).copied().collect::<Vec<u32>>();
+            let expected = [new(&free), new(&wall)];
+            prop_assert_eq!(&cast_by(&mut NaiveEngine::default(), &scanner, &mut naive, &pose).0, &expected);
+            prop_assert_eq!(&cast_by(&mut CullingEngine, &scanner, &mut culled, &pose).0, &expected);
+            known.extend(free.into_iter().chain(wall));
         }
     }
 
@@ -353,7 +418,7 @@ proptest! {
         let mut memory = SensorMemory::new(&terrain);
         let mut known = BTreeSet::new();
         for pose in poses.iter().filter(is_free) {
-            let (free, wall) = by_definition(&terrain, pose, pattern, range_m, fov_rad);
+            let (free, wall) = by_definition(&terrain, pose, pattern, range_m, fov_rad, Mount::default());
             let all: BTreeSet<u32> = free.union(&wall).copied().collect();
             let (new_free, new_wall) = scanned(&scanner, &mut memory, pose);
             let new: BTreeSet<u32> = new_free.iter().chain(&new_wall).copied().collect();
@@ -417,9 +482,62 @@ fn rays_leap_over_what_is_known_to_be_free() {
     let parts = memory.parts();
     let culling = scanner.rays.culling.as_ref().unwrap();
     let active = culling.active_bundles(&start, f64::INFINITY, parts.marks, parts.culling).bundles;
-    assert_eq!(active.iter().map(|(bundles, _)| bundles.len()).sum::<usize>(), scanner.bundles().len());
+    assert_eq!(active.iter().map(|(bundles, _)| bundles.len()).sum::<usize>(), scanner.bundles(0.0).len());
     // The walls are 18.5 m away or farther.
     assert!(active.iter().all(|&(_, clear_cells)| (15.0..30.0).contains(&clear_cells)), "{active:?}");
+}
+
+#[test]
+fn grids_have_their_angles() {
+    let degrees = |angle: f64| angle.to_radians();
+    let ring = Projection::Spherical { lowest_rad: degrees(-15.0), highest_rad: degrees(15.0) };
+    let level = RayGrid { projection: ring, columns: 36, rows: 16, horizontal_rad: TAU, pitch_rad: 0.0 };
+    let elevations: Vec<f64> =
+        level.directions().iter().step_by(36).map(|ray| libm::asin(ray.z).to_degrees().round()).collect();
+    assert_eq!(elevations, (0..16).map(|line| f64::from(15 - 2 * line)).collect::<Vec<f64>>());
+    assert!(!level.turns() && RayGrid { pitch_rad: 0.1, ..level }.turns());
+    let camera = RayGrid {
+        projection: Projection::Pinhole { vertical_rad: degrees(60.0) },
+        columns: 80,
+        rows: 60,
+        horizontal_rad: degrees(80.0),
+        pitch_rad: degrees(-20.0),
+    };
+    let rays = camera.directions();
+    // The first ray is that of the pixel at the upper left, half a pixel from the corner.
+    let [ahead, left, up] = [1.0, libm::tan(degrees(40.0)) * 79.0 / 80.0, libm::tan(degrees(30.0)) * 59.0 / 60.0];
+    let (sin, cos) = libm::sincos(degrees(-20.0));
+    let corner = Vector3::new(cos * ahead - sin * up, left, sin * ahead + cos * up).normalize();
+    let mirrored = Vector3::new(corner.x, -corner.y, corner.z);
+    assert!((rays[0] - corner).norm() < 1e-12 && (rays[79] - mirrored).norm() < 1e-12);
+    let view = Scanner::new(Pattern::Grid(camera), 4.5, TAU).field_of_view().unwrap();
+    let [lowest, highest] = [view.lowest_rad, view.highest_rad].map(|angle| angle.to_degrees().round());
+    assert_eq!((lowest, highest, view.horizontal_rad.to_degrees().round()), (-50.0, 10.0, 80.0));
+    assert!((0.9..1.3).contains(&view.spacing_rad.to_degrees()), "{view:?}");
+    let swept = Scanner::new(Pattern::Grid(camera), 4.5, TAU).swept();
+    assert!(swept.sees_all_around() && swept.rays() > 60 * 80 * 3);
+}
+
+#[test]
+fn body_with_a_camera_knows_the_cells_it_is_in() {
+    let mut terrain = Grid::new(Extent::new([9; 3], 0.5).unwrap(), Terrain::Free);
+    voxels::close_shell(&mut terrain, 1);
+    let projection = Projection::Pinhole { vertical_rad: 0.5 };
+    let camera = RayGrid { projection, columns: 9, rows: 9, horizontal_rad: 0.5, pitch_rad: 0.0 };
+    let scanner = Scanner::new(Pattern::Grid(camera), 4.0, TAU);
+    let body = pose([2.25, 2.25, 1.4], 0.0);
+    let seen = |radius_m: f64| {
+        let mut memory = SensorMemory::new(&terrain).of_body(radius_m);
+        scanned(&scanner, &mut memory, &body).0
+    };
+    let (without, with) = (seen(0.0), seen(0.9));
+    for index in (0..terrain.extent().volume()).filter(|&index| terrain[index] == Terrain::Free) {
+        let centre = terrain.extent().centre(terrain.extent().cell_at(index));
+        let gap = (centre - body.position).abs().map(|along| (along - 0.25).max(0.0)).norm();
+        let index = index as u32;
+        assert_eq!(with.contains(&index), without.contains(&index) || gap < 0.9, "{centre}, {gap}");
+    }
+    assert!(with.len() > without.len() + 20 && with.iter().all(|&index| terrain[index as usize] == Terrain::Free));
 }
 
 #[test]

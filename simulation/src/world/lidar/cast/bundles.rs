@@ -48,10 +48,14 @@ fn scan<const SIDE: usize>(
     new: &mut NewCells<'_>,
 ) -> u64 {
     let is_limited = start.limit < f64::INFINITY;
+    let has_blind_range = start.has_blind_range();
     let mut rays = 0;
     for bundle in bundles {
-        let on = lanes_on(bundle, start.cone());
+        let mut on = lanes_on(bundle, start.cone());
         rays += u64::from(on.count_ones());
+        if has_blind_range {
+            on = start.sighted(marks, bundle, on);
+        }
         for first in (0..LANES).step_by(SIDE) {
             let part = Part { bundle, first, on: on >> first & low_lanes::<SIDE>(), clear };
             if is_limited {

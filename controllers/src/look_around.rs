@@ -1,0 +1,318 @@
+//! Looks around: a wrapper of any controller, for bodies whose LiDAR does not see all around.
+//!
+//! Controllers take a place where the body has been at rest as seen. So when a controller is to
+//! decide at rest in another cell than before, the wrapper first turns the body towards whatever is
+//! unexplored in reach of the LiDAR ([`turns`]); with a band of elevations alone it need not turn.
+//! Its controller sees what was observed meanwhile in one observation afterwards.
+//!
+//! A controller that rests may still have left out what its frontiers do not show: a cell above a
+//! frontier is out of the band there, and in it from farther away. After [`REST_TICKS`] the wrapper
+//! goes to the viewpoints that remain ([`Viewpoints`]), and asks its controller again from each.
+//!
+//! Invariants: without a field of view in the run info the wrapper is not there. Its controller
+//! sees every event, cell and message, in order.
+
+mod turns;
+
+use std::collections::VecDeque;
+use std::task::Poll;
+
+use msgs::ids::Tick;
+use protocol::event_mask::EventMask;
+use protocol::field_of_view::FieldOfView;
+use protocol::wake_condition::WakeCondition;
+use rand_chacha::ChaCha8Rng;
+use voxels::{BodyLattice, Cell};
+
+use super::dsvp::gain::{GainEstimator, Likelihood};
+use super::viewpoints::Viewpoints;
+use super::{Controller, Ctx, Failure, collision_recovery};
+use agent::command::{Command, Motion, ScanRequest, Stage};
+use agent::navigation::{NavigationStatus, SearchTime};
+use agent::observation::Observation;
+
+/// The purpose of its random stream.
+pub(super) const STREAM: &str = "look-around";
+
+/// Ticks at rest after which a controller has nothing to do: 1 s.
+const REST_TICKS: u64 = 50;
+
+/// Ticks until a scan that was requested is no longer waited for.
+const SCAN_TIMEOUT_TICKS: u64 = 100;
+
+/// Rays by which it finds what is unexplored around the body.
+const RAYS: u32 = 2000;
+
+/// Longest of these rays, cells.
+const RAY_CELLS_MAX: f64 = 40.0;
+
+/// What is nearer to the end of the range than this share of it is no reason to turn: there is
+/// always something unexplored beyond.
+const NEAR: f64 = 0.75;
+
+/// A controller that does not see all around.
+pub(super) struct LookAround {
+    inner: Box<dyn Controller>,
+    rng: ChaCha8Rng,
+    mode: Mode,
+    /// The wake-up condition of its controller, and whether that has requested the view.
+    inner_wake: WakeCondition,
+    wants_view: bool,
+    /// What its controller has not seen.
+    unseen: Option<Observation>,
+    /// Its own wake-up condition.
+    wake: WakeCondition,
+    /// Where it has looked around last.
+    looked_from: Option<Cell>,
+    /// Since when its controller has had nothing to do.
+    resting_since: Option<Tick>,
+    /// The stage that its controller has named last, and whether the wrapper has named another
+    /// since.
+    stage: Option<Stage>,
+    has_gone: bool,
+    /// Finds what is unexplored around the body.
+    rays: Option<GainEstimator>,
+    viewpoints: Option<Viewpoints>,
+}
+
+/// What it is doing.
+#[derive(Debug, Clone, PartialEq)]
+enum Mode {
+    /// Its controller decides.
+    Inner,
+    /// It turns; these turns follow, in radians.
+    Turning(VecDeque<f64>),
+    /// It waits at rest for a scan since this tick; these turns follow.
+    Scanning(Tick, VecDeque<f64>),
+    /// It goes to a viewpoint that its controller has left out.
+    Going,
+    /// It makes way after a collision on the way there.
+    Aside,
+}
+
+impl LookAround {
+    pub(super) fn around(inner: Box<dyn Controller>, rng: ChaCha8Rng) -> Self {
+        Self {
+            inner,
+            rng,
+            mode: Mode::Inner,
+            inner_wake: WakeCondition::NEXT_TICK,
+            wants_view: false,
+            unseen: None,
+            wake: WakeCondition::NEXT_TICK,
+            looked_from: None,
+            resting_since: None,
+            stage: None,
+            has_gone: false,
+            rays: None,
+            viewpoints: None,
+        }
+    }
+
+    /// The decision of its controller, which sees all that it has not seen.
+    fn ask(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        self.mode = Mode::Inner;
+        let unseen = self.unseen.take().unwrap_or_else(|| observation.clone());
+        let mut command = self.inner.decide(&unseen, ctx);
+        self.stage = command.stage.or(self.stage);
+        if std::mem::take(&mut self.has_gone) {
+            command.stage = self.stage;
+        }
+        (self.inner_wake, self.wants_view) = (command.wake, command.want_view);
+        let tick = observation.tick;
+        let rests = match command.motion {
+            Motion::Keep => !observation.is_active,
+            Motion::Stop => true,
+            _ => false,
+        };
+        // One that waits for a time soon, such as that of a search, has something to do.
+        let is_idle = self.stage == Some(Stage::Waiting) && command.wake.at > tick.after(REST_TICKS);
+        self.resting_since = (rests && is_idle).then(|| self.resting_since.unwrap_or(tick));
+        if let Some(since) = self.resting_since {
+            command.wake.at = command.wake.at.min(since.after(REST_TICKS).max(tick.next()));
+        }
+        command
+    }
+
+    /// The turns that show what is unexplored around the body.
+    fn turns(&mut self, view: &FieldOfView, ctx: &Ctx<'_>) -> VecDeque<f64> {
+        if view.is_all_around() {
+            return VecDeque::new();
+        }
+        let map = ctx.map();
+        let cell_m = map.extent().cell_m();
+        let range_m = ctx.run_info().lidar_range_m.min(view.dense_range_m(cell_m)) * NEAR;
+        let lattice = BodyLattice::of(ctx.body().radius_m, cell_m);
+        let rays = self.rays.get_or_insert_with(|| {
+            GainEstimator::new(RAYS, (range_m / cell_m).clamp(1.0, RAY_CELLS_MAX), 1, Likelihood::new(1.0))
+                .from(lattice)
+        });
+        rays.limit_to(Some(view));
+        let mut azimuths_rad = Vec::new();
+        rays.each_first_unexplored(map, ctx.cell(), |by| {
+            azimuths_rad.push(libm::atan2(f64::from(by.y), f64::from(by.x)));
+        });
+        // Scans on the way are close enough to each other, or each turn ends with one.
+        let period_s = f64::from(ctx.run_info().lidar_period_ticks) * Tick::TICK_S;
+        let is_swept = ctx.body().turn_rate_max_rad_s * period_s <= view.horizontal_rad / 2.0;
+        let turns = turns::towards(&azimuths_rad, ctx.yaw_rad(), view.horizontal_rad);
+        let step_rad = if is_swept { f64::INFINITY } else { view.horizontal_rad * turns::REACH };
+        turns.into_iter().flat_map(|turn_rad| turns::in_steps(turn_rad, step_rad)).collect()
+    }
+
+    /// Begins the next turn, or lets the controller decide.
+    fn next_turn(&mut self, mut turns: VecDeque<f64>, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let Some(angle_rad) = turns.pop_front() else { return self.ask(observation, ctx) };
+        self.mode = Mode::Turning(turns);
+        let wake = WakeCondition::TASK_DONE.or(WakeCondition::on(EventMask::COLLISION));
+        let lidar = ScanRequest::Every(ctx.run_info().lidar_period_ticks.max(1));
+        Command { lidar, ..Command::new(Motion::Turn { angle_rad }, wake) }.with_info("looks around")
+    }
+
+    /// Its controller is to decide: at rest in another cell, it looks around before.
+    fn inner(&mut self, view: &FieldOfView, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let is_due = self.inner_wake.is_met(observation.tick, observation.events);
+        let is_at_rest = !observation.is_active && observation.scan_tick.is_some();
+        let has_arrived = is_at_rest && self.looked_from != Some(ctx.cell());
+        if is_due && has_arrived && !observation.events.intersects(EventMask::COLLISION) {
+            self.looked_from = Some(ctx.cell());
+            let turns = self.turns(view, ctx);
+            return self.next_turn(turns, observation, ctx);
+        }
+        let has_rested = self.resting_since.is_some_and(|since| observation.tick >= since.after(REST_TICKS));
+        if is_due && !has_rested {
+            return self.ask(observation, ctx);
+        }
+        if has_rested && is_at_rest {
+            return self.go_to_viewpoint(observation, ctx);
+        }
+        let command = Command::keep(self.inner_wake);
+        Command { want_view: self.wants_view, ..command }
+    }
+
+    /// Its controller rests: goes to where the LiDAR sees what it has left out.
+    fn go_to_viewpoint(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let tick = observation.tick;
+        let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
+        viewpoints.visit(ctx.map().extent(), ctx.cell());
+        let viewpoint = match viewpoints.next(ctx) {
+            Poll::Ready(Some(viewpoint)) => viewpoint,
+            Poll::Ready(None) => {
+                self.resting_since = Some(tick);
+                if self.inner_wake.is_met(tick, observation.events) {
+                    return self.ask(observation, ctx);
+                }
+                let until = WakeCondition::at(tick.after(REST_TICKS));
+                return Command { want_view: self.wants_view, ..Command::keep(self.inner_wake.or(until)) };
+            }
+            Poll::Pending => {
+                let wake = WakeCondition::NEXT_TICK;
+                return Command::keep(wake).with_stage(Stage::Waiting).with_info("looks for a viewpoint");
+            }
+        };
+        match ctx.go_to_cell(viewpoint.cell, SearchTime::Instant) {
+            NavigationStatus::Go(motion) => {
+                (self.mode, self.has_gone) = (Mode::Going, true);
+                let Cell { x, y, z } = viewpoint.cell;
+                let wake = WakeCondition::TASK_DONE.or(WakeCondition::on(EventMask::COLLISION));
+                let lidar = ScanRequest::Every(ctx.run_info().lidar_period_ticks.max(1));
+                Command { lidar, ..Command::new(motion, wake) }
+                    .with_stage(Stage::Relocating)
+                    .with_info(format!("goes to the viewpoint {x} {y} {z}"))
+            }
+            NavigationStatus::Searching(wake) => Command::keep(wake),
+            NavigationStatus::NoPath => {
+                viewpoints.visit(ctx.map().extent(), viewpoint.cell);
+                Command::keep(WakeCondition::NEXT_TICK)
+            }
+        }
+    }
+
+    fn decide_in_mode(&mut self, view: &FieldOfView, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let is_revised = observation.events.intersects(EventMask::REVISED);
+        match std::mem::replace(&mut self.mode, Mode::Inner) {
+            Mode::Inner => self.inner(view, observation, ctx),
+            Mode::Turning(_) if observation.events.intersects(EventMask::COLLISION) => self.ask(observation, ctx),
+            Mode::Turning(turns) if observation.is_active => {
+                self.mode = Mode::Turning(turns);
+                Command::keep(self.wake)
+            }
+            Mode::Turning(turns) => {
+                self.mode = Mode::Scanning(observation.tick.next(), turns);
+                let lidar = ScanRequest::Every(ctx.run_info().lidar_period_ticks.max(1));
+                Command { lidar, ..Command::keep(WakeCondition::NEXT_TICK) }
+            }
+            Mode::Scanning(since, turns) => {
+                let has_scanned = observation.scan_tick.is_some_and(|scan| scan >= since);
+                if has_scanned || observation.tick >= since.after(SCAN_TIMEOUT_TICKS) {
+                    return self.next_turn(turns, observation, ctx);
+                }
+                self.mode = Mode::Scanning(since, turns);
+                Command::keep(WakeCondition::NEXT_TICK)
+            }
+            Mode::Going if observation.events.intersects(EventMask::COLLISION) => {
+                self.mode = Mode::Aside;
+                collision_recovery::step_aside(&mut self.rng, ctx)
+            }
+            Mode::Going if observation.is_active && !is_revised => {
+                self.mode = Mode::Going;
+                Command::keep(self.wake)
+            }
+            Mode::Going | Mode::Aside => {
+                if observation.is_active {
+                    self.looked_from = None;
+                    return self.ask(observation, ctx);
+                }
+                self.looked_from = Some(ctx.cell());
+                let turns = self.turns(view, ctx);
+                self.next_turn(turns, observation, ctx)
+            }
+        }
+    }
+}
+
+impl Controller for LookAround {
+    fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let Some(view) = ctx.run_info().field_of_view else { return self.inner.decide(observation, ctx) };
+        if !self.wake.is_met(observation.tick, observation.events) && self.inner.is_polled_between_wakes() {
+            return self.poll(observation, ctx);
+        }
+        if observation.events.intersects(EventMask::REVISED) {
+            (self.viewpoints, self.looked_from) = (None, None);
+        }
+        self.unseen = Some(match self.unseen.take() {
+            Some(earlier) => observation.clone().merged_with(earlier),
+            None => observation.clone(),
+        });
+        let command = self.decide_in_mode(&view, observation, ctx);
+        self.wake = command.wake;
+        command
+    }
+
+    fn is_polled_between_wakes(&self) -> bool {
+        self.inner.is_polled_between_wakes()
+    }
+
+    fn failure(&mut self) -> Option<Failure> {
+        self.inner.failure()
+    }
+}
+
+impl LookAround {
+    /// The reply between its wake-ups: what its controller does, if that is what counts.
+    fn poll(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        if self.mode != Mode::Inner {
+            return Command::keep(self.wake);
+        }
+        let command = self.inner.decide(observation, ctx);
+        if !command.is_noop() {
+            (self.inner_wake, self.wants_view, self.unseen) = (command.wake, command.want_view, None);
+            self.resting_since = None;
+            self.wake = command.wake;
+        }
+        command
+    }
+}
+
+#[cfg(test)]
+mod tests;

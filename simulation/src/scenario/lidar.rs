@@ -1,0 +1,436 @@
+//! The table `[lidar]`: the LiDAR of every agent, as a pattern of rays or as a ready preset.
+//!
+//! A preset stands for its keys: the identity of a scenario has these and not the preset. Keys of a
+//! pattern that the scenario does not use are refused, and are no part of its identity.
+
+use std::f64::consts::TAU;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{Checker, Scenario, ScenarioError};
+use crate::world::lidar::{Mount, Pattern, Projection, RayGrid, Scanner};
+
+/// The patterns with rows and columns.
+const GRIDS: [LidarPattern; 2] = [LidarPattern::Ring, LidarPattern::Frustum];
+
+/// Most rays of a ring or a frustum.
+const GRID_RAYS_MAX: u32 = 1 << 20;
+
+/// Widest angle of a frustum, radians: its rays go through a plane.
+const FRUSTUM_RAD_MAX: f64 = 3.0;
+
+/// `[lidar]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "LidarKeys")]
+pub struct LidarSection {
+    /// How rays are spread.
+    pub pattern: LidarPattern,
+    /// Rays of the lattice. Reference: 5124.
+    pub rays: u32,
+    /// Radius of the shell pattern, cells. Reference: 5.
+    pub shell_radius_cells: u32,
+    /// Range of all patterns but the shell, metres; `inf`: unlimited (reference).
+    pub range_m: f64,
+    /// Full opening angle of the cone about the heading, radians. Reference: all directions.
+    pub fov_rad: f64,
+    /// Who decides when to scan.
+    pub schedule: LidarSchedule,
+    /// Ticks between two scans until an agent requests otherwise. Reference: what each of ten
+    /// agents gets.
+    pub period_ticks: u32,
+    /// The keys of rings and frustums.
+    #[serde(flatten)]
+    pub grid: GridKeys,
+}
+
+/// The keys of rings and frustums; with these patterns all that the pattern has are given.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct GridKeys {
+    /// Full horizontal angle about the heading, radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub horizontal_rad: Option<f64>,
+    /// Full vertical angle of a frustum, radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vertical_rad: Option<f64>,
+    /// Elevation of the lowest line of a ring, radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lowest_rad: Option<f64>,
+    /// Elevation of its highest line, radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub highest_rad: Option<f64>,
+    /// Rays of a row.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub columns: Option<u32>,
+    /// Rows of a frustum, lines of a ring.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rows: Option<u32>,
+    /// Distance up to which a wall has no return, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_range_m: Option<f64>,
+    /// Height above the centre of the body, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mount_height_m: Option<f64>,
+    /// By how much it looks up, radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mount_pitch_rad: Option<f64>,
+}
+
+/// How rays are spread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LidarPattern {
+    /// A Fibonacci lattice of `rays` rays.
+    Lattice,
+    /// One ray to every cell on the edge of a sphere of `shell_radius_cells` (the reference's older
+    /// sensing).
+    Shell,
+    /// Lines of equal elevation about the vertical: a spinning LiDAR.
+    Ring,
+    /// The pixels of a depth camera.
+    Frustum,
+}
+
+/// Who decides when to scan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LidarSchedule {
+    /// Each agent; at the start every `period_ticks`.
+    OnRequest,
+    /// One agent in each tick, in turn, as in the reference.
+    Maes3d,
+}
+
+/// A ready LiDAR with the figures that its maker has published: docs/sensors.md has the sources.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Preset {
+    /// Velodyne VLP-16 (Puck) at 10 Hz.
+    #[serde(rename = "vlp-16")]
+    Vlp16,
+    /// Ouster OS1-64, first generation, 1024 columns.
+    #[serde(rename = "os1-64")]
+    Os1With64Lines,
+    /// Livox Mid-360: as many rays as it has points in 0.1 s.
+    #[serde(rename = "mid-360")]
+    Mid360,
+    /// What planners for quadrotors assume.
+    DepthCamera,
+}
+
+impl Preset {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Vlp16 => "vlp-16",
+            Self::Os1With64Lines => "os1-64",
+            Self::Mid360 => "mid-360",
+            Self::DepthCamera => "depth-camera",
+        }
+    }
+
+    fn pattern(self) -> LidarPattern {
+        match self {
+            Self::Vlp16 | Self::Os1With64Lines | Self::Mid360 => LidarPattern::Ring,
+            Self::DepthCamera => LidarPattern::Frustum,
+        }
+    }
+
+    /// The range, metres, and the other keys.
+    fn keys(self) -> (f64, GridKeys) {
+        let ring = |lowest: f64, highest: f64, rows, columns, min_range_m: Option<f64>| GridKeys {
+            lowest_rad: Some(lowest.to_radians()),
+            highest_rad: Some(highest.to_radians()),
+            rows: Some(rows),
+            columns: Some(columns),
+            min_range_m,
+            ..GridKeys::default()
+        };
+        match self {
+            Self::Vlp16 => (100.0, ring(-15.0, 15.0, 16, 1800, None)),
+            Self::Os1With64Lines => (120.0, ring(-16.6, 16.6, 64, 1024, Some(0.8))),
+            Self::Mid360 => (70.0, ring(-7.0, 52.0, 40, 500, Some(0.1))),
+            Self::DepthCamera => (FRUSTUM_RANGE_M, GridKeys::default()),
+        }
+    }
+}
+
+/// Range of a frustum that names none, metres.
+const FRUSTUM_RANGE_M: f64 = 4.5;
+
+/// The keys of the table, all of them optional.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct LidarKeys {
+    preset: Option<Preset>,
+    pattern: Option<LidarPattern>,
+    rays: Option<u32>,
+    shell_radius_cells: Option<u32>,
+    range_m: Option<f64>,
+    fov_rad: Option<f64>,
+    schedule: Option<LidarSchedule>,
+    period_ticks: Option<u32>,
+    horizontal_rad: Option<f64>,
+    vertical_rad: Option<f64>,
+    lowest_rad: Option<f64>,
+    highest_rad: Option<f64>,
+    columns: Option<u32>,
+    rows: Option<u32>,
+    min_range_m: Option<f64>,
+    mount_height_m: Option<f64>,
+    mount_pitch_rad: Option<f64>,
+}
+
+/// A preset with the pattern of another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("lidar.preset = \"{preset}\": not with the lidar.pattern that is given; expected no pattern beside a preset")]
+struct PatternOfPreset {
+    preset: &'static str,
+}
+
+impl TryFrom<LidarKeys> for LidarSection {
+    type Error = PatternOfPreset;
+
+    fn try_from(keys: LidarKeys) -> Result<Self, PatternOfPreset> {
+        if let (Some(preset), Some(pattern)) = (keys.preset, keys.pattern)
+            && pattern != preset.pattern()
+        {
+            return Err(PatternOfPreset { preset: preset.name() });
+        }
+        let pattern = keys.pattern.or(keys.preset.map(Preset::pattern)).unwrap_or(LidarPattern::Lattice);
+        let usual_range_m = if pattern == LidarPattern::Frustum { FRUSTUM_RANGE_M } else { f64::INFINITY };
+        let (preset_range_m, preset) = keys.preset.map_or((usual_range_m, GridKeys::default()), Preset::keys);
+        let grid = GridKeys {
+            horizontal_rad: keys.horizontal_rad.or(preset.horizontal_rad),
+            vertical_rad: keys.vertical_rad.or(preset.vertical_rad),
+            lowest_rad: keys.lowest_rad.or(preset.lowest_rad),
+            highest_rad: keys.highest_rad.or(preset.highest_rad),
+            columns: keys.columns.or(preset.columns),
+            rows: keys.rows.or(preset.rows),
+            min_range_m: keys.min_range_m.or(preset.min_range_m),
+            mount_height_m: keys.mount_height_m,
+            mount_pitch_rad: keys.mount_pitch_rad,
+        };
+        Ok(Self {
+            pattern,
+            rays: keys.rays.unwrap_or(RAYS),
+            shell_radius_cells: keys.shell_radius_cells.unwrap_or(SHELL_RADIUS_CELLS),
+            range_m: keys.range_m.unwrap_or(preset_range_m),
+            fov_rad: keys.fov_rad.unwrap_or(TAU),
+            schedule: keys.schedule.unwrap_or(LidarSchedule::OnRequest),
+            period_ticks: keys.period_ticks.unwrap_or(10),
+            grid: grid.completed(pattern),
+        })
+    }
+}
+
+/// Rays of the lattice, and cells to the edge of the shell (reference).
+const RAYS: u32 = 5124;
+const SHELL_RADIUS_CELLS: u32 = 5;
+
+impl Default for LidarSection {
+    fn default() -> Self {
+        Self::try_from(LidarKeys::default()).expect("there is no preset")
+    }
+}
+
+impl GridKeys {
+    /// With the defaults of a pattern.
+    fn completed(self, pattern: LidarPattern) -> Self {
+        let placed = Self {
+            min_range_m: self.min_range_m.or(Some(0.0)),
+            mount_height_m: self.mount_height_m.or(Some(0.0)),
+            mount_pitch_rad: self.mount_pitch_rad.or(Some(0.0)),
+            ..self
+        };
+        match pattern {
+            LidarPattern::Lattice | LidarPattern::Shell => self,
+            LidarPattern::Ring => Self {
+                horizontal_rad: self.horizontal_rad.or(Some(TAU)),
+                lowest_rad: self.lowest_rad.or(Some((-15.0_f64).to_radians())),
+                highest_rad: self.highest_rad.or(Some(15.0_f64.to_radians())),
+                columns: self.columns.or(Some(1024)),
+                rows: self.rows.or(Some(16)),
+                ..placed
+            },
+            LidarPattern::Frustum => Self {
+                horizontal_rad: self.horizontal_rad.or(Some(80.0_f64.to_radians())),
+                vertical_rad: self.vertical_rad.or(Some(60.0_f64.to_radians())),
+                columns: self.columns.or(Some(80)),
+                rows: self.rows.or(Some(60)),
+                ..placed
+            },
+        }
+    }
+
+    /// The keys that are given, with their values.
+    fn given(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let keys = [
+            ("horizontal_rad", self.horizontal_rad),
+            ("vertical_rad", self.vertical_rad),
+            ("lowest_rad", self.lowest_rad),
+            ("highest_rad", self.highest_rad),
+            ("columns", self.columns.map(f64::from)),
+            ("rows", self.rows.map(f64::from)),
+            ("min_range_m", self.min_range_m),
+            ("mount_height_m", self.mount_height_m),
+            ("mount_pitch_rad", self.mount_pitch_rad),
+        ];
+        keys.into_iter().filter_map(|(name, value)| Some((name, value?)))
+    }
+}
+
+impl LidarSection {
+    /// The height of the LiDAR above the centre of the body, metres, and by how much it looks up,
+    /// radians.
+    #[must_use]
+    pub fn place_on_body(&self) -> (f64, f64) {
+        (self.grid.mount_height_m.unwrap_or_default(), self.grid.mount_pitch_rad.unwrap_or_default())
+    }
+
+    /// The LiDAR of the world.
+    #[must_use]
+    pub fn scanner(&self) -> Scanner {
+        let grid = &self.grid;
+        let of_grid = |projection| {
+            Pattern::Grid(RayGrid {
+                projection,
+                columns: grid.columns.unwrap_or(1),
+                rows: grid.rows.unwrap_or(1),
+                horizontal_rad: grid.horizontal_rad.unwrap_or(TAU),
+                pitch_rad: grid.mount_pitch_rad.unwrap_or_default(),
+            })
+        };
+        let pattern = match self.pattern {
+            LidarPattern::Lattice => Pattern::Lattice { rays: self.rays },
+            LidarPattern::Shell => Pattern::Shell { radius_cells: self.shell_radius_cells },
+            LidarPattern::Ring => of_grid(Projection::Spherical {
+                lowest_rad: grid.lowest_rad.unwrap_or_default(),
+                highest_rad: grid.highest_rad.unwrap_or_default(),
+            }),
+            LidarPattern::Frustum => {
+                of_grid(Projection::Pinhole { vertical_rad: grid.vertical_rad.unwrap_or_default() })
+            }
+        };
+        Scanner::new(pattern, self.range_m, self.fov_rad).on(Mount {
+            height_m: grid.mount_height_m.unwrap_or_default(),
+            min_range_m: grid.min_range_m.unwrap_or_default(),
+        })
+    }
+}
+
+impl Scenario {
+    pub(super) fn check_lidar(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
+        let LidarSection { pattern, rays, shell_radius_cells, range_m, fov_rad, grid, .. } = &self.lidar;
+        for (name, value) in grid.given() {
+            let (patterns, allowed) = match name {
+                "vertical_rad" => (&[LidarPattern::Frustum][..], "expected only with lidar.pattern = \"frustum\""),
+                "lowest_rad" | "highest_rad" => {
+                    (&[LidarPattern::Ring][..], "expected only with lidar.pattern = \"ring\"")
+                }
+                _ => (&GRIDS[..], "expected only with lidar.pattern = \"ring\" or \"frustum\""),
+            };
+            checker.require(&format!("lidar.{name}"), value, patterns.contains(pattern), allowed)?;
+        }
+        if !GRIDS.contains(pattern) {
+            return Ok(());
+        }
+        let of_lattice = "expected only with lidar.pattern = \"lattice\"";
+        checker.require("lidar.rays", rays, *rays == RAYS, of_lattice)?;
+        let is_usual = *shell_radius_cells == SHELL_RADIUS_CELLS;
+        let of_shell = "expected only with lidar.pattern = \"shell\"";
+        checker.require("lidar.shell_radius_cells", shell_radius_cells, is_usual, of_shell)?;
+        let of_others = "expected lidar.horizontal_rad instead with lidar.pattern = \"ring\" or \"frustum\"";
+        checker.require("lidar.fov_rad", fov_rad, *fov_rad == TAU, of_others)?;
+        let number = |value: Option<f64>| value.unwrap_or_default();
+        let (columns, rows) = (grid.columns.unwrap_or_default(), grid.rows.unwrap_or_default());
+        let allowed = format!("expected at most {GRID_RAYS_MAX} rays, and lidar.columns = {columns}");
+        let count = u64::from(columns) * u64::from(rows);
+        checker.require("lidar.rows", rows, count <= GRID_RAYS_MAX.into(), &allowed)?;
+        let lowest_rad = number(grid.lowest_rad);
+        let allowed = format!("expected at most pi/2, and at least lidar.lowest_rad = {lowest_rad}");
+        let highest_rad = number(grid.highest_rad);
+        checker.require("lidar.highest_rad", highest_rad, lowest_rad <= highest_rad, &allowed)?;
+        if *pattern == LidarPattern::Frustum {
+            for (key, angle_rad) in [("horizontal", grid.horizontal_rad), ("vertical", grid.vertical_rad)] {
+                let angle_rad = number(angle_rad);
+                let allowed = format!("expected up to {FRUSTUM_RAD_MAX} with lidar.pattern = \"frustum\"");
+                checker.require(&format!("lidar.{key}_rad"), angle_rad, angle_rad <= FRUSTUM_RAD_MAX, &allowed)?;
+            }
+        }
+        let min_range_m = number(grid.min_range_m);
+        let allowed = format!("expected less than lidar.range_m = {range_m}");
+        checker.require("lidar.min_range_m", min_range_m, min_range_m < *range_m, &allowed)?;
+        let height_m = number(grid.mount_height_m);
+        let radius_m = self.radii_m().into_iter().fold(f64::INFINITY, f64::min);
+        let allowed = format!("expected less than the radius of the smallest body, {radius_m} m, up or down");
+        checker.require("lidar.mount_height_m", height_m, height_m.abs() < radius_m, &allowed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+
+    const TEXT: &str = "seed = 1\nduration_s = 1.0\nmap = { kind = \"spheres\", size = 20 }\nagents = { count = 2 }\n";
+
+    fn parse(lidar: &str) -> Result<Scenario, String> {
+        Scenario::parse("s.toml", &format!("{TEXT}lidar = {{ {lidar} }}\n"), &[]).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn identity_has_the_keys_of_the_pattern_alone() {
+        let lattice = parse("range_m = 5.0").unwrap().identity();
+        assert!(!lattice.contains("horizontal_rad") && !lattice.contains("mount") && !lattice.contains("min_range_m"));
+        for lidar in ["preset = \"vlp-16\"", "pattern = \"frustum\"", "preset = \"mid-360\", mount_height_m = 0.1"] {
+            let scenario = parse(lidar).unwrap();
+            let identity = scenario.identity();
+            assert!(!identity.contains("preset") && identity.contains("horizontal_rad"), "{identity}");
+            assert_eq!(Scenario::parse("identity", &identity, &[]).unwrap(), scenario, "{lidar}");
+        }
+    }
+
+    #[test]
+    fn presets_stand_for_their_keys() {
+        let preset = parse("preset = \"vlp-16\", columns = 900").unwrap().lidar;
+        assert_eq!((preset.pattern, preset.range_m), (LidarPattern::Ring, 100.0));
+        assert_eq!((preset.grid.rows, preset.grid.columns), (Some(16), Some(900)));
+        assert!((preset.grid.lowest_rad.unwrap() + PI / 12.0).abs() < 1e-12);
+        let camera = parse("preset = \"depth-camera\"").unwrap();
+        assert_eq!(camera, parse("pattern = \"frustum\"").unwrap());
+        assert_eq!((camera.lidar.range_m, camera.lidar.scanner().rays()), (4.5, 4800));
+        assert_eq!(parse("preset = \"os1-64\"").unwrap().lidar.scanner().rays(), 65536);
+    }
+
+    #[test]
+    fn impossible_values_are_named() {
+        let refused = |lidar: &str| parse(lidar).unwrap_err();
+        let other = refused("preset = \"vlp-16\", pattern = \"frustum\"");
+        assert!(other.contains("lidar.preset = \"vlp-16\": not with the lidar.pattern"), "{other}");
+        assert!(refused("preset = \"vlp16\"").contains("did you mean \"vlp-16\"?"));
+        assert!(
+            refused("rows = 9").ends_with("lidar.rows = 9: expected only with lidar.pattern = \"ring\" or \"frustum\"")
+        );
+        assert!(
+            refused("pattern = \"ring\", vertical_rad = 1.0").contains("lidar.vertical_rad = 1: expected only with")
+        );
+        assert!(
+            refused("pattern = \"frustum\", lowest_rad = 0.0").contains("lidar.lowest_rad = 0: expected only with")
+        );
+        assert!(
+            refused("pattern = \"frustum\", fov_rad = 1.0")
+                .contains("lidar.fov_rad = 1: expected lidar.horizontal_rad")
+        );
+        assert!(refused("pattern = \"ring\", rays = 9").contains("lidar.rays = 9: expected only with"));
+        assert!(refused("pattern = \"ring\", lowest_rad = 0.5").contains("lidar.highest_rad = 0.26"));
+        assert!(
+            refused("pattern = \"frustum\", horizontal_rad = 3.1").contains("lidar.horizontal_rad = 3.1: expected up")
+        );
+        assert!(refused("pattern = \"frustum\", min_range_m = 5.0").contains("less than lidar.range_m = 4.5"));
+        let high = refused("pattern = \"frustum\", mount_height_m = -0.4");
+        assert!(high.ends_with("the radius of the smallest body, 0.4 m, up or down"), "{high}");
+        let many = refused("pattern = \"ring\", rows = 1024, columns = 2048");
+        assert!(many.contains("lidar.rows = 1024: expected at most 1048576 rays"), "{many}");
+    }
+}

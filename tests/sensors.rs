@@ -1,0 +1,29 @@
+//! Runs with depth cameras and spinning LiDARs: the same bytes over ROS 2, in memory, and forked.
+
+use crate::support::processes::Process;
+use crate::support::runs::{Site, scenario, text};
+
+#[test]
+fn depth_cameras_see_the_same_over_ros_and_forked() {
+    same_over_ros_and_forked("depth-camera.toml");
+}
+
+#[test]
+fn ring_lidars_see_the_same_over_ros_and_forked() {
+    same_over_ros_and_forked("ring-lidar.toml");
+}
+
+fn same_over_ros_and_forked(file: &str) {
+    let site = Site::new();
+    let scenario = scenario(file);
+    let arguments = ["--set", "duration_s=60"];
+    let memory = site.record(&[&[text(&scenario), "--transport", "memory"][..], &arguments].concat());
+    let ros = site.record(&[&[text(&scenario)][..], &arguments].concat());
+    memory.assert_same(&ros, file);
+
+    site.file("run.mcap", &memory.bytes);
+    let maes = |arguments: &[&str]| Process::start(site.binary("maes").args(arguments)).ended().with_code(0);
+    let fork = ["run", "--transport", "memory", "--fork", "run.mcap", "--at", "30", "--record", "fork.mcap"];
+    assert_eq!(maes(&fork).digest(), memory.digest(), "a fork without a change");
+    assert_eq!(maes(&["verify", "fork.mcap", "--controllers"]).digest(), memory.digest());
+}
