@@ -8,7 +8,7 @@
 //! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
 //! the nearest of all. Cells that others report as covered are left out.
 //!
-//! A body wider than a cell cannot be in every free cell: once it knows no other cell to be in, it
+//! A confined body cannot be in every free cell: once it knows no other cell to be in, it
 //! goes where it sees something unexplored (`viewpoints.rs`).
 //!
 //! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
@@ -73,7 +73,7 @@ pub struct Boustrophedon {
     blockages: Blockages,
     /// Cells without a path to them.
     abandoned: BTreeSet<Cell>,
-    /// Of a body wider than a cell, once it knows no other cell to be in.
+    /// Of a confined body, once it knows no other cell to be in.
     viewpoints: Option<Viewpoints>,
 }
 
@@ -159,9 +159,9 @@ impl Boustrophedon {
         collision_recovery::step_aside_for(hold_ticks, &mut self.rng, ctx)
     }
 
-    /// Where a body wider than a cell sees something unexplored.
+    /// Where a confined body sees something unexplored.
     fn viewpoint(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Cell>> {
-        if !ctx.is_wide() {
+        if !ctx.is_confined() {
             return Poll::Ready(None);
         }
         let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
@@ -211,7 +211,7 @@ impl Controller for Boustrophedon {
             Poll::Ready(Some(goal)) => goal,
             Poll::Ready(None) => {
                 self.task = Task::None;
-                let info = match ctx.is_wide() && ctx.map().frontier_count() > 0 {
+                let info = match ctx.is_confined() && ctx.map().frontier_count() > 0 {
                     true => NOTHING_TO_SEE,
                     false => "knows nothing to cover",
                 };

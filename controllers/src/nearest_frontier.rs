@@ -5,7 +5,7 @@
 //! map for the frontier with the shortest path, moves there, and looks for the next one once that
 //! cell is no frontier any more, which mostly happens long before it arrives.
 //!
-//! A body wider than a cell cannot be in a frontier without touching what is unexplored: it goes to
+//! A confined body cannot be in most frontiers: it goes to
 //! a viewpoint from which it sees that (`viewpoints.rs`), and rests once there is none.
 //!
 //! With `relays=on` it drops relays where it would lose contact ([`super::relays`]). It does not
@@ -45,7 +45,7 @@ pub struct NearestFrontier {
     /// Frontiers it has been in without seeing what is beyond, because the sensor does not reach
     /// there.
     abandoned: BTreeSet<Cell>,
-    /// Of a body wider than a cell: its viewpoints, and the one it moves to.
+    /// Of a confined body: its viewpoints, and the one it moves to.
     viewpoints: Option<Viewpoints>,
     viewpoint: Option<Viewpoint>,
     relays: Relays,
@@ -107,7 +107,7 @@ const UNDER_WAY: WakeCondition = WakeCondition {
 };
 
 impl NearestFrontier {
-    /// The decision of a body wider than a cell, after its first scan and without a collision.
+    /// The decision of a confined body, after its first scan and without a collision.
     fn go_to_viewpoint(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
         let is_hidden = |viewpoint: &Viewpoint| ctx.map().state(viewpoint.target) == CellState::Unexplored;
@@ -186,7 +186,7 @@ impl Controller for NearestFrontier {
         {
             return Command::keep(wake);
         }
-        if ctx.is_wide() {
+        if ctx.is_confined() {
             return self.go_to_viewpoint(observation, ctx);
         }
         let mut goal = self.goal.filter(|&goal| ctx.map().is_frontier(goal));

@@ -1,10 +1,9 @@
 //! Where a body that drives on the ground finds footing, and which moves between places it can
 //! make.
 //!
-//! A body stands at the place of a cell ([`BodyLattice`]) if it would touch a wall one cell lower. It
-//! climbs upright: first up, then on, and on before down. So while it moves it
-//! may be some cells above the floor: as many as its highest step has, and one where the floor
-//! rises as a slope does.
+//! A body stands at the place of a cell ([`BodyLattice`]) if it would touch a wall one cell lower.
+//! It climbs upright: first up, then on, and on before down. So while it moves it may be some cells
+//! above the floor: as many as its highest step has, and one where the floor rises as a slope does.
 //!
 //! A map of cells has no slopes, but rises of one cell. Such a rise is *gentle* for a body if the
 //! floor before and behind it, along an axis, is as long as that of the steepest slope that the
@@ -236,7 +235,8 @@ impl Footing {
         if by.z != 0 {
             return by.x == 0 && by.y == 0;
         }
-        // What it touches at both ends it touches on the way; what is under its centre changes once.
+        // What it touches at both ends it touches on the way; what is under its centre changes
+        // once.
         let throughout = self.throughout.iter().find(|(other, _)| *other == by);
         let depth = throughout.and_then(|(_, cells)| self.depth(ground, from, cells));
         let under = self.depth_under(ground, from).zip(self.depth_under(ground, to)).map(|(start, end)| start.max(end));

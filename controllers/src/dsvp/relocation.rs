@@ -55,10 +55,10 @@ impl<C: Coordination> Dsvp<C> {
         if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
     }
 
-    /// The last stage of a body wider than a cell: to the nearest place from which it sees
+    /// The last stage of a confined body: to the nearest place from which it sees
     /// something unexplored.
     pub(super) fn look_from_afar(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
-        if !ctx.is_wide() {
+        if !ctx.is_confined() {
             return Plan::Nothing;
         }
         let (extent, here) = (ctx.map().extent(), ctx.cell());
@@ -114,13 +114,13 @@ pub(super) fn nearest_viewpoint(
     here: Cell,
     left_out: &BTreeSet<Cell>,
 ) -> Option<(Cell, Cell)> {
-    let open = region.frontiers.iter().filter(|frontier| !left_out.contains(frontier));
+    let open = region.frontiers.iter().filter(|frontier| region.has_rest() && !left_out.contains(frontier));
     let &frontier = open.min_by(|a, b| by_distance(here, a, b))?;
     Some((frontier, viewpoint(graph, id, region.centre, frontier)))
 }
 
-/// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body does
-/// not fit into it.
+/// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body cannot
+/// rest there.
 pub(super) fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
-    if graph.region_of(frontier) == Some(region) { frontier } else { centre }
+    if graph.can_rest(region, frontier) { frontier } else { centre }
 }
