@@ -37,6 +37,8 @@ mod faults;
 mod file_attacks;
 /// Forged, replayed and unsigned messages: refused, counted, without effect.
 mod forged_commands;
+/// Ground bodies: the same bytes over ROS 2 and in memory, verified and forked.
+mod ground;
 /// Illegal, foreign and undecodable messages: refused, counted, without effect.
 mod hostile_agents;
 /// Runs over several hosts: the same over bad links, and a lost host is its agents lost.

@@ -53,12 +53,15 @@ impl RegionId {
 /// A node of the graph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    /// The cell of the region that is nearest to its mean.
+    /// The cell of the region that is nearest to its mean, of those in which the body can rest if
+    /// it can in any.
     pub centre: Cell,
     /// The frontiers of the region, ascending.
     pub frontiers: Vec<Cell>,
     edges: Vec<Edge>,
     cells: Cells,
+    /// Those of its cells in which the body can rest.
+    resting: Cells,
     /// A number below [`AbstractGraph::slots`], unique among the present regions: the index of
     /// per-region data.
     slot: u32,
@@ -114,6 +117,14 @@ pub struct AbstractGraph {
     marks: Vec<u8>,
 }
 
+impl Region {
+    /// Whether the body can rest in a cell of it.
+    #[must_use]
+    pub fn has_rest(&self) -> bool {
+        self.resting != 0
+    }
+}
+
 impl AbstractGraph {
     /// The graph of an unexplored map. `radius_m` is the radius of the body.
     #[must_use]
@@ -140,6 +151,7 @@ impl AbstractGraph {
     /// be the same each time.
     pub fn update(&mut self, moves: Graph<'_>) {
         let map = moves.map();
+        self.reach = moves.ground_reach_cells().unwrap_or(self.reach);
         self.updates += 1;
         let mut changed = Vec::new();
         let mut reviewed = Vec::new();
@@ -196,6 +208,16 @@ impl AbstractGraph {
     pub fn region_of(&self, cell: Cell) -> Option<RegionId> {
         let (block, offset) = self.locate(cell)?;
         Some(RegionId::new(block, self.label_at(block, offset).checked_sub(1)?))
+    }
+
+    /// Whether a cell belongs to a region, and the body can rest there.
+    #[must_use]
+    pub fn can_rest(&self, region: RegionId, cell: Cell) -> bool {
+        let rests = |(block, offset)| {
+            let is_in_block = self.get(region).filter(|_| region.block() == block);
+            is_in_block.is_some_and(|region| region.resting >> place_of(offset) & 1 != 0)
+        };
+        self.locate(cell).is_some_and(rests)
     }
 
     /// The number of regions with frontiers.
@@ -301,7 +323,9 @@ impl AbstractGraph {
         let corner = self.corner(block);
         let usable: Cells = graph.usable_in(corner, BLOCK_CELLS);
         let known = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
-        if known.iter().fold(0, |cells, region| cells | region.cells) == usable {
+        let resting = graph.resting_in(corner, BLOCK_CELLS, usable);
+        let all = |cells: fn(&Region) -> Cells| known.iter().fold(0, |all, region| all | cells(region));
+        if all(|region| region.cells) == usable && all(|region| region.resting) == resting {
             return false;
         }
         let old = self.blocks[block as usize].take().map(|old| old.regions).unwrap_or_default();
@@ -324,11 +348,12 @@ impl AbstractGraph {
             let slot = self.slot();
             let region = Some(RegionId::new(block, regions.len() as u8));
             self.histories[slot as usize] = History { region, made: updates, changed: updates };
-            let centre = corner + middle(members);
+            let resting = resting & members;
+            let centre = corner + middle(if resting == 0 { members } else { resting });
             let (mut frontiers, mut edges) = spare.next().unwrap_or_default();
             frontiers.clear();
             edges.clear();
-            regions.push(Region { centre, frontiers, edges, cells: members, slot });
+            regions.push(Region { centre, frontiers, edges, cells: members, resting, slot });
         }
         self.blocks[block as usize] = Some(Box::new(Block { regions }));
         true

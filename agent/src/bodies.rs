@@ -13,13 +13,11 @@ pub use protocol::run_info::Bodies;
 #[must_use]
 pub fn leg_s(body: &BodyModel, length_m: f64, turn_rad: f64) -> f64 {
     let go_s = ramp_s(length_m, body.speed_max_m_s, body.acceleration_m_s2, body.deceleration_m_s2);
-    match body.kind {
-        BodyKind::Aerial => go_s,
-        BodyKind::Submarine => {
-            let (faster, slower) = (body.turn_acceleration_rad_s2, body.turn_deceleration_rad_s2);
-            go_s + ramp_s(turn_rad, body.turn_rate_max_rad_s, faster, slower)
-        }
+    if !body.turns_first() {
+        return go_s;
     }
+    let (faster, slower) = (body.turn_acceleration_rad_s2, body.turn_deceleration_rad_s2);
+    go_s + ramp_s(turn_rad, body.turn_rate_max_rad_s, faster, slower)
 }
 
 /// The same for a leg by `by`, in units of `unit_m` metres, of a body with this heading, and the

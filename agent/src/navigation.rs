@@ -4,8 +4,8 @@
 //! Invariants: a result is available in the tick fixed at the request, on any machine; every motion
 //! leads only through cells that were known to be free at the request.
 //!
-//! For a body wider than a cell the navigation task also knows which cells it can reach
-//! ([`NavigationTask::approach`]), and searches no path to the others.
+//! For a confined body, wider than a cell or on the ground, the navigation task also knows which
+//! cells it can reach ([`NavigationTask::approach`]), and searches no path to the others.
 //!
 //! Only one request is pending at a time: a request for another cell replaces it.
 
@@ -14,6 +14,7 @@ use std::task::Poll;
 
 use msgs::ids::Tick;
 use nalgebra::Point3;
+use protocol::body_model::BodyModel;
 use protocol::event_mask::EventMask;
 use voxels::Cell;
 
@@ -82,7 +83,6 @@ struct Pending {
 /// The navigation task of one agent: the pending path search, and what searches need.
 #[derive(Debug)]
 pub struct NavigationTask {
-    radius_m: f64,
     to_faces: Moves,
     to_all: Moves,
     /// Limit of expanded cells of a search.
@@ -93,13 +93,12 @@ pub struct NavigationTask {
 }
 
 impl NavigationTask {
-    /// For a body with a radius of `radius_m` metres on cells with edges of `cell_m` metres.
+    /// For a body on cells with edges of `cell_m` metres.
     #[must_use]
-    pub fn new(radius_m: f64, cell_m: f64) -> Self {
+    pub fn new(body: &BodyModel, cell_m: f64) -> Self {
         Self {
-            radius_m,
-            to_faces: Moves::new(radius_m, cell_m, Neighbours::Six),
-            to_all: Moves::new(radius_m, cell_m, Neighbours::TwentySix),
+            to_faces: Moves::of(body, cell_m, Neighbours::Six),
+            to_all: Moves::of(body, cell_m, Neighbours::TwentySix),
             cells_max: u64::MAX,
             pending: None,
             failures: 0,
@@ -139,17 +138,17 @@ impl NavigationTask {
         self.cells_max = cells_max;
     }
 
-    /// Where a body goes to see a cell from nearby: that cell, or for a body wider than a cell the
-    /// nearest one that it can reach from `from`, within a few cells beyond its radius, and from
-    /// which the cell is in sight.
+    /// Where a body goes to see a cell from nearby: that cell, or for a confined body the nearest
+    /// one that it can reach from `from`, within a few cells beyond its radius, and from which the
+    /// cell is in sight.
     pub fn approach(&mut self, map: &ExplorationMap, from: &Point3<f64>, cell: Cell) -> Option<Cell> {
         self.update_reachable(map, from);
         self.approach_as_known(map, cell)
     }
 
-    /// Brings what a body wider than a cell can reach from `from` up to date with the map.
+    /// Brings what a confined body can reach from `from` up to date with the map.
     pub fn update_reachable(&mut self, map: &ExplorationMap, from: &Point3<f64>) {
-        if self.to_all.are_wide() {
+        if self.to_all.are_confined() {
             let graph = Graph::new(map, &self.to_all);
             self.reachable.update(graph, self.to_all.lattice().cell_near(map.extent(), from));
         }
@@ -158,7 +157,7 @@ impl NavigationTask {
     /// [`NavigationTask::approach`] by what could be reached at the last update.
     #[must_use]
     pub fn approach_as_known(&self, map: &ExplorationMap, cell: Cell) -> Option<Cell> {
-        if !self.to_all.are_wide() {
+        if !self.to_all.are_confined() {
             return Some(cell);
         }
         let graph = Graph::new(map, &self.to_all);
@@ -177,13 +176,13 @@ impl NavigationTask {
         time: SearchTime,
         now: Tick,
     ) -> NavigationStatus {
-        if direct(map, from, goal, self.radius_m) {
+        if direct(map, from, goal, &self.to_all) {
             self.pending = None;
             return NavigationStatus::Go(Motion::Path(vec![self.to_all.lattice().place(map.extent(), goal)]));
         }
         let start = self.cell_near(map, from);
         self.update_reachable(map, from);
-        if self.to_all.are_wide() && !self.reachable.holds(Graph::new(map, &self.to_all), goal) {
+        if self.to_all.are_confined() && !self.reachable.holds(Graph::new(map, &self.to_all), goal) {
             self.pending = None;
             return NavigationStatus::NoPath;
         }
@@ -200,7 +199,7 @@ impl NavigationTask {
     /// The motion along a path that begins in the cell of the body.
     #[must_use]
     pub fn motion_along(&self, map: &ExplorationMap, from: &Point3<f64>, path: &Path) -> NavigationStatus {
-        let waypoints = straighten_from(from, path, map, self.radius_m);
+        let waypoints = straighten_from(from, path, map, &self.to_all);
         // A path of one cell whose centre cannot be reached straight: the body is as near as it can
         // get.
         if waypoints.is_empty() { NavigationStatus::NoPath } else { NavigationStatus::Go(Motion::Path(waypoints)) }

@@ -25,7 +25,7 @@ mod timing;
 mod trajectory;
 
 pub use graph::{Graph, Moves, Neighbours};
-pub use legs::{direct, straighten, straighten_from};
+pub use legs::{LegBody, direct, straighten, straighten_from};
 pub use quickest::quicker;
 pub use reachable::Reachable;
 pub use search::{Goal, Progress, Search, distances, find, nearest_distances};

@@ -98,7 +98,7 @@ impl Agent {
             id,
             map: ExplorationMap::new(run_info.extent),
             sharing: Sharing::new(id, run_info.share_period_ticks, run_info.agents),
-            navigation: NavigationTask::new(run_info.bodies.of(id).radius_m, run_info.extent.cell_m()),
+            navigation: NavigationTask::new(run_info.bodies.of(id), run_info.extent.cell_m()),
             run_info,
             controller,
             successors: Box::new(|_| Ok(None)),

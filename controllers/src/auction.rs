@@ -283,7 +283,7 @@ fn planning_speed_m_s(body: &BodyModel, submarine_m_s: f64) -> f64 {
     let (length_m, turn_rad) = REFERENCE_LEG;
     match body.kind {
         BodyKind::Submarine => submarine_m_s,
-        BodyKind::Aerial => {
+        BodyKind::Aerial | BodyKind::Ground => {
             submarine_m_s * leg_s(&BodyModel::SUBMARINE, length_m, turn_rad) / leg_s(body, length_m, turn_rad)
         }
     }

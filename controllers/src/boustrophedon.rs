@@ -8,7 +8,7 @@
 //! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
 //! the nearest of all. Cells that others report as covered are left out.
 //!
-//! A body wider than a cell cannot be in every free cell: once it knows no other cell to be in, it
+//! A confined body cannot be in every free cell: once it knows no other cell to be in, it
 //! goes where it sees something unexplored (`viewpoints.rs`).
 //!
 //! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
@@ -73,7 +73,7 @@ pub struct Boustrophedon {
     blockages: Blockages,
     /// Cells without a path to them.
     abandoned: BTreeSet<Cell>,
-    /// Of a body wider than a cell, once it knows no other cell to be in.
+    /// Of a confined body, once it knows no other cell to be in.
     viewpoints: Option<Viewpoints>,
 }
 

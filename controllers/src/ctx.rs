@@ -12,7 +12,7 @@ use agent::command::Motion;
 use agent::exploration_map::ExplorationMap;
 use agent::navigation::{NavigationStatus, NavigationTask, SearchTime};
 use agent::observation::{Contact, Energy, Observation, Pose, RunInfo};
-use agent::path::{Goal, Graph, Neighbours, Path, direct, find};
+use agent::path::{Goal, Graph, Moves, Neighbours, Path, direct, find};
 
 /// Largest coordinate of a waypoint, metres.
 const COORDINATE_MAX: f64 = 1e6;
@@ -99,7 +99,7 @@ impl<'a> Ctx<'a> {
     /// ([`voxels::BodyLattice`]).
     #[must_use]
     pub fn place(&self, cell: Cell) -> Point3<f64> {
-        self.navigation.moves(Neighbours::TwentySix).lattice().place(self.map.extent(), cell)
+        self.moves().lattice().place(self.map.extent(), cell)
     }
 
     /// The map of the agent: all it has sensed and received.
@@ -150,14 +150,14 @@ impl<'a> Ctx<'a> {
         self.navigation.to_cell(self.map, &self.pose.position, goal, neighbours, time, self.tick)
     }
 
-    /// Where the body goes to see a cell from nearby: that cell, or for a body wider than a cell
+    /// Where the body goes to see a cell from nearby: that cell, or for a confined body
     /// the nearest one that it can reach within a few cells beyond its radius, and from which the
     /// cell is in sight.
     pub fn approach(&mut self, cell: Cell) -> Option<Cell> {
         self.navigation.approach(self.map, &self.pose.position, cell)
     }
 
-    /// Brings what a body wider than a cell can reach up to date with the map, for
+    /// Brings what a confined body can reach up to date with the map, for
     /// [`Ctx::can_approach`].
     pub fn update_reachable(&mut self) {
         self.navigation.update_reachable(self.map, &self.pose.position);
@@ -177,12 +177,12 @@ impl<'a> Ctx<'a> {
     }
 
     /// The motion to the place of a cell nearby that the body has to make before it can follow
-    /// paths, which lead from place to place: a body wider than a cell that was stopped between
+    /// paths, which lead from place to place: a confined body that was stopped between
     /// them may not reach that of its own cell, because a wall is too near to it. `None` for all
     /// others, and if there is no such cell.
     #[must_use]
     pub fn recentring(&self) -> Option<Motion> {
-        if !self.is_wide() || self.is_clear_to(self.cell()) {
+        if !self.is_confined() || self.is_clear_to(self.cell()) {
             return None;
         }
         let cell = self.graph(Neighbours::TwentySix).cells_near(self.cell()).find(|&cell| self.is_clear_to(cell))?;
@@ -198,7 +198,7 @@ impl<'a> Ctx<'a> {
     /// Whether the straight leg to the place of a cell is known to be clear for the body.
     #[must_use]
     pub fn is_clear_to(&self, goal: Cell) -> bool {
-        direct(self.map, &self.pose.position, goal, self.body().radius_m)
+        direct(self.map, &self.pose.position, goal, self.moves())
     }
 
     /// The 26 neighbours of the body's cell that are [clear](Ctx::is_clear_to).
@@ -214,18 +214,24 @@ impl<'a> Ctx<'a> {
         path.cells.last().copied()
     }
 
-    /// Whether the body is wider than a cell, so that there are free cells that it cannot be in
-    /// without touching others.
+    /// Whether there are free cells that the body cannot be in: it is wider than a cell, or needs a
+    /// floor.
     #[must_use]
-    pub fn is_wide(&self) -> bool {
-        self.navigation.moves(Neighbours::TwentySix).are_wide()
+    pub fn is_confined(&self) -> bool {
+        self.moves().are_confined()
+    }
+
+    /// The moves of the body, to 26 neighbours.
+    #[must_use]
+    pub fn moves(&self) -> &Moves {
+        self.navigation.moves(Neighbours::TwentySix)
     }
 
     /// Whether the body has to look at some frontiers from elsewhere: because it is wider than a
     /// cell and cannot be in them, or as its LiDAR sees neither all above nor all below it.
     #[must_use]
     pub fn needs_viewpoints(&self) -> bool {
-        self.is_wide() || self.run_info.field_of_view.is_some()
+        self.is_confined() || self.run_info.field_of_view.is_some()
     }
 
     /// The moves of the body on its map, for path searches of a controller's own; see

@@ -12,7 +12,7 @@
 //! longest, to deliver its map, and explores again when map updates bring frontiers. Agents report
 //! to each other who knows none, and rest when all have none (see `dsvp/pursuit.rs`).
 //!
-//! A body wider than a cell cannot be in most frontiers, and some it cannot come near: once no
+//! A confined body cannot be in most frontiers, and some it cannot come near: once no
 //! other stage has a goal, it goes where it sees what is behind those (`viewpoints`).
 //!
 //! **Frontiers of other agents.** Frontiers are a function of the map: merging another agent's map
@@ -129,7 +129,7 @@ struct Dsvp<C> {
     abandoned: BTreeSet<Cell>,
     /// Viewpoints from which a scan did not reveal the cells they were chosen for.
     unproductive: BTreeSet<Cell>,
-    /// Of a body wider than a cell, once it has needed them.
+    /// Of a confined body, once it has needed them.
     viewpoints: Option<Viewpoints>,
 }
 

@@ -28,7 +28,7 @@
 //! rests before one that does not move for long. Stages that lead nowhere follow each other less and
 //! less often.
 //!
-//! The reference has no bodies wider than a cell. Nodes for such a body are cells in which it has
+//! The reference has no confined bodies. Nodes for such a body are cells in which it has
 //! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier
 //! as it can, and without frontiers on its list to where it sees something unexplored
 //! (`viewpoints`).
@@ -89,7 +89,7 @@ const GAIN_WALL: f64 = -1.0;
 /// The neighbour without a gain: the reference's +z.
 const LEFT_OUT: Cell = Cell::new(0, 1, 0);
 
-/// Ticks after which a body wider than a cell without a destination looks again: 5 s.
+/// Ticks after which a confined body without a destination looks again: 5 s.
 const IDLE_TICKS: u64 = 250;
 
 /// After so many collisions with agents in one cell it makes way after each further one; a body
@@ -129,7 +129,7 @@ pub struct DsvpMaes3d {
     run_into: (Cell, u32),
     /// See [`Gains::of`].
     beside: Vec<Cell>,
-    /// Of a body wider than a cell, once its list is empty.
+    /// Of a confined body, once its list is empty.
     viewpoints: Option<Viewpoints>,
 }
 
@@ -173,7 +173,7 @@ impl DsvpMaes3d {
         let best = trees.local.best_branch(|at| gains.at(cell_of(at)));
         self.is_trying_again = best.is_none();
         let Some(node) = best else {
-            if ctx.is_wide() {
+            if ctx.is_confined() {
                 return self.looks_from_afar(ctx);
             }
             let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(scan_period(ctx)) };
@@ -183,7 +183,7 @@ impl DsvpMaes3d {
         };
         let at = trees.local.at(node);
         let cell = cell_of(at);
-        if ctx.is_wide() && gains.at(cell) <= 0.0 {
+        if ctx.is_confined() && gains.at(cell) <= 0.0 {
             return self.relocate(ctx);
         }
         trees.destination = Some((at, node));
@@ -195,7 +195,7 @@ impl DsvpMaes3d {
                     None => self.goes(ctx, motion, Stage::Exploring, format!("exploration: to {}", text(cell))),
                 }
             }
-            NavigationStatus::NoPath | NavigationStatus::Searching(_) if ctx.is_wide() => self.looks_from_afar(ctx),
+            NavigationStatus::NoPath | NavigationStatus::Searching(_) if ctx.is_confined() => self.looks_from_afar(ctx),
             NavigationStatus::NoPath | NavigationStatus::Searching(_) => {
                 Command::keep(self.wake_after_stall(ctx).unwrap_or(WakeCondition::NEXT_TICK))
                     .with_stage(Stage::Exploring)
@@ -240,7 +240,7 @@ impl DsvpMaes3d {
                 Some(NavigationStatus::Go(motion)) => {
                     self.goes(ctx, motion, Stage::Relocating, format!("relocation: to {}", text(cell)))
                 }
-                _ if ctx.is_wide() => {
+                _ if ctx.is_confined() => {
                     self.frontiers.list_again();
                     return self.looks_from_afar(ctx);
                 }
@@ -254,7 +254,7 @@ impl DsvpMaes3d {
         }
         self.frontiers.list_again();
         if self.frontiers.list.is_empty() {
-            if ctx.is_wide() {
+            if ctx.is_confined() {
                 return if command.motion == Motion::Keep { self.looks_from_afar(ctx) } else { command };
             }
             self.is_done = true;
@@ -265,7 +265,7 @@ impl DsvpMaes3d {
         command
     }
 
-    /// A body wider than a cell without another destination goes where it sees something
+    /// A confined body without another destination goes where it sees something
     /// unexplored.
     fn looks_from_afar(&mut self, ctx: &mut Ctx<'_>) -> Command {
         let viewpoints = self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
@@ -344,7 +344,7 @@ impl Controller for DsvpMaes3d {
             let times = if self.run_into.0 == ctx.cell() { self.run_into.1 + 1 } else { 1 };
             self.run_into = (ctx.cell(), times);
         }
-        let evades = has_run_into_agent && (ctx.is_wide() || self.run_into.1 > RUN_INTO_MAX);
+        let evades = has_run_into_agent && (ctx.is_confined() || self.run_into.1 > RUN_INTO_MAX);
         let rest = if observation.is_active { None } else { self.blockages.still_rests(observation, ctx) };
         let standing = if has_run_into_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
         let command = if let Some(wake) = rest {
@@ -531,7 +531,7 @@ fn step(from: Point3<f64>, to: Point3<f64>) -> Point3<f64> {
 
 fn is_open(graph: Graph<'_>, at: Point3<f64>) -> bool {
     let cell = cell_of(at);
-    graph.map().state(cell) == CellState::Free && (!graph.is_body_wide() || graph.is_usable(cell))
+    graph.map().state(cell) == CellState::Free && (!graph.is_body_confined() || graph.is_usable(cell))
 }
 
 /// The gains of viewpoints at one time.
@@ -539,7 +539,7 @@ struct Gains<'a> {
     map: &'a ExplorationMap,
     /// The cells that count, relative to the viewpoint.
     beside: &'a [Cell],
-    /// Those of a body wider than a cell, which has many nodes in the same cells.
+    /// Those of a confined body, which has many nodes in the same cells.
     known: Option<BTreeMap<Cell, f64>>,
 }
 
@@ -549,7 +549,7 @@ impl<'a> Gains<'a> {
         if beside.is_empty() {
             beside.extend(graph.cells_beside_body(FACES.into_iter().filter(|&offset| offset != LEFT_OUT)));
         }
-        Self { map: graph.map(), beside, known: graph.is_body_wide().then(BTreeMap::new) }
+        Self { map: graph.map(), beside, known: graph.is_body_confined().then(BTreeMap::new) }
     }
 
     fn at(&mut self, cell: Cell) -> f64 {

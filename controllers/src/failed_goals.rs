@@ -1,7 +1,7 @@
 //! Goals to which no path was found: a search that failed is not made again until something near
 //! its goal has changed.
 //!
-//! For bodies wider than a cell, which have many such goals: free cells that they see and cannot
+//! For confined bodies, which have many such goals: free cells that they see and cannot
 //! come near. What is near is decided by buckets of cells as long as the radius of the body, so a
 //! goal stands for those beside it.
 

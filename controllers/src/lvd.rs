@@ -65,7 +65,7 @@ const POCKET_CELLS_MAX: usize = 4096;
 /// Most cells that a path search expands: about a millisecond.
 const SEARCH_CELLS_MAX: u64 = 1 << 12;
 
-/// The same for bodies wider than a cell, whose cells are short.
+/// The same for confined bodies, whose cells are short.
 const WIDE_SEARCH_CELLS_MAX: u64 = 1 << 14;
 
 /// Destinations farther away than this many steps are approached in stages, each of which a search
@@ -88,7 +88,7 @@ enum Purpose {
     Remembered,
     /// A stage on the path to the given destination.
     Towards(Cell),
-    /// A place from which a body wider than a cell sees something unexplored.
+    /// A place from which a confined body sees something unexplored.
     Viewpoint,
     /// A clear neighbour, to let another agent pass.
     Evade,
@@ -129,7 +129,7 @@ impl Purpose {
     }
 }
 
-/// What a body wider than a cell remembers beside that.
+/// What a confined body remembers beside that.
 #[derive(Debug)]
 struct Wide {
     /// Destinations without a path.
@@ -155,7 +155,7 @@ pub struct Lvd {
     destination: Option<(Cell, Purpose)>,
     /// Destinations to avoid, and until when.
     refused: Vec<(Cell, Tick)>,
-    /// Of a body wider than a cell.
+    /// Of a confined body.
     wide: Option<Wide>,
     waits_until: Tick,
     /// The agents that it has run into.
@@ -210,10 +210,10 @@ impl Lvd {
 
     fn pursue(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, goal: Cell, purpose: Purpose) -> Command {
         self.destination = Some((goal, purpose));
-        ctx.limit_searches(if ctx.is_wide() { WIDE_SEARCH_CELLS_MAX } else { SEARCH_CELLS_MAX });
+        ctx.limit_searches(if ctx.is_confined() { WIDE_SEARCH_CELLS_MAX } else { SEARCH_CELLS_MAX });
         let to = ctx.approach(goal);
         // As near as a wide body comes, and still it has not been visited.
-        let is_pointless = |to: Cell| ctx.is_wide() && to == ctx.cell() && purpose.is_visit();
+        let is_pointless = |to: Cell| ctx.is_confined() && to == ctx.cell() && purpose.is_visit();
         let status = match to.filter(|&to| !is_pointless(to)) {
             Some(to) if ctx.is_clear_to(to) || !self.flood.is_cut_off(ctx.map(), to, ctx.cell(), POCKET_CELLS_MAX) => {
                 ctx.go_to_cell(to, self.search_time)
@@ -343,7 +343,7 @@ impl Lvd {
                 self.pursue(observation, ctx, stage, purpose)
             }
             Poll::Pending => self.request_view(observation),
-            Poll::Ready(None) if ctx.is_wide() => self.look_from_afar(observation, ctx),
+            Poll::Ready(None) if ctx.is_confined() => self.look_from_afar(observation, ctx),
             Poll::Ready(None) => self.wait(observation.tick, "nothing left to do, waiting for news"),
         }
     }
@@ -355,7 +355,7 @@ impl Lvd {
         self.with_new_info(Command::keep(wake).with_stage(Stage::Waiting), info.to_owned())
     }
 
-    /// A body wider than a cell goes where it sees something unexplored, if there is such a place.
+    /// A confined body goes where it sees something unexplored, if there is such a place.
     fn look_from_afar(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let Some(wide) = &mut self.wide else { return Command::keep(WakeCondition::NEXT_TICK) };
         wide.viewpoints.visit(ctx.map().extent(), ctx.cell());
@@ -385,7 +385,7 @@ impl Lvd {
     }
 }
 
-/// Whether a cell is no destination: refused for a while, or, for a body wider than a cell, without
+/// Whether a cell is no destination: refused for a while, or, for a confined body, without
 /// a path or a place to see it from.
 fn is_refused(ctx: &Ctx<'_>, refused: &[(Cell, Tick)], wide: Option<&Wide>, cell: Cell) -> bool {
     refused.iter().any(|&(other, _)| other == cell)
@@ -405,7 +405,7 @@ impl Controller for Lvd {
             self.refused.clear();
             self.frontier_visits.clear();
         }
-        if ctx.is_wide() {
+        if ctx.is_confined() {
             let (run_info, radius_m) = (ctx.run_info(), ctx.body().radius_m);
             let wide = self.wide.get_or_insert_with(|| Wide {
                 failed: FailedGoals::new(radius_m, run_info.extent.cell_m()),

@@ -21,7 +21,7 @@
 //! reference it rests before a body that does not move for
 //! long.
 //!
-//! The reference has no bodies wider than a cell. Such a body goes as near to a cell as it can, to
+//! The reference has no confined bodies. Such a body goes as near to a cell as it can, to
 //! no cell again to which it found no path until something near it changes, to no occlusion point
 //! twice, and without a destination to where it sees something unexplored (`viewpoints`).
 //!
@@ -88,7 +88,7 @@ pub struct LvdMaes3d {
     no_path: Option<(Cell, Cell, usize)>,
     /// The last choice without a destination.
     idle: Option<Idle>,
-    /// Of a body wider than a cell.
+    /// Of a confined body.
     wide: Option<Wide>,
 }
 
@@ -100,7 +100,7 @@ struct Idle {
     position: Point3<f64>,
 }
 
-/// What a body wider than a cell remembers beside that.
+/// What a confined body remembers beside that.
 #[derive(Debug)]
 struct Wide {
     failed: FailedGoals,
@@ -197,7 +197,7 @@ impl LvdMaes3d {
         walls.into_iter().map(|(_, cell)| cell).collect()
     }
 
-    /// Whether a body wider than a cell has found no path to a cell.
+    /// Whether a confined body has found no path to a cell.
     fn has_failed(&self, cell: Cell) -> bool {
         self.wide.as_ref().is_some_and(|wide| wide.failed.holds(cell))
     }
@@ -205,7 +205,7 @@ impl LvdMaes3d {
     /// `is_last`: without a path there it would choose the same cell again.
     fn goes_to(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, cell: Cell, is_last: bool) -> Command {
         let search = (ctx.cell(), cell, ctx.map().journal_len());
-        let to = ctx.approach(cell).filter(|&to| match ctx.is_wide() {
+        let to = ctx.approach(cell).filter(|&to| match ctx.is_confined() {
             true => to != ctx.cell(),
             false => self.no_path != Some(search),
         });
@@ -255,7 +255,7 @@ impl LvdMaes3d {
         self.nearest_unvisited(ctx, &[]).is_some() || points.is_ok_and(|points| !points.is_empty())
     }
 
-    /// A body wider than a cell without a destination goes where it sees something unexplored.
+    /// A confined body without a destination goes where it sees something unexplored.
     fn looks_from_afar(&mut self, ctx: &mut Ctx<'_>) -> Command {
         let Some(wide) = &mut self.wide else { return looks_again(WakeCondition::NEXT_TICK) };
         wide.viewpoints.visit(ctx.map().extent(), ctx.cell());
@@ -311,7 +311,7 @@ impl LvdMaes3d {
         self.is_in_search_mode = true;
         match self.occlusion_point(extent, ctx.cell(), &others) {
             Ok(Some((cell, selections))) => self.goes_to(observation, ctx, cell, selections > 1),
-            Ok(None) | Err(OutOfBounds) if ctx.is_wide() => self.looks_from_afar(ctx),
+            Ok(None) | Err(OutOfBounds) if ctx.is_confined() => self.looks_from_afar(ctx),
             Ok(None) | Err(OutOfBounds) => self.stays(observation, ctx),
         }
     }
@@ -342,7 +342,7 @@ impl Controller for LvdMaes3d {
             self.is_view_new = !self.scan.is_of(view);
             self.scan.load(extent, view);
         }
-        if ctx.is_wide() {
+        if ctx.is_confined() {
             let (run_info, radius_m) = (ctx.run_info(), ctx.body().radius_m);
             let wide = self.wide.get_or_insert_with(|| Wide {
                 failed: FailedGoals::new(radius_m, extent.cell_m()),

@@ -5,8 +5,8 @@
 //! map for the frontier with the shortest path, moves there, and looks for the next one once that
 //! cell is no frontier any more, which mostly happens long before it arrives.
 //!
-//! A body wider than a cell cannot be in a frontier without touching what is unexplored, and one
-//! whose LiDAR has a band of elevations does not see from there what is above or below: it goes to
+//! A confined body cannot be in most frontiers, and one whose LiDAR has a band of elevations does
+//! not see from there what is above or below: it goes to
 //! a viewpoint from which it sees that (`viewpoints.rs`), and rests once there is none.
 //!
 //! With `relays=on` it drops relays where it would lose contact ([`super::relays`]). It does not

@@ -134,7 +134,7 @@ impl World {
         Self {
             terrain,
             run_info,
-            navigation: NavigationTask::new(RADIUS_M, 1.0),
+            navigation: NavigationTask::new(&BodyModel { radius_m: RADIUS_M, ..BodyModel::SUBMARINE }, 1.0),
             map: ExplorationMap::new(extent),
             observation: Observation { pose, ..idle() },
             waypoints: VecDeque::new(),

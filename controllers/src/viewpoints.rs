@@ -1,11 +1,11 @@
-//! Viewpoints for bodies that are wider than a cell: where such a body can be to see what it cannot
-//! touch.
+//! Viewpoints for confined bodies: where such a body can be to see what it cannot reach.
 //!
-//! A frontier has an unexplored cell beside it, and a body of several cells may not touch one: the
-//! frontier itself is no goal. A goal is a *viewpoint*, a cell in which the body has room, that it
-//! can reach, and from which an unexplored cell is seen within the range of the LiDAR. Viewpoints
-//! beside frontiers come first, by path length; once there are none, those from which a ray meets
-//! an unexplored cell, however far away: rays pass where the body does not.
+//! A frontier has an unexplored cell beside it, and a body of several cells may not touch one,
+//! while one on the ground stands below most of them: the frontier itself is no goal. A goal is a
+//! *viewpoint*, a cell in which the body has room, that it can reach, and from which an unexplored
+//! cell is seen within the range of the LiDAR. Viewpoints beside frontiers come first, by path
+//! length; once there are none, those from which a ray meets an unexplored cell, however far away:
+//! rays pass where the body does not.
 //!
 //! Invariants: a known cell stays known, so a cell from which no ray meets an unexplored one is not
 //! examined again (only a wall that turns out to be free could change that); a viewpoint at which

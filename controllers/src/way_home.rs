@@ -79,19 +79,19 @@ impl Ctx<'_> {
 
     /// Few legs along a path around the agents in contact, which touch none of them.
     fn straightened_around_contacts(&self, path: &Path) -> Vec<Point3<f64>> {
-        let (map, radius_m) = (self.map(), self.body().radius_m);
+        let (map, moves) = (self.map(), self.moves());
         let cells_ahead = libm::ceil(DETOUR_M / map.extent().cell_m()) as usize;
         let (mut at, mut rest) = (self.position(), &path.cells[..]);
         let mut waypoints = Vec::new();
         while rest.len() > 1 {
             let last = cells_ahead.clamp(1, rest.len() - 1);
             let is_clear = |&next: &usize| {
-                direct(map, &at, rest[next], radius_m) && self.is_clear_of_contacts(&at, &self.place(rest[next]))
+                direct(map, &at, rest[next], moves) && self.is_clear_of_contacts(&at, &self.place(rest[next]))
             };
             let next = (1..=last).rev().find(is_clear).unwrap_or(1);
             (at, rest) = (self.place(rest[next]), &rest[next..]);
             waypoints.push(at);
-            let straight = straighten_from(&at, &Path { cells: rest.to_vec(), cost: 0 }, map, radius_m);
+            let straight = straighten_from(&at, &Path { cells: rest.to_vec(), cost: 0 }, map, moves);
             if !self.do_legs_touch(at, &straight) {
                 waypoints.extend(straight);
                 break;

@@ -17,6 +17,7 @@ use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
+use protocol::body_model::BodyKind;
 use voxels::{Extent, close_shell, free_components};
 
 use map_files::{ImportSpec, Imported, Note};
@@ -155,6 +156,15 @@ pub(crate) struct CheckArgs {
     /// Radius of a body in metres, as body.radius_m [default: 0.4, or 16 cells if that is less]
     #[arg(long, value_name = "M")]
     pub(crate) radius_m: Option<f64>,
+    /// body.kind.
+    #[arg(long, value_enum, value_name = "KIND", default_value_t = BodyChoice::Submarine)]
+    pub(crate) body: BodyChoice,
+    /// body.step_max_m of a ground body [default: 0.1]
+    #[arg(long, value_name = "M")]
+    pub(crate) step_max_m: Option<f64>,
+    /// body.slope_max_rad of a ground body [default: 0.35]
+    #[arg(long, value_name = "RAD")]
+    pub(crate) slope_max_rad: Option<f64>,
     /// Number of agents, as agents.count.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) agents: u32,
@@ -176,6 +186,27 @@ pub(crate) struct CheckArgs {
     /// How the file is read.
     #[command(flatten)]
     pub(crate) import: ImportOptions,
+}
+
+/// The kinds of bodies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BodyChoice {
+    /// Turns on the spot, then moves along its heading.
+    Submarine,
+    /// Moves in any direction.
+    Aerial,
+    /// Stands on the floor.
+    Ground,
+}
+
+impl From<BodyChoice> for BodyKind {
+    fn from(choice: BodyChoice) -> Self {
+        match choice {
+            BodyChoice::Submarine => Self::Submarine,
+            BodyChoice::Aerial => Self::Aerial,
+            BodyChoice::Ground => Self::Ground,
+        }
+    }
 }
 
 /// Runs a map command and prints its report on stdout. On an error no file has been written or

@@ -131,12 +131,15 @@ impl RunInfo {
     }
 }
 
+/// What begins a setting that says what a ground body can do.
+pub const OF_BODY: char = '%';
+
 /// The controller of an agent with its settings: those of a mix, whose entries are `@IDS:NAME` and
 /// `@IDS:KEY=VALUE`, or else those of the team.
 fn controller(scenario: &maes_msgs::Scenario, agent: AgentId) -> Result<(String, Vec<String>), WireError> {
     let mut own: Option<String> = None;
     let (mut settings, mut settings_of_own) = (Vec::new(), Vec::new());
-    for setting in &scenario.settings {
+    for setting in scenario.settings.iter().filter(|setting| !setting.starts_with(OF_BODY)) {
         let Some(of_mix) = setting.strip_prefix('@') else {
             settings.push(setting.clone());
             continue;
@@ -179,10 +182,21 @@ fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
         let value = format!("{} entries", body_of.len());
         return Err(wrong("body_of", value, format!("one for each of {agents} agents")));
     }
-    let different: Result<Vec<BodyModel>, WireError> = bodies.iter().map(body).collect();
+    let mut different = bodies.iter().map(body).collect::<Result<Vec<BodyModel>, WireError>>()?;
+    for setting in scenario.settings.iter().filter_map(|setting| setting.strip_prefix(OF_BODY)) {
+        let of_body = |(number, setting): (&str, &str)| {
+            let body = different.get_mut(number.parse::<usize>().ok()?)?;
+            *body = body.with_ground_setting(setting)?;
+            Some(())
+        };
+        setting.split_once(':').and_then(of_body).ok_or_else(|| {
+            let allowed = "%BODY:DRIVE STEP_MAX_M SLOPE_MAX_RAD with the number of a ground body".to_owned();
+            wrong("settings", format!("{OF_BODY}{setting}"), allowed)
+        })?;
+    }
     let last = bodies.len().saturating_sub(1);
     let beyond = || body_of.iter().find(|&&body| usize::from(body) > last || bodies.is_empty());
-    Bodies::new(different?, body_of.clone()).ok_or_else(|| {
+    Bodies::new(different, body_of.clone()).ok_or_else(|| {
         let value = beyond().map_or_else(String::new, u8::to_string);
         wrong("body_of", value, format!("one of {} bodies, the first of them 0", bodies.len()))
     })
@@ -190,7 +204,7 @@ fn bodies(scenario: &maes_msgs::Scenario) -> Result<Bodies, WireError> {
 
 fn body(message: &maes_msgs::Body) -> Result<BodyModel, WireError> {
     BodyModel::try_from(message).map_err(|UnknownBodyKind { kind }| {
-        let allowed = "0 (submarine) or 1 (aerial)".to_owned();
+        let allowed = "0 (submarine), 1 (aerial) or 2 (ground)".to_owned();
         WireError::Scenario { field: "bodies.kind", value: kind.to_string(), allowed }
     })
 }
@@ -210,7 +224,10 @@ mod tests {
         assert_eq!(refused(&[0], &[0]), "scenario: body_of = 1 entries: expected one for each of 2 agents");
         assert_eq!(refused(&[0, 1], &[1, 2]), "scenario: body_of = 2: expected one of 2 bodies, the first of them 0");
         assert_eq!(refused(&[], &[0, 0]), "scenario: body_of = 0: expected one of 0 bodies, the first of them 0");
-        assert_eq!(refused(&[0, 7], &[0, 0]), "scenario: bodies.kind = 7: expected 0 (submarine) or 1 (aerial)");
+        assert_eq!(
+            refused(&[0, 7], &[0, 0]),
+            "scenario: bodies.kind = 7: expected 0 (submarine), 1 (aerial) or 2 (ground)"
+        );
     }
 
     #[test]

@@ -91,7 +91,12 @@ pub(crate) fn finite(name: &str, value: f64) -> PyResult<f64> {
 /// A body model as a dictionary.
 fn body_dict<'py>(py: Python<'py>, body: &BodyModel) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
-    dict.set_item("kind", if body.kind == BodyKind::Aerial { "aerial" } else { "submarine" })?;
+    let kind = match body.kind {
+        BodyKind::Submarine => "submarine",
+        BodyKind::Aerial => "aerial",
+        BodyKind::Ground => "ground",
+    };
+    dict.set_item("kind", kind)?;
     dict.set_item("radius_m", body.radius_m)?;
     dict.set_item("speed_max_m_s", body.speed_max_m_s)?;
     dict.set_item("acceleration_m_s2", body.acceleration_m_s2)?;
@@ -99,6 +104,11 @@ fn body_dict<'py>(py: Python<'py>, body: &BodyModel) -> PyResult<Bound<'py, PyDi
     dict.set_item("turn_rate_max_rad_s", body.turn_rate_max_rad_s)?;
     dict.set_item("turn_acceleration_rad_s2", body.turn_acceleration_rad_s2)?;
     dict.set_item("turn_deceleration_rad_s2", body.turn_deceleration_rad_s2)?;
+    if body.kind == BodyKind::Ground {
+        dict.set_item("turns_first", body.turns_first())?;
+        dict.set_item("step_max_m", body.step_max_m)?;
+        dict.set_item("slope_max_rad", body.slope_max_rad)?;
+    }
     Ok(dict)
 }
 

@@ -148,7 +148,7 @@ impl Environment {
             .map(|agent| Explorer {
                 map: ExplorationMap::new(run_info.extent),
                 sharing: Sharing::new(agent, run_info.share_period_ticks, run_info.agents),
-                navigation: NavigationTask::new(run_info.bodies.of(agent).radius_m, run_info.extent.cell_m()),
+                navigation: NavigationTask::new(run_info.bodies.of(agent), run_info.extent.cell_m()),
                 reassembler: FragmentReassembler::default(),
                 observation: None,
                 shown: Vec::new(),

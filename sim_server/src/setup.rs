@@ -280,7 +280,7 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     check_map_changes(scenario, terrain.extent())?;
     check_bases(scenario, &terrain)?;
     let site = Site { terrain: &terrain, entrances: &entrances, seed: scenario.seed };
-    let starts = scenario.spawn.poses(&site, &scenario.radii_m())?;
+    let starts = scenario.spawn.poses(&site, &scenario.bodies_by_agent())?;
     Ok((World::new(terrain, params(scenario), &starts), report))
 }
 

@@ -4,6 +4,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use mapgen::{MapSpec, SpheresSpec, generate};
+use protocol::body_model::BodyModel;
 use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::Extent;
 
@@ -20,8 +21,8 @@ fn spawn(criterion: &mut Criterion) {
         ("scattered, 1000 agents", scattered(5.0), 1000),
         ("scattered, 1000 agents that do not fit", scattered(100.0), 1000),
     ] {
-        let radii_m = vec![0.4; agents];
-        group.bench_function(name, |bencher| bencher.iter(|| black_box(&spec).poses(&site, &radii_m)));
+        let team = vec![BodyModel::SUBMARINE; agents];
+        group.bench_function(name, |bencher| bencher.iter(|| black_box(&spec).poses(&site, &team)));
     }
 }
 

@@ -26,7 +26,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use mapgen::import_options::OptionError;
 use msgs::ids::{AgentId, Tick};
-use protocol::body_model::BodyModel;
+use protocol::body_model::{BodyKind, BodyModel};
 use protocol::limits::BODIES_MAX;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -376,6 +376,15 @@ impl Scenario {
     /// What depends on the length of a cell; with a map file that is to say it, checked once it is
     /// known.
     fn check_body(&self, checker: &Checker<'_>, table: &str, body: &BodyModel) -> Result<(), ScenarioError> {
+        let usual = BodyModel::default();
+        for (key, value, is_usual) in [
+            ("drive", format!("{:?}", body.drive).to_lowercase(), body.drive == usual.drive),
+            ("step_max_m", body.step_max_m.to_string(), body.step_max_m == usual.step_max_m),
+            ("slope_max_rad", body.slope_max_rad.to_string(), body.slope_max_rad == usual.slope_max_rad),
+        ] {
+            let allowed = "only a body of kind \"ground\" has this key";
+            checker.require(&format!("{table}.{key}"), value, body.kind == BodyKind::Ground || is_usual, allowed)?;
+        }
         let Some(cell_m) = self.map.cell_m else { return Ok(()) };
         checker.require(
             &format!("{table}.radius_m"),
@@ -386,6 +395,12 @@ impl Scenario {
                 BODY_CELLS_MIN * cell_m,
                 BODY_CELLS_MAX * cell_m
             ),
+        )?;
+        checker.require(
+            &format!("{table}.step_max_m"),
+            body.step_max_m,
+            body.step_max_m / cell_m <= BODY_CELLS_MAX,
+            &format!("expected at most the height of 16 cells, here {} m", BODY_CELLS_MAX * cell_m),
         )?;
         checker.require(
             &format!("{table}.speed_max_m_s"),

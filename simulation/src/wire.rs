@@ -9,9 +9,11 @@ use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs;
 use nalgebra::Point3;
+use protocol::body_model::BodyModel;
 pub use protocol::geometry::{MAP_FRAME, header, point, vector};
 use protocol::limits::RECORDED_PROTOCOL;
 use protocol::observation::Pose;
+use protocol::run_info::OF_BODY;
 use voxels::{Cell, Extent, Terrain};
 
 use crate::scenario::{AgentsSection, Scenario};
@@ -23,6 +25,11 @@ use crate::world::map_change::CellBox;
 #[must_use]
 pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::Scenario {
     let (bodies, body_of) = bodies(scenario);
+    let of_ground = bodies.iter().enumerate().filter_map(|(number, body)| {
+        let setting = body.ground_setting()?;
+        Some(format!("{OF_BODY}{number}:{setting}"))
+    });
+    let settings = announced_settings(&scenario.agents).into_iter().chain(of_ground).collect();
     maes_msgs::Scenario {
         protocol: RECORDED_PROTOCOL,
         run: 0,
@@ -34,8 +41,8 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         agents: scenario.agents.count,
         agents_seed: agents_seed(scenario.seed),
         controller: scenario.agents.controller.clone(),
-        settings: announced_settings(&scenario.agents),
-        bodies,
+        settings,
+        bodies: bodies.into_iter().map(Into::into).collect(),
         body_of,
         lidar: maes_msgs::Lidar {
             rays,
@@ -50,11 +57,11 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
 }
 
 /// The different body models, and by agent the index of its own.
-fn bodies(scenario: &Scenario) -> (Vec<maes_msgs::Body>, Vec<u8>) {
-    let mut bodies = vec![maes_msgs::Body::from(scenario.body)];
+fn bodies(scenario: &Scenario) -> (Vec<BodyModel>, Vec<u8>) {
+    let mut bodies = vec![scenario.body];
     let mut body_of = vec![0; scenario.agents.count as usize];
     for (number, entry) in (1..=u8::MAX).zip(&scenario.bodies) {
-        bodies.push(entry.keys.over(&scenario.body).into());
+        bodies.push(entry.keys.over(&scenario.body));
         for &agent in &entry.agents {
             body_of[agent as usize] = number;
         }

@@ -6,8 +6,9 @@
 //! tick. A body collides with the others at their present positions: lower ids have moved already,
 //! higher ids not yet, so two bodies never overlap.
 //!
-//! Invariants: no body leaves free space or overlaps another; results depend on the arguments
-//! alone. Helpers cast scans, each of which writes to the memory of its own agent.
+//! Invariants: no body leaves free space or overlaps another, ground bodies stand on a floor;
+//! results depend on the arguments alone. Helpers cast scans, each of which writes to the memory of
+//! its own agent.
 //!
 //! This module has no ROS, no files and no wall clock, and does not decide which agent is due: see
 //! [`protocol::lockstep`].
@@ -327,13 +328,14 @@ impl World {
         self.lidar.noise.pose_bound_m.powi(2) / 3.0
     }
 
-    /// Moves a body to a pose, at rest, and ends its task with [`EventMask::TASK_DONE`].
+    /// Moves a body to a pose, at rest, and ends its task with [`EventMask::TASK_DONE`]. A ground
+    /// body is put on the floor below.
     ///
     /// # Errors
     /// The obstacle, if the body does not fit there; the world is unchanged then.
     pub fn place(&mut self, agent: AgentId, pose: Pose) -> Result<(), &'static str> {
         let model = *self.body(agent).model();
-        self.check_room(agent, &pose.position)?;
+        let pose = Pose { position: self.room(agent, &pose.position)?, ..pose };
         let state = &mut self.agents[agent.index()];
         state.body = Body::at_rest(model, pose);
         state.pending_observation.events |= EventMask::TASK_DONE;

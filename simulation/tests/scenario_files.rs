@@ -140,9 +140,11 @@ fn default_text(table: &Table, key: &Key) -> String {
         DefaultValue::Unset(words) if words.starts_with("required") => words.to_owned(),
         DefaultValue::Unset(words) => format!("default: {words}"),
         DefaultValue::Is(value) => {
-            let aerial = BodyModel::AERIAL.numbers().into_iter().find(|(name, _)| *name == key.name);
-            match aerial.filter(|_| table.path == "body") {
-                Some((_, aerial)) => format!("default `{value}`; aerial: `{aerial:?}`"),
+            let of = |body: BodyModel| body.numbers().into_iter().find(|(name, _)| *name == key.name);
+            match of(BodyModel::AERIAL).zip(of(BodyModel::GROUND)).filter(|_| table.path == "body") {
+                Some(((_, aerial), (_, ground))) => {
+                    format!("default `{value}`; aerial: `{aerial:?}`; ground: `{ground:?}`")
+                }
                 None => format!("default `{value}`"),
             }
         }

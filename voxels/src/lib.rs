@@ -21,6 +21,7 @@ pub mod cell_set;
 pub mod clearance;
 pub mod components;
 pub mod extent;
+pub mod footing;
 pub mod grid;
 pub mod lattice;
 pub mod m3dm;
@@ -45,6 +46,7 @@ pub use components::{
     Components, Pockets, STRETCH_BYTES, close_shell, free_components, free_stretches, keep_largest_component,
 };
 pub use extent::{Extent, ExtentError};
+pub use footing::{Climb, Footing, Ground};
 pub use grid::{Grid, GridError};
 pub use m3dm::M3dmError;
 pub use open_space::OpenSpace;

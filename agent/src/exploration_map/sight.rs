@@ -1,11 +1,21 @@
-//! Lines of sight over cells known to be free.
+//! Lines of sight over cells known to be free, and what is known of the ground.
 
 use std::ops::ControlFlow;
 
 use nalgebra::Point3;
-use voxels::{Cell, walk_segment};
+use voxels::{Cell, Ground, walk_segment};
 
-use super::ExplorationMap;
+use super::{CellState, ExplorationMap};
+
+impl Ground for ExplorationMap {
+    fn is_free(&self, cell: Cell) -> bool {
+        Self::is_free(self, cell)
+    }
+
+    fn is_wall(&self, cell: Cell) -> bool {
+        self.state(cell) == CellState::Wall
+    }
+}
 
 impl ExplorationMap {
     /// Whether the straight segment between two points (metres, frame `map`) crosses only cells

@@ -13,8 +13,12 @@ const ROUND: &str = "\
     ..#.##.\n\
     #.#....\n";
 
+fn body(radius_m: f64) -> BodyModel {
+    BodyModel { radius_m, ..BodyModel::SUBMARINE }
+}
+
 fn navigation() -> NavigationTask {
-    NavigationTask::new(RADIUS_M, 1.0)
+    NavigationTask::new(&body(RADIUS_M), 1.0)
 }
 
 /// Requests the path from the left to the right of [`ROUND`].
@@ -142,7 +146,7 @@ fn absence_of_a_path_is_a_result() {
         assert_eq!(ask(&mut navigation(), &map, goal, SearchTime::Instant, 0), NavigationStatus::NoPath, "{goal:?}");
     }
     // A body that is wider than the passage.
-    let mut wide = NavigationTask::new(0.6, 1.0);
+    let mut wide = NavigationTask::new(&body(0.6), 1.0);
     assert_eq!(ask(&mut wide, &drawn(ROUND), flat(3, 0), SearchTime::Instant, 0), NavigationStatus::NoPath);
 }
 

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use voxels::{BodyLattice, Cell, FACES};
+use protocol::body_model::BodyModel;
+use voxels::{BodyLattice, Cell, FACES, Footing};
 
 use super::EDGE_COST;
 use super::room::{BlockSteps, Footprint};
@@ -47,18 +48,19 @@ const STEP_BIT: [u32; STEP_BITS] = {
 pub struct Moves {
     pub(super) steps: Vec<Step>,
     neighbours: Neighbours,
+    radius_m: f64,
     /// Where the body is in a cell.
     lattice: BodyLattice,
     /// The cells touched by the body at rest, relative to its cell; empty if it fits nowhere.
     sphere: Vec<Cell>,
     /// The cells within a few cells of the body relative to its own, nearest first; empty unless
-    /// it is [wide](Moves::are_wide).
+    /// it is [confined](Moves::are_confined).
     nearby: Vec<Cell>,
     /// For each step the cells that the body touches, as bits of the block of 27 cells around its
     /// first cell; for the numbers beyond the steps a set that never is free. `None`: the body is
-    /// wide, and some lie outside that block.
+    /// confined, and some lie outside that block or there is more to a step.
     masks: Option<[u32; STEP_BITS]>,
-    /// The same by rows of cells, for wide bodies.
+    /// The same by rows of cells, for confined bodies.
     footprint: Footprint,
 }
 
@@ -74,6 +76,7 @@ impl Moves {
             return Self {
                 steps: Vec::new(),
                 neighbours,
+                radius_m,
                 lattice,
                 sphere: Vec::new(),
                 nearby: Vec::new(),
@@ -95,7 +98,25 @@ impl Moves {
         let nearby =
             if sphere.len() > 1 { nearest_first(radius.ceil() as i32 + nearby_cells(lattice)) } else { Vec::new() };
         let footprint = Footprint::new(&sphere, steps.iter().map(|step| (step.by, &step.swept[..])));
-        Self { steps, neighbours, lattice, sphere, nearby, masks, footprint }
+        Self { steps, neighbours, radius_m, lattice, sphere, nearby, masks, footprint }
+    }
+
+    /// The moves of a body: for a ground body those of its sphere for which it has footing.
+    #[must_use]
+    pub fn of(body: &BodyModel, cell_m: f64, neighbours: Neighbours) -> Self {
+        let moves = Self::new(body.radius_m, cell_m, neighbours);
+        let Some(footing) = body.footing(cell_m).filter(|_| !moves.sphere.is_empty()) else { return moves };
+        let nearby = nearest_first((body.radius_m / cell_m).ceil() as i32 + NEAR_GROUND_CELLS);
+        Self { nearby, masks: None, footprint: moves.footprint.with(footing), ..moves }
+    }
+
+    /// The footing of a ground body.
+    pub(super) fn footing(&self) -> Option<&Footing> {
+        self.footprint.footing()
+    }
+
+    pub(super) fn radius_m(&self) -> f64 {
+        self.radius_m
     }
 
     /// Where the body is in a cell.
@@ -104,10 +125,17 @@ impl Moves {
         self.lattice
     }
 
-    /// Whether the body touches more than one cell wherever it is at the place of one.
+    /// Whether the body needs a floor.
     #[must_use]
-    pub fn are_wide(&self) -> bool {
-        self.sphere.len() > 1
+    pub fn are_on_ground(&self) -> bool {
+        self.footing().is_some()
+    }
+
+    /// Whether there are free cells in which the body cannot be alone: it touches more than one
+    /// cell wherever it is at the place of one, or it needs a floor.
+    #[must_use]
+    pub fn are_confined(&self) -> bool {
+        self.sphere.len() > 1 || self.are_on_ground()
     }
 
     /// A consistent lower bound on the path cost between two cells.
@@ -133,6 +161,9 @@ fn nearby_cells(lattice: BodyLattice) -> i32 {
         BodyLattice::Corners => 4,
     }
 }
+
+/// The same for a ground body, which looks up and down at what it is not beside.
+const NEAR_GROUND_CELLS: i32 = 8;
 
 /// The cells of a ball, by their distances from its centre; of equal ones in the order of cells.
 fn nearest_first(radius: i32) -> Vec<Cell> {
@@ -193,19 +224,41 @@ impl<'a> Graph<'a> {
         self.map
     }
 
-    pub(super) fn moves(&self) -> &'a Moves {
+    /// The moves of the graph.
+    #[must_use]
+    pub fn moves(&self) -> &'a Moves {
         self.moves
     }
 
-    /// Whether the body at the place of a cell touches only cells known to be free.
+    /// Whether the body at the place of a cell touches only cells known to be free, and stands
+    /// there if it is a ground body.
     #[must_use]
     pub fn is_usable(&self, cell: Cell) -> bool {
-        self.moves.footprint.has_room(self.map, cell)
+        self.moves.footprint.has_room(self.map, cell) && self.can_rest(cell)
     }
 
-    /// Whether the body is [wider than a cell](Moves::are_wide).
-    pub fn is_body_wide(&self) -> bool {
-        self.moves.are_wide()
+    /// Whether the body stays where it is in a cell in which it has room: not so a ground body that
+    /// climbs.
+    #[must_use]
+    pub fn can_rest(&self, cell: Cell) -> bool {
+        self.moves.footing().is_none_or(|footing| footing.stands(self.map, cell))
+    }
+
+    /// Those of the cells of a cube, as [`Graph::usable_in`] has them, in which the body can rest.
+    pub(crate) fn resting_in(&self, corner: Cell, side: i32, cells: u128) -> u128 {
+        let Some(footing) = self.moves.footing() else { return cells };
+        footing_in(corner, side, cells, |cell| footing.stands(self.map, cell))
+    }
+
+    /// The distance in cells within which a change of the map can make a cell usable or unusable
+    /// for a ground body; `None` for others.
+    pub(crate) fn ground_reach_cells(&self) -> Option<i32> {
+        self.moves.footing().map(Footing::reach_cells)
+    }
+
+    /// Whether the body is [confined](Moves::are_confined).
+    pub fn is_body_confined(&self) -> bool {
+        self.moves.are_confined()
     }
 
     /// The cells that the body does not touch, but that are beside one that it touches, in some
@@ -216,7 +269,7 @@ impl<'a> Graph<'a> {
         beside.filter(|by| touched.binary_search(by).is_err()).collect()
     }
 
-    /// The cells within a few cells of a wide body at a cell, nearest first.
+    /// The cells within a few cells of a confined body at a cell, nearest first.
     pub fn cells_near(&self, cell: Cell) -> impl Iterator<Item = Cell> {
         self.moves.nearby.iter().map(move |&by| cell + by)
     }
@@ -224,7 +277,7 @@ impl<'a> Graph<'a> {
     /// The usable cells of a cube of at most 5 cells along each axis whose lowest cell lies inside
     /// the map, one bit each, x first.
     pub fn usable_in(&self, corner: Cell, side: i32) -> u128 {
-        if self.moves.sphere == [Cell::default()] {
+        if self.moves.sphere == [Cell::default()] && !self.moves.are_on_ground() {
             return self.map.free_in(corner, side);
         }
         if self.moves.sphere.is_empty() {
@@ -244,8 +297,9 @@ impl<'a> Graph<'a> {
     pub(super) fn steps_from_start(&self, cell: Cell) -> u32 {
         let can_be_made = |step: &Step| {
             let touched = |offset: &&Cell| self.moves.sphere.binary_search(offset).is_err();
-            self.is_usable(cell + step.by)
+            self.moves.footprint.has_room(self.map, cell + step.by)
                 && step.swept.iter().filter(touched).all(|&offset| is_free(self.map, cell + offset))
+                && self.moves.footing().is_none_or(|footing| footing.can_go(self.map, cell, cell + step.by))
         };
         let steps = self.moves.steps.iter().enumerate();
         steps.fold(0, |bits, (number, step)| bits | u32::from(can_be_made(step)) << number)
@@ -256,7 +310,7 @@ impl<'a> Graph<'a> {
 #[derive(Debug)]
 pub struct Steps<'a> {
     graph: Graph<'a>,
-    /// Of a wide body.
+    /// Of a confined body.
     by_blocks: Option<BlockSteps>,
 }
 
@@ -292,6 +346,13 @@ impl Steps<'_> {
         let steps = self.graph.moves.steps.iter().enumerate();
         steps.filter(move |(number, _)| open >> number & 1 != 0).map(move |(_, step)| cell + step.by)
     }
+}
+
+/// Those of the cells of a cube for which something holds.
+pub(super) fn footing_in(corner: Cell, side: i32, cells: u128, holds: impl Fn(Cell) -> bool) -> u128 {
+    let offset = |place: i32| Cell::new(place % side, place / side % side, place / side / side);
+    let is_kept = |&place: &i32| cells >> place & 1 != 0 && holds(corner + offset(place));
+    (0..side * side * side).filter(is_kept).fold(0, |kept, place| kept | 1 << place)
 }
 
 /// Whether a cell is known to be free.

@@ -9,7 +9,8 @@
 //! of Minimum Cost Paths", IEEE Transactions on Systems Science and Cybernetics 4(2), 1968.
 //!
 //! Invariants: every leg is clear; by the prediction the waypoints take less time than those that
-//! are given; they depend on these, the path, the map, the body and its pose alone.
+//! are given, and there are none for ground bodies; they depend on these, the path, the map, the
+//! body and its pose alone.
 
 use nalgebra::{Point3, Vector3};
 use protocol::limits::PATH_POINTS_MAX;
@@ -19,7 +20,7 @@ use super::Path;
 use super::graph::is_free;
 use super::legs::is_clear;
 use super::sweep::{clearance, in_cells, place};
-use crate::bodies::{BodyModel, leg_from, leg_s, legs_s};
+use crate::bodies::{BodyKind, BodyModel, leg_from, leg_s, legs_s};
 use crate::exploration_map::ExplorationMap;
 
 /// Cells of a path that are searched at once; the waypoints of the first half are kept. Costs grow
@@ -38,7 +39,9 @@ pub fn quicker(
     (from, yaw_rad): (&Point3<f64>, f64),
 ) -> Option<Vec<Point3<f64>>> {
     let cell_m = map.extent().cell_m();
-    let radius = clearance(body.radius_m, cell_m).filter(|_| fewest.len() > 1)?;
+    // The legs of a ground body are those that the floor allows.
+    let has_choice = fewest.len() > 1 && body.kind != BodyKind::Ground;
+    let radius = clearance(body.radius_m, cell_m).filter(|_| has_choice)?;
     let lattice = BodyLattice::of(body.radius_m, cell_m);
     let legs = Legs { map, body, radius, lattice, cell_m };
     let start = Stop { at: in_cells((*from).into(), cell_m), yaw_rad };

@@ -1,4 +1,4 @@
-//! The cells that a body wider than a cell can reach, kept up to date with its map.
+//! The cells that a confined body can reach, kept up to date with its map.
 //!
 //! Such a body sees many cells that it cannot come near: a search to one of them would expand
 //! everything else first, again and again. What can be reached only grows while cells become known
@@ -14,6 +14,8 @@ use super::Graph;
 pub struct Reachable {
     /// Once it has been asked for.
     cells: Option<CellSet>,
+    /// Those of them in which it can rest, if it is a ground body.
+    resting: Option<CellSet>,
     /// Where the body was then.
     from: Option<Cell>,
     /// Position in the journal of the map up to which changes have been read.
@@ -34,10 +36,29 @@ impl Reachable {
         }
         let known = self.cells.take().filter(|cells| cells.contains(start));
         let mut open = Vec::new();
+        let of_ground = graph.ground_reach_cells();
+        let mut resting = self.resting.take().filter(|_| known.is_some());
+        if of_ground.is_some() && resting.is_none() {
+            let mut first = CellSet::new(extent.volume());
+            first.insert(start);
+            resting = Some(first);
+        }
         let mut cells = if let Some(cells) = known {
             // Cells whose steps may have been blocked by one that was unexplored.
             let mut opened = CellSet::new(extent.volume());
-            for (changed, _) in map.cells_changed_since(read).filter(|&(cell, _)| map.state(cell).is_free()) {
+            if let Some(by) = of_ground {
+                // Walls that have become known carry it.
+                for (low, high) in map.boxes_changed_since(read) {
+                    let along = |low: i32, high: i32| low - by..=high + by;
+                    for (z, y) in along(low.z, high.z).flat_map(|z| along(low.y, high.y).map(move |y| (z, y))) {
+                        let row = along(low.x, high.x).filter_map(|x| extent.index(Cell::new(x, y, z)));
+                        row.filter(|&index| cells.contains(index)).for_each(|index| opened.insert(index));
+                    }
+                }
+            }
+            for (changed, _) in
+                map.cells_changed_since(read).filter(|&(cell, _)| of_ground.is_none() && map.state(cell).is_free())
+            {
                 for index in graph.cells_near(changed).filter_map(|cell| extent.index(cell)) {
                     if cells.contains(index) {
                         opened.insert(index);
@@ -45,6 +66,11 @@ impl Reachable {
                 }
             }
             open.extend(opened.iter().map(|index| extent.cell_at(index)));
+            if let Some(resting) = &mut resting {
+                // The floor that has become known may be higher than the one below it.
+                let can_rest = |&index: &usize| graph.can_rest(extent.cell_at(index));
+                opened.iter().filter(can_rest).for_each(|index| resting.insert(index));
+            }
             // What the body touches there does not block its first step.
             open.push(from);
             cells
@@ -59,32 +85,37 @@ impl Reachable {
             for next in steps.next_to(cell, cell == from) {
                 if let Some(index) = extent.index(next).filter(|&index| !cells.contains(index)) {
                     cells.insert(index);
+                    if let Some(resting) = resting.as_mut().filter(|_| graph.can_rest(next)) {
+                        resting.insert(index);
+                    }
                     open.push(next);
                 }
             }
         }
-        self.cells = Some(cells);
+        (self.cells, self.resting) = (Some(cells), resting);
     }
 
-    /// Whether the body could reach a cell at the last update; that in which it is counts as well.
+    /// Whether the body could reach a cell at the last update, and rest there; that in which it is
+    /// counts as well.
     pub fn holds(&self, graph: Graph<'_>, cell: Cell) -> bool {
         graph.map().extent().index(cell).is_some_and(|index| self.contains(index))
     }
 
     /// [`Reachable::holds`] for the cell with an index.
     pub fn contains(&self, index: usize) -> bool {
-        self.cells.as_ref().is_some_and(|cells| cells.contains(index))
+        self.resting.as_ref().or(self.cells.as_ref()).is_some_and(|cells| cells.contains(index))
     }
 
     /// Those of at most 64 cells from an index on that could be reached, one bit each.
     pub fn run(&self, first: usize, count: u32) -> u64 {
-        self.cells.as_ref().map_or(0, |cells| cells.run(first, count))
+        self.resting.as_ref().or(self.cells.as_ref()).map_or(0, |cells| cells.run(first, count))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use protocol::body_model::BodyModel;
     use voxels::Extent;
 
     use super::*;
@@ -109,6 +140,35 @@ mod tests {
                 let cells: Vec<u32> =
                     extent.cells().filter(is_in_box).map(|cell| extent.index(cell).unwrap() as u32).collect();
                 map.note_free(&cells);
+                kept.update(Graph::new(&map, &moves), from);
+            }
+            let graph = Graph::new(&map, &moves);
+            for cell in extent.cells() {
+                let is_reached = find(graph, from, Goal::Cell(cell)).is_some();
+                prop_assert_eq!(kept.holds(graph, cell), is_reached, "{:?}", cell);
+            }
+        }
+
+        #[test]
+        fn ground_body_reaches_more_as_floors_become_known(
+            heights in prop::collection::vec(0..3_i32, 140),
+            (step_max_m, slope_max_rad) in prop_oneof![Just((0.2, 0.0)), Just((0.0, 0.7)), Just((0.4, 0.4))],
+            boxes in prop::collection::vec((0..12_i32, 0..8_i32, 0..6_i32, 2..7_i32), 1..10),
+        ) {
+            let extent = Extent::new([14, 10, 8], 0.2).unwrap();
+            let body = BodyModel { radius_m: 0.1, step_max_m, slope_max_rad, ..BodyModel::GROUND };
+            let moves = Moves::of(&body, 0.2, Neighbours::TwentySix);
+            let mut map = ExplorationMap::new(extent);
+            let height = |cell: Cell| heights[(cell.y * 14 + cell.x) as usize];
+            let from = Cell::new(7, 5, height(Cell::new(7, 5, 0)) + 1);
+            let mut kept = Reachable::default();
+            for (x, y, z, side) in std::iter::once((5, 3, 0, 5)).chain(boxes) {
+                let is_in_box = |cell: &Cell| [cell.x - x, cell.y - y, cell.z - z].iter().all(|by| (0..side).contains(by));
+                let index = |cell: Cell| extent.index(cell).unwrap() as u32;
+                let (wall, free): (Vec<Cell>, Vec<Cell>) =
+                    extent.cells().filter(is_in_box).partition(|&cell| cell.z <= height(cell));
+                map.note_free(&free.into_iter().map(index).collect::<Vec<u32>>());
+                map.note_wall(&wall.into_iter().map(index).collect::<Vec<u32>>());
                 kept.update(Graph::new(&map, &moves), from);
             }
             let graph = Graph::new(&map, &moves);

@@ -5,13 +5,16 @@
 //! bits of a word, so that the cells that the body touches are looked up for all cells of a row at
 //! once. What a step touches beyond the body at both of its ends are a few cells.
 //!
+//! A ground body makes only those of them for which it has footing.
+//!
 //! Invariant: the steps are those found cell by cell, to the bit. They are those of one map at one
 //! time: who keeps them must not change the map.
 
 use std::cell::RefCell;
 
-use voxels::Cell;
+use voxels::{Cell, Footing};
 
+use super::graph::footing_in;
 use crate::exploration_map::ExplorationMap;
 
 /// Edge of a block, cells.
@@ -63,6 +66,8 @@ pub(super) struct Footprint {
     steps: Vec<(Cell, Vec<Span>)>,
     /// Cells along each axis that matter for the steps from a cell.
     reach: i32,
+    /// That of a ground body.
+    footing: Option<Footing>,
 }
 
 impl Footprint {
@@ -79,7 +84,17 @@ impl Footprint {
         let body = Span::all(body);
         let of_body = body.iter().map(Span::reach).max().unwrap_or_default();
         let of_steps = steps.iter().flat_map(|(_, spans)| spans).map(Span::reach).max().unwrap_or_default();
-        Self { body, steps, reach: of_steps.max(of_body + 1) }
+        Self { body, steps, reach: of_steps.max(of_body + 1), footing: None }
+    }
+
+    /// That of a ground body.
+    pub(super) fn with(self, footing: Footing) -> Self {
+        Self { footing: Some(footing), ..self }
+    }
+
+    /// The footing of a ground body.
+    pub(super) fn footing(&self) -> Option<&Footing> {
+        self.footing.as_ref()
     }
 
     /// Whether the body has room at a cell.
@@ -91,14 +106,18 @@ impl Footprint {
         !self.body.is_empty() && self.body.iter().all(is_clear)
     }
 
-    /// The cells of a cube, at most 5 along each axis, in which the body has room: one bit each, x
-    /// first.
+    /// The cells of a cube, at most 5 along each axis, in which the body has room and can be: one
+    /// bit each, x first.
     pub(super) fn usable_in(&self, map: &ExplorationMap, corner: Cell, side: i32) -> u128 {
         let mut rows = Rows::default();
         rows.read(map, corner, side, self.reach);
         let along = (0..side).flat_map(|z| (0..side).map(move |y| (z, y)));
         let usable = |(z, y)| u128::from(self.usable(&rows, (0, y, z), side.cast_unsigned()));
-        along.fold(0, |bits, (z, y)| bits | usable((z, y)) << ((z * side + y) * side))
+        let room = along.fold(0, |bits, (z, y)| bits | usable((z, y)) << ((z * side + y) * side));
+        match &self.footing {
+            Some(footing) => footing_in(corner, side, room, |cell| footing.holds(map, cell)),
+            None => room,
+        }
     }
 
     /// The cells of a row with room for the body, from a place relative to the corner on.
@@ -236,6 +255,14 @@ impl BlockSteps {
                 let ends = here & room(y + by.y, z + by.z) >> (1 + by.x);
                 let free = |open: u64, span: &Span| if open == 0 { 0 } else { open & rows.all_free((0, y, z), span) };
                 *byte = on_the_way.iter().fold(ends, free) as u8;
+                if let Some(footing) = &footprint.footing {
+                    for x in (0..SIDE).filter(|x| *byte >> x & 1 != 0).collect::<Vec<_>>() {
+                        let from = corner + Cell::new(x, y, z);
+                        if !footing.can_go(map, from, from + *by) {
+                            *byte &= !(1 << x);
+                        }
+                    }
+                }
             }
         }
         steps

@@ -82,8 +82,8 @@ pub enum Goal<'g> {
     Cell(Cell),
     /// The nearest of these cells, in any order; ties go to the lowest index.
     AnyOf(&'g [Cell]),
-    /// The nearest cell with this property; ties as before. Evaluated once for each expanded cell,
-    /// the start included.
+    /// The nearest cell with this property in which the body can rest; ties as before. Evaluated
+    /// once for each expanded cell, the start included.
     Where(&'g dyn Fn(Cell) -> bool),
 }
 
@@ -250,7 +250,7 @@ impl<'a> Search<'a> {
     fn is_goal(&self, cell: Cell, index: usize) -> bool {
         match self.goal {
             Goal::Cell(_) | Goal::AnyOf(_) => self.scratch.nodes[index][1] & IS_GOAL != 0,
-            Goal::Where(holds) => holds(cell),
+            Goal::Where(holds) => holds(cell) && self.graph.can_rest(cell),
         }
     }
 

@@ -12,6 +12,7 @@ use super::*;
 use crate::exploration_map::{CellState, ExplorationMap};
 use crate::testing::drawn;
 
+mod ground;
 mod room;
 mod straight;
 

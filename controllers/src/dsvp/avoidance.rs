@@ -71,7 +71,7 @@ pub(super) fn motion_to(
 /// The motion along a path that avoids the other agents, if possible on the wanted waypoints; else
 /// as few legs as possible, after as few single steps as needed to get clear of them.
 pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
-    let (map, radius_m) = (ctx.map(), ctx.body().radius_m);
+    let map = ctx.map();
     let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);
     if let Some(motion) = ctx.recentring() {
         return Some(motion).filter(is_clear);
@@ -80,7 +80,7 @@ pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, wa
     let after = |steps: usize| {
         let rest = Path { cells: path.cells[steps..].to_vec(), cost: 0 };
         let by_steps = path.cells[1..=steps].iter().map(|&cell| ctx.place(cell));
-        Motion::Path(by_steps.chain(straighten(&rest, map, radius_m)).take(PATH_POINTS_MAX).collect())
+        Motion::Path(by_steps.chain(straighten(&rest, map, ctx.moves())).take(PATH_POINTS_MAX).collect())
     };
     let steps_max = CLEARING_STEPS_MAX.min(path.cells.len() - 1);
     let quicker = match (waypoints, &straight) {

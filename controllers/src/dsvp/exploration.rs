@@ -18,14 +18,15 @@ use super::{Dsvp, Plan, by_distance, has_gain_left};
 use crate::Ctx;
 use agent::abstract_graph::AbstractGraph;
 use agent::observation::Observation;
-use agent::path::Path;
+use agent::path::{Neighbours, Path};
 
 impl<C: Coordination> Dsvp<C> {
     /// The exploration stage.
     pub(super) fn explore(&mut self, observation: &Observation, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Plan {
         let Self { graph, gain_estimator, coordination, unproductive, .. } = self;
         let (map, here) = (ctx.map(), ctx.cell());
-        let growth = self.params.growth(map.extent().cell_m(), ctx.body());
+        let growth = self.params.growth(map.extent().cell_m());
+        let moves = ctx.graph(Neighbours::TwentySix);
         let frontiers = local_frontiers(graph, here, growth.horizon);
         if frontiers.is_empty() {
             self.tree = None;
@@ -33,10 +34,10 @@ impl<C: Coordination> Dsvp<C> {
         }
         let ahead = most_ahead(frontiers, here, self.direction, self.params.frontiers as usize, &mut self.rng);
         let mut tree = match self.tree.take() {
-            Some(tree) => tree.rerooted_at(here, map, &growth),
+            Some(tree) => tree.rerooted_at(here, moves, &growth),
             None => Tree::new(here),
         };
-        tree.grow(map, &growth, &ahead, obstacles, &mut self.rng);
+        tree.grow(moves, &growth, &ahead, obstacles, &mut self.rng);
         if has_gain_left(self.goal, here, map, gain_estimator, self.params.gain_min) {
             unproductive.insert(here);
         }

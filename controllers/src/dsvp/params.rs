@@ -8,7 +8,6 @@ use super::scanning::ScanRange;
 use super::team::TeamParams;
 use super::tree::{Growth, Valuation};
 use crate::auction::AuctionParams;
-use agent::bodies::BodyModel;
 
 /// Parameters of the planner. Lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -124,14 +123,13 @@ impl Params {
         })
     }
 
-    pub(super) fn growth(&self, cell_m: f64, body: &BodyModel) -> Growth {
+    pub(super) fn growth(&self, cell_m: f64) -> Growth {
         Growth {
             horizon: (self.horizon_m / cell_m).round().max(1.0) as i32,
             extension: (self.extension_m / cell_m).max(1.0),
             samples: self.samples,
             bias: self.bias,
             jitter: (self.jitter_m / cell_m).round() as i32,
-            radius_m: body.radius_m,
         }
     }
 
@@ -165,7 +163,7 @@ impl TeamParams {
     /// Those of an agent with a body of this kind.
     pub(super) fn of(self, kind: BodyKind) -> Self {
         match kind {
-            BodyKind::Submarine => self,
+            BodyKind::Submarine | BodyKind::Ground => self,
             BodyKind::Aerial => Self {
                 tasks: self.aerial_tasks,
                 latency_weight: self.aerial_latency_weight,

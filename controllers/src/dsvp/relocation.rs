@@ -114,13 +114,13 @@ pub(super) fn nearest_viewpoint(
     here: Cell,
     left_out: &BTreeSet<Cell>,
 ) -> Option<(Cell, Cell)> {
-    let open = region.frontiers.iter().filter(|frontier| !left_out.contains(frontier));
+    let open = region.frontiers.iter().filter(|frontier| region.has_rest() && !left_out.contains(frontier));
     let &frontier = open.min_by(|a, b| by_distance(here, a, b))?;
     Some((frontier, viewpoint(graph, id, region.centre, frontier)))
 }
 
-/// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body does
-/// not fit into it.
+/// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body cannot
+/// rest there.
 pub(super) fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
-    if graph.region_of(frontier) == Some(region) { frontier } else { centre }
+    if graph.can_rest(region, frontier) { frontier } else { centre }
 }

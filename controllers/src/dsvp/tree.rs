@@ -7,17 +7,17 @@
 //! dimensions.
 //!
 //! Invariants: every node is the place of a cell within the horizon (a cube about the root); every
-//! edge is a straight leg on which the body touches only cells known to be free; no two nodes share
-//! a cell.
+//! edge is a straight leg on which the body touches only cells known to be free, level for a ground
+//! body; no two nodes share a cell.
 
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, RngExt};
-use voxels::{BodyLattice, Cell, Extent};
+use voxels::{Cell, Extent};
 
 use super::gain::GainEstimator;
 use super::obstacles::Obstacles;
 use agent::exploration_map::ExplorationMap;
-use agent::path::direct;
+use agent::path::{Graph, direct};
 
 /// Parameters of growth.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,8 +32,6 @@ pub(crate) struct Growth {
     pub(crate) bias: f64,
     /// Greatest distance of such samples from their frontier along each axis, cells.
     pub(crate) jitter: i32,
-    /// Radius of the body, metres.
-    pub(crate) radius_m: f64,
 }
 
 /// Parameters of the branch gain.
@@ -78,14 +76,15 @@ impl Tree {
 
     /// The tree re-rooted at a new cell: the component within the horizon that is connected to it,
     /// if a node within two edge lengths can be reached on a straight leg; else the root alone.
-    pub(crate) fn rerooted_at(&self, root: Cell, map: &ExplorationMap, growth: &Growth) -> Self {
-        let place = BodyLattice::of(growth.radius_m, map.extent().cell_m()).place(map.extent(), root);
+    pub(crate) fn rerooted_at(&self, root: Cell, graph: Graph<'_>, growth: &Growth) -> Self {
+        let (map, moves) = (graph.map(), graph.moves());
+        let place = moves.lattice().place(map.extent(), root);
         let mut near: Vec<(f64, usize)> = (0..self.nodes.len())
             .map(|node| (self.nodes[node].cell.distance(root), node))
             .filter(|&(length, _)| length <= 2.0 * growth.extension)
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let link = near.into_iter().find(|&(_, node)| direct(map, &place, self.nodes[node].cell, growth.radius_m));
+        let link = near.into_iter().find(|&(_, node)| direct(map, &place, self.nodes[node].cell, moves));
         let mut moved = Self::new(root);
         let Some((length, link)) = link else {
             return moved;
@@ -131,15 +130,15 @@ impl Tree {
     /// bodies.
     pub(crate) fn grow(
         &mut self,
-        map: &ExplorationMap,
+        graph: Graph<'_>,
         growth: &Growth,
         frontiers: &[Cell],
         obstacles: &Obstacles,
         rng: &mut impl Rng,
     ) {
         let root = self.root();
-        let extent = map.extent();
-        let lattice = BodyLattice::of(growth.radius_m, extent.cell_m());
+        let (map, moves) = (graph.map(), graph.moves());
+        let (extent, lattice) = (map.extent(), moves.lattice());
         for _ in 0..growth.samples {
             let (about, by) = if !frontiers.is_empty() && rng.random_bool(growth.bias) {
                 (frontiers[rng.random_range(0..frontiers.len())], growth.jitter)
@@ -150,11 +149,12 @@ impl Tree {
             let sample = Cell::new(along(about.x), along(about.y), along(about.z));
             let nearest = self.nearest(sample);
             let from = self.nodes[nearest].cell;
+            let sample = if moves.are_on_ground() { Cell { z: from.z, ..sample } } else { sample };
             let cell = towards(from, sample, growth.extension, &extent);
             let is_new = cell != from && cell.is_within(root, growth.horizon) && !self.holds(cell);
             let is_open = || {
                 let from = lattice.place(extent, from);
-                !obstacles.block(&from, &lattice.place(extent, cell)) && direct(map, &from, cell, growth.radius_m)
+                !obstacles.block(&from, &lattice.place(extent, cell)) && direct(map, &from, cell, moves)
             };
             if is_new && is_open() {
                 self.add(cell, nearest);

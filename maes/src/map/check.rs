@@ -6,8 +6,8 @@
 use std::io::Write;
 
 use mapgen::repair;
-use protocol::body_model::BodyModel;
-use simulation::world::attainable::{Attainable, Bodies};
+use protocol::body_model::{BodyKind, BodyModel};
+use simulation::world::attainable::{Attainable, Bodies, standing_parts};
 use simulation::world::lidar::{Pattern, Scanner};
 use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
@@ -36,7 +36,14 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let imported = spec.read()?;
     let extent = imported.terrain.extent();
     let most_m = radius_max_m(extent.cell_m());
-    let radius_m = args.radius_m.unwrap_or(BodyModel::default().radius_m.min(most_m));
+    let kind = BodyModel::of(args.body.into());
+    let radius_m = args.radius_m.unwrap_or(kind.radius_m.min(most_m));
+    let model = BodyModel {
+        radius_m,
+        step_max_m: args.step_max_m.unwrap_or(kind.step_max_m),
+        slope_max_rad: args.slope_max_rad.unwrap_or(kind.slope_max_rad),
+        ..kind
+    };
     if !(radius_m > 0.0 && radius_m <= most_m) {
         return Err(MapCliError::Radius { radius_m, most_m });
     }
@@ -71,9 +78,12 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let (room, reached) = (100.0 * here.fits(), 100.0 * here.reached());
     report.line("body", format_args!("radius {radius_m} m: fits in {room:.1} % of the free cells"))?;
     report.line("reachable", format_args!("{reached:.1} % of the free cells, from the largest part with room"))?;
-    let starts_at: Vec<voxels::Cell> = here.start().into_iter().map(|index| extent.cell_at(index)).collect();
     let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, f64::INFINITY, std::f64::consts::TAU);
-    let seen = Attainable::of(&terrain, &scanner, &[Bodies { radius_m, starts: starts_at }]);
+    let start = match model.kind {
+        BodyKind::Ground => floor(&mut report, &terrain, &model)?,
+        BodyKind::Submarine | BodyKind::Aerial => here.start().map(|index| extent.cell_at(index)),
+    };
+    let seen = Attainable::of(&terrain, &scanner, &[Bodies { model, starts: start.into_iter().collect() }]);
     report.line("seen", format_args!("{:.1} % of the free cells, from there", 100.0 * seen.seen_share()))?;
     // Where bodies of this size are in a cell decides which passages are narrow for them.
     let passages = clearance.passages(((PART * free as f64) as usize).max(1));
@@ -100,7 +110,7 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
             format!("a body of half a cell reaches {share:.1} %: {remedy}")
         });
     }
-    let has_starts = starts(&mut report, &terrain, (args.agents, radius_m), &mut advice)?;
+    let has_starts = starts(&mut report, &terrain, (args.agents, model), &mut advice)?;
     if advice.is_empty() {
         report.line("advice", "none: the map is sound for these bodies")?;
     }
@@ -113,6 +123,28 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
         return Ok(());
     }
     Err(MapCliError::NoStart { file: args.file.clone(), agents: args.agents, radius_m })
+}
+
+/// Reports where a ground body stands and what it reaches; returns a cell of the largest part.
+fn floor(
+    report: &mut Report<'_>,
+    terrain: &Grid<Terrain>,
+    model: &BodyModel,
+) -> Result<Option<voxels::Cell>, MapCliError> {
+    let parts = standing_parts(terrain, model);
+    let stands: usize = parts.iter().map(|part| part.cells).sum();
+    let largest = parts.iter().max_by_key(|part| part.cells);
+    let share = 100.0 * largest.map_or(0.0, |part| part.cells as f64 / stands as f64);
+    let BodyModel { step_max_m, slope_max_rad, .. } = model;
+    report.line(
+        "floor",
+        format_args!(
+            "a ground body stands in {stands} cells; with steps of {step_max_m} m and slopes of {slope_max_rad} rad it reaches \
+             {share:.1} % of them, from the largest of {} parts",
+            parts.len()
+        ),
+    )?;
+    Ok(largest.map(|part| part.first))
 }
 
 /// A length in metres, rounded down to millimetres so that it still fits.
@@ -190,16 +222,16 @@ fn narrow(report: &mut Report<'_>, passages: &[Passage], extent: Extent) -> Resu
 fn starts(
     report: &mut Report<'_>,
     terrain: &Grid<Terrain>,
-    (agents, radius_m): (u32, f64),
+    (agents, model): (u32, BodyModel),
     advice: &mut Vec<String>,
 ) -> Result<bool, MapCliError> {
-    let radii_m = vec![radius_m; agents as usize];
+    let team = vec![model; agents as usize];
     let site = Site { terrain, entrances: &[], seed: SEED };
     let scattered = SpawnSpec::Scattered { min_distance_m: 0.0, seed: None, yaw_rad: 0.0 };
     let nearest = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
     let mut has_starts = false;
     for (name, spawn) in [("nearest_origin", nearest), ("scattered", scattered)] {
-        match spawn.poses(&site, &radii_m) {
+        match spawn.poses(&site, &team) {
             Ok(_) => {
                 has_starts = true;
                 report.line("starts", format_args!("spawn.kind = {name:?}: {agents} agents fit"))?;

@@ -11,6 +11,7 @@ use foxglove_server::MapAnswers;
 use map_files::ImportSpec;
 use mapgen::ImportOptions;
 use nalgebra::Point3;
+use protocol::body_model::BodyModel;
 use serde::Serialize;
 use sim_server::setup;
 use simulation::world::spawn::{Site, SpawnSpec};
@@ -221,7 +222,9 @@ impl MapRoom {
         setup::parse("the scenario", &text, &[]).map_err(|error| error.to_string())?;
         let spawn = SpawnSpec::List { poses: starts.iter().map(|start| start.to_vec()).collect() };
         let site = Site { terrain: &self.terrain, entrances: &[], seed: SEED };
-        spawn.poses(&site, &vec![radius_m; starts.len()]).map_err(|error| error.to_string())?;
+        spawn
+            .poses(&site, &vec![BodyModel { radius_m, ..BodyModel::SUBMARINE }; starts.len()])
+            .map_err(|error| error.to_string())?;
         Ok(Some(text))
     }
 }

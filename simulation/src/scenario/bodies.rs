@@ -49,18 +49,18 @@ impl Scenario {
         self.bodies.iter().flat_map(of_entry).collect()
     }
 
-    /// The radius of each body, metres, by agent.
+    /// The bodies by agent.
     #[must_use]
-    pub fn radii_m(&self) -> Vec<f64> {
+    pub fn bodies_by_agent(&self) -> Vec<BodyModel> {
         let others = self.other_bodies();
         let body = |agent: u32| others.get(&AgentId(agent)).unwrap_or(&self.body);
-        (0..self.agents.count).map(|agent| body(agent).radius_m).collect()
+        (0..self.agents.count).map(|agent| *body(agent)).collect()
     }
 
     /// Fills in the keys that the entries leave out.
     pub(super) fn complete_bodies(&mut self) {
         for entry in &mut self.bodies {
-            entry.keys = entry.keys.over(&self.body).into();
+            entry.keys = BodyKeys::all(entry.keys.over(&self.body));
         }
     }
 }

@@ -229,7 +229,8 @@ fn a_team_can_be_mixed() {
     let faster = BodyModel { radius_m: 0.3, speed_max_m_s: 2.0, ..BodyModel::SUBMARINE };
     let others = [(AgentId(0), BodyModel::AERIAL), (AgentId(2), faster)];
     assert_eq!(scenario.other_bodies(), others.into());
-    assert_eq!(scenario.radii_m(), [0.4, 0.3, 0.3]);
+    let radii_m: Vec<f64> = scenario.bodies_by_agent().iter().map(|body| body.radius_m).collect();
+    assert_eq!(radii_m, [0.4, 0.3, 0.3]);
     assert_eq!(Scenario::parse("identity", &scenario.identity(), &[]).unwrap(), scenario);
     let submarines = format!("{SMALL}[body]\nkind = \"aerial\"\n[[bodies]]\nagents = [1]\nkind = \"submarine\"\n");
     let scenario = Scenario::parse("s.toml", &submarines, &[]).unwrap();
@@ -254,7 +255,7 @@ fn mistakes_in_bodies_are_named_with_their_entry() {
         &[],
         "s.toml:12:1: unknown key `bodies[1].size`; did you mean `map.size`?",
     );
-    let boat = "s.toml:12:8: bodies[1].kind = \"boat\": expected \"submarine\" or \"aerial\"";
+    let boat = "s.toml:12:8: bodies[1].kind = \"boat\": expected \"submarine\", \"aerial\" or \"ground\"";
     refuses(&entry("agents = [1]\nkind = \"boat\""), &[], boat);
     refuses(&entry("agents = [-1]"), &[], "s.toml:11:10: bodies[1].agents = [-1]: expected a list of ids of agents");
     refuses(&entry("agents = []"), &[], "s.toml:11: bodies[1].agents = []: expected at least one id of an agent");

@@ -4,7 +4,8 @@
 //! its radius. A free cell is *attainable* if a scan from a place that a body reaches sees it; no
 //! team of such bodies explores more, but for the little that is seen only from between the places,
 //! which [`World::attainable_share`] counts as well once it has been seen.
-//! The bodies of other agents are no obstacles here.
+//! The bodies of other agents are no obstacles here. A ground body rests where it stands, and
+//! climbs as [`voxels::footing`] says.
 //!
 //! Scans from some of the places see nearly all that is attainable, because the time is bounded:
 //! from all places if they are few, else from a lattice of them, and for each cell that is left
@@ -15,10 +16,11 @@ use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 use nalgebra::Point3;
+use protocol::body_model::{BodyKind, BodyModel};
 use voxels::clearance::REACH_CELLS;
-use voxels::{BodyLattice, Cell, CellSet, Clearance, Extent, Grid, Terrain, lattice, walk};
+use voxels::{BodyLattice, Cell, CellSet, Clearance, Extent, Footing, Grid, Terrain, lattice, walk};
 
-use super::body::Pose;
+use super::body::{Floors, Pose};
 use super::lidar::{Scanner, SensorMemory};
 use super::{Presence, World};
 
@@ -43,11 +45,11 @@ const HEADINGS: u32 = 16;
 /// Largest map of [`of_team`], cells: distances to walls take a second there.
 const MAP_CELLS_MAX: usize = 1 << 24;
 
-/// Bodies of one radius.
+/// Bodies of one model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies {
-    /// Radius, metres.
-    pub radius_m: f64,
+    /// Their model.
+    pub model: BodyModel,
     /// The cells whose places are nearest to them.
     pub starts: Vec<Cell>,
 }
@@ -101,11 +103,11 @@ impl Attainable {
 }
 
 /// What the agents that have been in a world could reach and see together from where they started
-/// or were put, if all their bodies are wider than a cell or their LiDARs do not look up and down
-/// all the way; `None` for all others, for which that is everything, on large maps, and with a
-/// radius that is too large to tell. Once the map has
-/// changed, it is what the agents that still work can reach and see from where they were then,
-/// whatever the width of their bodies.
+/// or were put, if all their bodies are wider than a cell or on the ground, or their LiDARs do not
+/// look up and down all the way; `None` for all others, for which that is everything, on large
+/// maps, and with a radius that is too large to tell. Once the map has changed, it is what the
+/// agents that still work can reach and see from where they were then, whatever the width of their
+/// bodies.
 #[must_use]
 pub fn of_team(world: &World) -> Option<Attainable> {
     let extent = world.terrain().extent();
@@ -120,15 +122,23 @@ pub fn of_team(world: &World) -> Option<Attainable> {
         false => presence != Presence::Absent,
     };
     for agent in world.agents().filter(|&agent| takes_part(world.presence(agent))) {
-        let radius_m = world.body(agent).model().radius_m;
+        let model = *world.body(agent).model();
+        let (radius_m, is_ground) = (model.radius_m, model.kind == BodyKind::Ground);
         let radius_cells = radius_m / extent.cell_m();
-        if (radius_cells <= 0.5 && sees_all && !has_changed) || radius_cells > f64::from(REACH_CELLS) {
+        let sees_all_it_reaches = radius_cells <= 0.5 && sees_all && !is_ground;
+        if (sees_all_it_reaches && !has_changed) || radius_cells > f64::from(REACH_CELLS) {
             return None;
         }
-        let start = BodyLattice::of(radius_m, extent.cell_m()).cell_near(extent, &world.starts[agent.index()]);
-        match team.iter_mut().find(|bodies| bodies.radius_m == radius_m) {
+        // A ground body whose floor has gone away is on its way to the next one.
+        let start = &world.starts[agent.index()];
+        let start = Floors::rest(world.terrain(), &model, start).unwrap_or(*start);
+        let start = BodyLattice::of(radius_m, extent.cell_m()).cell_near(extent, &start);
+        let climbs =
+            |body: &BodyModel| (body.kind == BodyKind::Ground).then_some((body.step_max_m, body.slope_max_rad));
+        let are_same = |body: &BodyModel| (body.radius_m, climbs(body)) == (radius_m, climbs(&model));
+        match team.iter_mut().find(|bodies| are_same(&bodies.model)) {
             Some(bodies) => bodies.starts.push(start),
-            None => team.push(Bodies { radius_m, starts: vec![start] }),
+            None => team.push(Bodies { model, starts: vec![start] }),
         }
     }
     (!team.is_empty()).then(|| Attainable::of(world.terrain(), &world.params.scanner, &team))
@@ -153,11 +163,11 @@ impl Looks<'_> {
     fn look_around(&mut self, terrain: &Grid<Terrain>, bodies: &Bodies, reached: &mut CellSet) {
         let extent = terrain.extent();
         if self.scanner.field_of_view().is_some() {
-            self.memory = self.memory.unused().of_body(bodies.radius_m);
+            self.memory = self.memory.unused().of_body(bodies.model.radius_m);
         }
-        let clearance = Clearance::for_body(bodies.radius_m, terrain);
+        let clearance = Clearance::for_body(bodies.model.radius_m, terrain);
         let lattice = clearance.lattice();
-        let mut places = reach(&clearance.room(bodies.radius_m / extent.cell_m()), &bodies.starts);
+        let mut places = places(terrain, &clearance, bodies);
         places.iter().for_each(|index| reached.insert(index));
         let is_on_lattice = |index: usize, spacing: i32| {
             let Cell { x, y, z } = extent.cell_at(index);
@@ -203,6 +213,75 @@ impl Looks<'_> {
             free.iter().for_each(|&index| self.seen.insert(index as usize));
         }
     }
+}
+
+/// The cells at whose places bodies can be and rest.
+fn places(terrain: &Grid<Terrain>, clearance: &Clearance, Bodies { model, starts }: &Bodies) -> CellSet {
+    let room = clearance.room(model.radius_m / terrain.extent().cell_m());
+    match model.footing(terrain.extent().cell_m()) {
+        Some(footing) => {
+            // A start between the places may be beside the only ones with room.
+            let beside =
+                |&start: &Cell| start.neighbours26().into_iter().filter(move |cell| cell.z == start.z).chain([start]);
+            let starts: Vec<Cell> =
+                starts.iter().flat_map(beside).filter(|&cell| footing.holds(terrain, cell)).collect();
+            reach_on_ground(terrain, &room, &footing, &starts)
+        }
+        None => reach(&room, starts),
+    }
+}
+
+/// The cells at which ground bodies stand that come from some.
+fn reach_on_ground(terrain: &Grid<Terrain>, room: &Grid<Terrain>, footing: &Footing, starts: &[Cell]) -> CellSet {
+    let extent = terrain.extent();
+    let (mut reached, mut standing) = (CellSet::new(extent.volume()), CellSet::new(extent.volume()));
+    let mut next = Vec::new();
+    let mut enter = |cell: Cell, next: &mut Vec<Cell>| {
+        if let Some(index) = extent.index(cell)
+            && room[index] == Terrain::Free
+            && !reached.contains(index)
+        {
+            reached.insert(index);
+            if footing.stands(terrain, cell) {
+                standing.insert(index);
+            }
+            next.push(cell);
+        }
+    };
+    starts.iter().for_each(|&cell| enter(cell, &mut next));
+    while let Some(cell) = next.pop() {
+        let onward = cell.neighbours6().into_iter().filter(|&beside| footing.can_go(terrain, cell, beside));
+        onward.for_each(|beside| enter(beside, &mut next));
+    }
+    standing
+}
+
+/// A part of the floor of a map, all of which a ground body reaches from one of its cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StandingPart {
+    /// The first of its cells.
+    pub first: Cell,
+    /// Number of cells at whose places the body stands.
+    pub cells: usize,
+}
+
+/// The parts of the floor for a ground body; none for other bodies. What a body climbs it comes
+/// down again, so that the parts have no cell in common.
+#[must_use]
+pub fn standing_parts(terrain: &Grid<Terrain>, model: &BodyModel) -> Vec<StandingPart> {
+    let extent = terrain.extent();
+    let Some(footing) = model.footing(extent.cell_m()) else { return Vec::new() };
+    let room = Clearance::for_body(model.radius_m, terrain).room(model.radius_m / extent.cell_m());
+    let mut done = CellSet::new(extent.volume());
+    let mut parts = Vec::new();
+    for (index, first) in extent.cells().enumerate() {
+        if room[index] == Terrain::Free && !done.contains(index) && footing.stands(terrain, first) {
+            let part = reach_on_ground(terrain, &room, &footing, &[first]);
+            part.iter().for_each(|index| done.insert(index));
+            parts.push(StandingPart { first, cells: part.len() });
+        }
+    }
+    parts
 }
 
 /// The cells of a terrain that are connected with some through faces.
@@ -290,7 +369,8 @@ mod tests {
 
     fn attainable(terrain: &Grid<Terrain>, radius_m: f64, start: Cell, range_m: f64) -> Attainable {
         let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, range_m, TAU);
-        Attainable::of(terrain, &scanner, &[Bodies { radius_m, starts: vec![start] }])
+        let model = BodyModel { radius_m, ..BodyModel::SUBMARINE };
+        Attainable::of(terrain, &scanner, &[Bodies { model, starts: vec![start] }])
     }
 
     /// Two rooms of 3 x 3 x 3 cells with a slit of one cell between them.
@@ -315,6 +395,23 @@ mod tests {
         // Its own room and the slit.
         assert_eq!(counts(1.4, 2.0), (1, 28));
         assert_eq!(counts(1.6, 20.0), (0, 0));
+    }
+
+    #[test]
+    fn ground_bodies_reach_what_they_climb() {
+        // Two floors, one of them a cell higher, and a ledge of three cells.
+        let layers = ["#########", "#...#####", "#......##", "#......##", "#.......#", "#.......#", "#########"];
+        let hall = layers.map(|layer| format!("#########\n{layer}\n{layer}\n#########\n")).join("\n");
+        let hall = Grid::from_text(&hall).unwrap();
+        let on = |step_max_m: f64| BodyModel { step_max_m, slope_max_rad: 0.0, ..BodyModel::GROUND };
+        let parts =
+            |step_max_m| standing_parts(&hall, &on(step_max_m)).iter().map(|part| part.cells).collect::<Vec<usize>>();
+        assert_eq!([parts(0.9), parts(1.0), parts(2.0)], [vec![6, 6, 2], vec![12, 2], vec![14]]);
+        let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, 20.0, TAU);
+        let of = |model| Attainable::of(&hall, &scanner, &[Bodies { model, starts: vec![Cell::new(1, 1, 1)] }]);
+        let (low, all) = (of(on(0.5)), of(on(2.0)));
+        assert_eq!((low.reached.len(), all.reached.len()), (6, 14));
+        assert_eq!((low.seen_share(), all.seen_share()), (1.0, 1.0), "what it does not reach it sees from below");
     }
 
     #[test]

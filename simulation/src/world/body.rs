@@ -1,10 +1,11 @@
 //! Kinematics of a body: how a motion task changes its pose in one fixed update.
 //!
-//! There are two kinds. The submarine is that of MAES3D: a sphere that turns about the vertical and
-//! moves along a line raised by a pitch angle, with bang-bang speed control. The aerial body
-//! (`body/aerial.rs`) accelerates in any direction and turns while it moves. Every leg (a straight
-//! move or a turn) starts from rest. A new task ends the previous one at rest, except that a
-//! velocity task continues from the velocity of a velocity task.
+//! There are three kinds. The submarine is that of MAES3D: a sphere that turns about the vertical
+//! and moves along a line raised by a pitch angle, with bang-bang speed control. The aerial body
+//! (`body/aerial.rs`) accelerates in any direction and turns while it moves. The ground body
+//! (`body/ground.rs`) drives along the floor. Every leg (a straight move or a turn) starts from
+//! rest. A new task ends the previous one at rest, except that a velocity task continues from the
+//! velocity of a velocity task.
 //!
 //! Invariants: a body never comes nearer to a wall or to another body than its radius allows (see
 //! [`super::collision`]); a completed leg of a path ends exactly on its waypoint, unless that is
@@ -14,6 +15,7 @@
 //! The order in which bodies move is that of [`super::World::step`].
 
 mod aerial;
+mod ground;
 mod ramp;
 
 use std::collections::VecDeque;
@@ -23,10 +25,13 @@ use nalgebra::{Point3, Vector3};
 use protocol::body_model::{BodyKind, BodyModel};
 use protocol::kinematics::{turned, wrapped};
 pub use protocol::motion::Motion;
+use protocol::observation::Surface;
 pub use protocol::observation::{Collision, Pose};
 
 use super::collision::{Obstacles, Sphere, surface_of};
 use aerial::Flight;
+pub(super) use ground::Floors;
+use ground::level;
 use ramp::{Ramp, RampLimits};
 
 /// A leg with less than this to go is finished; 0.001 voxel and 0.001 degree in MAES3D.
@@ -158,6 +163,7 @@ impl Body {
             Motion::Keep => return,
             Motion::Stop => Task::Idle,
             Motion::Move { pitch_rad, distance_m } => {
+                let pitch_rad = if self.model.kind == BodyKind::Ground { 0.0 } else { pitch_rad };
                 Task::Move { direction_in_map: self.heading_raised_by(pitch_rad), ramp: Ramp::from_rest(distance_m) }
             }
             Motion::Turn { angle_rad } => {
@@ -194,7 +200,10 @@ impl Body {
         let moved = match &mut task {
             Task::Idle => {
                 self.stop();
-                return MotionOutcome::default();
+                return match self.model.kind {
+                    BodyKind::Submarine | BodyKind::Aerial => MotionOutcome::default(),
+                    BodyKind::Ground => self.settle(obstacles, dt_s),
+                };
             }
             Task::Move { direction_in_map, ramp } => self.step_move(*direction_in_map, ramp, obstacles, dt_s),
             Task::Turn { sign, ramp } => {
@@ -208,6 +217,7 @@ impl Body {
                 match self.model.kind {
                     BodyKind::Submarine => self.step_velocity(target, obstacles, dt_s),
                     BodyKind::Aerial => self.step_velocity_in_flight(target, obstacles, dt_s),
+                    BodyKind::Ground => self.step_velocity_on_ground(target, obstacles, dt_s),
                 }
             }
         };
@@ -238,9 +248,13 @@ impl Body {
             }
             return MotionOutcome::default();
         }
-        let offset = leg.target - self.pose.position;
-        let direction = offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-        let mut moved = self.step_move(direction, &mut leg.go, obstacles, dt_s);
+        let mut moved = if self.model.kind == BodyKind::Ground {
+            self.step_leg_on_ground(leg, obstacles, dt_s)
+        } else {
+            let offset = leg.target - self.pose.position;
+            let direction = offset.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+            self.step_move(direction, &mut leg.go, obstacles, dt_s)
+        };
         if moved.task_done && !moved.collided {
             // The exact target, so that rounding errors do not accumulate over the legs of a long
             // path.
@@ -265,6 +279,7 @@ impl Body {
         let (step_m, done) = match self.model.kind {
             BodyKind::Submarine => ramp.next_step(&self.move_limits(), dt_s),
             BodyKind::Aerial => ramp.next_landing_step(&self.move_limits(), dt_s),
+            BodyKind::Ground => return self.step_move_on_ground(direction_in_map, ramp, obstacles, dt_s),
         };
         let mut moved = self.translate(direction_in_map * step_m, obstacles, dt_s);
         moved.task_done |= done;
@@ -289,7 +304,7 @@ impl Body {
         };
         let (step_rad, done) = match self.model.kind {
             BodyKind::Submarine => ramp.next_step(&limits, dt_s),
-            BodyKind::Aerial => ramp.next_landing_step(&limits, dt_s),
+            BodyKind::Aerial | BodyKind::Ground => ramp.next_landing_step(&limits, dt_s),
         };
         self.velocity_in_body_m_s = Vector3::zeros();
         self.yaw_rate_rad_s = sign * step_rad / dt_s;
@@ -319,7 +334,11 @@ impl Body {
     /// Moves the centre by `displacement` (metres, frame `map`) unless something blocks it.
     fn translate(&mut self, displacement: Vector3<f64>, obstacles: &Obstacles<'_>, dt_s: f64) -> MotionOutcome {
         if let Some(contact) = obstacles.first_contact(&self.pose.position, &displacement, self.model.radius_m) {
-            self.collision = Some(Collision { surface: surface_of(&contact.normal), with_agent: contact.with_agent });
+            let surface = match self.model.kind {
+                BodyKind::Submarine | BodyKind::Aerial => surface_of(&contact.normal),
+                BodyKind::Ground => Surface::Wall,
+            };
+            self.collision = Some(Collision { surface, with_agent: contact.with_agent });
             return MotionOutcome { task_done: true, collided: true, distance_m: 0.0 };
         }
         self.pose.position += displacement;
@@ -330,9 +349,16 @@ impl Body {
     }
 
     fn leg_to(&self, target: Point3<f64>) -> PathLeg {
-        let offset = target - self.pose.position;
+        let mut offset = target - self.pose.position;
+        if self.model.kind == BodyKind::Ground {
+            offset = level(&offset);
+        }
         let is_vertical = libm::hypot(offset.x, offset.y) < MOVE_REST_M;
-        let turn_rad = if is_vertical { 0.0 } else { wrapped(libm::atan2(offset.y, offset.x) - self.pose.yaw_rad) };
+        let turn_rad = if is_vertical || !self.model.turns_first() {
+            0.0
+        } else {
+            wrapped(libm::atan2(offset.y, offset.x) - self.pose.yaw_rad)
+        };
         PathLeg {
             target,
             turn: (turn_rad.abs() >= TURN_REST_RAD).then(|| (turn_rad.signum(), Ramp::from_rest(turn_rad.abs()))),

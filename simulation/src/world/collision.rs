@@ -9,7 +9,7 @@
 
 use nalgebra::{Point3, Vector3};
 use protocol::observation::Surface;
-use voxels::{Cell, Grid, Terrain};
+use voxels::{Cell, Extent, Grid, Terrain};
 
 /// Cosine of 45 degrees: a surface whose normal is closer to the vertical is a floor or a ceiling,
 /// and one at 45 degrees a wall (as in MAES3D). The margin holds rounding off: bodies that start at
@@ -76,6 +76,11 @@ impl<'a> Obstacles<'a> {
     #[must_use]
     pub fn none() -> Self {
         Self { terrain: None, others: &[], itself: 0 }
+    }
+
+    /// The terrain, unless nothing is in the way.
+    pub(super) fn terrain(&self) -> Option<&'a Grid<Terrain>> {
+        self.terrain
     }
 
     /// The first contact of a sphere of `radius_m` that moves from `from` by `displacement`
@@ -149,6 +154,13 @@ impl Sphere {
         let normal = (apart + displacement * time).try_normalize(0.0)?;
         Some(Contact { time, normal, with_agent: true })
     }
+}
+
+/// Whether a sphere at rest is nearer to a cell than its radius, by more than rounding.
+pub(super) fn is_touched(extent: Extent, cell: Cell, centre: &Point3<f64>, radius_m: f64) -> bool {
+    let low = Point3::new(f64::from(cell.x), f64::from(cell.y), f64::from(cell.z)) * extent.cell_m();
+    let nearest = centre.sup(&low).inf(&(low + Vector3::repeat(extent.cell_m())));
+    (centre - nearest).norm_squared() < radius_m * radius_m - SLACK_M2
 }
 
 /// The first t >= 0 at which `a t^2 + 2 b t + c` falls below `limit` by more than rounding, `None`

@@ -56,7 +56,7 @@ impl EnergyParams {
     #[must_use]
     pub fn power_w(&self, body: &BodyModel) -> f64 {
         match body.kind {
-            BodyKind::Submarine => self.idle_w,
+            BodyKind::Submarine | BodyKind::Ground => self.idle_w,
             BodyKind::Aerial => self.idle_w + self.hover_w,
         }
     }

@@ -67,7 +67,7 @@ impl World {
     /// Lets an absent agent join at its start pose, at rest; returns false if there is no room.
     pub fn join(&mut self, agent: AgentId) -> bool {
         let position = self.body(agent).pose().position;
-        if self.check_room(agent, &position).is_err() {
+        if self.room(agent, &position) != Ok(position) {
             return false;
         }
         let is_on_request = matches!(self.params.schedule, ScanSchedule::OnRequest { .. });
@@ -88,7 +88,7 @@ impl World {
     /// # Errors
     /// Why its body cannot be there.
     pub fn join_at(&mut self, agent: AgentId, pose: Pose) -> Result<(), &'static str> {
-        self.check_room(agent, &pose.position)?;
+        let pose = Pose { position: self.room(agent, &pose.position)?, ..pose };
         let cell = self.terrain.extent().cell_of(&pose.position);
         let state = &mut self.agents[agent.index()];
         state.body = Body::at_rest(*state.body.model(), pose);
@@ -144,11 +144,10 @@ impl World {
         self.agents[agent.index()].pending_observation.tell(message);
     }
 
-    /// Checks that the body of an agent fits at a position (metres, frame `map`).
-    pub(super) fn check_room(&self, agent: AgentId, position: &Point3<f64>) -> Result<(), &'static str> {
+    /// Where the body of an agent is that is put at a position (metres, frame `map`).
+    pub(super) fn room(&self, agent: AgentId, position: &Point3<f64>) -> Result<Point3<f64>, &'static str> {
         let bodies = self.spheres.iter().enumerate();
         let others = bodies.filter(|(other, sphere)| *other != agent.index() && sphere.is_solid());
-        let radius_m = self.body(agent).model().radius_m;
-        spawn::check_room(&self.terrain, others.map(|(_, sphere)| sphere), position, radius_m)
+        spawn::room(&self.terrain, others.map(|(_, sphere)| sphere), position, self.body(agent).model())
     }
 }

@@ -1,7 +1,7 @@
 //! Start poses of the agents.
 //!
 //! Invariant: every start has room for its body (no wall and no other body within its radius) and
-//! lies inside the map.
+//! lies inside the map; ground bodies stand on a floor there.
 //!
 //! Whether a team fits is decided by placing it: the error reports how many bodies found room.
 
@@ -15,12 +15,13 @@ mod scatter;
 use std::f64::consts::TAU;
 
 use nalgebra::{Point3, Vector3};
+use protocol::body_model::BodyModel;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use voxels::{Cell, Grid, Terrain};
+use voxels::{Cell, Footing, Grid, Terrain};
 
 use self::placed_bodies::PlacedBodies;
-use super::body::Pose;
+use super::body::{Floors, Pose};
 use super::collision::Sphere;
 use mapgen::Entrance;
 
@@ -150,27 +151,44 @@ pub enum SpawnError {
 }
 
 impl SpawnSpec {
-    /// The starts of bodies with these radii, by agent.
+    /// The starts of bodies, by agent. Ground bodies of a list are put on the floor below.
     ///
     /// # Errors
     /// If one of them has no room; the error reports how many have.
-    pub fn poses(&self, site: &Site<'_>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
+    pub fn poses(&self, site: &Site<'_>, bodies: &[BodyModel]) -> Result<Vec<Pose>, SpawnError> {
+        let cell_m = site.terrain.extent().cell_m();
+        let team: Vec<Candidate> =
+            bodies.iter().map(|body| Candidate { radius_m: body.radius_m, footing: body.footing(cell_m) }).collect();
         let facing = |yaw_rad: f64| move |position| Pose { position, yaw_rad };
         match self {
             Self::NearestOrigin { yaw_rad } => {
-                Ok(cube::nearest_origin(site.terrain, radii_m)?.into_iter().map(facing(*yaw_rad)).collect())
+                Ok(cube::nearest_origin(site.terrain, &team)?.into_iter().map(facing(*yaw_rad)).collect())
             }
-            Self::List { poses } => listed(poses, site.terrain, radii_m),
+            Self::List { poses } => listed(poses, site.terrain, bodies),
             Self::Scattered { min_distance_m, seed, yaw_rad } => {
                 let seed = seed.unwrap_or(site.seed);
-                let positions = scatter::scattered(site.terrain, radii_m, *min_distance_m, seed)?;
+                let positions = scatter::scattered(site.terrain, &team, *min_distance_m, seed)?;
                 Ok(positions.into_iter().map(facing(*yaw_rad)).collect())
             }
             Self::Box { low, high, yaw_rad } => {
-                Ok(boxed(site.terrain, radii_m, *low, *high)?.into_iter().map(facing(*yaw_rad)).collect())
+                Ok(boxed(site.terrain, &team, *low, *high)?.into_iter().map(facing(*yaw_rad)).collect())
             }
-            Self::Entrances {} => queue::at_entrances(site, radii_m),
+            Self::Entrances {} => queue::at_entrances(site, &team),
         }
+    }
+}
+
+/// A body that is looking for a start.
+#[derive(Debug)]
+struct Candidate {
+    radius_m: f64,
+    /// That of a ground body.
+    footing: Option<Footing>,
+}
+
+impl Candidate {
+    fn radii_m(team: &[Self]) -> Vec<f64> {
+        team.iter().map(|body| body.radius_m).collect()
     }
 }
 
@@ -178,7 +196,7 @@ impl SpawnSpec {
 /// again for later bodies.
 fn boxed(
     terrain: &Grid<Terrain>,
-    radii_m: &[f64],
+    team: &[Candidate],
     low: [f64; 3],
     high: [f64; 3],
 ) -> Result<Vec<Point3<f64>>, SpawnError> {
@@ -189,12 +207,12 @@ fn boxed(
     let along = [0, 1, 2].map(|axis| (0..size[axis]).filter(|cell| is_inside(axis, cell)).collect::<Vec<i32>>());
     let [x, y, z] = &along;
     let mut cells = x.iter().flat_map(|&x| z.iter().flat_map(move |&z| y.iter().map(move |&y| Cell::new(x, y, z))));
-    let mut placed = PlacedBodies::new(terrain, radii_m, 0.0);
-    let mut starts = Vec::with_capacity(radii_m.len());
-    for &radius_m in radii_m {
-        let start = cells.find_map(|cell| placed.place(cell, radius_m));
+    let mut placed = PlacedBodies::new(terrain, &Candidate::radii_m(team), 0.0);
+    let mut starts = Vec::with_capacity(team.len());
+    for body in team {
+        let start = cells.find_map(|cell| placed.place(cell, body));
         starts.push(start.ok_or_else(|| SpawnError::Full {
-            agents: radii_m.len(),
+            agents: team.len(),
             fit: starts.len(),
             place: format!("in the box from {low:?} to {high:?} m"),
         })?);
@@ -202,14 +220,15 @@ fn boxed(
     Ok(starts)
 }
 
-fn listed(entries: &[Vec<f64>], terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
-    let agents = radii_m.len();
+fn listed(entries: &[Vec<f64>], terrain: &Grid<Terrain>, team: &[BodyModel]) -> Result<Vec<Pose>, SpawnError> {
+    let agents = team.len();
     if entries.len() != agents {
         return Err(SpawnError::WrongCount { got: entries.len(), expected: agents });
     }
     let mut poses = Vec::with_capacity(agents);
     let mut bodies: Vec<Sphere> = Vec::with_capacity(agents);
-    for (index, (entry, &radius_m)) in entries.iter().zip(radii_m).enumerate() {
+    for (index, (entry, body)) in entries.iter().zip(team).enumerate() {
+        let radius_m = body.radius_m;
         let (position, yaw_rad) = match entry[..] {
             [x, y, z] => (Point3::new(x, y, z), 0.0),
             [x, y, z, yaw_rad] => (Point3::new(x, y, z), yaw_rad),
@@ -222,12 +241,30 @@ fn listed(entries: &[Vec<f64>], terrain: &Grid<Terrain>, radii_m: &[f64]) -> Res
         }
         let no_room =
             |reason| SpawnError::NoRoom { index, position: [position.x, position.y, position.z], radius_m, reason };
-        check_room(terrain, &bodies, &position, radius_m).map_err(no_room)?;
+        let position = room(terrain, &bodies, &position, body).map_err(no_room)?;
         bodies.push(Sphere { centre: position, radius_m });
         poses.push(Pose { position, yaw_rad });
     }
     Ok(poses)
 }
+
+/// Where a body is that is put at a position (metres, frame `map`): a ground body on the floor
+/// below.
+///
+/// # Errors
+/// The obstacle, in words, if it does not fit there.
+pub(super) fn room<'a>(
+    terrain: &Grid<Terrain>,
+    others: impl IntoIterator<Item = &'a Sphere>,
+    position: &Point3<f64>,
+    body: &BodyModel,
+) -> Result<Point3<f64>, &'static str> {
+    let position = Floors::rest(terrain, body, position).ok_or(NO_ROOM)?;
+    check_room(terrain, others, &position, body.radius_m)?;
+    Ok(position)
+}
+
+const NO_ROOM: &str = "a wall or the end of the map is too near";
 
 /// Checks that a body fits at a position (metres, frame `map`).
 ///
@@ -240,7 +277,7 @@ pub(super) fn check_room<'a>(
     radius_m: f64,
 ) -> Result<(), &'static str> {
     if !has_room_from_walls(terrain, position, radius_m) {
-        return Err("a wall or the end of the map is too near");
+        return Err(NO_ROOM);
     }
     if others.into_iter().any(|other| (other.centre - position).norm() < radius_m + other.radius_m) {
         return Err("another agent is too near");

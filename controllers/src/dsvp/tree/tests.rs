@@ -6,13 +6,14 @@ use voxels::{Grid, Terrain};
 use super::*;
 use agent::bodies::Bodies;
 use agent::exploration_map::CellState;
+use agent::path::{Moves, Neighbours};
 
 const CORRIDOR: &str = "\
     ####################\n\
     #..................#\n\
     ####################\n";
 
-const GROWTH: Growth = Growth { horizon: 6, extension: 3.0, samples: 150, bias: 0.3, jitter: 1, radius_m: 0.4 };
+const GROWTH: Growth = Growth { horizon: 6, extension: 3.0, samples: 150, bias: 0.3, jitter: 1 };
 
 fn no_bodies() -> Bodies {
     Bodies::new(Vec::new(), Vec::new()).unwrap()
@@ -63,15 +64,16 @@ proptest! {
         map.note_covered(root);
         prop_assume!(map.state(root) == CellState::Covered);
         let obstacles = Obstacles::near(&[], &extent.centre(root), 0.4, &no_bodies(), extent);
+        let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
         let mut tree = Tree::new(root);
-        tree.grow(&map, &GROWTH, &[Cell::new(1, 1, 1)], &obstacles, &mut rng);
+        tree.grow(Graph::new(&map, &moves), &GROWTH, &[Cell::new(1, 1, 1)], &obstacles, &mut rng);
         check(&tree, &map, root)?;
         for step in steps {
             let cells = cells_of(&tree);
             let root = cells[step % cells.len()];
-            tree = tree.rerooted_at(root, &map, &GROWTH);
+            tree = tree.rerooted_at(root, Graph::new(&map, &moves), &GROWTH);
             check(&tree, &map, root)?;
-            tree.grow(&map, &GROWTH, &[], &obstacles, &mut rng);
+            tree.grow(Graph::new(&map, &moves), &GROWTH, &[], &obstacles, &mut rng);
             check(&tree, &map, root)?;
         }
     }
@@ -86,10 +88,11 @@ fn rerooted_tree_keeps_its_component() {
     }
     let obstacles = Obstacles::near(&[], &Point3::origin(), 0.4, &no_bodies(), world.extent());
     let mut tree = Tree::new(Cell::new(5, 1, 0));
+    let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
     let growth = Growth { samples: 20_000, ..GROWTH };
-    tree.grow(&map, &growth, &[], &obstacles, &mut voxels::random_streams::stream(1, 0, "tree"));
+    tree.grow(Graph::new(&map, &moves), &growth, &[], &obstacles, &mut voxels::random_streams::stream(1, 0, "tree"));
     assert_eq!(tree.nodes.len(), 11, "x from 1 to 11");
-    let moved = tree.rerooted_at(Cell::new(8, 1, 0), &map, &GROWTH);
+    let moved = tree.rerooted_at(Cell::new(8, 1, 0), Graph::new(&map, &moves), &GROWTH);
     assert_eq!(moved.nodes.len(), 10, "x from 2 to 11: {moved:?}");
     assert_eq!(cells_of(&moved).first().copied(), Some(Cell::new(8, 1, 0)));
 }

@@ -4,7 +4,7 @@
 //! docs/scenario.md and says where the default comes from: "reference" is MAES3D, "ours" has no
 //! counterpart there. Tests compare every row with the structs of the scenario.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
 
@@ -283,7 +283,7 @@ pub const TABLES: [Table; 24] = [
             .limits("finite, no coordinate below that of `low`").only_with(&["box"]),
     ]),
     Table::new("body", &[
-        key("kind", Word(&["submarine", "aerial"]), Is("\"submarine\""), NONE,
+        key("kind", Word(&["submarine", "aerial", "ground"]), Is("\"submarine\""), NONE,
             "how the body moves; the keys left out are those of the kind", "reference: the first"),
         key("radius_m", Number("m"), Is("0.4"), POSITIVE,
             "radius of the sphere that collides", "reference").limits("0.001 to 16 cells"),
@@ -300,6 +300,13 @@ pub const TABLES: [Table; 24] = [
             "acceleration of a turn", "reference: 50 degrees/s^2"),
         key("turn_deceleration_rad_s2", Number("rad/s^2"), Is("0.4363323129985824"), POSITIVE,
             "braking of a turn", "reference: 25 degrees/s^2"),
+        key("drive", Word(&["differential", "holonomic"]), Unset("`\"differential\"`"), NONE,
+            "how it moves on the floor", "ours")
+            .limits("only with `\"ground\"`").see("ground.md"),
+        key("step_max_m", Number("m"), Unset("0.1"), between(0.0, 1e6),
+            "highest step that it climbs", "ours").limits("0 to 16 cells, only with `\"ground\"`"),
+        key("slope_max_rad", Number("rad"), Unset("0.35"), between(0.0, FRAC_PI_4),
+            "steepest slope that it climbs", "ours").limits("0 to pi/4, only with `\"ground\"`"),
     ]),
     Table::new("bodies", &[
         key("agents", Ids, Required, NONE,

@@ -1,5 +1,5 @@
-//! Starts of bodies wider than a cell near the origin of the map: side by side, as near to each
-//! other as they have room.
+//! Starts of teams with bodies wider than a cell, or on the ground, near the origin of the map:
+//! side by side, as near to each other as they have room.
 //!
 //! MAES3D has no such bodies: its starts are the cells of a cube ([`super::cube`]). Here the first
 //! start is the cell with room that is nearest to the origin, and each of the others the cell
@@ -8,18 +8,18 @@
 use nalgebra::Point3;
 use voxels::{Cell, CellSet, Extent, Grid, Terrain};
 
-use super::SpawnError;
 use super::placed_bodies::PlacedBodies;
 use super::room::cells_with_room;
+use super::{Candidate, SpawnError};
 
 /// The places of the start cells, one for each body. Connected parts of the cells that have room
 /// for the largest body are tried in the order of their distances from the origin.
-pub(super) fn nearest_origin(terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Point3<f64>>, SpawnError> {
-    let extent = terrain.extent();
+pub(super) fn nearest_origin(terrain: &Grid<Terrain>, team: &[Candidate]) -> Result<Vec<Point3<f64>>, SpawnError> {
+    let (extent, radii_m) = (terrain.extent(), Candidate::radii_m(team));
     let largest_m = radii_m.iter().copied().fold(0.0, f64::max);
     let mut left = CellSet::new(extent.volume());
     let mut by_origin = Vec::new();
-    for index in cells_with_room(terrain, &PlacedBodies::new(terrain, radii_m, 0.0), largest_m) {
+    for index in cells_with_room(terrain, &PlacedBodies::new(terrain, &radii_m, 0.0), largest_m) {
         left.insert(index as usize);
         by_origin.push(extent.cell_at(index as usize));
     }
@@ -28,10 +28,10 @@ pub(super) fn nearest_origin(terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result
     for first in by_origin {
         let mut part = take_part(extent, &mut left, first);
         part.sort_by_key(|&cell| by_distance(cell, first));
-        let mut placed = PlacedBodies::new(terrain, radii_m, 0.0);
+        let mut placed = PlacedBodies::new(terrain, &radii_m, 0.0);
         let mut cells = part.into_iter();
         let starts: Vec<Point3<f64>> =
-            radii_m.iter().map_while(|&radius_m| cells.find_map(|cell| placed.place(cell, radius_m))).collect();
+            team.iter().map_while(|body| cells.find_map(|cell| placed.place(cell, body))).collect();
         if starts.len() == radii_m.len() {
             return Ok(starts);
         }

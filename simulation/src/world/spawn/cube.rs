@@ -3,17 +3,17 @@
 use nalgebra::Point3;
 use voxels::{Cell, Grid, Terrain};
 
-use super::SpawnError;
+use super::{Candidate, SpawnError};
 
 /// The shortest edge of the cube, in cells.
 const EDGE_MIN: i32 = 3;
 
 /// The centres of the cells of the cube, one for each body; bodies wider than a cell stand side by
 /// side.
-pub(super) fn nearest_origin(terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Point3<f64>>, SpawnError> {
-    let (agents, extent) = (radii_m.len(), terrain.extent());
-    if radii_m.iter().any(|&radius_m| 2.0 * radius_m > extent.cell_m()) {
-        return super::cluster::nearest_origin(terrain, radii_m);
+pub(super) fn nearest_origin(terrain: &Grid<Terrain>, team: &[Candidate]) -> Result<Vec<Point3<f64>>, SpawnError> {
+    let (agents, extent) = (team.len(), terrain.extent());
+    if team.iter().any(|body| 2.0 * body.radius_m > extent.cell_m() || body.footing.is_some()) {
+        return super::cluster::nearest_origin(terrain, team);
     }
     let room = |edge: i32| (edge.unsigned_abs() as usize).pow(3);
     let mut edge = EDGE_MIN;

@@ -4,7 +4,7 @@ use nalgebra::Point3;
 use voxels::{BodyLattice, Cell, Grid, Terrain};
 
 use super::super::collision::Sphere;
-use super::has_room_from_walls;
+use super::{Candidate, has_room_from_walls};
 
 /// Largest number of buckets along an axis, which bounds their memory.
 const BUCKETS_MAX: f64 = 64.0;
@@ -34,9 +34,12 @@ impl<'a> PlacedBodies<'a> {
         Self { terrain, min_distance_m, bucket_m, counts, buckets }
     }
 
-    /// Places a body at the place of a cell and returns the position, if it fits.
-    pub(super) fn place(&mut self, cell: Cell, radius_m: f64) -> Option<Point3<f64>> {
-        if !self.has_room(cell, radius_m) {
+    /// Places a body at the place of a cell and returns the position, if it fits, and stands there
+    /// if it has to.
+    pub(super) fn place(&mut self, cell: Cell, body: &Candidate) -> Option<Point3<f64>> {
+        let radius_m = body.radius_m;
+        let stands = || body.footing.as_ref().is_none_or(|footing| footing.stands(self.terrain, cell));
+        if !self.has_room(cell, radius_m) || !stands() {
             return None;
         }
         let centre = self.place_of(cell, radius_m);

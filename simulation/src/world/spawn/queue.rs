@@ -12,28 +12,28 @@ use voxels::{Cell, Grid, Terrain};
 
 use super::super::body::Pose;
 use super::placed_bodies::PlacedBodies;
-use super::{Site, SpawnError};
+use super::{Candidate, Site, SpawnError};
 use mapgen::Entrance;
 
 /// Starts of bodies with these radii, by agent; each faces inwards from its entrance.
-pub(super) fn at_entrances(site: &Site<'_>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
+pub(super) fn at_entrances(site: &Site<'_>, team: &[Candidate]) -> Result<Vec<Pose>, SpawnError> {
     if site.entrances.is_empty() {
         return Err(SpawnError::NoEntrances);
     }
     let mut queues = Queues::new(site.terrain, site.entrances);
-    let mut placed = PlacedBodies::new(site.terrain, radii_m, 0.0);
-    let mut starts = Vec::with_capacity(radii_m.len());
-    for (agent, &radius_m) in radii_m.iter().enumerate() {
+    let mut placed = PlacedBodies::new(site.terrain, &Candidate::radii_m(team), 0.0);
+    let mut starts = Vec::with_capacity(team.len());
+    for (agent, body) in team.iter().enumerate() {
         let count = site.entrances.len();
         // If a queue has no more room, the next one takes the body.
         let mut in_turn = (0..count).map(|later| (agent + later) % count);
         let place = in_turn.find_map(|entrance| {
-            let position = queues.find(entrance, |cell| placed.place(cell, radius_m))?;
+            let position = queues.find(entrance, |cell| placed.place(cell, body))?;
             let outward = site.entrances[entrance].outward;
             Some(Pose { position, yaw_rad: libm::atan2(f64::from(-outward.y), f64::from(-outward.x)) })
         });
         starts.push(place.ok_or_else(|| SpawnError::Full {
-            agents: radii_m.len(),
+            agents: team.len(),
             fit: starts.len(),
             place: format!("in line behind the {count} entrance(s) of this map"),
         })?);

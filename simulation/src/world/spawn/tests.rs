@@ -4,7 +4,11 @@ use proptest::prelude::*;
 use voxels::Extent;
 
 fn poses(spec: &SpawnSpec, terrain: &Grid<Terrain>, radii_m: &[f64]) -> Result<Vec<Pose>, SpawnError> {
-    spec.poses(&Site { terrain, entrances: &[], seed: 7 }, radii_m)
+    spec.poses(&Site { terrain, entrances: &[], seed: 7 }, &bodies(radii_m))
+}
+
+fn bodies(radii_m: &[f64]) -> Vec<BodyModel> {
+    radii_m.iter().map(|&radius_m| BodyModel { radius_m, ..BodyModel::SUBMARINE }).collect()
 }
 
 fn hall() -> Grid<Terrain> {
@@ -124,11 +128,11 @@ fn house() -> (Grid<Terrain>, Vec<Entrance>) {
 fn bodies_queue_at_an_entrance_facing_inwards() {
     let (terrain, entrances) = house();
     let site = Site { terrain: &terrain, entrances: &entrances, seed: 1 };
-    let line = SpawnSpec::Entrances {}.poses(&site, &[0.4; 3]).unwrap();
+    let line = SpawnSpec::Entrances {}.poses(&site, &bodies(&[0.4; 3])).unwrap();
     let along: Vec<f64> = line.iter().map(|pose| pose.position.x).collect();
     assert_eq!(along, [1.5, 2.5, 3.5]);
     assert!(line.iter().all(|pose| pose.yaw_rad == 0.0));
-    assert_eq!(fit(SpawnSpec::Entrances {}.poses(&site, &[0.4; 6])), 5);
+    assert_eq!(fit(SpawnSpec::Entrances {}.poses(&site, &bodies(&[0.4; 6]))), 5);
     assert_eq!(poses(&SpawnSpec::Entrances {}, &terrain, &[0.4]), Err(SpawnError::NoEntrances));
 }
 
@@ -137,7 +141,7 @@ fn entrances_take_turns() {
     let (terrain, mut entrances) = house();
     entrances.push(Entrance { cells: vec![Cell::new(5, 1, 1)], outward: Cell::new(1, 0, 0) });
     let site = Site { terrain: &terrain, entrances: &entrances, seed: 1 };
-    let lines = SpawnSpec::Entrances {}.poses(&site, &[0.4; 5]).unwrap();
+    let lines = SpawnSpec::Entrances {}.poses(&site, &bodies(&[0.4; 5])).unwrap();
     let along: Vec<f64> = lines.iter().map(|pose| pose.position.x).collect();
     assert_eq!(along, [1.5, 5.5, 2.5, 4.5, 3.5]);
     assert_eq!(lines[1].yaw_rad, std::f64::consts::PI);
@@ -147,7 +151,7 @@ fn entrances_take_turns() {
 fn scattered_starts_depend_on_the_seed() {
     let scattered = |run_seed, seed| {
         let spec = SpawnSpec::Scattered { min_distance_m: 1.5, seed, yaw_rad: 0.0 };
-        spec.poses(&Site { terrain: &hall(), entrances: &[], seed: run_seed }, &[0.4; 4]).unwrap()
+        spec.poses(&Site { terrain: &hall(), entrances: &[], seed: run_seed }, &bodies(&[0.4; 4])).unwrap()
     };
     assert_eq!(scattered(1, None), scattered(1, None));
     assert_eq!(scattered(1, Some(2)), scattered(2, None));
@@ -183,7 +187,7 @@ proptest! {
             1 => SpawnSpec::Box { low: [1.0, 0.0, 0.0], high: [5.0, 9.0, 3.0], yaw_rad: 0.0 },
             _ => SpawnSpec::Entrances {},
         };
-        match spec.poses(&site, &radii) {
+        match spec.poses(&site, &super::tests::bodies(&radii)) {
             Ok(poses) => {
                 let bodies: Vec<Sphere> = poses.iter().zip(&radii)
                     .map(|(pose, &radius_m)| Sphere { centre: pose.position, radius_m }).collect();
@@ -199,7 +203,7 @@ proptest! {
                 let mut largest_first = radii.clone();
                 largest_first.sort_by(|one, other| other.total_cmp(one));
                 let team = if kind == 0 { &largest_first } else { &radii };
-                prop_assert!(spec.poses(&site, &team[..fit]).is_ok());
+                prop_assert!(spec.poses(&site, &super::tests::bodies(&team[..fit])).is_ok());
             }
             Err(other) => prop_assert!(false, "{other}"),
         }
@@ -223,7 +227,7 @@ proptest! {
         let radius_m = radius_cells * cell_m;
         let mut bodies = placed_bodies::PlacedBodies::new(&terrain, &[radius_m], min_distance_m * cell_m);
         for place in placed {
-            bodies.place(extent.cell_at(place.index(extent.volume())), radius_m);
+            bodies.place(extent.cell_at(place.index(extent.volume())), &Candidate { radius_m, footing: None });
         }
         let all = extent.cells().zip(0u32..).filter(|&(cell, _)| bodies.has_room(cell, radius_m));
         let expected: Vec<u32> = all.map(|(_, index)| index).collect();
@@ -241,7 +245,7 @@ proptest! {
         if let Ok(map) = generate(&spec, extent, seed) {
             let start = SpawnSpec::Scattered { min_distance_m: 0.0, seed: None, yaw_rad: 0.0 };
             let site = Site { terrain: &map.terrain, entrances: &map.entrances, seed: map.report.seed };
-            prop_assert_eq!(start.poses(&site, &[0.5]).map(|poses| poses.len()), Ok(1));
+            prop_assert_eq!(start.poses(&site, &super::tests::bodies(&[0.5])).map(|poses| poses.len()), Ok(1));
         }
     }
 }
