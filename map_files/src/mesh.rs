@@ -209,9 +209,12 @@ pub(super) fn map_up(
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
     let mut triangles = mesh.sound(units);
+    // The lattice is too coarse for what is far smaller than a cell.
+    if let Some(bounds) = Bounds::of(triangles.iter().copied().flatten()) {
+        units.check_span(spec, bounds)?;
+    }
     lattice::put_on(&mut triangles);
     let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
-    units.check_span(spec, bounds)?;
     let mut frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),

@@ -60,6 +60,15 @@ fn a_box_is_solid_in_the_open_a_cave_or_a_shell() {
 }
 
 #[test]
+fn span_is_that_of_the_file_whatever_the_cells() {
+    for cell_m in [7.0, 1e3, 1e5, 1e6, 1e9] {
+        let spec = ImportSpec { cell_m: Some(cell_m), ..ImportSpec::new("a.obj", Vec::new()) };
+        let error = map(&spec, &cuboid([0.0; 3], [6.0, 4.0, 3.0]), Vec::new()).unwrap_err().to_string();
+        assert!(error.starts_with("the file spans 6.000 m x 4.000 m x 3.000 m, with scale = 1: less"), "{error}");
+    }
+}
+
+#[test]
 fn lines_through_holes_have_no_say() {
     let mut mesh = cuboid([0.0; 3], [6.0; 3]);
     // The lid: the last two triangles.
