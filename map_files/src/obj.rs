@@ -93,12 +93,15 @@ fn up_by_comment(bytes: &[u8]) -> Option<Up> {
     let mut text = Bytes::new(bytes);
     std::iter::from_fn(|| text.line()).map_while(|(_, line)| line.strip_prefix(b"#")).find_map(|comment| {
         let comment = String::from_utf8_lossy(comment).to_lowercase();
-        let words: Vec<&str> =
-            comment.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
-        words.windows(2).find_map(|pair| match pair {
-            ["z", "up"] | ["up", "z"] => Some(Up::Z),
-            ["y", "up"] | ["up", "y"] => Some(Up::Y),
-            _ => None,
+        // A comma ends what belongs together, as in "walls lined up, y is north".
+        comment.split([',', ';', '.']).find_map(|part| {
+            let words: Vec<&str> =
+                part.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+            words.windows(2).find_map(|pair| match pair {
+                ["z", "up"] | ["up", "z"] => Some(Up::Z),
+                ["y", "up"] | ["up", "y"] => Some(Up::Y),
+                _ => None,
+            })
         })
     })
 }
@@ -175,6 +178,7 @@ mod tests {
         assert_eq!(up("# walls, Y-up", [6, 4, 5], None), ([8, 7, 6], format!("y, {said}")));
         assert_eq!(up("# Blender 3.4.1\n# up: Z", [6, 4, 5], None).1, format!("z, {said}"));
         let open = "z, as the format leaves it open";
+        assert!(up("# walls lined up, y is north", [6, 4, 5], None).1.starts_with(open));
         assert_eq!(up("# walls", [6, 4, 5], None).1, format!("{open}; the option up changes that"));
         assert!(up("# a hall", [24, 5, 10], None).1.contains("y is by far the shortest side"));
     }

@@ -74,13 +74,14 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, Vec<Note>), FormatError> {
 
 /// Whether a file is a text of this format: it may have comments first.
 fn is_text(bytes: &[u8]) -> bool {
-    let mut text = Bytes::new(&bytes[..bytes.len().min(BEGINNING)]);
+    let beginning = &bytes[..bytes.len().min(BEGINNING)];
+    let mut text = Bytes::new(beginning);
     let mut lines = std::iter::from_fn(|| text.line());
     let begins = |line: &[u8]| {
         let key = words(line).next().unwrap_or_default().to_ascii_lowercase();
         key.starts_with(b"solid") || key == b"facet"
     };
-    !bytes[..bytes.len().min(HEADER)].contains(&0) && lines.any(|(_, line)| begins(line))
+    !beginning.contains(&0) && lines.any(|(_, line)| begins(line))
 }
 
 /// Whether the rest of a file is one triangle or more, and not zeros or a text.
@@ -272,6 +273,8 @@ mod tests {
             let read = read(&shell(file(count, &[]))).unwrap();
             assert_eq!((&read.terrain, warns(&read)), (&right.terrain, true), "{count}");
         }
+        let named = [b"solid of triangles".as_slice(), &[b' '; 62], &[0xff; 4], &triangles].concat();
+        assert_eq!(read(&shell(named)).unwrap().terrain, right.terrain);
         // Neither padding nor a text is a triangle.
         for rest in [[0; 50], [b'a'; 50]] {
             let read = read(&shell(file(3, &rest))).unwrap();

@@ -115,9 +115,11 @@ fn undirected(corners: &[[u32; 3]], face: &Range<usize>) -> (Vec<u32>, bool) {
 
 /// The faces that stand as often in one orientation as in the other.
 fn find(corners: &[[u32; 3]], faces: &[Range<usize>]) -> Vec<Doubles> {
-    let key = |face| {
-        let hashes = outline(corners, face).into_iter().map(|corner| hash([u64::from(corner), 0, 0]));
-        hashes.fold(0, u64::wrapping_add)
+    let sum =
+        |corners: &[u32]| corners.iter().fold(0, |sum: u64, &corner| sum.wrapping_add(hash([u64::from(corner), 0, 0])));
+    let key = |face: &Range<usize>| match &corners[face.clone()] {
+        [triangle] => sum(triangle),
+        _ => sum(&outline(corners, face)),
     };
     let mut by_key: Vec<(u64, u32)> = faces.iter().zip(0..).map(|(face, number)| (key(face), number)).collect();
     by_key.sort_unstable();
