@@ -1,10 +1,10 @@
 //! Meshes of triangles in the STL format, ascii and binary.
 //!
 //! A file is binary if it is long enough for its number of triangles, whatever it begins with; a
-//! text has a number there that no file is long enough for. Where the rest of a binary file is whole
-//! triangles of another number, as programs that write while they count leave it, the length
-//! decides. A text is a sequence of words, in capitals or not, whatever its lines; lines that are
-//! none of its own are skipped outside of loops.
+//! text has a number there that no file is long enough for. If whole triangles of another number
+//! follow, as programs that write while they count leave them, the length decides. A text is a
+//! sequence of words, in capitals or not, whatever its lines; lines that are none of its own are
+//! skipped outside of loops.
 
 use super::bytes::{Bytes, in_utf8, shown, three, words};
 use super::mesh::{self, Mesh};
