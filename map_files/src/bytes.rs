@@ -217,7 +217,7 @@ mod tests {
         }
         assert_eq!(["1.5", "-2e3", "+4"].map(|word| parse_float(word.as_bytes())), [Some(1.5), Some(-2e3), Some(4.0)]);
         assert_eq!(["0.5D+00", "-2d3", "D"].map(|word| parse_float(word.as_bytes())), [Some(0.5), Some(-2e3), None]);
-        for bytes in [b"\xff\xfe1\0 \0", b"\xfe\xff\01\0 "] {
+        for bytes in [b"\xff\xfe1\0 \0", b"\xfe\xff\x001\0 "] {
             assert_eq!(*in_utf8(bytes), *b"1 ");
         }
         assert_eq!(*in_utf8(b"1 "), *b"1 ");

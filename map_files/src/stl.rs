@@ -87,7 +87,7 @@ fn is_text(bytes: &[u8]) -> bool {
 /// Whether the rest of a file is one triangle or more, and not zeros or a text.
 fn are_triangles(rest: &[u8]) -> bool {
     let is_number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]).abs() <= LARGEST;
-    rest.len() % TRIANGLE == 0
+    rest.len().is_multiple_of(TRIANGLE)
         && rest.iter().any(|&byte| byte != 0)
         && rest.chunks_exact(TRIANGLE).all(|triangle| triangle[..TRIANGLE - 2].chunks_exact(4).all(is_number))
 }

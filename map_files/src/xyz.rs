@@ -40,7 +40,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut text = Bytes::new(&bytes);
     let (mut layout, mut with_commas) = (Layout::default(), 0u64);
     // Lines before the first point: what names the columns, and the last one.
-    let (mut header, mut titles, mut last_title): (Option<Header>, usize, Option<(usize, &[u8])>) = (None, 0, None);
+    let (mut header, mut titles, mut last_title) = (None::<Header>, 0, None);
     while let Some((line, content)) = text.line() {
         // A tab at the start stands behind an empty field.
         let row = content.trim_ascii_end();

@@ -140,6 +140,11 @@ fn find(corners: &[[u32; 3]], faces: &[Range<usize>]) -> Vec<Doubles> {
     doubles
 }
 
+/// The triangles of the first half of the faces.
+fn fronts(faces: &Doubles) -> impl Iterator<Item = usize> {
+    faces[..faces.len() / 2].iter().cloned().flatten()
+}
+
 /// An edge: its two corners, the lower first, and which of the doubles it belongs to, if any.
 type Edge = (u32, u32, Option<u32>);
 
@@ -158,7 +163,6 @@ struct Surface {
 
 /// Which doubles are those of a two-sided surface.
 fn are_surfaces(triangles: &[Triangle], corners: &[[u32; 3]], is_single: &[bool], doubles: &[Doubles]) -> Vec<bool> {
-    let fronts = |faces: &Doubles| faces[..faces.len() / 2].to_vec().into_iter().flatten();
     let mut edges: Vec<Edge> = Vec::new();
     let mut add = |triangle: usize, of: Option<u32>| {
         let [a, b, c] = corners[triangle];
