@@ -1,5 +1,7 @@
 //! A reader of bytes and lines with errors that name the position.
 
+use std::borrow::Cow;
+
 use super::FormatError;
 
 /// Longest piece of a file that an error repeats, in bytes.
@@ -7,6 +9,18 @@ const SHOWN_MAX: usize = 40;
 
 /// What some editors and programs put before a text in UTF-8.
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// A file as it is, or a text of UTF-16 with a byte order mark, as Windows writes it, in UTF-8.
+pub(super) fn in_utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let unit: fn([u8; 2]) -> u16 = match bytes {
+        [0xff, 0xfe, ..] => u16::from_le_bytes,
+        [0xfe, 0xff, ..] => u16::from_be_bytes,
+        _ => return Cow::Borrowed(bytes),
+    };
+    let units = bytes[2..].chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+    let text: String = char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
+    Cow::Owned(text.into_bytes())
+}
 
 /// The rest of a file from a position on.
 pub(super) struct Bytes<'a> {
@@ -135,6 +149,10 @@ pub(super) fn parse_float(word: &[u8]) -> Option<f64> {
     if let Ok(number) = str::from_utf8(word).ok()?.parse() {
         return Some(number);
     }
+    // Those of Fortran: 0.5D+00.
+    if word.iter().all(|byte| byte.is_ascii_digit() || b"+-.dD".contains(byte)) {
+        return str::from_utf8(word).ok()?.replace(['d', 'D'], "e").parse().ok();
+    }
     // Those of Windows: 1.#QNAN, -1.#IND00 and nan(ind); of others: -nan(0x7ffff).
     let lower = word.to_ascii_lowercase();
     let unsigned = lower.strip_prefix(b"-").or(lower.strip_prefix(b"+")).unwrap_or(&lower);
@@ -198,6 +216,11 @@ mod tests {
             assert!(parse_float(nan.as_bytes()).is_some_and(|number| !number.is_finite()), "{nan}");
         }
         assert_eq!(["1.5", "-2e3", "+4"].map(|word| parse_float(word.as_bytes())), [Some(1.5), Some(-2e3), Some(4.0)]);
+        assert_eq!(["0.5D+00", "-2d3", "D"].map(|word| parse_float(word.as_bytes())), [Some(0.5), Some(-2e3), None]);
+        for bytes in [b"\xff\xfe1\0 \0", b"\xfe\xff\x001\0 "] {
+            assert_eq!(*in_utf8(bytes), *b"1 ");
+        }
+        assert_eq!(*in_utf8(b"1 "), *b"1 ");
         assert_eq!(
             ["0", "007", "123456789012345678"].map(|word| digits(word.as_bytes())),
             [Some(0), Some(7), Some(123_456_789_012_345_678)]

@@ -3,8 +3,9 @@
 //! **Inside** is where the mesh winds around a centre at least half a time, so that solids that
 //! overlap, that intersect themselves or that have a narrow opening come out as their union. Lines
 //! along the three axes count the turns ([`crossings`]); where less than two of them come through
-//! no hole, or they differ, the generalised winding number decides ([`winding`]). Triangles are
-//! turned to face outwards together before ([`orientation`]).
+//! no hole, or they differ, the generalised winding number decides ([`winding`]). Before, two-sided
+//! surfaces lose one side ([`doubled`]), and triangles are turned to face outwards together
+//! ([`orientation`]).
 //!
 //! **Ties.** Centres on a face count as if all of them were moved a little the same way
 //! ([`crossings`]); so a mesh that is made of cells comes back as these cells, wherever they lie.
@@ -15,6 +16,7 @@
 //! The work is counted, not timed: a file that needs more steps than allowed is refused.
 
 mod crossings;
+mod doubled;
 mod lattice;
 mod orientation;
 mod touch;
@@ -209,9 +211,12 @@ pub(super) fn map_up(
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
     let mut triangles = mesh.sound(units);
+    // The lattice is too coarse for what is far smaller than a cell.
+    if let Some(bounds) = Bounds::of(triangles.iter().copied().flatten()) {
+        units.check_span(spec, bounds)?;
+    }
     lattice::put_on(&mut triangles);
     let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
-    units.check_span(spec, bounds)?;
     let mut frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),
@@ -223,6 +228,7 @@ pub(super) fn map_up(
         *corner = frame.in_map(*corner);
     }
     let mut work = WorkBudget::new(spec);
+    let doubled = doubled::drop_backs(&mut triangles, &mut work)?;
     let Orientation { turned, parts, openings } = orientation::orient(&mut triangles, &mut work)?;
     let text = format!(
         "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
@@ -230,6 +236,10 @@ pub(super) fn map_up(
     );
     let mut notes: Vec<Note> = std::iter::once(Note::new("mesh", text)).chain(notes).collect();
     notes.push(Note::new("spans", units.span(bounds)));
+    if doubled > 0 {
+        notes
+            .push(Note::new("doubled", format!("{doubled} triangles that stand back to back with others are dropped")));
+    }
     if turned > 0 {
         notes.push(Note::new("turned", format!("{turned} triangles that did not face outwards with the others")));
     }

@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-use super::bytes::{Bytes, digits, number, shown, three, words};
+use super::bytes::{Bytes, digits, in_utf8, number, shown, three, words};
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, cell_length};
@@ -19,11 +19,12 @@ pub(super) const READER: MapReader = MapReader {
 /// # Errors
 /// If the file is malformed, or its mesh does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
-    let Parsed { mesh, notes } = parse(&spec.bytes)?;
-    if let Some(up) = up_by_comment(&spec.bytes) {
+    let bytes = in_utf8(&spec.bytes);
+    let Parsed { mesh, notes } = parse(&bytes)?;
+    if let Some(up) = up_by_comment(&bytes) {
         return mesh::map_up(spec, &mesh, (up, "as a comment of the file says"), notes);
     }
-    match writer_of_y(&spec.bytes) {
+    match writer_of_y(&bytes) {
         Some(writer) => mesh::map_up(spec, &mesh, (Up::Y, &format!("as {writer} writes it by default")), notes),
         None => mesh::map(spec, &mesh, notes),
     }
@@ -42,17 +43,25 @@ pub(super) struct Parsed {
 pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
     let mut mesh = Mesh::default();
     let mut groups = 0u64;
-    let mut text = Bytes::new(bytes);
+    let bytes = in_utf8(bytes);
+    let mut text = Bytes::new(&bytes);
+    // Faces may come before their vertices: the highest vertex that they need, and their line.
+    let mut awaited: Option<(u32, usize)> = None;
     let mut skipped = 0u64;
     let mut corners: Vec<u32> = Vec::new();
     while let Some((line, content)) = whole_line(&mut text) {
         let mut words = words(&content);
         match words.next() {
             Some(b"v") => mesh.vertices.push(three(line, &mut words, "a coordinate")?),
-            Some(b"f") => {
+            // Of old, faces are "fo".
+            Some(b"f" | b"fo") => {
                 corners.clear();
-                for word in words {
-                    corners.push(corner(line, word, mesh.vertices.len())?);
+                for word in words.take_while(|word| !word.starts_with(b"#")) {
+                    let corner = corner(line, word, mesh.vertices.len())?;
+                    if corner as usize >= mesh.vertices.len() && awaited.is_none_or(|(highest, _)| highest < corner) {
+                        awaited = Some((corner, line));
+                    }
+                    corners.push(corner);
                 }
                 if corners.len() < 3 {
                     skipped += 1;
@@ -69,6 +78,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
             _ => {}
         }
     }
+    let count = mesh.vertices.len();
+    if let Some((highest, line)) = awaited.filter(|&(highest, _)| highest as usize >= count) {
+        return Err(FormatError::line(line, format!("\"{}\" is none of the {count} vertices", u64::from(highest) + 1)));
+    }
     let note = (groups > 0).then(|| Note::new("groups", format!("{groups}, which come out as their union")));
     let notes = note.into_iter().chain(mesh::note_of_skipped(skipped)).collect();
     Ok(Parsed { mesh, notes })
@@ -80,12 +93,15 @@ fn up_by_comment(bytes: &[u8]) -> Option<Up> {
     let mut text = Bytes::new(bytes);
     std::iter::from_fn(|| text.line()).map_while(|(_, line)| line.strip_prefix(b"#")).find_map(|comment| {
         let comment = String::from_utf8_lossy(comment).to_lowercase();
-        let words: Vec<&str> =
-            comment.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
-        words.windows(2).find_map(|pair| match pair {
-            ["z", "up"] | ["up", "z"] => Some(Up::Z),
-            ["y", "up"] | ["up", "y"] => Some(Up::Y),
-            _ => None,
+        // A comma ends what belongs together, as in "walls lined up, y is north".
+        comment.split([',', ';', '.']).find_map(|part| {
+            let words: Vec<&str> =
+                part.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+            words.windows(2).find_map(|pair| match pair {
+                ["z", "up"] | ["up", "z"] => Some(Up::Z),
+                ["y", "up"] | ["up", "y"] => Some(Up::Y),
+                _ => None,
+            })
         })
     })
 }
@@ -121,7 +137,8 @@ fn writer_of_y(bytes: &[u8]) -> Option<String> {
     })
 }
 
-/// The vertex of a corner such as `7`, `7/1/3` or, counted from the last one, `-2`.
+/// The vertex of a corner such as `7`, `7/1/3` or, counted from the last one, `-2`. Only the former
+/// may come later.
 fn corner(line: usize, word: &[u8], vertices: usize) -> Result<u32, FormatError> {
     let before = word.split(|&byte| byte == b'/').next();
     let number: i64 = match before.and_then(digits) {
@@ -129,7 +146,7 @@ fn corner(line: usize, word: &[u8], vertices: usize) -> Result<u32, FormatError>
         None => number(line, before, "a corner of a face")?,
     };
     let from_0 = if number < 0 { (vertices as i64).checked_add(number) } else { number.checked_sub(1) };
-    let is_vertex = |index: &i64| (0..vertices as i64).contains(index);
+    let is_vertex = |index: &i64| *index >= 0 && (number > 0 || *index < vertices as i64);
     from_0
         .filter(is_vertex)
         .and_then(|index| u32::try_from(index).ok())
@@ -161,6 +178,7 @@ mod tests {
         assert_eq!(up("# walls, Y-up", [6, 4, 5], None), ([8, 7, 6], format!("y, {said}")));
         assert_eq!(up("# Blender 3.4.1\n# up: Z", [6, 4, 5], None).1, format!("z, {said}"));
         let open = "z, as the format leaves it open";
+        assert!(up("# walls lined up, y is north", [6, 4, 5], None).1.starts_with(open));
         assert_eq!(up("# walls", [6, 4, 5], None).1, format!("{open}; the option up changes that"));
         assert!(up("# a hall", [24, 5, 10], None).1.contains("y is by far the shortest side"));
     }
@@ -176,6 +194,19 @@ mod tests {
         assert_eq!(terrain.extent().size(), [4; 3]);
         assert_eq!(mapgen::free_cells(&terrain), 8);
         assert_eq!(notes[0].text, "12 triangles in 1 part(s), 0 dropped because they have no area or are not finite");
+        // With comments behind faces, the old word for them, faces first, and in UTF-16.
+        let (vertices, faces) = text.split_at(text.find("f 1 4").unwrap());
+        let wide = format!("\u{feff}{text}").encode_utf16().flat_map(u16::to_be_bytes).collect();
+        let first = faces.replace("-8 -7 -3 -4", "1 2 6 5");
+        for bytes in [
+            text.replace(" 3 2\n", " 3 2 # the floor, 9\n").replace("5//1\n", "5//1 #\n").into(),
+            text.replace("\nf ", "\nfo ").into(),
+            format!("{first}{vertices}").into_bytes(),
+            wide,
+        ] {
+            let read = read(&ImportSpec { bytes, ..spec.clone() }).unwrap();
+            assert_eq!((&read.terrain, &read.notes[0]), (&terrain, &notes[0]));
+        }
         // In lines that go on, and with faces that are none.
         let broken = text.replace(" 3 2\n", " \\\r\n  3 \\\n2\n").replace("s off\n", "f 1 2\nf 3\nf 1 1 2\n");
         let continued = read(&ImportSpec { bytes: broken.into(), ..spec }).unwrap();
@@ -192,8 +223,14 @@ mod tests {
         let refuse = |text: &str| read(&ImportSpec::new("a.obj", text.into())).unwrap_err().to_string();
         assert_eq!(refuse("v 1 2\n"), "line 1: a coordinate is missing");
         assert_eq!(refuse("v 1 2 3\nf 1 1\n"), "the file has no triangle");
-        assert_eq!(refuse("v 1 2 3\nf 1 \\\n1 \\\r\n2\nf x\n"), "line 2: \"2\" is none of the 1 vertices before it");
-        assert_eq!(refuse("v 1 2 3\nf 1 1 2\n"), "line 2: \"2\" is none of the 1 vertices before it");
+        assert_eq!(
+            refuse("v 1 2 3\nf 1 \\\n1 \\\r\n2\nf x\n"),
+            "line 5: a corner of a face is \"x\", expected a number"
+        );
+        assert_eq!(refuse("v 1 2 3\nf 1 1 2\n"), "line 2: \"2\" is none of the 1 vertices");
+        assert_eq!(refuse("f 1 4 3\nf 2 9 1\nv 1 2 3\nv 1 2 3\n"), "line 2: \"9\" is none of the 2 vertices");
+        assert_eq!(refuse("v 1 2 3\nf 1 1 9999999999\n"), "line 2: \"9999999999\" is none of the 1 vertices before it");
+        assert_eq!(refuse("f -1 -1 -1\nv 1 2 3\n"), "line 1: \"-1\" is none of the 0 vertices before it");
         assert_eq!(refuse("v 1 2 3\nf 1 0 1\n"), "line 2: \"0\" is none of the 1 vertices before it");
         assert_eq!(
             refuse("v 1 2 3\nf 1 1 -9223372036854775808\n"),

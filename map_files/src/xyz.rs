@@ -1,15 +1,20 @@
 //! Point clouds as text (`.xyz`, `.xyzrgb`, `.xyzn`, `.asc`, `.pts`, `.csv`): a point in each line,
 //! its coordinates first, with spaces, commas or semicolons between them.
 //!
-//! Empty lines, comments (`#`, `//`), lines with nothing but a number of points and a first line
-//! without three numbers are skipped. If a comment or this line names columns x, y and z, the
-//! coordinates are these; if this line names as many columns as a row has, four or more, and not
-//! these, it is refused. A word with a comma between two digits is a number with a decimal comma
-//! if the line has three words or more between spaces or semicolons.
+//! Empty lines, comments (`#`, `//`, `%`), lines with nothing but a number of points and lines
+//! before the first one with three numbers are skipped. If one of these names columns x, y and z,
+//! the coordinates are these; if it names as many columns as a row has and not these, it is
+//! refused. A word with a comma between two digits is a number with a decimal comma if the line has
+//! three words or more between spaces or semicolons. Numbers may be in quotes. A coordinate that is
+//! empty, or `NA`, is not finite: the point is dropped and counted.
 
-use super::bytes::{Bytes, decimal_comma, parse_float, shown};
+mod header;
+
+use super::bytes::{Bytes, decimal_comma, in_utf8, parse_float, shown};
 use super::cloud::{self, Cloud};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
+
+use header::Header;
 
 /// Points as text.
 pub(super) const READER: MapReader =
@@ -18,10 +23,11 @@ pub(super) const READER: MapReader =
 /// The columns of x, y and z, unless a line names others.
 const FIRST: [usize; 3] = [0, 1, 2];
 
-/// Names of the columns of x, y and z, in small letters: those of most programs, and of VeloView
-/// and ParaView.
-const NAMES: [[&str; 3]; 3] =
-    [["x", "y", "z"], ["points_m_xyz:0", "points_m_xyz:1", "points_m_xyz:2"], ["points:0", "points:1", "points:2"]];
+/// What stands for a coordinate that is missing.
+const MISSING: [&[u8]; 7] = [b"", b"NA", b"N/A", b"null", b"NULL", b"None", b"-"];
+
+/// Most lines before the first point, empty ones and comments not counted.
+const TITLE_LINES: usize = 32;
 
 /// A map of a text file of points.
 ///
@@ -30,42 +36,51 @@ const NAMES: [[&str; 3]; 3] =
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut points: Vec<[f64; 3]> = Vec::new();
     let mut announced = 0;
-    let mut text = Bytes::new(&spec.bytes);
-    let (mut is_first, mut layout, mut header, mut with_commas) = (true, Layout::default(), None, 0u64);
+    let bytes = in_utf8(&spec.bytes);
+    let mut text = Bytes::new(&bytes);
+    let (mut layout, mut with_commas) = (Layout::default(), 0u64);
+    // Lines before the first point: what names the columns, and the last one.
+    let (mut header, mut titles, mut last_title) = (None::<Header>, 0, None);
     while let Some((line, content)) = text.line() {
         // A tab at the start stands behind an empty field.
         let row = content.trim_ascii_end();
         let content = row.trim_ascii_start();
-        let comment = content.strip_prefix(b"#").or(content.strip_prefix(b"//"));
-        if content.is_empty() || comment.is_some() {
-            let named = comment.filter(|_| points.is_empty()).map(Header::of).filter(|named| named.columns.is_some());
-            header = named.map(|named| (None, named)).or(header);
+        let comment = content.strip_prefix(b"#").or(content.strip_prefix(b"//")).or(content.strip_prefix(b"%"));
+        if comment.is_some() || content.iter().all(|byte| b",; \t".contains(byte)) {
+            if let Some(comment) = comment.filter(|_| points.is_empty()) {
+                header = Header::of(line, comment, true).instead_of(header);
+            }
             continue;
         }
-        if is_first && content.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"ncols")) {
+        if points.is_empty() && content.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"ncols")) {
             let reason = "a grid of heights (ESRI ASCII) is no point cloud; save it as points";
             return Err(FormatError::line(line, reason));
         }
-        if let Some((place, named)) = header.take() {
-            layout = named.layout(row).map_err(|reason| FormatError::line(place.unwrap_or(line), reason))?;
-        }
-        match point(row, &layout) {
+        let begun = if points.is_empty() { header.as_ref().map(|header| header.layout(row)) } else { None };
+        match point(row, begun.as_ref().and_then(|layout| layout.as_ref().ok()).unwrap_or(&layout)) {
             Some((point, has_commas)) => {
+                if let Some(begun) = begun {
+                    let place = header.as_ref().filter(|header| !header.is_comment).map_or(line, |header| header.line);
+                    layout = begun.map_err(|reason| FormatError::line(place, reason))?;
+                }
                 points.push(point);
                 with_commas += u64::from(has_commas);
             }
             // The number of the points that follow.
             None if content.iter().all(u8::is_ascii_digit) => announced += parse_float(content).unwrap_or(0.0) as u64,
-            None if is_first => header = Some((Some(line), Header::of(row))),
+            None if points.is_empty() && titles < TITLE_LINES => {
+                (titles, last_title) = (titles + 1, Some((line, content)));
+                header = Header::of(line, row, false).instead_of(header);
+            }
             None if layout.separator.is_some() || layout.columns != FIRST => {
                 let reason = format!("{} has no numbers in the columns x, y and z", shown(content));
                 return Err(FormatError::line(line, reason));
             }
-            None => {
-                return Err(FormatError::line(line, format!("{} does not begin with three numbers", shown(content))));
-            }
+            None => return Err(no_numbers(line, content)),
         }
-        is_first = false;
+    }
+    if let Some((line, content)) = last_title.filter(|_| points.is_empty()) {
+        return Err(no_numbers(line, content));
     }
     let columns = layout.columns;
     let mut notes = Vec::new();
@@ -86,6 +101,10 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         notes.push(Note::warning("columns", text));
     }
     cloud::map(spec, Cloud { points: points.into(), notes, ..Cloud::default() })
+}
+
+fn no_numbers(line: usize, content: &[u8]) -> FormatError {
+    FormatError::line(line, format!("{} does not begin with three numbers", shown(content)))
 }
 
 /// The words of a line between spaces and `separators`.
@@ -112,110 +131,105 @@ impl Default for Layout {
 /// The point of a line, and whether it has decimal commas.
 fn point(line: &[u8], layout: &Layout) -> Option<([f64; 3], bool)> {
     let columns = layout.columns;
-    let either = |word: &[u8]| decimal_comma(word).or_else(|| parse_float(word));
-    let pick = |words: &[&[u8]], parse: &dyn Fn(&[u8]) -> Option<f64>| {
-        let [x, y, z] = columns.map(|column| words.get(column).and_then(|word| parse(word)));
-        Some([x?, y?, z?])
-    };
+    if line.contains(&b'"') {
+        let fields = quoted(line, layout.separator);
+        let field = |column: usize| fields.get(column).copied();
+        let has_commas = columns.iter().any(|&column| field(column).is_some_and(|field| field.contains(&b',')));
+        let [x, y, z] = columns.map(|column| field(column).and_then(coordinate));
+        return Some(([x?, y?, z?], has_commas));
+    }
     if line.contains(&b',') && matches!(layout.separator, None | Some(b',')) {
         let apart = apart(line);
         let has_commas =
             columns.iter().any(|&column| apart.get(column).is_some_and(|word| decimal_comma(word).is_some()));
-        if let Some(point) = pick(&apart, &either).filter(|_| has_commas) {
-            return Some((point, true));
+        let [x, y, z] = columns.map(|column| apart.get(column).and_then(|word| coordinate(word)));
+        if let (true, Some(x), Some(y), Some(z)) = (has_commas, x, y, z) {
+            return Some(([x, y, z], true));
         }
     }
-    if let Some(separator) = layout.separator.filter(|separator| line.contains(separator)) {
+    let known = layout.separator.filter(|separator| line.contains(separator));
+    if let Some(separator) = known.or_else(|| separator_of_empty(line)) {
         let (mut found, mut has_commas) = ([None; 3], false);
         for (at, field) in line.split(|&byte| byte == separator).map(<[u8]>::trim_ascii).enumerate() {
             if let Some(axis) = columns.iter().position(|&column| column == at) {
                 has_commas |= field.contains(&b',');
-                found[axis] = either(field);
+                found[axis] = coordinate(field);
             }
             if at >= layout.count && columns != FIRST && !field.is_empty() {
                 return None;
             }
         }
-        let [x, y, z] = found;
-        return Some(([x?, y?, z?], has_commas));
+        match found {
+            [Some(x), Some(y), Some(z)] => return Some(([x, y, z], has_commas)),
+            _ if known.is_some() => return None,
+            _ => {}
+        }
     }
+    let number = |word: &[u8]| parse_float(word).or_else(|| MISSING.contains(&word).then_some(f64::NAN));
     if columns == FIRST {
         // Most files are so, and a list of words for each line takes longer than its numbers.
         let mut words = words(line, b",;");
-        let mut next = || words.next().and_then(parse_float);
+        let mut next = || words.next().and_then(number);
         return Some(([next()?, next()?, next()?], false));
     }
-    pick(&words(line, b",;").collect::<Vec<_>>(), &parse_float).map(|point| (point, false))
+    let words: Vec<&[u8]> = words(line, b",;").collect();
+    let [x, y, z] = columns.map(|column| words.get(column).and_then(|word| number(word)));
+    Some(([x?, y?, z?], false))
+}
+
+/// A coordinate, maybe with a decimal comma; not finite if it is missing.
+fn coordinate(field: &[u8]) -> Option<f64> {
+    let missing = || MISSING.contains(&field).then_some(f64::NAN);
+    decimal_comma(field).or_else(|| parse_float(field)).or_else(missing)
+}
+
+/// What stands between the fields of a line, if one of them is empty.
+fn separator_of_empty(line: &[u8]) -> Option<u8> {
+    let mut is_empty = true;
+    memchr::memchr2(b',', b';', line)?;
+    for &byte in line.iter().filter(|byte| !byte.is_ascii_whitespace()) {
+        match byte {
+            b',' | b';' if is_empty => return Some(byte),
+            _ => is_empty = matches!(byte, b',' | b';'),
+        }
+    }
+    None
+}
+
+/// The fields of a line with quotes, without these, between `separator` or what stands between
+/// them outside of quotes.
+fn quoted(line: &[u8], separator: Option<u8>) -> Vec<&[u8]> {
+    let mut is_inside = false;
+    let outside: Vec<bool> = line
+        .iter()
+        .map(|&byte| {
+            is_inside ^= byte == b'"';
+            !is_inside
+        })
+        .collect();
+    let has = |separator: &u8| line.iter().zip(&outside).any(|(byte, is_outside)| byte == separator && *is_outside);
+    let separator = separator.filter(has).or_else(|| [b';', b'\t', b','].into_iter().find(has));
+    let mut fields = Vec::new();
+    let mut first = 0;
+    for at in 0..=line.len() {
+        let is_end = line.get(at).is_none_or(|&byte| {
+            outside[at] && separator.map_or(byte.is_ascii_whitespace(), |separator| byte == separator)
+        });
+        if is_end {
+            let field = line[first..at].trim_ascii();
+            if separator.is_some() || !field.is_empty() {
+                let bare = field.strip_prefix(b"\"").and_then(|field| field.strip_suffix(b"\""));
+                fields.push(bare.unwrap_or(field).trim_ascii());
+            }
+            first = at + 1;
+        }
+    }
+    fields
 }
 
 /// The words of a line whose commas are decimal ones, save for one that ends a word.
 fn apart(line: &[u8]) -> Vec<&[u8]> {
     words(line, b";").map(|word| word.strip_suffix(b",").unwrap_or(word)).collect()
-}
-
-/// A line that may name the columns.
-struct Header {
-    columns: Option<[usize; 3]>,
-    separator: Option<u8>,
-    /// Number of names.
-    count: usize,
-}
-
-impl Header {
-    fn of(line: &[u8]) -> Self {
-        let separator = [b';', b'\t', b','].into_iter().find(|separator| line.contains(separator));
-        let names: Vec<String> = match separator {
-            Some(separator) => line.split(|&byte| byte == separator).map(name).collect(),
-            None => words(line, b"").map(name).filter(|name| !name.is_empty()).collect(),
-        };
-        let columns = |names: &[&str]| {
-            let place = |wanted: &str| names.iter().position(|&name| name == wanted);
-            NAMES.into_iter().find_map(|[x, y, z]| Some([place(x)?, place(y)?, place(z)?]))
-        };
-        let exact: Vec<&str> = names.iter().map(String::as_str).collect();
-        let bare: Vec<&str> = exact.iter().map(|name| bare(name)).collect();
-        Self { columns: columns(&exact).or_else(|| columns(&bare)), separator, count: names.len() }
-    }
-
-    /// Where the coordinates stand in the rows, of which `row` is the first.
-    ///
-    /// # Errors
-    /// If this names the columns of the row and they are not known.
-    fn layout(self, row: &[u8]) -> Result<Layout, String> {
-        let Self { columns, separator, count } = self;
-        let fields = match separator.filter(|separator| row.contains(separator)) {
-            Some(separator) => row.strip_suffix(&[separator]).unwrap_or(row).split(|&byte| byte == separator).count(),
-            None => words(row, b",;").count(),
-        };
-        // A sentence may contain these letters, too.
-        let is_row = fields == count || fields + 1 == count || apart(row).len() == count;
-        match columns {
-            Some(columns) if is_row => Ok(Layout { columns, separator, count }),
-            Some(columns) if separator.is_some() && columns != FIRST => Err(format!(
-                "the names of the columns are {count}, the fields of the first row {fields}; give each column a name"
-            )),
-            None if fields == count && count > FIRST.len() => {
-                Err("the header names no columns x, y and z; name those of the coordinates so".to_owned())
-            }
-            _ => Ok(Layout::default()),
-        }
-    }
-}
-
-/// The name of a column, in small letters.
-fn name(word: &[u8]) -> String {
-    let trimmed = |character: char| character.is_whitespace() || ['"', '\'', '/', '#'].contains(&character);
-    String::from_utf8_lossy(word).trim_matches(trimmed).to_lowercase()
-}
-
-/// A name without what programs put around it: of ROS, of poses, and the unit metre.
-fn bare(name: &str) -> &str {
-    let mut bare = name;
-    for prefix in ["field.", "point.", "position.", "pos_", "pos."] {
-        bare = bare.strip_prefix(prefix).unwrap_or(bare);
-    }
-    let unit = ["[m]", "(m)", "_m"].iter().find_map(|unit| bare.strip_suffix(unit));
-    unit.unwrap_or(bare).trim_end_matches([' ', '_'])
 }
 
 #[cfg(test)]
@@ -297,6 +311,13 @@ mod tests {
             "intensity,X [m],Y [m],Z (m)",
             "id,x_m,y_m,z_m",
             "%time,field.point.x,field.point.y,field.point.z",
+            "# Columns: intensity, x, y, z",
+            "ID,X_COORD,Y_COORD,Z_COORD",
+            "id,easting,northing,elevation",
+            "\"intensity\",\"Points_0\",\"Points_1\",\"Points_2\"",
+            "Survey of a hall\n\nid,x,y,z\n-,[m],[m],[m]",
+            "% written by a program\n% id, x, y, z",
+            "id,x,y,z,",
         ] {
             let text = format!("{header}\n7,0.5,0.5,0.5\n3,2.5,0.5,0.5\n,0.5,2.5,0.5\n");
             assert_eq!(of("a.csv", &text).terrain, terrain, "{header}");
@@ -305,12 +326,61 @@ mod tests {
         }
         let refuse = |text: &str| ImportSpec::new("a.csv", text.into()).read().unwrap_err().to_string();
         let unknown = "line 1: the header names no columns x, y and z";
-        assert!(refuse("id,easting,northing,height\n1,2,3,4\n").contains(unknown));
-        assert!(refuse("id easting northing height\n1 2 3 4\n").contains(unknown));
+        assert!(refuse("id,lon,lat,height\n1,2,3,4\n").contains(unknown));
+        assert!(refuse("id row column height\n1 2 3 4\n").contains(unknown));
+        for three in
+            ["height,x,row", "lat,lon,height", "time;range;angle", "# height,x,row", "height x row", "# y x row"]
+        {
+            assert!(refuse(&format!("{three}\n1,2,3\n")).contains("the header names no columns x, y and z"), "{three}");
+        }
         assert!(refuse("id,x [mm],y [mm],z [mm]\n1,2,3,4\n").contains(unknown));
-        assert!(refuse("n,x,y,z\n\"a\",1,2,3\n\"a, b\",1,2,3\n").contains("line 3: "));
+        assert!(refuse("n,x,y,z\n\"a\",1,2,3\n\"a, b\",1,b,3\n").contains("line 3: "));
         assert!(refuse("n,x,y,z\n1,9,2,3,4,5\n").contains("the names of the columns are 4"));
         assert_eq!(of("a.xyz", "a room of the house\n0.5 0.5 0.5\n2.5 0.5 0.5\n0.5 2.5 0.5\n").terrain, terrain);
+    }
+
+    #[test]
+    fn rows_of_tables_are_points_in_all_spellings() {
+        let terrain = of("a.xyz", "0.5 0.5 0.5\n2.5 0.5 0.5\n0.5 2.5 0.5\n").terrain;
+        let rows = "0.5,0.5,0.5\n2.5,0.5,0.5\n0.5,2.5,0.5\n";
+        let all_quoted = rows.replace(',', "\",\"").replace("\n", "\"\n\"");
+        let all_quoted = format!("\"{}", &all_quoted[..all_quoted.len() - 1]);
+        let with_row_names = "\"x\" \"y\" \"z\"\n\"1\" 0.5 0.5 0.5\n\"2\" 2.5 0.5 0.5\n\"3\" 0.5 2.5 0.5\n";
+        for text in [
+            all_quoted.clone(),
+            format!("\"x\",\"y\",\"z\"\n{all_quoted}"),
+            all_quoted.replace("\",\"", "\";\"").replace('.', ","),
+            all_quoted.replace('.', ","),
+            with_row_names.to_owned(),
+            format!("sep=;\nx;y;z\n{}", rows.replace(',', ";")),
+            format!("# Unit: m\n# Columns: x y z intensity\n{}", rows.replace(',', " ").replace('\n', " 1\n")),
+            format!("% a\n% b\n{rows}"),
+            rows.replace(".5", ".5D+00"),
+            "height,x,y\n0.5,0.5,0.5\n0.5,2.5,0.5\n0.5,0.5,2.5\n".to_owned(),
+            "northing,easting,height\n0.5,0.5,0.5\n0.5,2.5,0.5\n2.5,0.5,0.5\n".to_owned(),
+            "y x alt\n0.5 0.5 0.5\n0.5 2.5 0.5\n2.5 0.5 0.5\n".to_owned(),
+        ] {
+            assert_eq!(of("a.csv", &text).terrain, terrain, "{text}");
+        }
+        let wide = rows.encode_utf16().fold(vec![0xff, 0xfe], |bytes, unit| [&bytes[..], &unit.to_le_bytes()].concat());
+        assert_eq!(ImportSpec::new("a.csv", wide).read().unwrap().terrain, terrain);
+        // Rows without a complete point.
+        let header = "x,y,z,i\n";
+        for (header, rest) in [
+            ("", ",,3.5,255,9\n1.5,,2.5,200,9\n"),
+            ("", "; ; 3.5; 255\n"),
+            (header, ",,,7\n"),
+            (header, "NA,NA,NA,1\nnull,1,2,3\n"),
+            ("", "NA NA NA\n"),
+            ("", "\"\",\"1\",\"2\"\n"),
+        ] {
+            let imported = of("a.csv", &format!("{header}{}{rest}", rows.replace('\n', ",7\n")));
+            assert_eq!(imported.terrain, terrain, "{rest}");
+            let dropped = format!("{} dropped because they are not finite", rest.lines().count());
+            assert!(imported.notes.iter().any(|note| note.text.contains(&dropped)), "{:?}", imported.notes);
+        }
+        let refuse = |text: &str| ImportSpec::new("a.csv", text.into()).read().unwrap_err().to_string();
+        assert!(refuse("8\nwater\nNa 0 0 0\nH 1 0 0\n").contains("line 4: \"H 1 0 0\" does not begin with three"));
     }
 
     #[test]

@@ -76,7 +76,7 @@ pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Resul
 ///
 /// # Errors
 /// If no work is left, because the hashes of too many places are alike.
-fn corners(triangles: &[Triangle], work: &mut WorkBudget) -> Result<Vec<[u32; 3]>, FormatError> {
+pub(super) fn corners(triangles: &[Triangle], work: &mut WorkBudget) -> Result<Vec<[u32; 3]>, FormatError> {
     // A table with open addressing, at most half full, of places by their first corners.
     let slots = (6 * triangles.len()).next_power_of_two();
     let mut table = vec![NO_PLACE; slots];
@@ -113,7 +113,7 @@ fn corners(triangles: &[Triangle], work: &mut WorkBudget) -> Result<Vec<[u32; 3]
 }
 
 /// Mixes the bits of a place.
-fn hash(key: [u64; 3]) -> u64 {
+pub(super) fn hash(key: [u64; 3]) -> u64 {
     let mix = |state: u64, part: u64| {
         let product = u128::from(state ^ part) * u128::from(HASH_FACTOR);
         (product >> 64) as u64 ^ product as u64
@@ -352,15 +352,15 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Disjoint sets of numbers.
-struct Sets(Vec<u32>);
+pub(super) struct Sets(Vec<u32>);
 
 impl Sets {
-    fn new(count: usize) -> Self {
+    pub(super) fn new(count: usize) -> Self {
         Self((0..count as u32).collect())
     }
 
     /// The lowest number of the set.
-    fn root(&mut self, of: u32) -> u32 {
+    pub(super) fn root(&mut self, of: u32) -> u32 {
         let mut at = of;
         while self.0[at as usize] != at {
             let above = self.0[self.0[at as usize] as usize];
@@ -370,7 +370,7 @@ impl Sets {
         at
     }
 
-    fn join(&mut self, a: u32, b: u32) {
+    pub(super) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
     }

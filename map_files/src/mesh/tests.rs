@@ -59,6 +59,108 @@ fn a_box_is_solid_in_the_open_a_cave_or_a_shell() {
     assert_eq!(free_cells(&open), 2 * 4 + (3 + 2 + 5 + 1), "within the shell, and beyond its upper edges");
 }
 
+/// The mesh and its back: each face of two triangles once more, the other way round, in one of the
+/// orders and with one of the diagonals that programs write.
+fn two_sided(mesh: &Mesh, writes: usize) -> Mesh {
+    let corners = |triangle: &[u32; 3]| triangle.map(|corner| mesh.vertices[corner as usize]);
+    let triangles: Vec<Triangle> = mesh.triangles.iter().map(corners).collect();
+    let mut both = Mesh::default();
+    let backs: Vec<Triangle> = triangles
+        .chunks(2)
+        .flat_map(|quad| {
+            let ([a, b, c], d) = (quad[0], quad[1][2]);
+            match writes {
+                0 => [[d, c, b], [d, b, a]],
+                1 => [[c, b, a], [d, c, a]],
+                _ => [[d, c, b], [b, a, d]],
+            }
+        })
+        .collect();
+    for (front, back) in triangles.chunks(2).zip(backs.chunks(2)) {
+        front.iter().for_each(|&triangle| both.add(triangle));
+        if writes == 2 {
+            back.iter().for_each(|&triangle| both.add(triangle));
+        }
+    }
+    if writes != 2 {
+        backs.iter().rev().for_each(|&triangle| both.add(triangle));
+    }
+    both
+}
+
+/// A box that faces outwards.
+fn outwards(low: [f64; 3], high: [f64; 3]) -> Mesh {
+    let sides = cuboid(low, high);
+    let mut mesh = Mesh::default();
+    for (number, side) in sides.triangles.chunks(2).enumerate() {
+        let [a, b, c] = side[0].map(|corner| sides.vertices[corner as usize]);
+        let d = sides.vertices[side[1][2] as usize];
+        let [a, b, c, d] = if number % 2 == 0 { [d, c, b, a] } else { [a, b, c, d] };
+        mesh.add([a, b, c]);
+        mesh.add([a, c, d]);
+    }
+    mesh
+}
+
+fn joined(meshes: &[Mesh]) -> Mesh {
+    let mut all = Mesh::default();
+    for mesh in meshes {
+        mesh.triangles.iter().for_each(|triangle| all.add(triangle.map(|corner| mesh.vertices[corner as usize])));
+    }
+    all
+}
+
+#[test]
+fn two_sided_surfaces_are_those_with_one_side() {
+    let room = |low: f64, high: f64| outwards([low; 3], [high; 3]);
+    let slab = outwards;
+    let slabs = joined(&[
+        slab([0.0; 3], [8.0, 6.0, 1.0]),
+        slab([0.0, 0.0, 4.0], [8.0, 6.0, 5.0]),
+        slab([0.0; 3], [1.0, 6.0, 5.0]),
+        slab([7.0, 0.0, 0.0], [8.0, 6.0, 5.0]),
+        slab([0.0; 3], [8.0, 1.0, 5.0]),
+        slab([0.0, 5.0, 0.0], [8.0, 6.0, 5.0]),
+    ]);
+    let mut open = room(0.0, 6.0);
+    open.triangles.truncate(10);
+    let touching = joined(&[room(0.0, 4.0), slab([4.0, 0.0, 0.0], [8.0, 4.0, 4.0])]);
+    let corners = [[9.0, 9.0, 9.0], [9.0, 12.0, 9.0], [9.0, 12.0, 12.0], [9.0, 9.0, 12.0]];
+    let mut sheet = Mesh::default();
+    sheet.add([corners[0], corners[1], corners[2]]);
+    sheet.add([corners[0], corners[2], corners[3]]);
+    for writes in 0..3 {
+        for mesh in [&slabs, &room(0.0, 6.0), &open, &touching] {
+            let both = two_sided(mesh, writes);
+            for kind in [Kind::Wall, Kind::Free] {
+                let (one, both) = (read(mesh, options(Fill::Solid, kind)), read(&both, options(Fill::Solid, kind)));
+                assert!(one.terrain == both.terrain, "{writes}, {kind:?}: {:?}", both.notes);
+                assert!(note(&both, "doubled").is_some(), "{writes}");
+                assert_eq!(note(&one, "doubled"), None, "of two boxes that touch the common side stays");
+            }
+        }
+        // One side of a room has a back, or a sheet beside it has one.
+        let (mut five, mut side) = (room(0.0, 6.0), room(0.0, 6.0));
+        five.triangles.truncate(10);
+        side.triangles.drain(..10);
+        let partly = read(&joined(&[five, two_sided(&side, writes)]), options(Fill::Solid, Kind::Free));
+        assert_eq!((free_cells(&partly.terrain), note(&partly, "holes")), (6 * 6 * 6, None), "{:?}", partly.notes);
+        let with_sheet = joined(&[room(0.0, 6.0), two_sided(&sheet, writes)]);
+        let with_sheet = read(&with_sheet, options(Fill::Solid, Kind::Free));
+        assert_eq!(free_cells(&with_sheet.terrain), 6 * 6 * 6, "{:?}", with_sheet.notes);
+        assert_eq!((note(&with_sheet, "doubled"), note(&with_sheet, "holes")), (None, None));
+    }
+}
+
+#[test]
+fn span_is_that_of_the_file_whatever_the_cells() {
+    for cell_m in [7.0, 1e3, 1e5, 1e6, 1e9] {
+        let spec = ImportSpec { cell_m: Some(cell_m), ..ImportSpec::new("a.obj", Vec::new()) };
+        let error = map(&spec, &cuboid([0.0; 3], [6.0, 4.0, 3.0]), Vec::new()).unwrap_err().to_string();
+        assert!(error.starts_with("the file spans 6.000 m x 4.000 m x 3.000 m, with scale = 1: less"), "{error}");
+    }
+}
+
 #[test]
 fn lines_through_holes_have_no_say() {
     let mut mesh = cuboid([0.0; 3], [6.0; 3]);

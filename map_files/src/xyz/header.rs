@@ -1,0 +1,120 @@
+//! Lines before the points of a text that may name the columns.
+
+use super::{FIRST, Layout, apart, quoted, words};
+
+/// Names of the columns of x, y and z, in small letters: those of most programs, of VeloView and of
+/// ParaView.
+const NAMES: [[&str; 3]; 6] = [
+    ["x", "y", "z"],
+    ["points_m_xyz:0", "points_m_xyz:1", "points_m_xyz:2"],
+    ["points_m_xyz_0", "points_m_xyz_1", "points_m_xyz_2"],
+    ["points:0", "points:1", "points:2"],
+    ["points_0", "points_1", "points_2"],
+    ["coordinates_0", "coordinates_1", "coordinates_2"],
+];
+
+/// Other names of each of them, of surveys.
+const OTHER_NAMES: [&[&str]; 3] =
+    [&["x", "easting", "east"], &["y", "northing", "north"], &["z", "height", "elevation", "altitude", "elev", "alt"]];
+
+/// A line that may name the columns.
+pub(super) struct Header {
+    pub(super) line: usize,
+    pub(super) is_comment: bool,
+    columns: Option<[usize; 3]>,
+    /// How many of the coordinates are named.
+    known: usize,
+    separator: Option<u8>,
+    /// Number of names.
+    count: usize,
+    /// Whether all names have letters.
+    are_words: bool,
+}
+
+impl Header {
+    pub(super) fn of(line: usize, text: &[u8], is_comment: bool) -> Self {
+        // What announces the names, as in "Columns: x y z".
+        let announced = text.windows(2).rposition(|pair| b":=".contains(&pair[0]) && pair[1].is_ascii_whitespace());
+        let text = announced.map_or(text, |at| &text[at + 2..]);
+        let separator = [b';', b'\t', b','].into_iter().find(|separator| text.contains(separator));
+        let mut names: Vec<String> = match separator {
+            Some(separator) => text.split(|&byte| byte == separator).map(name).collect(),
+            None => words(text, b"").map(name).filter(|name| !name.is_empty()).collect(),
+        };
+        names.pop_if(|name| name.is_empty());
+        let columns = |names: &[&str]| {
+            let place = |wanted: &str| names.iter().position(|&name| name == wanted);
+            NAMES.into_iter().find_map(|[x, y, z]| Some([place(x)?, place(y)?, place(z)?]))
+        };
+        let exact: Vec<&str> = names.iter().map(String::as_str).collect();
+        let bare: Vec<&str> = exact.iter().map(|name| bare(name)).collect();
+        let others =
+            OTHER_NAMES.map(|names| names.iter().find_map(|&wanted| bare.iter().position(|&name| name == wanted)));
+        let known = others.iter().flatten().count();
+        let others = if let [Some(x), Some(y), Some(z)] = others { Some([x, y, z]) } else { None };
+        let are_words = names.iter().all(|name| name.contains(char::is_alphabetic));
+        let columns = columns(&exact).or_else(|| columns(&bare)).or(others);
+        Self { line, is_comment, columns, known, separator, count: names.len(), are_words }
+    }
+
+    /// This one, or one before it that says more.
+    pub(super) fn instead_of(self, before: Option<Self>) -> Option<Self> {
+        let names = |header: &Self| header.columns.is_some() || header.known > 1;
+        let says_more = names(&self) || (!self.is_comment && !before.as_ref().is_some_and(names));
+        if says_more { Some(self) } else { before }
+    }
+
+    /// Where the coordinates stand in the rows, of which `row` is the first.
+    ///
+    /// # Errors
+    /// If this names the columns of the row and they are not known.
+    pub(super) fn layout(&self, row: &[u8]) -> Result<Layout, String> {
+        let &Self { columns, known, separator, count, are_words, .. } = self;
+        let all = if row.contains(&b'"') {
+            quoted(row, separator).len()
+        } else if let Some(separator) = separator.filter(|separator| row.contains(separator)) {
+            row.split(|&byte| byte == separator).count()
+        } else {
+            words(row, b",;").count()
+        };
+        let ends_empty = separator.is_some_and(|separator| row.ends_with(&[separator]));
+        let fields = all - usize::from(ends_empty);
+        // A sentence may contain these letters, too.
+        let is_row = fields == count || all == count || apart(row).len() == count;
+        // R writes the names of rows, in quotes, and none of their column.
+        let has_row_names =
+            all == count + 1 && row.first() == Some(&b'"') && row.iter().filter(|&&b| b == b'"').count() == 2;
+        match columns {
+            Some(columns) if is_row => Ok(Layout { columns, separator, count }),
+            Some(columns) if has_row_names => {
+                Ok(Layout { columns: columns.map(|column| column + 1), separator, count: count + 1 })
+            }
+            Some(columns) if separator.is_some() && columns != FIRST => Err(format!(
+                "the names of the columns are {count}, the fields of the first row {fields}; give each column a name"
+            )),
+            None if fields == count
+                && (count > FIRST.len() || known > 0 || (count == FIRST.len() && separator.is_some() && are_words)) =>
+            {
+                Err("the header names no columns x, y and z; name those of the coordinates so".to_owned())
+            }
+            _ => Ok(Layout::default()),
+        }
+    }
+}
+
+/// The name of a column, in small letters.
+fn name(word: &[u8]) -> String {
+    let trimmed = |character: char| character.is_whitespace() || ['"', '\'', '/', '#'].contains(&character);
+    String::from_utf8_lossy(word).trim_matches(trimmed).to_lowercase()
+}
+
+/// A name without what programs put around it: of ROS, of poses, and the unit metre.
+fn bare(name: &str) -> &str {
+    let mut bare = name;
+    for prefix in ["field.", "point.", "point_", "position.", "position_", "pos_", "pos.", "coord_"] {
+        bare = bare.strip_prefix(prefix).unwrap_or(bare);
+    }
+    let unit = ["[m]", "(m)", "_m"].iter().find_map(|unit| bare.strip_suffix(unit));
+    let bare = unit.unwrap_or(bare).trim_end_matches([' ', '_']);
+    ["_coordinate", "_coord", "coordinate", "coord"].iter().find_map(|kind| bare.strip_suffix(kind)).unwrap_or(bare)
+}
