@@ -26,8 +26,9 @@ use scene::Scene;
 pub(super) const READER: MapReader = MapReader::new("scene of COLLADA", &["dae"], mesh::OPTIONS, read);
 
 /// Writers, by a part of `authoring_tool`, that name the axis y whatever the axes of what they
-/// write: assimp (5.2), as a file of it made from one with z upwards shows.
-const AS_GIVEN: [&str; 1] = ["Assimp"];
+/// write: assimp (5.2) and MeshLab (pymeshlab 2025.7), as files of theirs made from one with z
+/// upwards show.
+const AS_GIVEN: [&str; 3] = ["Assimp", "MeshLab", "VCGLib"];
 
 /// Largest number of floats, and of indices, of a list.
 const NUMBERS_MAX: usize = 1 << 26;
