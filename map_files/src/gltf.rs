@@ -21,7 +21,7 @@ use super::bytes::{Bytes, shown};
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
-use document::{Accessor, Buffer, Document, Node, Places, View};
+use document::{Accessor, Buffer, Document, Node, Places, Versioned, View};
 use meshopt::Mode;
 
 /// A scene of meshes, as text or binary.
@@ -36,6 +36,10 @@ const DOCUMENT_BYTES_MAX: usize = 1 << 24;
 
 /// Most nodes on the way from a scene to a mesh.
 const DEPTH_MAX: usize = 256;
+
+/// What is wrong with a file of glTF 1.0.
+const OF_VERSION_1: &str = "glTF 1.0 is not read, allowed is 2.0; convert the file, for instance by gltf-pipeline -i \
+                            OLD -o NEW.glb";
 
 /// Types of the numbers of an accessor.
 const I8: u32 = 5120;
@@ -131,6 +135,10 @@ fn parsed(text: &[u8]) -> Result<Document<'_>, FormatError> {
         return Err(FormatError::byte(0, reason));
     }
     serde_json::from_slice(text).map_err(|error| {
+        // Older documents name their nodes, meshes and buffers instead of numbering them.
+        if serde_json::from_slice(text).is_ok_and(|Versioned { asset }| asset.is_old()) {
+            return fault("asset.version", OF_VERSION_1);
+        }
         let reason = error.to_string();
         FormatError::line(error.line(), reason.split(" at line").next().unwrap_or_default().escape_debug().to_string())
     })
@@ -257,6 +265,9 @@ fn pieces(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatError> {
     let mut file = Bytes::new(bytes);
     file.take(4, "the mark")?;
     let version = file.u32("the version")?;
+    if version == 1 {
+        return Err(FormatError::byte(4, OF_VERSION_1));
+    }
     if version != 2 {
         return Err(FormatError::byte(4, format!("the version is {version}, allowed is 2")));
     }

@@ -156,7 +156,15 @@ fn data_beside_the_document_are_read() {
 fn errors_name_the_entry() {
     assert_eq!(refuse(b"{"), "line 1: EOF while parsing an object");
     assert_eq!(refuse(b"{}"), "the file has no triangle");
-    assert_eq!(refuse(b"glTF\x01\0\0\0"), "byte 4: the version is 1, allowed is 2");
+    assert_eq!(refuse(b"glTF\x03\0\0\0"), "byte 4: the version is 3, allowed is 2");
+    let old = "glTF 1.0 is not read, allowed is 2.0; convert the file, for instance by gltf-pipeline -i OLD -o NEW.glb";
+    assert_eq!(refuse(b"glTF\x01\0\0\0"), format!("byte 4: {old}"));
+    for version in ["\"1.0\"", "1.1", "\"0.8\""] {
+        let text = format!(
+            r#"{{"asset":{{"version":{version}}},"scene":"s","scenes":{{"s":{{"nodes":["a"]}}}},"nodes":{{"a":{{}}}}}}"#
+        );
+        assert_eq!(refuse(text.as_bytes()), format!("asset.version: {old}"));
+    }
     assert_eq!(refuse(&scene("\"meshes\":[]")), "meshes[0]: there is no such mesh");
     let cycle = br#"{"nodes":[{"children":[1]},{"children":[0]}],"scenes":[{"nodes":[0]}]}"#;
     assert_eq!(refuse(cycle), "nodes[0]: a node has two parents");
