@@ -17,7 +17,7 @@ use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrou
 /// A floor plan as a picture.
 pub(super) const READER: MapReader = MapReader::new(
     "floor plan",
-    &["pgm", "png", "bmp", "jpg", "jpeg"],
+    &["pgm", "ppm", "pbm", "png", "bmp", "jpg", "jpeg"],
     &["height_cells", "threshold", "cells_max"],
     read,
 );
@@ -354,7 +354,7 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
                 }
             }
             "mode" => {
-                mode = match value {
+                mode = match value.to_ascii_lowercase().as_str() {
                     "trinary" => Mode::Trinary,
                     "scale" => Mode::Scale,
                     "raw" => Mode::Raw,

@@ -22,8 +22,8 @@ const BEGINNINGS: [(&str, &[u8]); 12] = [
 fn an_import_that_does_not_fit_names_the_file() {
     let import = |file: &str, text: &str| ImportSpec::new(file, text.as_bytes().to_vec());
     let message = |spec: ImportSpec| spec.read().unwrap_err().to_string();
-    let known = "known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, .gltf, .glb, .dae, .sdf, .world, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, \
-                 .xyzrgb, .xyzn, .asc, .pts, .csv, .las, .laz and .e57";
+    let known = "known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, .gltf, .glb, .dae, .sdf, .world, .vox, \
+                 .pgm, .ppm, .pbm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, .xyzn, .asc, .pts, .csv, .las, .laz and .e57";
     assert_eq!(message(import("a.tga", "")), format!("a.tga: the file's extension is \"tga\", {known}"));
     assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
     assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));

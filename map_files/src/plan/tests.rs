@@ -27,11 +27,33 @@ fn binary_and_ascii_give_the_same_map() {
     assert_eq!(mapgen::free_cells(&text.terrain), 2);
 }
 
+/// Pictures in colours and in black and white, as text and bytes, are those in grey.
+#[test]
+fn colours_and_bits_are_read() {
+    let map = |bytes: &[u8]| read(&spec(bytes, 1, Some(0.5))).unwrap_or_else(|error| panic!("{error}")).terrain;
+    let grey = map(b"P2 10 2 255 0 255 0 0 0 0 0 0 255 255 255 0 0 0 0 0 0 0 0 0");
+    let is_bright = |at: usize| [1, 8, 9, 10].contains(&at);
+    let samples: Vec<u8> = (0..20).flat_map(|at| if is_bright(at) { [255, 255, 255] } else { [255, 0, 9] }).collect();
+    let words: Vec<String> = samples.iter().map(u8::to_string).collect();
+    assert_eq!(map(&[b"P6 10 2 255\n".as_slice(), &samples].concat()), grey);
+    assert_eq!(map(format!("P3\n10 2 255\n{}", words.join(" ")).as_bytes()), grey);
+    assert_eq!(map(b"P1\n10 2\n1011111100\n# below\n0 1 1 1 1 1 1 1 1 1"), grey);
+    assert_eq!(map(b"P4\n10 2\n\xbf\x00\x7f\xff"), grey);
+    let refuse = |bytes: &[u8]| read(&spec(bytes, 1, None)).unwrap_err().to_string();
+    assert_eq!(refuse(b"P1 2 1 02"), "byte 8: a pixel is none, allowed are 0 and 1");
+    assert_eq!(refuse(b"P1 2 1 0"), "byte 8: the file ends here, before a pixel");
+    assert_eq!(refuse(b"P4 9 1 \xff"), "byte 8: the file ends here, expected length 9 bytes");
+    assert_eq!(refuse(b"P6 1 1 255 ab"), "byte 13: the file ends here, expected length 14 bytes");
+}
+
 #[test]
 fn errors_name_the_byte() {
     let refuse = |bytes: &[u8]| read(&spec(bytes, 1, None)).unwrap_err().to_string();
-    assert_eq!(refuse(b""), "byte 0: the file ends here, before P2 or P5");
-    assert_eq!(refuse(b"P6 1 1"), "byte 0: the file begins as no PGM (P2 or P5), PNG, BMP or JPEG");
+    assert_eq!(refuse(b""), "byte 0: the file ends here, before P1 to P6");
+    assert_eq!(
+        refuse(b"P7 1 1"),
+        "byte 0: the file begins as no picture, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG"
+    );
     assert_eq!(refuse(b"P2 x"), "byte 3: the width is none, allowed is a number up to 4294967295");
     assert_eq!(refuse(b"P2 2000 1 9"), "map size along x is 2000 cells, allowed are 1 to 1024");
     assert_eq!(refuse(b"P2 1 1 0 0"), "byte 8: the largest brightness is 0, allowed is 1 to 65535");
@@ -85,6 +107,11 @@ fn thresholds_negation_and_modes_are_those_of_the_map_server() {
         yaml(text, image.as_bytes()).read().unwrap().notes[0].text.clone()
     };
     assert!(counts(negated, 3).starts_with("8 occupied, 1 free, 0 unknown"));
+    // The map server lowers the letters of the mode.
+    for mode in ["Raw", "RAW", "raw"] {
+        assert!(counts(&format!("{negated}mode: {mode}\n"), 0).starts_with("0 occupied, 1 free, 8 unknown"), "{mode}");
+    }
+    assert!(free(&format!("{KEYS}mode: Trinary\n"), 206) && !free(&format!("{KEYS}mode: TRINARY\n"), 205));
     // Values of raw maps are not negated.
     assert!(counts(&format!("{negated}mode: raw\n"), 0).starts_with("0 occupied, 1 free, 8 unknown"));
     assert!(counts(&format!("{negated}mode: raw\n"), 100).starts_with("1 occupied, 0 free, 8 unknown"));
@@ -183,8 +210,11 @@ fn errors_of_a_yaml_name_line_or_key() {
     assert_eq!(refuse("mode: best\n"), "map.yaml: line 1: mode is \"best\", expected trinary, scale or raw");
     let without = ImportSpec::new("map.yaml", KEYS.into()).read().unwrap_err().to_string();
     assert_eq!(without, "map.yaml: image \"map.pgm\": it is not at hand");
-    let broken = yaml(KEYS, b"P6").read().unwrap_err().to_string();
-    assert_eq!(broken, "map.yaml: image \"map.pgm\": byte 0: the file begins as no PGM (P2 or P5), PNG, BMP or JPEG");
+    let broken = yaml(KEYS, b"P7").read().unwrap_err().to_string();
+    assert_eq!(
+        broken,
+        "map.yaml: image \"map.pgm\": byte 0: the file begins as no picture, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG"
+    );
     let wide = yaml(KEYS, b"P5 2000 2 255 ").read().unwrap_err().to_string();
     assert_eq!(
         wide,
@@ -214,6 +244,14 @@ fn picture_that_lies_elsewhere_is_named_and_never_shown() {
     {
         let notes = yaml(&KEYS.replace("map.pgm", name), image).read().unwrap().notes;
         assert_eq!(notes.iter().any(|note| note.name == "image"), is_noted, "{name}: {notes:?}");
+    for (kind, beginning) in
+        [("GIF", &b"GIF89a"[..]), ("TIFF", b"II*\0"), ("TIFF", b"MM\0*"), ("WebP", b"RIFF\x01\0\0\0WEBPVP8 ")]
+    {
+        let error = yaml(KEYS, beginning).read().unwrap_err().to_string();
+        assert!(
+            error.ends_with(&format!("begins as {kind}, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG"))
+        );
+    }
     }
     for secret in ["root:x:0:0", "P2 secret 1", "P2 1 1 9 secret", "P2 1 1 secret", "BMsecret", "\u{fffd}"] {
         let error = yaml(KEYS, secret.as_bytes()).read().unwrap_err().to_string();
