@@ -28,6 +28,8 @@ pub(super) struct Picture {
     pub(super) maximum: u32,
     /// Whether the file has a channel, or a colour, for transparency.
     pub(super) has_alpha: bool,
+    /// Whether it was compressed in a way that changes brightness.
+    pub(super) is_lossy: bool,
     /// The pixels, row by row.
     pub(super) pixels: Vec<Pixel>,
 }
@@ -101,7 +103,7 @@ fn png(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
         Pixel { brightness: f32::from(sum) / colours.len() as f32, alpha: f32::from(alpha[0]) }
     };
     let pixels = data[..info.buffer_size()].chunks_exact(channels).map(pixel).collect();
-    Ok(Picture { width, height, maximum: 255, has_alpha, pixels })
+    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy: false, pixels })
 }
 
 /// A picture of a format of the crate `image`.
@@ -130,7 +132,7 @@ fn other(
         Pixel { brightness: f32::from(sum) / 3.0, alpha: f32::from(alpha) }
     };
     let pixels = picture.to_rgba8().pixels().map(pixel).collect();
-    Ok(Picture { width, height, maximum: 255, has_alpha, pixels })
+    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy: format == ImageFormat::Jpeg, pixels })
 }
 
 fn pnm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
@@ -203,7 +205,7 @@ fn pbm(
 
 fn opaque([width, height]: [u32; 2], maximum: u32, brightness: impl Iterator<Item = f32>) -> Picture {
     let pixels = brightness.map(|brightness| Pixel { brightness, alpha: maximum as f32 }).collect();
-    Picture { width, height, maximum, has_alpha: false, pixels }
+    Picture { width, height, maximum, has_alpha: false, is_lossy: false, pixels }
 }
 
 /// The pixels of a binary file, of one byte or, beyond 255, two.

@@ -160,6 +160,40 @@ fn grey_of_map_saver_is_unknown_whatever_the_thresholds() {
     assert!(read("raw").starts_with("0 occupied, 12 free, 24 unknown"), "{}", read("raw"));
 }
 
+/// JPEG makes other greys of that of unknown cells, and of free and occupied cells beside each
+/// other.
+#[test]
+fn greys_near_that_of_unknown_cells_are_unknown_in_jpeg() {
+    let picture = |of_unknown: u8, quality: u8| {
+        let grey = |x: u32, y: u32| match (x.min(59 - x), y.min(39 - y)) {
+            (0..10, _) | (_, 0..10) => of_unknown,
+            (10, _) | (_, 10) => 0,
+            _ => 254,
+        };
+        let pixels = (0..2400).map(|at| grey(at % 60, at / 60)).collect();
+        let luma = image::GrayImage::from_raw(60, 40, pixels).unwrap();
+        let mut bytes = Vec::new();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&luma).unwrap();
+        bytes
+    };
+    let keys = "image: m\nresolution: 1\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.25\n";
+    for quality in [75, 95] {
+        let imported = yaml(&format!("{keys}negate: 0\n"), &picture(205, quality)).read().unwrap();
+        assert_eq!(imported.notes[0].text, "116 occupied, 684 free, 1600 unknown, which become wall", "{quality}");
+        let note = imported.notes.iter().find(|note| note.name == "unknown").unwrap();
+        assert!(
+            note.text.contains("pixels of grey 205 or near it, as JPEG makes it, which map_saver"),
+            "{}",
+            note.text
+        );
+        // Without unknown cells the thresholds decide.
+        let known = yaml(&format!("{keys}negate: 0\n"), &picture(254, quality)).read().unwrap();
+        assert_eq!(known.notes[0].text, "116 occupied, 2284 free, 0 unknown, which become wall", "{quality}");
+        let scale = yaml(&format!("{keys}mode: scale\n"), &picture(205, quality)).read().unwrap();
+        assert_eq!(scale.notes[0].text, "116 occupied, 2284 free, 0 unknown, which become wall", "{quality}");
+    }
+}
+
 /// Transparency as nav2 reads it: one more colour in trinary mode, unknown in scale mode, nothing
 /// in raw mode.
 #[test]
@@ -207,6 +241,14 @@ fn errors_of_a_yaml_name_line_or_key() {
     assert_eq!(refuse("origin: 3\n"), "map.yaml: line 1: origin is \"3\", expected [x, y, yaw]");
     assert_eq!(refuse("origin: [1, 2]\n"), "map.yaml: origin: 2 numbers, expected [x, y, yaw]");
     assert_eq!(refuse("origin: [1, 2, 0]\n"), "map.yaml: the file has no key image");
+    for (kind, beginning) in
+        [("GIF", &b"GIF89a"[..]), ("TIFF", b"II*\0"), ("TIFF", b"MM\0*"), ("WebP", b"RIFF\x01\0\0\0WEBPVP8 ")]
+    {
+        let error = yaml(KEYS, beginning).read().unwrap_err().to_string();
+        assert!(
+            error.ends_with(&format!("begins as {kind}, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG"))
+        );
+    }
     assert_eq!(refuse("mode: best\n"), "map.yaml: line 1: mode is \"best\", expected trinary, scale or raw");
     let without = ImportSpec::new("map.yaml", KEYS.into()).read().unwrap_err().to_string();
     assert_eq!(without, "map.yaml: image \"map.pgm\": it is not at hand");
@@ -244,14 +286,6 @@ fn picture_that_lies_elsewhere_is_named_and_never_shown() {
     {
         let notes = yaml(&KEYS.replace("map.pgm", name), image).read().unwrap().notes;
         assert_eq!(notes.iter().any(|note| note.name == "image"), is_noted, "{name}: {notes:?}");
-    for (kind, beginning) in
-        [("GIF", &b"GIF89a"[..]), ("TIFF", b"II*\0"), ("TIFF", b"MM\0*"), ("WebP", b"RIFF\x01\0\0\0WEBPVP8 ")]
-    {
-        let error = yaml(KEYS, beginning).read().unwrap_err().to_string();
-        assert!(
-            error.ends_with(&format!("begins as {kind}, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG"))
-        );
-    }
     }
     for secret in ["root:x:0:0", "P2 secret 1", "P2 1 1 9 secret", "P2 1 1 secret", "BMsecret", "\u{fffd}"] {
         let error = yaml(KEYS, secret.as_bytes()).read().unwrap_err().to_string();
