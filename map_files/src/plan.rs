@@ -113,7 +113,7 @@ impl Plan {
             }
         }
         // Floor and ceiling are closed; the sides may be open.
-        let (terrain, closed) = surrounded(terrain, spec)?;
+        let (terrain, closed) = surrounded(terrain)?;
         notes.extend(closed);
         Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
     }

@@ -117,15 +117,13 @@ fn short_file_is_no_large_map() {
 #[test]
 fn a_map_is_surrounded_if_it_is_open_and_there_is_room() {
     let open = Grid::from_text("#.\n##\n").unwrap();
-    let allowing = |cells_max| ImportSpec { cells_max, ..ImportSpec::new("a.vox", Vec::new()) };
-    let (around, note) = surrounded(open.clone(), &allowing(100)).unwrap();
+    let (around, note) = surrounded(open).unwrap();
     let wall = "####\n".repeat(4);
     assert_eq!(around.to_text(), format!("{wall}\n####\n##.#\n####\n####\n\n{wall}"));
     assert!(note.is_some());
-    assert_eq!(surrounded(around.clone(), &allowing(100)), Ok((around, None)));
-    assert!(surrounded(open, &allowing(47)).is_err());
+    assert_eq!(surrounded(around.clone()), Ok((around, None)));
     let long = Grid::new(Extent::new([1023, 1, 1], 1.0).unwrap(), Terrain::Free);
-    assert_eq!(surrounded(long.clone(), &allowing(usize::MAX)), Ok((long, None)));
+    assert_eq!(surrounded(long.clone()), Ok((long, None)));
 }
 
 proptest! {

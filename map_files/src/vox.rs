@@ -120,7 +120,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             terrain.set(Cell::new(x, y, z), Terrain::Wall);
         }
     }
-    let (terrain, closed) = surrounded(terrain, spec)?;
+    let (terrain, closed) = surrounded(terrain)?;
     notes.extend(closed);
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
 }

@@ -66,6 +66,16 @@ fn bytes_after_the_last_chunk_are_ignored() {
     assert!(with(9999, b"TAIL\xff\xff\0\0\0\0\0\0").unwrap_err().to_string().contains("the file ends here"));
 }
 
+/// The layer around an open map is none of the cells that a file may have.
+#[test]
+fn largest_model_is_read() {
+    let voxels = [numbers(&[2]), vec![0, 0, 0, 1, 255, 255, 255, 7]].concat();
+    let largest = file(&[chunk("SIZE", &numbers(&[256; 3])), chunk("XYZI", &voxels)]);
+    let imported = read(&largest).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(imported.terrain.extent().size(), [258; 3]);
+    assert_eq!(free_cells(&imported.terrain), (1 << 24) - 2);
+}
+
 #[test]
 fn a_scene_puts_models_where_they_belong() {
     let group = chunk("nGRP", &numbers(&[1, 0, 2, 2, 4]));
