@@ -110,6 +110,11 @@ impl Model {
         })
     }
 
+    /// A world of models.
+    pub(super) fn of_models(models: Vec<Self>) -> Self {
+        Self { models, ..Self::default() }
+    }
+
     /// Overrides what an include overrides.
     pub(super) fn include(&mut self, element: Node<'_, '_>) -> Result<(), FormatError> {
         let text = |name| xml::child(element, name).and_then(|child| child.text()).map(|text| text.trim().to_owned());
