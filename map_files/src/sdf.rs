@@ -16,6 +16,7 @@ mod file_names;
 mod geometry;
 mod poses;
 mod primitives;
+mod saved_state;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -238,7 +239,11 @@ impl<'a> Reader<'a> {
                 if !beside.is_empty() {
                     warn(format!("{} models beside the world are left out; put them into it", beside.len()));
                 }
-                self.model(*world, folder)
+                let mut model = self.model(*world, folder)?;
+                if let Some(state) = xml::child(*world, "state") {
+                    self.warnings.extend(saved_state::apply(state, &mut model)?);
+                }
+                Ok(model)
             }
             ([], [model, others @ ..]) if role == Role::Included => {
                 if !others.is_empty() {

@@ -255,6 +255,46 @@ fn notes<'i>(imported: &'i Imported, name: &str) -> Vec<&'i str> {
     imported.notes.iter().filter(|note| note.name == name).map(|note| note.text.as_str()).collect()
 }
 
+/// As Gazebo Classic loads what it has saved: its `World::SetState` sets poses in the world.
+#[test]
+fn saved_state_of_classic_moves_models_and_links() {
+    let read = |body: &str| {
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        ImportSpec { options, ..of(&world(body), &[]) }.read().unwrap_or_else(|error| panic!("{error}"))
+    };
+    let whole = ([8, 6, 6], 16, [-2.0; 3]);
+    let state = |models: &str| format!("<state world_name=\"w\"><sim_time>10 0</sim_time>{models}</state>");
+    let pose = "<pose frame=''>2 1 1 0 -0 0</pose>";
+    let far = model("a", "100 100 1 0 0 0", BOX);
+    let moved = format!(
+        "<model name=\"a\">{pose}<scale>1 1 1</scale><link name=\"l\">{pose}<velocity>0 0 0 0 0 0</velocity></link></model>"
+    );
+    let imported = read(&format!("{far}{}", state(&moved)));
+    assert_eq!(measured(&imported), whole);
+    assert_eq!(notes(&imported, "state"), ["1 model(s) are where the saved state of the world has them"]);
+    // Only the first state counts, wherever it stands.
+    let second = state(&moved.replace("2 1 1", "50 1 1"));
+    assert_eq!(measured(&read(&format!("{}{far}{second}", state(&moved)))), whole);
+    // A link that has left its model, and the pose of the model without links.
+    let link = format!("<model name=\"a\"><pose>7 7 7 0 0 1</pose><link name=\"l\">{pose}</link></model>");
+    assert_eq!(measured(&read(&format!("{far}{}", state(&link)))), whole);
+    let alone = format!("<model name=\"a\">{pose}</model>");
+    assert_eq!(measured(&read(&format!("{far}{}", state(&alone)))), whole);
+    // A model in a model: both poses are in the world.
+    let nested = format!("<model name=\"out\"><pose>9 9 9 0 0 0</pose>{far}</model>");
+    let inner = format!("<model name=\"out\"><pose>50 0 0 0 0 1</pose>{alone}</model>");
+    assert_eq!(measured(&read(&format!("{nested}{}", state(&inner)))), whole);
+    let placed = far.replace("name=\"a\"", "name=\"a\" placement_frame=\"l\"");
+    assert_eq!(measured(&read(&format!("{placed}{}", state(&alone)))), whole);
+    // What is not followed is a warning.
+    let scaled = moved.replace("1 1 1</scale>", "2 2 1</scale>") + "<model name=\"none\"/><deletions/>";
+    let imported = read(&format!("{far}{}", state(&scaled)));
+    assert_eq!(measured(&imported), whole);
+    let warned = imported.notes.iter().filter(|note| note.is_warning && note.name == "state").count();
+    assert_eq!(warned, 3, "{:?}", imported.notes);
+    assert_eq!(measured(&read(&format!("{}{}", model("a", "2 1 1 0 0 0", BOX), state("")))), whole);
+}
+
 #[test]
 fn models_without_a_world_are_read_all() {
     let read = |text: &str, files: &[(&str, &str)]| {
