@@ -2,14 +2,15 @@
 //! below its folder.
 //!
 //! The nodes of the scene place meshes of triangles; materials, skins and animations are ignored.
-//! The axis y points upwards, as the format has it, save in files of [`AS_GIVEN`], which write
-//! coordinates as they are; `up` overrides both. Coordinates may be integers
+//! The axis y points upwards, as the format has it, save in files of writers that leave coordinates
+//! as they are ([`upwards`]); `up` overrides both. Coordinates may be integers
 //! (`KHR_mesh_quantization`), and views compressed ([`meshopt`]). Sparse data and Draco are
 //! refused, and so is an extension that a file requires and that may change the shape of its
 //! meshes.
 
 mod document;
 mod meshopt;
+mod upwards;
 
 use std::borrow::Cow;
 use std::path::{Component, PathBuf};
@@ -23,6 +24,7 @@ use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 use document::{Accessor, Buffer, Document, Node, Places, Versioned, View};
 use meshopt::Mode;
+use upwards::upwards;
 
 /// A scene of meshes, as text or binary.
 pub(super) const READER: MapReader = MapReader {
@@ -53,14 +55,6 @@ const F32: u32 = 5126;
 const TRIANGLES: u32 = 4;
 const STRIP: u32 = 5;
 const FAN: u32 = 6;
-
-/// Writers, by a part of `asset.generator`, that leave coordinates as they are in memory, whatever
-/// their axes: trimesh (5.2), Open3D (0.20) and assimp (5.2), as files of theirs show.
-const AS_GIVEN: [(&str, &str); 3] =
-    [("trimesh", "trimesh"), ("Open3D", "Open3D"), ("Open Asset Import Library", "assimp")];
-
-/// Programs that make a file smaller and put their name in place of that of its writer.
-const OPTIMISERS: [&str; 2] = ["gltfpack", "glTF-Transform"];
 
 /// Extensions that are read, or refused where they are used.
 const KNOWN: [&str; 5] = [
@@ -235,26 +229,6 @@ pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
     let notes = vec![Note::new("scene", format!("{placed} mesh(es) put into it, which come out as their union"))];
     let root = scene.and_then(|scene| document.nodes.get(*scene.nodes.first()?));
     Ok((mesh, upwards(&document.asset.generator, root), notes))
-}
-
-/// The axis upwards in a file of a writer, whose scene has this first node, and why.
-fn upwards(generator: &str, root: Option<&Node>) -> (Up, String) {
-    if let Some(optimiser) = OPTIMISERS.into_iter().find(|&name| generator.contains(name)) {
-        let reason = format!(
-            "as glTF has it; {optimiser} names no earlier writer, and files of trimesh, Open3D and assimp have z"
-        );
-        return (Up::Y, reason);
-    }
-    let is_turned = root.is_some_and(|root| {
-        let y = root.matrix().column(1).into_owned();
-        y[1].abs() < 0.5 * y.norm()
-    });
-    match AS_GIVEN.iter().find(|(part, _)| generator.contains(part)).map(|&(_, name)| name) {
-        // What names another axis than y, as COLLADA may, assimp turns by the first node.
-        Some("assimp") if is_turned => (Up::Y, "as assimp has turned it".to_owned()),
-        Some(writer) => (Up::Z, format!("as {writer} writes it")),
-        None => (Up::Y, "as glTF has it".to_owned()),
-    }
 }
 
 /// The document, and the binary data of a file in one piece.
