@@ -156,8 +156,8 @@ impl<'a> Files<'a> {
         let bytes = self.get(file).ok_or_else(|| fault(&name, ELSEWHERE))?;
         let extension = file.extension().unwrap_or_default().to_ascii_lowercase();
         let (mut mesh, up) = match extension.to_str() {
-            Some("dae") => dae::Model::read(bytes).map(|model| (model.mesh, model.up)).map_err(inside)?,
-            // Gazebo takes coordinates of these as they are.
+            // Gazebo takes coordinates of these as they are (ignition-common 4).
+            Some("dae") => (dae::Model::read(bytes).map_err(inside)?.mesh, Up::Z),
             Some("obj") => (obj::parse(bytes).map_err(inside)?.mesh, Up::Z),
             Some("stl") => (stl::parse(bytes).map_err(inside)?.0, Up::Z),
             Some("glb" | "gltf") => {

@@ -190,6 +190,15 @@ fn parts_of_meshes_are_chosen_by_name() {
     assert_eq!(sub("a.obj", "two big", ""), ([6, 6, 6], 8, [4.0, -2.0, -2.0]));
     assert_eq!(sub("a.obj", "two big", "<center>1</center>"), ([6, 6, 6], 8, [-3.0; 3]));
     assert_eq!(sub("a.obj", "one", "<center>false</center>"), ([12, 12, 6], 16, [-2.0; 3]), "all of the name");
+    // Gazebo's loader of COLLADA heeds no axis.
+    for axis in ["X_UP", "Y_UP"] {
+        let turned = dae.replace("Z_UP", axis);
+        let files = [("a.dae", turned.as_str())];
+        let far = "<mesh><uri>a.dae</uri><submesh><name>far</name></submesh></mesh>";
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        let imported = ImportSpec { options, ..of(&world(&model("a", "0 0 0 0 0 0", far)), &files) }.read().unwrap();
+        assert_eq!(measured(&imported), ([6, 6, 6], 8, [4.0, 4.0, -2.0]), "{axis}");
+    }
     assert_eq!(sub("a.dae", "far", ""), ([6, 6, 6], 8, [4.0, 4.0, -2.0]), "the name of the node above");
     assert_eq!(sub("a.dae", "one", "<center>true</center>"), ([6, 6, 6], 8, [-3.0; 3]));
     let scaled =
