@@ -26,8 +26,9 @@ use scene::Scene;
 pub(super) const READER: MapReader = MapReader::new("scene of COLLADA", &["dae"], mesh::OPTIONS, read);
 
 /// Writers, by a part of `authoring_tool`, that name the axis y whatever the axes of what they
-/// write: assimp (5.2), as a file of it made from one with z upwards shows.
-const AS_GIVEN: [&str; 1] = ["Assimp"];
+/// write: assimp (5.2) and MeshLab (pymeshlab 2025.7), as files of theirs made from one with z
+/// upwards show.
+const AS_GIVEN: [&str; 3] = ["Assimp", "MeshLab", "VCGLib"];
 
 /// Largest number of floats, and of indices, of a list.
 const NUMBERS_MAX: usize = 1 << 26;
@@ -37,17 +38,27 @@ const NUMBERS_MAX: usize = 1 << 26;
 /// # Errors
 /// If the file is malformed, or its meshes do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
-    let model = Model::read(&spec.bytes)?;
+    let mut model = Model::read(&spec.bytes)?;
+    if model.is_x_up {
+        for place in &mut model.mesh.vertices {
+            let [x, y, z] = *place;
+            *place = [-y, -z, x];
+        }
+    }
     mesh::map_up(spec, &model.mesh, (model.up, &model.reason), model.notes)
 }
 
 /// The meshes of a file, in metres, with the axis upwards that it is written with.
+///
+/// Gazebo heeds its unit and no axis.
 pub(super) struct Model {
     pub(super) mesh: Mesh,
-    pub(super) up: Up,
+    up: Up,
+    /// Whether x points upwards until it becomes z.
+    is_x_up: bool,
     /// Why this axis.
-    pub(super) reason: String,
-    pub(super) notes: Vec<Note>,
+    reason: String,
+    notes: Vec<Note>,
 }
 
 impl Model {
@@ -96,20 +107,14 @@ impl Model {
         let is_pycollada = asset.is_some_and(|asset| xml::child(asset, "contributor").is_none()) && unit.is_none();
         let (up, reason) = match (axis, writer) {
             (Some("Z_UP"), _) => (Up::Z, "as up_axis says".to_owned()),
-            (Some("X_UP"), _) => {
-                for place in &mut mesh.vertices {
-                    let [x, y, z] = *place;
-                    *place = [-y, -z, x];
-                }
-                (Up::Z, "after x, which up_axis names, has become z".to_owned())
-            }
+            (Some("X_UP"), _) => (Up::Z, "after x, which up_axis names, has become z".to_owned()),
             (_, Some(writer)) => (Up::Z, format!("as {writer} writes it, whatever it says in up_axis")),
             _ if is_pycollada => (Up::Z, "as trimesh and pycollada write it, whatever they say in up_axis".to_owned()),
             (Some("Y_UP"), _) => (Up::Y, "as up_axis says".to_owned()),
             (None, _) => (Up::Y, "as COLLADA has it".to_owned()),
             (Some(_), _) => return Err(xml::fault(root, "up_axis is none of X_UP, Y_UP and Z_UP")),
         };
-        Ok(Self { mesh, up, reason, notes })
+        Ok(Self { mesh, up, is_x_up: axis == Some("X_UP"), reason, notes })
     }
 }
 

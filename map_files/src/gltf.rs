@@ -2,14 +2,15 @@
 //! below its folder.
 //!
 //! The nodes of the scene place meshes of triangles; materials, skins and animations are ignored.
-//! The axis y points upwards, as the format has it, save in files of [`AS_GIVEN`], which write
-//! coordinates as they are; `up` overrides both. Coordinates may be integers
+//! The axis y points upwards, as the format has it, save in files of writers that leave coordinates
+//! as they are ([`upwards`]); `up` overrides both. Coordinates may be integers
 //! (`KHR_mesh_quantization`), and views compressed ([`meshopt`]). Sparse data and Draco are
 //! refused, and so is an extension that a file requires and that may change the shape of its
 //! meshes.
 
 mod document;
 mod meshopt;
+mod upwards;
 
 use std::borrow::Cow;
 use std::path::{Component, PathBuf};
@@ -21,8 +22,9 @@ use super::bytes::{Bytes, shown};
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note};
-use document::{Accessor, Buffer, Document, Node, Places, View};
+use document::{Accessor, Buffer, Document, Node, Places, Versioned, View};
 use meshopt::Mode;
+use upwards::upwards;
 
 /// A scene of meshes, as text or binary.
 pub(super) const READER: MapReader = MapReader {
@@ -37,6 +39,10 @@ const DOCUMENT_BYTES_MAX: usize = 1 << 24;
 /// Most nodes on the way from a scene to a mesh.
 const DEPTH_MAX: usize = 256;
 
+/// What is wrong with a file of glTF 1.0.
+const OF_VERSION_1: &str = "glTF 1.0 is not read, allowed is 2.0; convert the file, for instance by gltf-pipeline -i \
+                            OLD -o NEW.glb";
+
 /// Types of the numbers of an accessor.
 const I8: u32 = 5120;
 const I16: u32 = 5122;
@@ -49,10 +55,6 @@ const F32: u32 = 5126;
 const TRIANGLES: u32 = 4;
 const STRIP: u32 = 5;
 const FAN: u32 = 6;
-
-/// Writers, by a part of `asset.generator`, that leave coordinates as they are in memory, whatever
-/// their axes: trimesh (5.2) and Open3D (0.20), as files of theirs show.
-const AS_GIVEN: [&str; 2] = ["trimesh", "Open3D"];
 
 /// Extensions that are read, or refused where they are used.
 const KNOWN: [&str; 5] = [
@@ -127,6 +129,10 @@ fn parsed(text: &[u8]) -> Result<Document<'_>, FormatError> {
         return Err(FormatError::byte(0, reason));
     }
     serde_json::from_slice(text).map_err(|error| {
+        // Older documents name their nodes, meshes and buffers instead of numbering them.
+        if serde_json::from_slice(text).is_ok_and(|Versioned { asset }| asset.is_old()) {
+            return fault("asset.version", OF_VERSION_1);
+        }
         let reason = error.to_string();
         FormatError::line(error.line(), reason.split(" at line").next().unwrap_or_default().escape_debug().to_string())
     })
@@ -221,11 +227,8 @@ pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
         open.extend(node.children.iter().rev().map(|&child| (child, here, depth + 1)));
     }
     let notes = vec![Note::new("scene", format!("{placed} mesh(es) put into it, which come out as their union"))];
-    let up = match AS_GIVEN.into_iter().find(|&writer| document.asset.generator.contains(writer)) {
-        Some(writer) => (Up::Z, format!("as {writer} writes it")),
-        None => (Up::Y, "as glTF has it".to_owned()),
-    };
-    Ok((mesh, up, notes))
+    let root = scene.and_then(|scene| document.nodes.get(*scene.nodes.first()?));
+    Ok((mesh, upwards(&document.asset.generator, root), notes))
 }
 
 /// The document, and the binary data of a file in one piece.
@@ -236,6 +239,9 @@ fn pieces(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatError> {
     let mut file = Bytes::new(bytes);
     file.take(4, "the mark")?;
     let version = file.u32("the version")?;
+    if version == 1 {
+        return Err(FormatError::byte(4, OF_VERSION_1));
+    }
     if version != 2 {
         return Err(FormatError::byte(4, format!("the version is {version}, allowed is 2")));
     }

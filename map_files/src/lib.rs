@@ -314,13 +314,18 @@ fn new_grid<T: Clone>(extent: Extent, fill: T, spec: &ImportSpec) -> Result<Grid
     if cells > cells_max {
         return Err(FormatError::TooManyCells { cells, cells_max });
     }
-    check_memory(extent, size_of::<T>()).map_err(|_| FormatError::Memory(cells))?;
+    grid_in_memory(extent, fill)
+}
+
+/// The same of any number of cells for which there is memory.
+fn grid_in_memory<T: Clone>(extent: Extent, fill: T) -> Result<Grid<T>, FormatError> {
+    check_memory(extent, size_of::<T>()).map_err(|_| FormatError::Memory(extent.volume()))?;
     Ok(Grid::new(extent, fill))
 }
 
 /// The map with a layer of wall around it, if its outermost layer has a free cell and there is room
-/// for one.
-fn surrounded(terrain: Grid<Terrain>, spec: &ImportSpec) -> Result<(Grid<Terrain>, Option<Note>), FormatError> {
+/// for one. The layer is none of the cells that a file may have.
+fn surrounded(terrain: Grid<Terrain>) -> Result<(Grid<Terrain>, Option<Note>), FormatError> {
     let extent = terrain.extent();
     let size = extent.size().map(|cells| cells + 2);
     let Ok(larger) = Extent::new(size, extent.cell_m()) else { return Ok((terrain, None)) };
@@ -332,7 +337,7 @@ fn surrounded(terrain: Grid<Terrain>, spec: &ImportSpec) -> Result<(Grid<Terrain
     if !is_open {
         return Ok((terrain, None));
     }
-    let mut around = new_grid(larger, Terrain::Wall, spec)?;
+    let mut around = grid_in_memory(larger, Terrain::Wall)?;
     for (cell, slot) in larger.cells().zip(around.as_mut_slice()) {
         let one_less = Cell::new(cell.x - 1, cell.y - 1, cell.z - 1);
         if !is_wall_at(&terrain, one_less) {

@@ -136,7 +136,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let mut notes = vec![Note::new("tree", text)];
     notes.extend(note_of_kind);
     notes.extend((left > 0).then(|| Note::new("ignored", format!("{left} bytes after the tree"))));
-    let (mut terrain, closed) = surrounded(terrain, spec)?;
+    let (mut terrain, closed) = surrounded(terrain)?;
     let layers = if closed.is_some() { 1.0 } else { 0.0 };
     notes.extend(closed);
     let begin = low.map(|along| f64::from(along) - layers);

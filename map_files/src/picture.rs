@@ -1,4 +1,4 @@
-//! Grey pictures of floor plans: PGM (P2 in text and P5 in bytes), PNG, BMP and JPEG.
+//! Grey pictures of floor plans: PNM (P1 to P3 in text and P4 to P6 in bytes), PNG, BMP and JPEG.
 //!
 //! Errors repeat nothing of a picture: a map.yaml may name any file as its picture.
 
@@ -9,7 +9,7 @@ use image::{ImageFormat, ImageReader, Limits};
 use super::FormatError;
 use super::bytes::words;
 
-/// The largest maximum grey value of PGM.
+/// The largest maximum grey value of PNM.
 const MAXIMUM: u32 = 65535;
 
 /// Longest side of a picture, pixels: eight pixels for each cell of a map.
@@ -28,6 +28,8 @@ pub(super) struct Picture {
     pub(super) maximum: u32,
     /// Whether the file has a channel, or a colour, for transparency.
     pub(super) has_alpha: bool,
+    /// Whether it was compressed in a way that changes brightness.
+    pub(super) is_lossy: bool,
     /// The pixels, row by row.
     pub(super) pixels: Vec<Pixel>,
 }
@@ -65,8 +67,18 @@ impl Picture {
             [0x89, b'P', b'N', b'G', ..] => png(bytes, check),
             [b'B', b'M', ..] => other(bytes, ImageFormat::Bmp, check),
             [0xff, 0xd8, 0xff, ..] => other(bytes, ImageFormat::Jpeg, check),
-            _ => pgm(bytes, check),
+            _ => pnm(bytes, check),
         }
+    }
+}
+
+/// The kind of a picture that is not read, by its first bytes.
+fn kind_not_read(bytes: &[u8]) -> Option<&'static str> {
+    match bytes {
+        [b'G', b'I', b'F', b'8', ..] => Some("GIF"),
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => Some("TIFF"),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Some("WebP"),
+        _ => None,
     }
 }
 
@@ -91,7 +103,7 @@ fn png(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
         Pixel { brightness: f32::from(sum) / colours.len() as f32, alpha: f32::from(alpha[0]) }
     };
     let pixels = data[..info.buffer_size()].chunks_exact(channels).map(pixel).collect();
-    Ok(Picture { width, height, maximum: 255, has_alpha, pixels })
+    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy: false, pixels })
 }
 
 /// A picture of a format of the crate `image`.
@@ -120,16 +132,23 @@ fn other(
         Pixel { brightness: f32::from(sum) / 3.0, alpha: f32::from(alpha) }
     };
     let pixels = picture.to_rgba8().pixels().map(pixel).collect();
-    Ok(Picture { width, height, maximum: 255, has_alpha, pixels })
+    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy: format == ImageFormat::Jpeg, pixels })
 }
 
-fn pgm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
+fn pnm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
     let mut tokens = Tokens { bytes, at: 0 };
-    let is_text = match tokens.next("P2 or P5")? {
-        (_, b"P2") => true,
-        (_, b"P5") => false,
-        (at, _) => {
-            return Err(FormatError::byte(at, "the file begins as no PGM (P2 or P5), PNG, BMP or JPEG"));
+    let (at, kind) = tokens.next("P1 to P6")?;
+    let (is_text, channels) = match kind {
+        b"P1" | b"P4" => return pbm(tokens, kind == b"P1", check),
+        b"P2" => (true, 1),
+        b"P3" => (true, 3),
+        b"P5" => (false, 1),
+        b"P6" => (false, 3),
+        _ => {
+            let kind = kind_not_read(bytes).unwrap_or("no picture");
+            let reason =
+                format!("the file begins as {kind}, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG");
+            return Err(FormatError::byte(at, reason));
         }
     };
     let (width, height) = (tokens.number("the width", u32::MAX)?, tokens.number("the height", u32::MAX)?);
@@ -139,19 +158,54 @@ fn pgm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
     }
     check([width, height])?;
     let pixels = width as usize * height as usize;
-    let pixels = if is_text {
+    let samples = if is_text {
         // A number and its separator.
         let room = (bytes.len() - tokens.at).div_ceil(2);
-        if room < pixels {
+        if room < pixels * channels {
             return Err(FormatError::byte(bytes.len(), format!("the file ends here, {pixels} pixels do not fit in")));
         }
-        (0..pixels).map(|_| tokens.number("a pixel", maximum)).collect::<Result<Vec<_>, _>>()?
+        (0..pixels * channels).map(|_| tokens.number("a pixel", maximum)).collect::<Result<Vec<_>, _>>()?
     } else {
-        raster(bytes, tokens.at + 1, pixels, maximum)?
+        raster(bytes, tokens.at + 1, pixels * channels, maximum)?
     };
-    // Numbers of 16 bits have their place in 24.
-    let opaque = |brightness| Pixel { brightness: brightness as f32, alpha: maximum as f32 };
-    Ok(Picture { width, height, maximum, has_alpha: false, pixels: pixels.into_iter().map(opaque).collect() })
+    // Sums of three numbers of 16 bits have their place in 24.
+    let brightness = samples.chunks_exact(channels).map(|colours| colours.iter().sum::<u32>() as f32 / channels as f32);
+    Ok(opaque([width, height], maximum, brightness))
+}
+
+/// A picture in black, 1, and white.
+fn pbm(
+    mut tokens: Tokens<'_>,
+    is_text: bool,
+    check: impl Fn([u32; 2]) -> Result<(), FormatError>,
+) -> Result<Picture, FormatError> {
+    let (width, height) = (tokens.number("the width", u32::MAX)?, tokens.number("the height", u32::MAX)?);
+    check([width, height])?;
+    let (pixels, row) = (width as usize * height as usize, (width as usize).div_ceil(8));
+    let is_black: Vec<bool> = if is_text {
+        // Digits may stand side by side.
+        let mut digits: Vec<bool> = Vec::new();
+        while digits.len() < pixels {
+            let (at, word) = tokens.next("a pixel")?;
+            if let Some(place) = word.iter().position(|digit| !matches!(digit, b'0' | b'1')) {
+                return Err(FormatError::byte(at + place, "a pixel is none, allowed are 0 and 1"));
+            }
+            digits.extend(word.iter().map(|&digit| digit == b'1'));
+        }
+        digits
+    } else {
+        // Each row begins a byte.
+        let bytes = raster(tokens.bytes, tokens.at + 1, row * height as usize, 255)?;
+        let bits = |row: &[u32]| (0..width as usize).map(|x| row[x / 8] >> (7 - x % 8) & 1 == 1).collect::<Vec<bool>>();
+        bytes.chunks_exact(row).flat_map(bits).collect()
+    };
+    let brightness = is_black[..pixels].iter().map(|&is_black| if is_black { 0.0 } else { 255.0 });
+    Ok(opaque([width, height], 255, brightness))
+}
+
+fn opaque([width, height]: [u32; 2], maximum: u32, brightness: impl Iterator<Item = f32>) -> Picture {
+    let pixels = brightness.map(|brightness| Pixel { brightness, alpha: maximum as f32 }).collect();
+    Picture { width, height, maximum, has_alpha: false, is_lossy: false, pixels }
 }
 
 /// The pixels of a binary file, of one byte or, beyond 255, two.

@@ -5,6 +5,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 use std::path::{Component, Path, PathBuf};
 
 use voxels::{Cell, Extent, Terrain};
@@ -17,7 +18,7 @@ use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrou
 /// A floor plan as a picture.
 pub(super) const READER: MapReader = MapReader::new(
     "floor plan",
-    &["pgm", "png", "bmp", "jpg", "jpeg"],
+    &["pgm", "ppm", "pbm", "png", "bmp", "jpg", "jpeg"],
     &["height_cells", "threshold", "cells_max"],
     read,
 );
@@ -39,6 +40,19 @@ const HEIGHT_CELLS_MAX: u32 = 1022;
 /// maps (ROS 1 and nav2's `map_io.cpp`), beside thresholds that do not always tell it from free
 /// ones: nav2 writes `free_thresh: 0.25`, and the occupancy of this grey is 0.196.
 const GREY_OF_UNKNOWN: f64 = 205.0;
+
+/// The greys that compression with losses makes of that of unknown cells beside occupied and free
+/// ones: down to half the way to black, and less up, where free cells ring.
+const NEAR_UNKNOWN: Greys = 102.5..=225.0;
+
+/// A picture that is compressed with losses has unknown cells if this share of its pixels is so
+/// near to their grey. In pictures of `map_saver`'s greys it is above 0.28 at qualities from 30 on,
+/// and at most 0.0012 without unknown cells.
+const SHARE_OF_UNKNOWN: f64 = 0.01;
+const NEAR: f64 = 4.0;
+
+/// Greys of 255.
+type Greys = RangeInclusive<f64>;
 
 /// What a pixel says.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -99,7 +113,7 @@ impl Plan {
             }
         }
         // Floor and ceiling are closed; the sides may be open.
-        let (terrain, closed) = surrounded(terrain, spec)?;
+        let (terrain, closed) = surrounded(terrain)?;
         notes.extend(closed);
         Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
     }
@@ -169,7 +183,9 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
     };
     let picture = Picture::read(picture, |size| extent(size).map(|_| ()))
         .map_err(|reason| FormatError::Companion { file: shown(keys.image.as_bytes()), reason: reason.to_string() })?;
-    let ground: Vec<Ground> = picture.pixels.iter().map(|&pixel| keys.ground(pixel, &picture)).collect();
+    let unknown_greys = keys.unknown_greys(&picture);
+    let ground: Vec<Ground> =
+        picture.pixels.iter().map(|&pixel| keys.ground(pixel, &picture, &unknown_greys)).collect();
     let count = |wanted: Ground| ground.iter().filter(|&&pixel| pixel == wanted).count();
     let unknown = spec.options.unknown.unwrap_or(Kind::Wall);
     let (unknown, becomes) = match unknown {
@@ -188,7 +204,7 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
         let text = format!("{}, which does not lie below the folder of the file", shown(keys.image.as_bytes()));
         notes.push(Note::new("image", text));
     }
-    notes.extend(keys.note_of_grey(&picture));
+    notes.extend(keys.note_of_grey(&picture, &unknown_greys));
     notes.push(Note::new("height", format!("{height} cells from floor to ceiling")));
     let plan = Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell, ground };
     let closed = plan.extent;
@@ -208,17 +224,33 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
 
 impl Keys {
     /// What a pixel says, as the map server reads it, save for the grey of unknown cells.
-    fn ground(&self, pixel: Pixel, picture: &Picture) -> Ground {
-        if self.is_grey_of_unknown(pixel, picture) { Ground::Unknown } else { self.by_thresholds(pixel, picture) }
+    fn ground(&self, pixel: Pixel, picture: &Picture, unknown_greys: &Greys) -> Ground {
+        if unknown_greys.contains(&self.grey(pixel, picture)) {
+            Ground::Unknown
+        } else {
+            self.by_thresholds(pixel, picture)
+        }
     }
 
-    /// Whether a pixel has the grey that `map_saver` writes for unknown cells, or its negative in a
-    /// negated picture.
-    fn is_grey_of_unknown(&self, pixel: Pixel, picture: &Picture) -> bool {
+    /// The greys of unknown cells: the one that `map_saver` writes, and those that compression
+    /// makes of it.
+    fn unknown_greys(&self, picture: &Picture) -> Greys {
+        let is_near = |pixel: &&Pixel| (self.grey(**pixel, picture) - GREY_OF_UNKNOWN).abs() <= NEAR;
+        let least = SHARE_OF_UNKNOWN * picture.pixels.len() as f64;
+        let has_unknown = || picture.pixels.iter().filter(is_near).count() as f64 >= least;
+        match self.mode {
+            Mode::Trinary if picture.is_lossy && has_unknown() => NEAR_UNKNOWN,
+            Mode::Trinary => GREY_OF_UNKNOWN..=GREY_OF_UNKNOWN,
+            // No grey is in it.
+            Mode::Scale | Mode::Raw => 1.0..=0.0,
+        }
+    }
+
+    /// The grey of a pixel, of 255, or its negative in a negated picture.
+    fn grey(&self, pixel: Pixel, picture: &Picture) -> f64 {
         let maximum = f64::from(picture.maximum);
         let brightness = f64::from(pixel.brightness);
-        let brightness = if self.negate { maximum - brightness } else { brightness };
-        self.mode == Mode::Trinary && brightness * 255.0 == GREY_OF_UNKNOWN * maximum
+        (if self.negate { maximum - brightness } else { brightness }) * 255.0 / maximum
     }
 
     /// What a pixel says by the thresholds.
@@ -249,8 +281,8 @@ impl Keys {
     }
 
     /// A note on pixels of the grey of unknown cells that the thresholds take for something else.
-    fn note_of_grey(&self, picture: &Picture) -> Option<Note> {
-        let greys = picture.pixels.iter().filter(|&&pixel| self.is_grey_of_unknown(pixel, picture));
+    fn note_of_grey(&self, picture: &Picture, unknown_greys: &Greys) -> Option<Note> {
+        let greys = picture.pixels.iter().filter(|&&pixel| unknown_greys.contains(&self.grey(pixel, picture)));
         let grounds = greys.map(|&pixel| self.by_thresholds(pixel, picture));
         let (mut count, mut becomes) = (0, "free");
         for ground in grounds.filter(|&ground| ground != Ground::Unknown) {
@@ -260,8 +292,9 @@ impl Keys {
             }
         }
         let grey = if self.negate { 255.0 - GREY_OF_UNKNOWN } else { GREY_OF_UNKNOWN };
+        let near = if picture.is_lossy { " or near it, as JPEG makes it" } else { "" };
         let text = format!(
-            "{count} pixels of grey {grey}, which map_saver writes for unknown cells; the thresholds alone would make \
+            "{count} pixels of grey {grey}{near}, which map_saver writes for unknown cells; the thresholds alone would make \
              them {becomes}, and do with mode: scale"
         );
         (count > 0).then(|| Note::new("unknown", text))
@@ -354,7 +387,7 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
                 }
             }
             "mode" => {
-                mode = match value {
+                mode = match value.to_ascii_lowercase().as_str() {
                     "trinary" => Mode::Trinary,
                     "scale" => Mode::Scale,
                     "raw" => Mode::Raw,

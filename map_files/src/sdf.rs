@@ -8,17 +8,19 @@
 //!
 //! Looked at: the crate sdformat (0.1, of Open-RMF) derives structs of the schema, reads no poses
 //! relative to frames and has not been kept since; so roxmltree parses the XML, and the semantics
-//! of poses (`relative_to`, `attached_to`, `placement_frame`, SDF 1.4 to 1.12) are here
+//! of poses (`relative_to`, `attached_to`, `placement_frame`, SDF 1.2 to 1.12) are here
 //! ([`poses`]). Not read: height maps, road and actors, which are named or counted, and joints,
 //! whose positions are those of the file.
 
+mod file_names;
 mod geometry;
 mod poses;
 mod primitives;
+mod saved_state;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix4, Vector3};
 use roxmltree::Node;
@@ -27,6 +29,7 @@ use super::frame::Bounds;
 use super::mesh::{self, Mesh};
 use super::options::Up;
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, Search, dae, gltf, obj, stl, xml};
+use file_names::{ELSEWHERE, file_of_config, known_model, path_of};
 use geometry::{Geometry, Part};
 use poses::{Model, Shape};
 
@@ -48,9 +51,8 @@ const DEPTH_MAX: usize = 32;
 /// Most models of a world, with the shapes of their links.
 const PARTS_MAX: usize = 1 << 17;
 
-/// What to do about a file that is not found.
-const ELSEWHERE: &str = "is not found below the folder of the world; name the folder in which its model lies by \
-                         map.import.model_path (--model-path)";
+/// The first version of SDF that is read, whose shapes and poses are those of later ones.
+const FIRST_VERSION: [u32; 2] = [1, 2];
 
 /// A map of a world.
 ///
@@ -59,7 +61,7 @@ const ELSEWHERE: &str = "is not found below the folder of the world; name the fo
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let files = Files::new(spec);
     let mut reader = Reader::new(&files);
-    let world = reader.root(&spec.bytes, Path::new(""))?;
+    let world = reader.root(&spec.bytes, Path::new(""), Role::Map)?;
     let mut whole = Mesh::default();
     let mut shapes = 0u64;
     let mut planes = Vec::new();
@@ -118,7 +120,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
 /// The files that a world needs and that have not been looked for.
 fn missing(spec: &ImportSpec) -> Vec<PathBuf> {
     let files = Files::new(spec);
-    if let Ok(world) = Reader::new(&files).root(&spec.bytes, Path::new("")) {
+    if let Ok(world) = Reader::new(&files).root(&spec.bytes, Path::new(""), Role::Map) {
         world.each_shape(&mut |shape| {
             if let Geometry::Mesh { file, .. } = &shape.geometry {
                 let _ = files.get(file);
@@ -154,8 +156,8 @@ impl<'a> Files<'a> {
         let bytes = self.get(file).ok_or_else(|| fault(&name, ELSEWHERE))?;
         let extension = file.extension().unwrap_or_default().to_ascii_lowercase();
         let (mut mesh, up) = match extension.to_str() {
-            Some("dae") => dae::Model::read(bytes).map(|model| (model.mesh, model.up)).map_err(inside)?,
-            // Gazebo takes coordinates of these as they are.
+            // Gazebo takes coordinates of these as they are (ignition-common 4).
+            Some("dae") => (dae::Model::read(bytes).map_err(inside)?.mesh, Up::Z),
             Some("obj") => (obj::parse(bytes).map_err(inside)?.mesh, Up::Z),
             Some("stl") => (stl::parse(bytes).map_err(inside)?.0, Up::Z),
             Some("glb" | "gltf") => {
@@ -189,25 +191,75 @@ struct Reader<'a> {
     /// Files that are read, so that a tile that a world includes a hundred times is read once.
     known: BTreeMap<PathBuf, Model>,
     skipped: BTreeMap<&'static str, u64>,
+    /// Models of Gazebo that are taken without their files.
+    without_files: BTreeMap<&'static str, u64>,
+    warnings: Vec<Note>,
+}
+
+/// Whether a file is the map, or one that others include.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Map,
+    Included,
 }
 
 impl<'a> Reader<'a> {
     fn new(files: &'a Files<'a>) -> Self {
-        Self { files, parts: 0, depth: 0, known: BTreeMap::new(), skipped: BTreeMap::new() }
+        Self {
+            files,
+            parts: 0,
+            depth: 0,
+            known: BTreeMap::new(),
+            skipped: BTreeMap::new(),
+            without_files: BTreeMap::new(),
+            warnings: Vec::new(),
+        }
     }
 
-    /// The world or model of a file whose relative names start from `folder`.
-    fn root(&mut self, bytes: &[u8], folder: &Path) -> Result<Model, FormatError> {
+    /// The world of a file, whose relative names start from `folder`, or a world of its models. Of
+    /// an included file, its world or its first model.
+    fn root(&mut self, bytes: &[u8], folder: &Path, role: Role) -> Result<Model, FormatError> {
         let text = xml::text(bytes)?;
         let document = xml::parse(text)?;
         let root = document.root_element();
         if !matches!(root.tag_name().name(), "sdf" | "gazebo") {
             return Err(xml::fault(root, "the file begins with another element, expected sdf"));
         }
-        let of = |name| xml::child(root, name);
-        let body = of("world").or_else(|| of("model"));
-        let body = body.ok_or_else(|| xml::fault(root, "it has neither a world nor a model"))?;
-        self.model(body, folder)
+        check_version(root)?;
+        let worlds: Vec<Node<'_, '_>> = xml::children(root, "world").collect();
+        let models: Vec<Node<'_, '_>> = xml::children(root, "model").collect();
+        let mut warn = |text: String| self.warnings.push(Note::warning("world", text));
+        let left_out = |count: usize, what: &str| format!("{count} {what} of the file are left out, only the first");
+        match (worlds.as_slice(), models.as_slice()) {
+            ([], []) => Err(xml::fault(root, "it has neither a world nor a model")),
+            ([world, others @ ..], beside) => {
+                if !others.is_empty() {
+                    warn(format!("{} world is read", left_out(others.len(), "other worlds")));
+                }
+                if !beside.is_empty() {
+                    warn(format!("{} models beside the world are left out; put them into it", beside.len()));
+                }
+                let mut model = self.model(*world, folder)?;
+                if let Some(state) = xml::child(*world, "state") {
+                    self.warnings.extend(saved_state::apply(state, &mut model)?);
+                }
+                Ok(model)
+            }
+            ([], [model, others @ ..]) if role == Role::Included => {
+                if !others.is_empty() {
+                    warn(format!("{} model of an included file is read", left_out(others.len(), "other models")));
+                }
+                self.model(*model, folder)
+            }
+            ([], [_, others @ ..]) => {
+                if !others.is_empty() {
+                    let count = models.len();
+                    warn(format!("{count} models without a world, all of which are read; Gazebo takes the first only"));
+                }
+                let models = models.iter().map(|model| self.model(*model, folder));
+                Ok(Model::of_models(models.collect::<Result<_, _>>()?))
+            }
+        }
     }
 
     /// A model, or the world as one.
@@ -249,6 +301,7 @@ impl<'a> Reader<'a> {
     fn include(&mut self, element: Node<'_, '_>, folder: &Path) -> Result<Option<Model>, FormatError> {
         let uri = xml::child(element, "uri").and_then(|uri| uri.text()).map(str::trim).unwrap_or_default();
         let named = |reason: &str| xml::fault(element, format_args!("uri {uri:?} {reason}"));
+        let is_looked_for = |file: &Path| self.files.spec.companions.contains_key(file);
         let place = path_of(uri, folder).map_err(|reason| named(&reason))?;
         let is_file = place.extension().is_some_and(|extension| extension == "sdf" || extension == "world");
         let file = if is_file {
@@ -257,7 +310,7 @@ impl<'a> Reader<'a> {
             let config = place.join("model.config");
             match self.files.get(&config) {
                 Some(bytes) => place.join(file_of_config(bytes).map_err(|error| fault(config.display(), error))?),
-                None if !self.files.spec.companions.contains_key(&config) => return Ok(None),
+                None if !is_looked_for(&config) => return Ok(None),
                 None => place.join("model.sdf"),
             }
         };
@@ -265,16 +318,21 @@ impl<'a> Reader<'a> {
             self.add(element, known)?;
             self.known[&file].clone()
         } else {
-            let Some(bytes) = self.files.get(&file) else {
-                let is_looked_for = self.files.spec.companions.contains_key(&file);
-                return if is_looked_for { Err(named(ELSEWHERE)) } else { Ok(None) };
+            let bytes = match (self.files.get(&file), known_model(&place)) {
+                (Some(bytes), _) => bytes,
+                (None, _) if !is_looked_for(&file) => return Ok(None),
+                (None, Some((name, text))) => {
+                    *self.without_files.entry(name).or_default() += 1;
+                    text.as_bytes()
+                }
+                (None, None) => return Err(named(ELSEWHERE)),
             };
             if self.depth > DEPTH_MAX {
                 return Err(named("lies deeper than files may include each other"));
             }
             self.depth += 1;
             let folder = file.parent().unwrap_or(Path::new(""));
-            let model = self.root(bytes, folder).map_err(|error| fault(file.display(), error))?;
+            let model = self.root(bytes, folder, Role::Included).map_err(|error| fault(file.display(), error))?;
             self.depth -= 1;
             self.known.insert(file, model.clone());
             model
@@ -283,57 +341,31 @@ impl<'a> Reader<'a> {
         Ok(Some(model))
     }
 
-    fn notes(&self) -> impl Iterator<Item = Note> {
+    fn notes(self) -> impl Iterator<Item = Note> {
         let parts: Vec<String> = self.skipped.iter().map(|(name, count)| format!("{count} {name}")).collect();
         let note =
             (!parts.is_empty()).then(|| Note::new("skipped", format!("{}, which are not read", parts.join(", "))));
-        note.into_iter()
+        let names: Vec<&str> = self.without_files.keys().copied().collect();
+        let known = (!names.is_empty()).then(|| {
+            Note::new("models", format!("{}, taken as Gazebo has them, without their files", names.join(", ")))
+        });
+        note.into_iter().chain(known).chain(self.warnings)
     }
 }
 
-/// The file of a model that its `model.config` names: that of the newest version.
-fn file_of_config(bytes: &[u8]) -> Result<PathBuf, FormatError> {
-    let text = xml::text(bytes)?;
-    let document = xml::parse(text)?;
-    let root = document.root_element();
-    let version = |file: &Node<'_, '_>| {
-        let parts = file.attribute("version").unwrap_or("1.0").split('.');
-        parts.map(|part| part.trim().parse::<u32>().unwrap_or(0)).collect::<Vec<u32>>()
-    };
-    let file = xml::children(root, "sdf").max_by_key(version).and_then(|file| file.text()).map(str::trim);
-    file.map(PathBuf::from).ok_or_else(|| xml::fault(root, "it names no sdf file"))
-}
-
-/// The file that a URI names, from a folder or from a model.
-///
-/// # Errors
-/// If it names none below them.
-fn path_of(uri: &str, folder: &Path) -> Result<PathBuf, String> {
-    let joined = match uri.split_once("://") {
-        Some(("model" | "package", rest)) => Path::new("model:").join(rest.trim_start_matches('/')),
-        Some(("file", rest)) if !rest.starts_with('/') => folder.join(rest),
-        Some(("file", _)) => return Err(ELSEWHERE.to_owned()),
-        Some(("http" | "https" | "fuel", _)) => {
-            return Err(
-                "is on the network, from which nothing is read; download the model (gz fuel download -u URI) and \
-                        name its folder by map.import.model_path (--model-path)"
-                    .to_owned(),
-            );
-        }
-        Some(_) => return Err("is of a kind that is not known, expected model:// or the name of a file".to_owned()),
-        None if uri.is_empty() => return Err("is missing".to_owned()),
-        None => folder.join(uri),
-    };
-    let mut path = PathBuf::new();
-    for part in joined.components() {
-        match part {
-            Component::Normal(part) => path.push(part),
-            Component::CurDir => {}
-            Component::ParentDir if path.pop() => {}
-            _ => return Err(ELSEWHERE.to_owned()),
-        }
+/// Refuses versions of SDF whose shapes and poses are written otherwise.
+fn check_version(root: Node<'_, '_>) -> Result<(), FormatError> {
+    let version = root.attribute("version").unwrap_or_default().trim();
+    let numbers: Vec<u32> = version.split('.').map_while(|part| part.parse().ok()).collect();
+    if numbers.is_empty() || numbers.as_slice() >= FIRST_VERSION.as_slice() {
+        return Ok(());
     }
-    Ok(path)
+    let reason = format!(
+        "SDF {} is not read, allowed are 1.2 to 1.12; convert it by the Gazebo that wrote it (gzsdf convert FILE), or \
+         save the world as a mesh (.dae, .obj, .stl)",
+        version.escape_debug()
+    );
+    Err(xml::fault(root, reason))
 }
 
 #[cfg(test)]

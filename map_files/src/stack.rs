@@ -73,7 +73,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         "{} from {lowest} to {highest}: {free} free, {wall} wall, as bright as {threshold} is free",
         layers.len()
     );
-    let (terrain, closed) = surrounded(terrain, spec)?;
+    let (terrain, closed) = surrounded(terrain)?;
     let notes = std::iter::once(Note::new("layers", text)).chain(closed).collect();
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
 }

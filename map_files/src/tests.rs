@@ -22,8 +22,8 @@ const BEGINNINGS: [(&str, &[u8]); 12] = [
 fn an_import_that_does_not_fit_names_the_file() {
     let import = |file: &str, text: &str| ImportSpec::new(file, text.as_bytes().to_vec());
     let message = |spec: ImportSpec| spec.read().unwrap_err().to_string();
-    let known = "known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, .gltf, .glb, .dae, .sdf, .world, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, \
-                 .xyzrgb, .xyzn, .asc, .pts, .csv, .las, .laz and .e57";
+    let known = "known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, .gltf, .glb, .dae, .sdf, .world, .vox, \
+                 .pgm, .ppm, .pbm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, .xyzn, .asc, .pts, .csv, .las, .laz and .e57";
     assert_eq!(message(import("a.tga", "")), format!("a.tga: the file's extension is \"tga\", {known}"));
     assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
     assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));
@@ -117,15 +117,13 @@ fn short_file_is_no_large_map() {
 #[test]
 fn a_map_is_surrounded_if_it_is_open_and_there_is_room() {
     let open = Grid::from_text("#.\n##\n").unwrap();
-    let allowing = |cells_max| ImportSpec { cells_max, ..ImportSpec::new("a.vox", Vec::new()) };
-    let (around, note) = surrounded(open.clone(), &allowing(100)).unwrap();
+    let (around, note) = surrounded(open).unwrap();
     let wall = "####\n".repeat(4);
     assert_eq!(around.to_text(), format!("{wall}\n####\n##.#\n####\n####\n\n{wall}"));
     assert!(note.is_some());
-    assert_eq!(surrounded(around.clone(), &allowing(100)), Ok((around, None)));
-    assert!(surrounded(open, &allowing(47)).is_err());
+    assert_eq!(surrounded(around.clone()), Ok((around, None)));
     let long = Grid::new(Extent::new([1023, 1, 1], 1.0).unwrap(), Terrain::Free);
-    assert_eq!(surrounded(long.clone(), &allowing(usize::MAX)), Ok((long, None)));
+    assert_eq!(surrounded(long.clone()), Ok((long, None)));
 }
 
 proptest! {

@@ -50,6 +50,8 @@ struct Scene<'a> {
     models: Vec<Model<'a>>,
     nodes: BTreeMap<u32, Node>,
     hidden_layers: BTreeSet<u32>,
+    /// Bytes behind its end.
+    ignored: usize,
 }
 
 /// The models of a scene with their transforms.
@@ -75,9 +77,13 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let scene = chunks(&spec.bytes)?;
     let models = &scene.models;
     let mut notes = Vec::new();
+    if scene.ignored > 0 {
+        notes.push(Note::new("end", format!("{} bytes after the last chunk are ignored", scene.ignored)));
+    }
     let placed: Vec<(&Model<'_>, Transform)> = if scene.nodes.is_empty() {
         let dropped = models.len().saturating_sub(1);
-        notes.push(Note::new("models", format!("the first is read, {dropped} without a place are dropped")));
+        let text = format!("the first is read, {dropped} without a place are dropped");
+        notes.push(if dropped > 0 { Note::warning("models", text) } else { Note::new("models", text) });
         models.iter().take(1).map(|model| (model, UNTURNED)).collect()
     } else {
         let Placed { shown, hidden } = scene.place()?;
@@ -114,7 +120,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             terrain.set(Cell::new(x, y, z), Terrain::Wall);
         }
     }
-    let (terrain, closed) = surrounded(terrain, spec)?;
+    let (terrain, closed) = surrounded(terrain)?;
     notes.extend(closed);
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: None, yaw_rad: 0.0 })
 }
@@ -151,13 +157,22 @@ fn chunks(bytes: &[u8]) -> Result<Scene<'_>, FormatError> {
     file.u32("the version")?;
     let mut scene = Scene::default();
     let mut size = None;
+    // Where the chunks of MAIN end, if it says so.
+    let mut end = usize::MAX;
     while !file.rest().is_empty() {
         let at = file.at();
+        if at >= end && !begins_chunk(file.rest()) {
+            scene.ignored = file.rest().len();
+            break;
+        }
         let name = file.take(4, "the name of a chunk")?;
         let length = file.u32("the length of a chunk")?;
         // Child chunks follow their parent and are read as chunks of their own.
-        file.u32("the length of what a chunk has")?;
+        let length_of_children = file.u32("the length of what a chunk has")? as usize;
         let start = file.at();
+        if name == b"MAIN" && length_of_children > 0 {
+            end = start.saturating_add(length as usize).saturating_add(length_of_children);
+        }
         let mut chunk = Chunk { bytes: Bytes::new(file.take(length as usize, "a chunk")?), start };
         match name {
             b"SIZE" => {
@@ -193,6 +208,15 @@ fn chunks(bytes: &[u8]) -> Result<Scene<'_>, FormatError> {
         }
     }
     Ok(scene)
+}
+
+/// Whether bytes are a chunk, as writers that give MAIN a wrong length have more of.
+fn begins_chunk(bytes: &[u8]) -> bool {
+    let Some((name, rest)) = bytes.split_at_checked(4) else { return false };
+    let mut rest = Bytes::new(rest);
+    let length = rest.u32("the length of a chunk").unwrap_or(u32::MAX) as usize;
+    let fits = rest.u32("the length of what a chunk has").is_ok() && length <= rest.rest().len();
+    fits && name.iter().all(u8::is_ascii_alphanumeric)
 }
 
 /// Whether attributes hide what they belong to.
@@ -307,7 +331,7 @@ fn rotation(text: &str) -> Option<[[i64; 3]; 3]> {
 impl<'a> Scene<'a> {
     /// The models with their transforms, from the first node on.
     fn place(&self) -> Result<Placed<'_, 'a>, FormatError> {
-        let Self { models, nodes, hidden_layers } = self;
+        let Self { models, nodes, hidden_layers, .. } = self;
         let fault = |reason: String| FormatError::Content { place: super::Place::Byte(0), reason };
         let mut placed = Placed { shown: Vec::new(), hidden: 0 };
         let (mut visits, mut voxels) = (0, 0);

@@ -165,7 +165,7 @@ fn bad_input_is_one_line_and_writes_nothing() {
         (
             "generate --size 30 -o @a",
             "a: the file's extension is missing, known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, \
-             .gltf, .glb, .dae, .sdf, .world, .vox, .pgm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, \
+             .gltf, .glb, .dae, .sdf, .world, .vox, .pgm, .ppm, .pbm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, \
              .xyzn, .asc, .pts, .csv, .las, .laz and .e57",
         ),
         ("generate --size 2000 -o @a.txt", "map size along x is 2000 cells, allowed are 1 to 1024"),

@@ -112,6 +112,9 @@ fn axis_upwards_is_that_of_the_writer() {
     let assimp = size(&format!("{}<up_axis>Y_UP</up_axis>", tool("Assimp Exporter")));
     assert_eq!(assimp.0, [7, 6, 5]);
     assert!(assimp.1.starts_with("z, as Assimp writes it, whatever it says in up_axis"), "{}", assimp.1);
+    for name in ["VCGLib | MeshLab", "VCGLib"] {
+        assert_eq!(size(&format!("{}<up_axis>Y_UP</up_axis>", tool(name))).0, [7, 6, 5], "{name}");
+    }
     let pycollada = size("<created>2026</created><up_axis>Y_UP</up_axis>");
     assert_eq!(pycollada.0, [7, 6, 5]);
 }

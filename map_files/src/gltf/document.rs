@@ -12,6 +12,25 @@ pub(super) struct Asset {
     pub(super) extras: Extras,
 }
 
+/// The part of a document that says its version, whatever the rest is.
+#[derive(Deserialize)]
+pub(super) struct Versioned {
+    pub(super) asset: Version,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Version {
+    version: serde_json::Value,
+}
+
+impl Version {
+    /// Whether it is one before 2.0.
+    pub(super) fn is_old(&self) -> bool {
+        let number = self.version.as_f64().or_else(|| self.version.as_str()?.trim().parse().ok());
+        number.is_some_and(|number| number < 2.0)
+    }
+}
+
 /// What this project adds to an asset.
 #[derive(Default)]
 pub(super) struct Extras {

@@ -68,13 +68,30 @@ fn required_extensions_are_read_or_refused_by_name() {
 
 #[test]
 fn writers_that_leave_coordinates_as_they_are_have_z_upwards() {
-    for (generator, up) in [
-        ("Open3D", "z, as Open3D writes it; the option up changes that"),
-        ("https://github.com/mikedh/trimesh", "z, as trimesh writes it; the option up changes that"),
-        ("Khronos glTF Blender I/O v3.4", "y, as glTF has it; the option up changes that"),
+    let turned = r#","matrix":[1,0,0,0,0,0,-1,0,0,1,0,0,0,0,0,1]"#;
+    let optimised = |name: &str| {
+        format!(
+            "y, as glTF has it; {name} names no earlier writer, and files of trimesh, Open3D and assimp have z; the \
+             option up changes that"
+        )
+    };
+    for (generator, node, up) in [
+        ("gltfpack 1.3", "", optimised("gltfpack").as_str()),
+        ("glTF-Transform v4.5.1", "", optimised("glTF-Transform").as_str()),
+        ("Open Asset Import Library (assimp v5.2.0)", "", "z, as assimp writes it; the option up changes that"),
+        (
+            "Open Asset Import Library (assimp v5.2.0)",
+            r#","scale":[2,2,2]"#,
+            "z, as assimp writes it; the option up changes that",
+        ),
+        // As assimp 5.2.5 writes a COLLADA file with z upwards.
+        ("Open Asset Import Library (assimp v5.2.0)", turned, "y, as assimp has turned it; the option up changes that"),
+        ("Open3D", "", "z, as Open3D writes it; the option up changes that"),
+        ("https://github.com/mikedh/trimesh", "", "z, as trimesh writes it; the option up changes that"),
+        ("Khronos glTF Blender I/O v3.4", "", "y, as glTF has it; the option up changes that"),
     ] {
-        let imported = cube(generator, "", "");
-        assert_eq!(imported.notes.iter().find(|note| note.name == "up").unwrap().text, up);
+        let imported = cube(generator, node, "");
+        assert_eq!(imported.notes.iter().find(|note| note.name == "up").unwrap().text, up, "{generator}");
     }
 }
 
@@ -139,7 +156,15 @@ fn data_beside_the_document_are_read() {
 fn errors_name_the_entry() {
     assert_eq!(refuse(b"{"), "line 1: EOF while parsing an object");
     assert_eq!(refuse(b"{}"), "the file has no triangle");
-    assert_eq!(refuse(b"glTF\x01\0\0\0"), "byte 4: the version is 1, allowed is 2");
+    assert_eq!(refuse(b"glTF\x03\0\0\0"), "byte 4: the version is 3, allowed is 2");
+    let old = "glTF 1.0 is not read, allowed is 2.0; convert the file, for instance by gltf-pipeline -i OLD -o NEW.glb";
+    assert_eq!(refuse(b"glTF\x01\0\0\0"), format!("byte 4: {old}"));
+    for version in ["\"1.0\"", "1.1", "\"0.8\""] {
+        let text = format!(
+            r#"{{"asset":{{"version":{version}}},"scene":"s","scenes":{{"s":{{"nodes":["a"]}}}},"nodes":{{"a":{{}}}}}}"#
+        );
+        assert_eq!(refuse(text.as_bytes()), format!("asset.version: {old}"));
+    }
     assert_eq!(refuse(&scene("\"meshes\":[]")), "meshes[0]: there is no such mesh");
     let cycle = br#"{"nodes":[{"children":[1]},{"children":[0]}],"scenes":[{"nodes":[0]}]}"#;
     assert_eq!(refuse(cycle), "nodes[0]: a node has two parents");

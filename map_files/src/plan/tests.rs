@@ -27,11 +27,33 @@ fn binary_and_ascii_give_the_same_map() {
     assert_eq!(mapgen::free_cells(&text.terrain), 2);
 }
 
+/// Pictures in colours and in black and white, as text and bytes, are those in grey.
+#[test]
+fn colours_and_bits_are_read() {
+    let map = |bytes: &[u8]| read(&spec(bytes, 1, Some(0.5))).unwrap_or_else(|error| panic!("{error}")).terrain;
+    let grey = map(b"P2 10 2 255 0 255 0 0 0 0 0 0 255 255 255 0 0 0 0 0 0 0 0 0");
+    let is_bright = |at: usize| [1, 8, 9, 10].contains(&at);
+    let samples: Vec<u8> = (0..20).flat_map(|at| if is_bright(at) { [255, 255, 255] } else { [255, 0, 9] }).collect();
+    let words: Vec<String> = samples.iter().map(u8::to_string).collect();
+    assert_eq!(map(&[b"P6 10 2 255\n".as_slice(), &samples].concat()), grey);
+    assert_eq!(map(format!("P3\n10 2 255\n{}", words.join(" ")).as_bytes()), grey);
+    assert_eq!(map(b"P1\n10 2\n1011111100\n# below\n0 1 1 1 1 1 1 1 1 1"), grey);
+    assert_eq!(map(b"P4\n10 2\n\xbf\x00\x7f\xff"), grey);
+    let refuse = |bytes: &[u8]| read(&spec(bytes, 1, None)).unwrap_err().to_string();
+    assert_eq!(refuse(b"P1 2 1 02"), "byte 8: a pixel is none, allowed are 0 and 1");
+    assert_eq!(refuse(b"P1 2 1 0"), "byte 8: the file ends here, before a pixel");
+    assert_eq!(refuse(b"P4 9 1 \xff"), "byte 8: the file ends here, expected length 9 bytes");
+    assert_eq!(refuse(b"P6 1 1 255 ab"), "byte 13: the file ends here, expected length 14 bytes");
+}
+
 #[test]
 fn errors_name_the_byte() {
     let refuse = |bytes: &[u8]| read(&spec(bytes, 1, None)).unwrap_err().to_string();
-    assert_eq!(refuse(b""), "byte 0: the file ends here, before P2 or P5");
-    assert_eq!(refuse(b"P6 1 1"), "byte 0: the file begins as no PGM (P2 or P5), PNG, BMP or JPEG");
+    assert_eq!(refuse(b""), "byte 0: the file ends here, before P1 to P6");
+    assert_eq!(
+        refuse(b"P7 1 1"),
+        "byte 0: the file begins as no picture, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG"
+    );
     assert_eq!(refuse(b"P2 x"), "byte 3: the width is none, allowed is a number up to 4294967295");
     assert_eq!(refuse(b"P2 2000 1 9"), "map size along x is 2000 cells, allowed are 1 to 1024");
     assert_eq!(refuse(b"P2 1 1 0 0"), "byte 8: the largest brightness is 0, allowed is 1 to 65535");
@@ -85,6 +107,11 @@ fn thresholds_negation_and_modes_are_those_of_the_map_server() {
         yaml(text, image.as_bytes()).read().unwrap().notes[0].text.clone()
     };
     assert!(counts(negated, 3).starts_with("8 occupied, 1 free, 0 unknown"));
+    // The map server lowers the letters of the mode.
+    for mode in ["Raw", "RAW", "raw"] {
+        assert!(counts(&format!("{negated}mode: {mode}\n"), 0).starts_with("0 occupied, 1 free, 8 unknown"), "{mode}");
+    }
+    assert!(free(&format!("{KEYS}mode: Trinary\n"), 206) && !free(&format!("{KEYS}mode: TRINARY\n"), 205));
     // Values of raw maps are not negated.
     assert!(counts(&format!("{negated}mode: raw\n"), 0).starts_with("0 occupied, 1 free, 8 unknown"));
     assert!(counts(&format!("{negated}mode: raw\n"), 100).starts_with("1 occupied, 0 free, 8 unknown"));
@@ -131,6 +158,41 @@ fn grey_of_map_saver_is_unknown_whatever_the_thresholds() {
     };
     assert!(read("scale").starts_with("12 occupied, 24 free, 0 unknown"), "{}", read("scale"));
     assert!(read("raw").starts_with("0 occupied, 12 free, 24 unknown"), "{}", read("raw"));
+}
+
+/// JPEG makes other greys of that of unknown cells, and of free and occupied cells beside each
+/// other.
+#[test]
+fn greys_near_that_of_unknown_cells_are_unknown_in_jpeg() {
+    let picture = |of_unknown: u8, quality: u8| {
+        let grey = |x: u32, y: u32| match (x.min(59 - x), y.min(39 - y)) {
+            (0..10, _) | (_, 0..10) => of_unknown,
+            (10, _) | (_, 10) => 0,
+            _ => 254,
+        };
+        let pixels = (0..2400).map(|at| grey(at % 60, at / 60)).collect();
+        let luma = image::GrayImage::from_raw(60, 40, pixels).unwrap();
+        let mut bytes = Vec::new();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&luma).unwrap();
+        bytes
+    };
+    let keys = "image: m\nresolution: 1\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.25\n";
+    for quality in [75, 95] {
+        let imported = yaml(&format!("{keys}negate: 0\n"), &picture(205, quality)).read().unwrap();
+        assert_eq!(imported.notes[0].text, "116 occupied, 684 free, 1600 unknown, which become wall", "{quality}");
+        let note = imported.notes.iter().find(|note| note.name == "unknown").unwrap();
+        assert!(
+            note.text.contains("pixels of grey 205 or near it, as JPEG makes it, which map_saver"),
+            "{}",
+            note.text
+        );
+        // Without unknown cells the thresholds decide.
+        let known = yaml(&format!("{keys}negate: 0\n"), &picture(254, quality)).read().unwrap();
+        assert_eq!(known.notes[0].text, "116 occupied, 2284 free, 0 unknown, which become wall", "{quality}");
+        let scale = yaml(&format!("{keys}mode: scale\n"), &picture(205, quality)).read().unwrap();
+        // But for a few dark ones beside the walls.
+        assert!(scale.notes[0].text.starts_with("116 occupied, 22"), "{quality}: {}", scale.notes[0].text);
+    }
 }
 
 /// Transparency as nav2 reads it: one more colour in trinary mode, unknown in scale mode, nothing
@@ -180,11 +242,22 @@ fn errors_of_a_yaml_name_line_or_key() {
     assert_eq!(refuse("origin: 3\n"), "map.yaml: line 1: origin is \"3\", expected [x, y, yaw]");
     assert_eq!(refuse("origin: [1, 2]\n"), "map.yaml: origin: 2 numbers, expected [x, y, yaw]");
     assert_eq!(refuse("origin: [1, 2, 0]\n"), "map.yaml: the file has no key image");
+    for (kind, beginning) in
+        [("GIF", &b"GIF89a"[..]), ("TIFF", b"II*\0"), ("TIFF", b"MM\0*"), ("WebP", b"RIFF\x01\0\0\0WEBPVP8 ")]
+    {
+        let error = yaml(KEYS, beginning).read().unwrap_err().to_string();
+        assert!(
+            error.ends_with(&format!("begins as {kind}, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG"))
+        );
+    }
     assert_eq!(refuse("mode: best\n"), "map.yaml: line 1: mode is \"best\", expected trinary, scale or raw");
     let without = ImportSpec::new("map.yaml", KEYS.into()).read().unwrap_err().to_string();
     assert_eq!(without, "map.yaml: image \"map.pgm\": it is not at hand");
-    let broken = yaml(KEYS, b"P6").read().unwrap_err().to_string();
-    assert_eq!(broken, "map.yaml: image \"map.pgm\": byte 0: the file begins as no PGM (P2 or P5), PNG, BMP or JPEG");
+    let broken = yaml(KEYS, b"P7").read().unwrap_err().to_string();
+    assert_eq!(
+        broken,
+        "map.yaml: image \"map.pgm\": byte 0: the file begins as no picture, read are PNM (P1 to P6), PNG, BMP and JPEG; save it as PNG"
+    );
     let wide = yaml(KEYS, b"P5 2000 2 255 ").read().unwrap_err().to_string();
     assert_eq!(
         wide,

@@ -110,6 +110,11 @@ impl Model {
         })
     }
 
+    /// A world of models.
+    pub(super) fn of_models(models: Vec<Self>) -> Self {
+        Self { models, ..Self::default() }
+    }
+
     /// Overrides what an include overrides.
     pub(super) fn include(&mut self, element: Node<'_, '_>) -> Result<(), FormatError> {
         let text = |name| xml::child(element, name).and_then(|child| child.text()).map(|text| text.trim().to_owned());
@@ -122,6 +127,34 @@ impl Model {
         }
         if let Some(frame) = text("placement_frame").filter(|frame| !frame.is_empty()) {
             self.placement_frame = Some(frame);
+        }
+        Ok(())
+    }
+
+    /// The model in it with a name.
+    pub(super) fn model_mut(&mut self, name: &str) -> Option<&mut Self> {
+        self.models.iter_mut().find(|model| model.name == name)
+    }
+
+    /// Moves the model to where an element has it in the world, `parent` being the frame that it is
+    /// in; its frame in the world then. `None` if the element has no pose.
+    pub(super) fn move_to(
+        &mut self,
+        element: Node<'_, '_>,
+        parent: &Isometry3<f64>,
+    ) -> Result<Option<Isometry3<f64>>, FormatError> {
+        let Some(place) = Pose::of(element)?.given else { return Ok(None) };
+        self.pose = Pose { given: Some(parent.inverse() * place), relative_to: None };
+        self.placement_frame = None;
+        Ok(Some(place))
+    }
+
+    /// Moves the link that an element names to where it has it in the world, `here` being the frame
+    /// of this model.
+    pub(super) fn move_link_to(&mut self, element: Node<'_, '_>, here: &Isometry3<f64>) -> Result<(), FormatError> {
+        let link = self.links.iter_mut().find(|link| Some(link.name.as_str()) == element.attribute("name"));
+        if let (Some(link), Some(place)) = (link, Pose::of(element)?.given) {
+            link.pose = Pose { given: Some(here.inverse() * place), relative_to: None };
         }
         Ok(())
     }

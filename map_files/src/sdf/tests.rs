@@ -190,6 +190,15 @@ fn parts_of_meshes_are_chosen_by_name() {
     assert_eq!(sub("a.obj", "two big", ""), ([6, 6, 6], 8, [4.0, -2.0, -2.0]));
     assert_eq!(sub("a.obj", "two big", "<center>1</center>"), ([6, 6, 6], 8, [-3.0; 3]));
     assert_eq!(sub("a.obj", "one", "<center>false</center>"), ([12, 12, 6], 16, [-2.0; 3]), "all of the name");
+    // Gazebo's loader of COLLADA heeds no axis.
+    for axis in ["X_UP", "Y_UP"] {
+        let turned = dae.replace("Z_UP", axis);
+        let files = [("a.dae", turned.as_str())];
+        let far = "<mesh><uri>a.dae</uri><submesh><name>far</name></submesh></mesh>";
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        let imported = ImportSpec { options, ..of(&world(&model("a", "0 0 0 0 0 0", far)), &files) }.read().unwrap();
+        assert_eq!(measured(&imported), ([6, 6, 6], 8, [4.0, 4.0, -2.0]), "{axis}");
+    }
     assert_eq!(sub("a.dae", "far", ""), ([6, 6, 6], 8, [4.0, 4.0, -2.0]), "the name of the node above");
     assert_eq!(sub("a.dae", "one", "<center>true</center>"), ([6, 6, 6], 8, [-3.0; 3]));
     let scaled =
@@ -239,7 +248,7 @@ fn models_are_included_with_their_meshes() {
             "model://none",
             "is not found below the folder of the world; name the folder in which its model lies by map.import.model_path",
         ),
-        ("https://fuel.gazebosim.org/1.0/a/models/b", "download the model (gz fuel download -u URI)"),
+        ("https://fuel.gazebosim.org/1.0/a/models/b", "download the model (gz fuel download -u URI), write"),
         ("../other", "is not found below the folder"),
         ("model://../../etc", "is not found below the folder"),
         ("file:///etc/passwd", "is not found below the folder"),
@@ -248,6 +257,153 @@ fn models_are_included_with_their_meshes() {
         let refused = read(&include(uri, "")).unwrap_err().to_string();
         assert!(refused.contains(said), "{uri}: {refused}");
     }
+}
+
+/// The texts of the notes of a kind.
+fn notes<'i>(imported: &'i Imported, name: &str) -> Vec<&'i str> {
+    imported.notes.iter().filter(|note| note.name == name).map(|note| note.text.as_str()).collect()
+}
+
+/// As Gazebo Classic loads what it has saved: its `World::SetState` sets poses in the world.
+#[test]
+fn saved_state_of_classic_moves_models_and_links() {
+    let read = |body: &str| {
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        ImportSpec { options, ..of(&world(body), &[]) }.read().unwrap_or_else(|error| panic!("{error}"))
+    };
+    let whole = ([8, 6, 6], 16, [-2.0; 3]);
+    let state = |models: &str| format!("<state world_name=\"w\"><sim_time>10 0</sim_time>{models}</state>");
+    let pose = "<pose frame=''>2 1 1 0 -0 0</pose>";
+    let far = model("a", "100 100 1 0 0 0", BOX);
+    let moved = format!(
+        "<model name=\"a\">{pose}<scale>1 1 1</scale><link name=\"l\">{pose}<velocity>0 0 0 0 0 0</velocity></link></model>"
+    );
+    let imported = read(&format!("{far}{}", state(&moved)));
+    assert_eq!(measured(&imported), whole);
+    assert_eq!(notes(&imported, "state"), ["1 model(s) are where the saved state of the world has them"]);
+    // Only the first state counts, wherever it stands.
+    let second = state(&moved.replace("2 1 1", "50 1 1"));
+    assert_eq!(measured(&read(&format!("{}{far}{second}", state(&moved)))), whole);
+    // A link that has left its model, and the pose of the model without links.
+    let link = format!("<model name=\"a\"><pose>7 7 7 0 0 1</pose><link name=\"l\">{pose}</link></model>");
+    assert_eq!(measured(&read(&format!("{far}{}", state(&link)))), whole);
+    let alone = format!("<model name=\"a\">{pose}</model>");
+    assert_eq!(measured(&read(&format!("{far}{}", state(&alone)))), whole);
+    // A model in a model: both poses are in the world.
+    let nested = format!("<model name=\"out\"><pose>9 9 9 0 0 0</pose>{far}</model>");
+    let inner = format!("<model name=\"out\"><pose>50 0 0 0 0 1</pose>{alone}</model>");
+    assert_eq!(measured(&read(&format!("{nested}{}", state(&inner)))), whole);
+    let placed = far.replace("name=\"a\"", "name=\"a\" placement_frame=\"l\"");
+    assert_eq!(measured(&read(&format!("{placed}{}", state(&alone)))), whole);
+    // What is not followed is a warning.
+    let scaled = moved.replace("1 1 1</scale>", "2 2 1</scale>") + "<model name=\"none\"/><deletions/>";
+    let imported = read(&format!("{far}{}", state(&scaled)));
+    assert_eq!(measured(&imported), whole);
+    let warned = imported.notes.iter().filter(|note| note.is_warning && note.name == "state").count();
+    assert_eq!(warned, 3, "{:?}", imported.notes);
+    assert_eq!(measured(&read(&format!("{}{}", model("a", "2 1 1 0 0 0", BOX), state("")))), whole);
+}
+
+#[test]
+fn models_without_a_world_are_read_all() {
+    let read = |text: &str, files: &[(&str, &str)]| {
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        ImportSpec { options, ..of(text, files) }.read().unwrap_or_else(|error| panic!("{error}"))
+    };
+    let [a, b] = [model("a", "2 1 1 0 0 0", BOX), model("b", "2 1 6 0 0 0", BOX)];
+    let both = read(&format!("<sdf version=\"1.6\">{a}{b}</sdf>"), &[]);
+    assert_eq!(measured(&both), ([8, 6, 11], 32, [-2.0; 3]));
+    let said = notes(&both, "world");
+    assert!(said[0].starts_with("2 model(s), 2 shapes of their links"), "{said:?}");
+    assert_eq!(said[1], "2 models without a world, all of which are read; Gazebo takes the first only");
+    let one = read(&format!("<sdf version=\"1.6\">{a}</sdf>"), &[]);
+    assert_eq!(measured(&one), ([8, 6, 6], 16, [-2.0; 3]));
+    assert!(notes(&one, "world")[0].starts_with("1 model(s), 1 shapes of their links"), "{:?}", one.notes);
+    let worlds = format!("<sdf version=\"1.6\"><world name=\"v\">{a}</world><world name=\"w\">{b}</world>{b}</sdf>");
+    let first = read(&worlds, &[]);
+    assert_eq!(measured(&first), ([8, 6, 6], 16, [-2.0; 3]));
+    assert_eq!(
+        notes(&first, "world")[1..],
+        [
+            "1 other worlds of the file are left out, only the first world is read",
+            "1 models beside the world are left out; put them into it"
+        ]
+    );
+    // An included file stands for one model, as in Gazebo.
+    let pair = format!("<sdf version=\"1.6\">{a}{b}</sdf>");
+    let included = read(&world("<include><uri>pair.sdf</uri></include>"), &[("pair.sdf", &pair)]);
+    assert_eq!(measured(&included), ([8, 6, 6], 16, [-2.0; 3]));
+    assert!(included.notes.iter().any(|note| note.is_warning && note.text.contains("1 other models of the file")));
+}
+
+#[test]
+fn sun_and_ground_are_known_without_files() {
+    let read = |body: &str, files: &[(&str, &str)]| {
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        ImportSpec { options, ..of(&world(body), files) }.read()
+    };
+    let include = |uri: &str| format!("<include><uri>{uri}</uri></include>");
+    let on_ground = model("a", "2 1 1 0 0 0", BOX) + &model("b", "8 5 1 0 0 0", BOX);
+    let alone = measured(&read(&on_ground, &[]).unwrap());
+    let grounded = ([14, 10, 7], 32 + 60, [-2.0, -2.0, -3.0]);
+    for (uri, expected) in [
+        ("model://sun", alone),
+        ("model:/sun", alone),
+        ("https://fuel.gazebosim.org/1.0/OpenRobotics/models/Sun", alone),
+        ("https://fuel.ignitionrobotics.org/1.0/openrobotics/models/sun/2", alone),
+        ("model://ground_plane", grounded),
+        ("model://ground_plane/", grounded),
+        ("https://fuel.gazebosim.org/1.0/OpenRobotics/models/Ground Plane", grounded),
+        ("https://fuel.gazebosim.org/1.0/OpenRobotics/models/Ground%20Plane/tip", grounded),
+    ] {
+        let imported = read(&format!("{}{on_ground}", include(uri)), &[]).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(measured(&imported), expected, "{uri}");
+        let name = if expected == alone { "sun" } else { "ground_plane" };
+        let said = format!("{name}, taken as Gazebo has them, without their files");
+        assert_eq!(notes(&imported, "models"), [said], "{uri}");
+    }
+    // A file of this name comes first.
+    let own = format!("<sdf version=\"1.6\">{}</sdf>", model("sun", "2 1 6 0 0 0", BOX));
+    let files = [("model:/sun/model.sdf", own.as_str())];
+    let a = model("a", "2 1 1 0 0 0", BOX);
+    for uri in ["model://sun", "https://fuel.gazebosim.org/1.0/OpenRobotics/models/Sun"] {
+        let imported = read(&format!("{}{a}", include(uri)), &files).unwrap();
+        assert_eq!(measured(&imported), ([8, 6, 11], 32, [-2.0; 3]), "{uri}");
+    }
+    for (uri, said) in [
+        ("https://fuel.gazebosim.org/1.0/OpenRobotics/models/Cone", "write model://NAME for its uri"),
+        ("https://fuel.gazebosim.org/1.0/someone/models/Sun", "write model://NAME for its uri"),
+        ("sun", "is not found below the folder"),
+        ("model:/cone", "is not found below the folder"),
+        ("other:/cone", "is of a kind that is not known"),
+    ] {
+        let refused = read(&include(uri), &[]).unwrap_err().to_string();
+        assert!(refused.contains(said), "{uri}: {refused}");
+    }
+}
+
+/// In 1.2 and 1.3, shapes and poses are written as in 1.4; before, as attributes.
+#[test]
+fn old_versions_are_read_or_refused_by_name() {
+    let a = model("a", "2 1 1 0 0 0", BOX);
+    let read = |version: &str, element: &str| {
+        let text = format!("<{element} version=\"{version}\"><world name=\"w\">{a}</world></{element}>");
+        of(&text, &[]).read().map(|imported| imported.terrain).map_err(|error| error.to_string())
+    };
+    let now = read("1.6", "sdf").unwrap();
+    for (version, element) in [("1.2", "gazebo"), ("1.2", "sdf"), ("1.3", "sdf"), ("1.4", "sdf"), ("1.12", "sdf")] {
+        assert_eq!(read(version, element).as_ref(), Ok(&now), "{version}");
+    }
+    for (version, element) in [("1.0", "gazebo"), ("1.0", "sdf"), ("1.1", "sdf"), ("1", "sdf"), ("0.9", "sdf")] {
+        let refused = read(version, element).unwrap_err();
+        let expected =
+            format!("a.world: line 1: <{element}>: SDF {version} is not read, allowed are 1.2 to 1.12; convert it");
+        assert!(refused.starts_with(&expected), "{refused}");
+    }
+    let old = "<sdf version=\"1.0\"><model name=\"m\"/></sdf>";
+    let refused =
+        of(&world("<include><uri>old.sdf</uri></include>"), &[("old.sdf", old)]).read().unwrap_err().to_string();
+    assert!(refused.contains("old.sdf: line 1: <sdf>: SDF 1.0 is not read"), "{refused}");
 }
 
 #[test]
@@ -307,7 +463,7 @@ fn poses_are_those_of_sdformat() {
     let files = [("model:/tile/model.sdf", tile)];
     let spec = of(include_str!("../../tests/files/poses.world"), &files);
     let files = Files::new(&spec);
-    let world = Reader::new(&files).root(&spec.bytes, Path::new("")).unwrap();
+    let world = Reader::new(&files).root(&spec.bytes, Path::new(""), Role::Map).unwrap();
     let mut places = Vec::new();
     let found = world.place(&mut |_, place| {
         places.push(*place);

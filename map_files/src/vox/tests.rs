@@ -42,6 +42,38 @@ fn a_model_is_walls_in_its_box() {
     let wall = "#####\n".repeat(4);
     assert_eq!(terrain.to_text(), format!("{wall}\n#####\n#..##\n##..#\n#####\n\n{wall}"));
     assert_eq!(notes[0].text, "the first is read, 1 without a place are dropped");
+    assert!(notes[0].is_warning);
+    assert!(!read(&file(&[model()])).unwrap().notes[0].is_warning);
+}
+
+#[test]
+fn bytes_after_the_last_chunk_are_ignored() {
+    let plain = read(&file(&[model()])).unwrap();
+    let with = |children: usize, rest: &[u8]| {
+        let mut bytes = [file(&[model()]).bytes, rest.to_vec()].concat();
+        bytes[16..20].copy_from_slice(&(children as u32).to_le_bytes());
+        read(&ImportSpec::new("a.vox", bytes))
+    };
+    let whole = model().len();
+    for rest in [&[0][..], &[0; 3], &[0; 12], b"\n", b"made by hand", b"TAIL\xff\xff\0\0\0\0\0\0"] {
+        let imported = with(whole, rest).unwrap_or_else(|error| panic!("{rest:?}: {error}"));
+        assert_eq!(imported.terrain, plain.terrain);
+        assert_eq!(imported.notes[0].text, format!("{} bytes after the last chunk are ignored", rest.len()));
+    }
+    // A length that is wrong loses no chunk.
+    assert_eq!(with(1, b"").unwrap().terrain, plain.terrain);
+    assert_eq!(with(9999, b"").unwrap().terrain, plain.terrain);
+    assert!(with(9999, b"TAIL\xff\xff\0\0\0\0\0\0").unwrap_err().to_string().contains("the file ends here"));
+}
+
+/// The layer around an open map is none of the cells that a file may have.
+#[test]
+fn largest_model_is_read() {
+    let voxels = [numbers(&[2]), vec![0, 0, 0, 1, 255, 255, 255, 7]].concat();
+    let largest = file(&[chunk("SIZE", &numbers(&[256; 3])), chunk("XYZI", &voxels)]);
+    let imported = read(&largest).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(imported.terrain.extent().size(), [258; 3]);
+    assert_eq!(free_cells(&imported.terrain), (1 << 24) - 2);
 }
 
 #[test]
