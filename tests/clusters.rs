@@ -248,9 +248,9 @@ fn killed_tasks_and_nodes_leave_the_tables_as_they_are() {
     let (cluster_folder, held) = (site.path("cluster"), site.path("held"));
     let mut cluster = Cluster::start(&cluster_folder);
     let mut submit = site.command("sbatch");
-    submit.current_dir(site.path("moved")).env("SLURM_CONF", cluster_folder.join("slurm.conf"));
+    submit.env("SLURM_CONF", cluster_folder.join("slurm.conf"));
     submit.env("MAES_BIN_DIR", folder_of_holding_maes(&site, &held));
-    let submitted = output(submit.env(processes::MARKER, &cluster_folder).args(["--parsable", "plan.slurm.sh"]));
+    let submitted = output(submit.env(processes::MARKER, &cluster_folder).args(["--parsable", "moved/plan.slurm.sh"]));
     assert!(submitted.status.success(), "{submitted:?}");
     let job = String::from_utf8_lossy(&submitted.stdout).trim().to_owned();
 

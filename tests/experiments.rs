@@ -140,10 +140,11 @@ fn cluster_jobs_and_ros_processes_give_the_same_rows() {
     let emit = ["batch", text(&plan), "--out", "cluster", "--emit", "slurm", "--parts", "4"];
     experiments(&site, &emit).ended().with_code(0);
     assert_eq!(files_of(&site.path("cluster/runs")), 0);
-    // As Slurm runs them, one after the other.
+    // As a Slurm that cannot be asked for the script's place runs them, one after the other.
     for job in ["0", "1", "2", "3"] {
         let mut script = site.command("bash");
-        script.arg("plan.slurm.sh").current_dir(site.path("cluster")).env("SLURM_ARRAY_TASK_ID", job);
+        script.arg("plan.slurm.sh").current_dir(site.path("cluster")).env("SLURM_SUBMIT_DIR", site.path("cluster"));
+        script.env("SLURM_ARRAY_JOB_ID", "1").env("SLURM_ARRAY_TASK_ID", job);
         site.start(&mut script).ended().with_code(0);
     }
     let cluster = Table::read(&site.path("cluster/runs.csv"));

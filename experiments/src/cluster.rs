@@ -87,7 +87,7 @@ pub fn emit(plan: &Plan, folder: &Path, job: &Job, transport: &Transport) -> Res
         return Err(EmitError::Absolute(path.display().to_string()));
     }
     let parts = job.parts.map_or(PARTS_MAX, NonZero::get).min(plan.runs.len());
-    let (name, text) = templates::job(job, parts)?;
+    let (name, text) = templates::job(job, &plan.runs, parts)?;
     let store = Store::create(folder)?;
     store.save_plan(plan)?;
     store.make_folder(templates::LOGS)?;

@@ -19,6 +19,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use agent_node::controllers::Registry;
+use sim_server::setup;
 use simulation::scenario::{Override, Scenario, ScenarioError, one_line};
 use simulation::wire;
 use system::input_file::{self, TEXT_BYTES_MAX};
@@ -275,9 +276,10 @@ fn planned_run(
     let mut overrides: Vec<Override> = at_start.into_iter().map(Change::to_override).collect();
     let seed = i64::try_from(seed).expect("seeds of a plan are within the integers of TOML");
     overrides.push(Override { origin: format!("{file}: seeds"), key: "seed".to_owned(), value: Some(seed.into()) });
-    // An error about a value names the line that has set it.
+    // An error about a value names the line that has set it, or something in its table.
     let line_of = |key: &str| {
-        let has_set = |set: &str| key == set || key.starts_with(&format!("{set}."));
+        let is_in = |one: &str, table: &str| one == table || one.starts_with(&format!("{table}."));
+        let has_set = |set: &str| is_in(key, set) || is_in(set, key);
         let change = choice.changes.iter().rev().find(|change| has_set(&change.key));
         change.map_or(draft.scenario_line, |change| change.line)
     };
@@ -314,6 +316,10 @@ fn planned_run(
     let of_run = files
         .of(&scenario)
         .map_err(|Unreadable { key, path, source }| line_error(key, format!("{key} = {path:?}: {source}")))?;
+    // What can never become a map is a fault of the plan, and no failure of a controller.
+    if scenario.map.file.is_none() {
+        setup::check_map(&scenario).map_err(|error| line_error("map", error.to_string()))?;
+    }
     let map = map_id(&scenario, &of_run);
     let (id, cost) = (id(&scenario, &of_run), cost(&scenario, &of_run));
     let mut folder = PathBuf::new();

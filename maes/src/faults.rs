@@ -63,7 +63,7 @@ pub(crate) struct FaultsArgs {
     log: bool,
     /// Number of seeds [default: 10; simulated: 10000]
     #[arg(long, value_name = "N")]
-    seeds: Option<u64>,
+    seeds: Option<NonZero<u64>>,
     /// The first seed
     #[arg(long, value_name = "K", default_value_t = 1)]
     first_seed: u64,
@@ -129,7 +129,7 @@ pub(crate) fn faults(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
     };
     let seeds: Vec<u64> = match args.seed_only {
         Some(seed) => vec![seed],
-        None => (args.first_seed..args.first_seed.saturating_add(args.seeds.unwrap_or(SEEDS))).collect(),
+        None => (args.first_seed..args.first_seed.saturating_add(args.seeds.map_or(SEEDS, NonZero::get))).collect(),
     };
     if args.list {
         seeds.iter().for_each(|&seed| print(&format!("seed {seed}: {}", fault_injection::plan_of(&scenario, seed))));
@@ -183,7 +183,7 @@ fn simulate(args: &FaultsArgs) -> anyhow::Result<ExitCode> {
         });
     }
     let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).unwrap_or(NonZero::<usize>::MIN);
-    let seeds = args.seeds.unwrap_or(SIMULATED_SEEDS);
+    let seeds = args.seeds.map_or(SIMULATED_SEEDS, NonZero::get);
     let options = simulated::Options { first_seed: args.first_seed, seeds, jobs };
     let stop = stopped_by_signals()?;
     let simulated::Summary { seeds, failures, counts, is_interrupted } = simulated::run(&options, &stop, &print);

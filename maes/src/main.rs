@@ -128,7 +128,7 @@ fn main() -> ExitCode {
     allocator::keep_large_blocks_in_pages();
     // Without it a full file ends the process as it always has.
     drop(os::report_full_files());
-    let parsed = Cli::command().try_get_matches().and_then(|matches| {
+    let parsed = taking_negative_numbers(Cli::command()).try_get_matches().and_then(|matches| {
         let cli = Cli::from_arg_matches(&matches)?;
         Ok((cli, matches))
     });
@@ -184,6 +184,12 @@ fn main() -> ExitCode {
         }
         _ => code,
     }
+}
+
+/// A command whose options take negative numbers as values, so that their own errors say what is
+/// allowed, and not that `-1` is no option.
+fn taking_negative_numbers(command: clap::Command) -> clap::Command {
+    command.allow_negative_numbers(true).mut_subcommands(taking_negative_numbers)
 }
 
 /// Runs one of the programs that this one is as well, if its name comes first.

@@ -54,7 +54,7 @@ pub(crate) struct GenerateArgs {
     #[arg(long, value_name = "S|XxYxZ", value_parser = parse_size)]
     pub(crate) size: [u32; 3],
     /// Length of a cell's edge in metres, which every written file holds.
-    #[arg(long, value_name = "M", default_value_t = 1.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", default_value_t = 1.0)]
     pub(crate) cell_m: f64,
     /// Seed of the map; without it one is drawn and printed.
     #[arg(long, value_name = "K")]
@@ -118,7 +118,7 @@ pub(crate) struct InfoArgs {
     #[arg(long, value_name = "FILE.png")]
     pub(crate) png: Option<PathBuf>,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long, value_name = "M")]
     pub(crate) cell_m: Option<f64>,
     /// How the files are read.
     #[command(flatten)]
@@ -135,7 +135,7 @@ pub(crate) struct ConvertArgs {
     #[arg(value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long, value_name = "M")]
     pub(crate) cell_m: Option<f64>,
     /// How the map is read.
     #[command(flatten)]
@@ -181,7 +181,7 @@ pub(crate) struct CheckArgs {
     #[arg(long, value_name = "DIR", requires = "picture")]
     pub(crate) page: Option<PathBuf>,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long, value_name = "M")]
     pub(crate) cell_m: Option<f64>,
     /// How the file is read.
     #[command(flatten)]

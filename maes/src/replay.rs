@@ -28,10 +28,10 @@ pub(crate) struct ReplayArgs {
     #[arg(long, value_name = "X|max", value_parser = rate, default_value = "1")]
     rate: Rtf,
     /// Sim time at which playback begins
-    #[arg(long, value_name = "TIME", value_parser = time_s, default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "TIME", value_parser = time_s, default_value_t = 0.0)]
     start: f64,
     /// Sim time at which playback ends, if not at the end of the recording
-    #[arg(long, value_name = "TIME", value_parser = time_s, allow_negative_numbers = true)]
+    #[arg(long, value_name = "TIME", value_parser = time_s)]
     end: Option<f64>,
     /// Begin again at the end
     #[arg(long = "loop")]

@@ -34,6 +34,10 @@ const ANSWERS: &[(&str, u8, &[&str])] = &[
     ("batch plan.toml --out o --jobs two", 2, &["--jobs two: expected a whole number"]),
     ("batch plan.toml --out o --first-domain 200", 2, &["--first-domain 200: expected a whole number from 0 to 101"]),
     ("batch plan.toml --out o --part 2/2", 2, &["--part 2/2: expected K/N"]),
+    ("replay a.mcap --rate -1", 2, &["--rate -1: expected max (as fast as possible), or a number"]),
+    ("map check small.txt --radius-m -1", 2, &["--radius-m -1: allowed is above 0 to 16 m"]),
+    ("faults --seeds -1", 2, &["--seeds -1: expected a whole number"]),
+    ("faults --seeds 0", 2, &["--seeds 0: expected a whole number from 1"]),
     // Names.
     ("rnu", 2, &["no command \"rnu\"; did you mean `run`?"]),
     ("batsh plan.toml", 2, &["no command \"batsh\"; did you mean `batch`?"]),
@@ -54,9 +58,14 @@ const ANSWERS: &[(&str, u8, &[&str])] = &[
         2,
         &["--size 12: map.spheres: radius_max is 8, allowed is 3 to 4", "--set map.spheres.radius_max=VALUE"],
     ),
+    ("run --map sphere --size 20", 2, &["--map sphere: map.kind = \"sphere\"", "did you mean \"spheres\"?"]),
+    ("bench schedule nofolder", 2, &["nofolder: no folder; expected that of `maes bench exploration-1 --out`"]),
     ("run --size 3x4", 2, &["--size 3x4: expected a number of cells, or three joined by x"]),
     ("run --size 5000", 2, &["--size 5000", "map.size"]),
     ("run --size -3", 2, &["--size -3: expected a number of cells"]),
+    ("info bag", 2, &["bag", "SQLite (bag_0.db3)", "rosbags-convert"]),
+    ("verify bag/bag_0.db3", 2, &["bag_0.db3", "SQLite", "rosbags-convert"]),
+    ("batch tight.toml --out o", 2, &["tight.toml:3: map.spheres: radius_max is 8, allowed is 3 to "]),
     ("map info nofile.m3dm", 2, &["nofile.m3dm: cannot be read: No such file or directory"]),
     ("map check small.txt --agents 50", 1, &["small.txt: 50 agents of radius 0.4 m find no starts"]),
     ("map check small.txt --radius-m 0", 2, &["--radius-m 0: allowed is above 0"]),
@@ -97,7 +106,11 @@ fn site() -> tempfile::TempDir {
     let solid = "######\n".repeat(6);
     let layer = format!("######\n{}######\n", "#....#\n".repeat(4));
     let late = format!("seeds = [1]\nprimary = \"time\"\n{}", &PLAN[PLAN.find("[axes]").expect("axes")..]);
+    fs::create_dir(site.path().join("bag")).expect("a new folder");
+    let tight = PLAN.replace("[axes]\n", "[axes]\n\"map.size\" = [24, 14]\n");
     for (name, text) in [
+        ("bag/bag_0.db3", String::new()),
+        ("tight.toml", tight),
         ("plan.toml", PLAN.to_owned()),
         ("late.toml", late),
         ("scenario.toml", SCENARIO.to_owned()),

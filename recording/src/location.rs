@@ -8,26 +8,43 @@ use thiserror::Error;
 /// Recordings of a split bag that an error names.
 const FILES_SHOWN: usize = 3;
 
-/// A folder with several recordings, as a bag that was split: no run is in more than one file.
+/// What the files of bags are called: of MCAP, as recordings are, and of SQLite.
+const MCAP: &str = "mcap";
+const SQLITE: &str = "db3";
+
+/// A bag of rosbag2 that is no recording.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("a folder with {count} recordings ({names}); expected one; name the file")]
-pub struct SplitBagError {
-    count: usize,
-    names: String,
+pub enum BagError {
+    /// No run is in more than one file.
+    #[error("a folder with {count} recordings ({names}); expected one; name the file")]
+    Split { count: usize, names: String },
+    #[error(
+        "a bag of rosbag2 in SQLite{place}; expected MCAP: `rosbags-convert --src BAG --dst NEW --dst-storage mcap` \
+         makes one that `maes info` and `maes replay` read, without the attachments of a run"
+    )]
+    Sqlite { place: String },
 }
 
 /// The recording in a rosbag2 folder; any other path as it is. Wherever a recording is named, its
 /// folder may be named instead.
 ///
 /// # Errors
-/// If the folder has several.
-pub fn recording_at(path: PathBuf) -> Result<PathBuf, SplitBagError> {
-    let Ok(entries) = fs::read_dir(&path) else { return Ok(path) };
-    let files = entries.filter_map(Result::ok).map(|entry| entry.path());
-    let mut files: Vec<PathBuf> = files.filter(|file| is_recording(file) && file.is_file()).collect();
+/// If the folder has several, or the bag is one of SQLite.
+pub fn recording_at(path: PathBuf) -> Result<PathBuf, BagError> {
+    let Ok(entries) = fs::read_dir(&path) else {
+        let is_sqlite = has_extension(&path, SQLITE) && path.is_file();
+        return if is_sqlite { Err(BagError::Sqlite { place: String::new() }) } else { Ok(path) };
+    };
+    let files = entries.filter_map(Result::ok).map(|entry| entry.path()).filter(|path| path.is_file());
+    let (mut files, others): (Vec<PathBuf>, Vec<PathBuf>) = files.partition(|file| has_extension(file, MCAP));
     files.sort();
     match files.as_slice() {
-        [] => Ok(path),
+        [] => {
+            match others.iter().filter(|file| has_extension(file, SQLITE)).filter_map(|file| file.file_name()).min() {
+                Some(name) => Err(BagError::Sqlite { place: format!(" ({})", name.to_string_lossy()) }),
+                None => Ok(path),
+            }
+        }
         [_] => Ok(files.remove(0)),
         several => {
             let names = several.iter().take(FILES_SHOWN).filter_map(|file| file.file_name());
@@ -35,15 +52,15 @@ pub fn recording_at(path: PathBuf) -> Result<PathBuf, SplitBagError> {
             if several.len() > FILES_SHOWN {
                 names.push("...".into());
             }
-            Err(SplitBagError { count: several.len(), names: names.join(", ") })
+            Err(BagError::Split { count: several.len(), names: names.join(", ") })
         }
     }
 }
 
-/// Whether a file has the name of a recording. The temporary name of one that has not begun yet is
-/// none.
-fn is_recording(file: &Path) -> bool {
-    file.extension().is_some_and(|extension| extension == "mcap")
+/// Whether a file has such a name. The temporary name of a recording that has not begun yet has
+/// another one.
+fn has_extension(file: &Path, extension: &str) -> bool {
+    file.extension().is_some_and(|is| is == extension)
 }
 
 #[cfg(test)]
@@ -72,5 +89,24 @@ mod tests {
         let refused = recording_at(bag).unwrap_err().to_string();
         let names = "night_0.mcap, night_1.mcap, night_2.mcap, ...";
         assert_eq!(refused, format!("a folder with 4 recordings ({names}); expected one; name the file"));
+    }
+
+    #[test]
+    fn bags_of_sqlite_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["metadata.yaml", "night_0.db3"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        for path in [folder.path().to_owned(), folder.path().join("night_0.db3")] {
+            let refused = recording_at(path).unwrap_err().to_string();
+            assert!(
+                refused.starts_with("a bag of rosbag2 in SQLite") && refused.contains("rosbags-convert"),
+                "{refused}"
+            );
+        }
+        // A converted bag beside it is the recording.
+        let converted = folder.path().join("night_0.mcap");
+        fs::write(&converted, "").unwrap();
+        assert_eq!(recording_at(folder.path().to_owned()), Ok(converted));
     }
 }

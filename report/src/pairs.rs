@@ -38,13 +38,16 @@ pub(super) struct Comparison {
     pub(super) horizon_s: f64,
     /// Runs of A and of B that have failed, among the pairs in the same blocks.
     pub(super) failed: [usize; 2],
+    /// Whether pairs are left out because a run of theirs has failed and so has no value. The rest
+    /// may be the easier maps: no interval, no p-value.
+    pub(super) is_of_survivors: bool,
     /// Means in the unit of [`Compared::values`].
     pub(super) mean_a: f64,
     pub(super) mean_b: f64,
     /// A over B, or A less B; `None` if that is not defined.
     pub(super) effect: Option<Estimate>,
     pub(super) a12: f64,
-    /// The p-value; `None` below [`PAIRS_MIN`] pairs.
+    /// The p-value; `None` below [`PAIRS_MIN`] pairs, and of survivors.
     pub(super) p_value: Option<f64>,
     /// The p-value after Holm's correction for the family.
     pub(super) adjusted: Option<f64>,
@@ -82,16 +85,16 @@ pub(super) fn comparisons(
         for b in a + 1..study.variants.len() {
             let pairs = compared.pairs(study, condition, a, b);
             if !pairs.a.is_empty() {
-                samples.push(Sample { a, b, pairs });
+                samples.push(Sample { a, b, pairs, blocks: study.pairs(condition, a, b) });
             }
         }
     }
-    let tested = samples.iter().filter(|sample| sample.pairs.a.len() >= PAIRS_MIN).count();
+    let tested = samples.iter().filter(|sample| sample.has_test()).count();
     let comparisons = if tested > 0 { tested } else { samples.len() };
     let mut family = Vec::new();
     let mut least = Vec::new();
     for sample in &samples {
-        let (comparison, least_p_value) = sample.comparison(study, condition, (compared, horizon_s), comparisons)?;
+        let (comparison, least_p_value) = sample.comparison((compared, horizon_s), comparisons)?;
         least.extend(comparison.p_value.map(|_| least_p_value));
         family.push(comparison);
     }
@@ -106,25 +109,37 @@ pub(super) fn comparisons(
     Ok(family)
 }
 
+/// How many runs of A and of B have failed.
+pub(super) fn failed(pairs: &Pairs<'_>) -> [usize; 2] {
+    [&pairs.a, &pairs.b].map(|runs| runs.iter().filter(|run| run.row.failure().is_some()).count())
+}
+
 /// The runs of a comparison.
 struct Sample<'a> {
     a: usize,
     b: usize,
+    /// Those that have a value.
     pairs: Pairs<'a>,
+    /// All.
+    blocks: Pairs<'a>,
 }
 
 impl Sample<'_> {
+    fn is_of_survivors(&self) -> bool {
+        self.pairs.a.len() < self.blocks.a.len()
+    }
+
+    fn has_test(&self) -> bool {
+        self.pairs.a.len() >= PAIRS_MIN && !self.is_of_survivors()
+    }
+
     /// The comparison without the correction, and the least p-value that so many pairs can give.
     fn comparison(
         &self,
-        study: &Study,
-        condition: &Condition,
         (compared, horizon_s): (Compared, f64),
         comparisons: usize,
     ) -> Result<(Comparison, f64), StatisticsError> {
-        let &Self { a, b, ref pairs } = self;
-        let blocks = study.pairs(condition, a, b);
-        let failed = [&blocks.a, &blocks.b].map(|runs| runs.iter().filter(|run| run.row.failure().is_some()).count());
+        let &Self { a, b, ref pairs, ref blocks } = self;
         let values = |runs: &[&RunRecord]| compared.values(runs, horizon_s);
         let (values_a, values_b) = (values(&pairs.a), values(&pairs.b));
         let (mean_a, mean_b) = (mean(&values_a)?, mean(&values_b)?);
@@ -135,7 +150,7 @@ impl Sample<'_> {
         let sign = if mean_a >= mean_b { 1.0 } else { -1.0 };
         let differences: Vec<f64> = values_a.iter().zip(&values_b).map(|(a, b)| sign * (a - b)).collect();
         let varies = differences.windows(2).any(|pair| pair[0] != pair[1]);
-        let has_test = pairs.a.len() >= PAIRS_MIN;
+        let has_test = self.has_test();
         let detectable = if has_test && varies {
             let difference = detectable_difference(&differences, differences.len(), needed, POWER, SEED)?;
             let worse = mean_a.max(mean_b);
@@ -152,10 +167,11 @@ impl Sample<'_> {
             maps: pairs.maps,
             blocks: blocks.a.len(),
             horizon_s,
-            failed,
+            failed: failed(blocks),
+            is_of_survivors: self.is_of_survivors(),
             mean_a,
             mean_b,
-            effect: effect.map(|mean| Estimate { mean, interval }),
+            effect: effect.map(|mean| Estimate { mean, interval: interval.filter(|_| !self.is_of_survivors()) }),
             a12: a12(&values_a, &values_b)?,
             p_value: has_test.then_some(p_value),
             adjusted: None,
@@ -293,7 +309,8 @@ fn table(study: &Study, compared: Compared, is_primary: bool) -> Result<Table, S
     let base = if compared.effect() == Effect::Ratio { ", in per cent of the mean of the worse variant" } else { "" };
     let caption = format!(
         "{rank}: {}. A and B compared pair by pair, on the same map with the same seed. Interval and p: permutation \
-         test of the means, which exchanges the runs of each pair; no p below {PAIRS_MIN} independent pairs. Holm: \
+         test of the means, which exchanges the runs of each pair; no p below {PAIRS_MIN} independent pairs, and none of \
+         survivors, where failed runs have no value. Holm: \
          adjusted for all comparisons of the same panel. Detectable: the difference that so many pairs, if they \
          scatter like these, show with a probability of 80 % after that correction{base}; missing if they show none. \
          A12: probability that A has the greater value, a tie counting half.",

@@ -9,7 +9,7 @@ use super::estimates::Estimate;
 use super::evidence::PAIRS_MIN;
 use super::measure::{Compared, restricted};
 use super::metrics::MILESTONES;
-use super::pairs::{Comparison, comparisons};
+use super::pairs::{Comparison, comparisons, failed};
 use super::study::{Condition, Study};
 use experiments::plan::ALPHA;
 use experiments::rows::{RunRecord, ticks};
@@ -42,12 +42,29 @@ pub(super) fn verdicts(study: &Study) -> Result<Vec<Verdicts>, StatisticsError> 
             sentence: sentence(study, comparison, compared),
             second,
         };
-        let verdicts: Vec<Verdict> = family.iter().zip(seconds).map(verdict).collect();
+        let mut verdicts: Vec<Verdict> = family.iter().zip(seconds).map(verdict).collect();
+        verdicts.extend(without_survivors(study, condition, compared));
         if !verdicts.is_empty() {
             all.push(Verdicts { panel: study.condition_name(condition), verdicts });
         }
     }
     Ok(all)
+}
+
+/// The verdicts on pairs of variants of which no two runs have a value.
+fn without_survivors(study: &Study, condition: &Condition, compared: Compared) -> Vec<Verdict> {
+    let variants = 0..study.variants.len();
+    let pairs = variants.clone().flat_map(|a| (a + 1..variants.end).map(move |b| (a, b)));
+    pairs
+        .filter(|&(a, b)| compared.pairs(study, condition, a, b).a.is_empty())
+        .filter_map(|(a, b)| {
+            let blocks = study.pairs(condition, a, b);
+            let of = if blocks.a.len() == blocks.maps { "map" } else { "pair" };
+            let failures = failures(study, [a, b], failed(&blocks), &plural(blocks.a.len(), of))?;
+            let sentence = format!("{} No pair of runs is left.", not_compared(study, [a, b], &failures, compared));
+            Some(Verdict { sentence, second: None })
+        })
+        .collect()
 }
 
 /// What the primary measure of a study is, and that no data have chosen it.
@@ -126,18 +143,32 @@ impl Words {
 
 /// The verdict on a pair of variants; names the runs that have failed.
 fn sentence(study: &Study, comparison: &Comparison, compared: Compared) -> String {
-    let Comparison { a, b, pairs, maps, failed, .. } = *comparison;
-    let of = if pairs == maps { "map" } else { "pair" };
-    let failure = |(variant, count): (usize, usize)| {
-        (count > 0)
-            .then(|| format!("{} failed on {count} of {}", study.variants[variant], plural(comparison.blocks, of)))
-    };
-    let failures: Vec<String> = [(a, failed[0]), (b, failed[1])].into_iter().filter_map(failure).collect();
-    let verdict = effect(study, comparison, compared);
-    if failures.is_empty() {
-        return verdict;
+    let Comparison { a, b, pairs, maps, .. } = *comparison;
+    let blocks = plural(comparison.blocks, if pairs == maps { "map" } else { "pair" });
+    match failures(study, [a, b], comparison.failed, &blocks) {
+        Some(failures) if comparison.is_of_survivors => {
+            let left = effect(study, comparison, compared);
+            format!("{} Of the others: {left}", not_compared(study, [a, b], &failures, compared))
+        }
+        Some(failures) => {
+            format!("{} {failures}: {}.", effect(study, comparison, compared), Words::of(compared).failed)
+        }
+        None => effect(study, comparison, compared),
     }
-    format!("{verdict} {}: {}.", failures.join(", "), Words::of(compared).failed)
+}
+
+/// Which variants have failed on how many of the blocks, such as `rbw failed on 2 of 7 maps`.
+fn failures(study: &Study, variants: [usize; 2], failed: [usize; 2], blocks: &str) -> Option<String> {
+    let failure = |(variant, count): (usize, usize)| {
+        (count > 0).then(|| format!("{} failed on {count} of {blocks}", study.variants[variant]))
+    };
+    let failures: Vec<String> = variants.into_iter().zip(failed).filter_map(failure).collect();
+    (!failures.is_empty()).then(|| failures.join(", "))
+}
+
+fn not_compared(study: &Study, [a, b]: [usize; 2], failures: &str, compared: Compared) -> String {
+    let Words { measure, failed, .. } = Words::of(compared);
+    format!("No verdict on {} and {} in {measure}: {failures}; {failed}.", study.variants[a], study.variants[b])
 }
 
 fn effect(study: &Study, comparison: &Comparison, compared: Compared) -> String {
@@ -197,6 +228,7 @@ fn effect(study: &Study, comparison: &Comparison, compared: Compared) -> String 
                 probability(p)
             )
         }
+        None if comparison.is_of_survivors => format!("{was}, {sample}."),
         None if pairs == 1 => format!("{was} in one observation, {sample}: no evidence about other maps."),
         None => format!("{was}, {sample}: too few for a test, which needs {needed}."),
     }

@@ -274,7 +274,8 @@ fn map_overrides(map: &str) -> Vec<Override> {
         value: value.map(Into::into),
     };
     let is_generator = toml::Value::from(map).try_into::<MapKind>().is_ok_and(|kind| kind != MapKind::File);
-    if is_generator {
+    // A misspelt generator is no missing file: the error says which there are.
+    if is_generator || (MapKind::is_misspelt_generator(map) && !Path::new(map).exists()) {
         return vec![change("map.kind", Some(map)), change("map.file", None), change("map.import", None)];
     }
     let mut overrides: Vec<_> =

@@ -45,8 +45,12 @@ impl Schedule {
 /// start of a process, and the making of the map.
 ///
 /// # Errors
-/// If there is no run of a track, or the folder cannot be read.
+/// If there is no run of a track, or no folder, or it cannot be read.
 pub fn schedule(folder: &Path, cores: NonZero<usize>, extra_s: f64) -> Result<Schedule, BenchmarkError> {
+    if !folder.is_dir() {
+        let reason = "no folder; expected that of `maes bench exploration-1 --out`".to_owned();
+        return Err(BenchmarkError::Unfit { file: folder.display().to_string(), reason });
+    }
     let mut tracks = Vec::new();
     for world in &WORLDS {
         for (agents, radio) in TEAMS.iter().flat_map(|&team| RADIOS.map(|(radio, _)| (team, radio))) {

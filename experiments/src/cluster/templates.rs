@@ -1,11 +1,14 @@
 //! The texts of the job files.
 //!
 //! Each task calls `part.sh` with its number, from 0. What a workload manager cannot be asked for
-//! is refused instead of left out.
+//! is refused instead of left out. Slurm runs a copy of its script, and with `--output` a task whose
+//! folder of logs is not there fails before its first line (JobLaunchFailure of 22.05), so the script
+//! asks for its own place and opens the log itself.
 
 use std::num::NonZero;
 
 use super::{EmitError, Job, PART, PLAN, Scheduler};
+use crate::plan::PlannedRun;
 
 /// The folder of what the tasks print.
 pub(super) const LOGS: &str = "logs";
@@ -13,8 +16,8 @@ pub(super) const LOGS: &str = "logs";
 /// Starts of a task that fails, where the workload manager counts them.
 const STARTS_MAX: u32 = 3;
 
-/// File name and text of a job.
-pub(super) fn job(job: &Job, parts: usize) -> Result<(&'static str, String), EmitError> {
+/// File name and text of a job that executes `runs` in `parts`.
+pub(super) fn job(job: &Job, runs: &[PlannedRun], parts: usize) -> Result<(&'static str, String), EmitError> {
     let refuse = |flag, value: &Option<String>, reason| match value {
         Some(value) => Err(EmitError::Unknown { flag, value: value.clone(), reason }),
         None => Ok(()),
@@ -37,7 +40,7 @@ pub(super) fn job(job: &Job, parts: usize) -> Result<(&'static str, String), Emi
             for (flag, value) in [partition, account] {
                 refuse(flag, value, "GNU parallel has none")?;
             }
-            ("plan.parallel.sh", parallel(job, parts))
+            ("plan.parallel.sh", parallel(job, runs, parts))
         }
     })
 }
@@ -102,16 +105,25 @@ exit $code
         format!("exec sh ./{PART} \"$SLURM_ARRAY_TASK_ID\"\n")
     };
     format!(
-        "#!/usr/bin/env bash
-# Runs the plan in this folder: cd to it, then sbatch plan.slurm.sh
+        r#"#!/usr/bin/env bash
+# Runs the plan in this folder, submitted from any: sbatch plan.slurm.sh
+# What tasks print is in {LOGS}. If a node does not find the folder, maes-JOB.err says so, in the
+# folder of the submission.
 {SHARED}
 #SBATCH --job-name=maes
 #SBATCH --ntasks=1
 #SBATCH --cpus-per-task=1
-#SBATCH --output={LOGS}/%a.log
-#SBATCH --open-mode=append
-{options}{ELSEWHERE}
-{again}"
+#SBATCH --output=/dev/null
+{options}# Slurm runs a copy of this script, and knows the place of the original.
+script=$(scontrol show job "${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID" | sed -n 's/^ *Command=//p')
+[[ $script == /* ]] || script=$SLURM_SUBMIT_DIR/$script
+if ! {{ cd -- "${{script%/*}}" && [[ -e {PART} && -w {LOGS} ]]; }}; then
+    echo "error: ${{script%/*}}: no folder of a plan with {PART} and {LOGS} on $(uname -n); expected one that all nodes share" \
+        >>"$SLURM_SUBMIT_DIR/maes-$SLURM_ARRAY_JOB_ID.err"
+    exit 2
+fi
+exec >>"{LOGS}/$SLURM_ARRAY_TASK_ID.log" 2>&1
+{again}"#
     )
 }
 
@@ -207,7 +219,7 @@ spec:
     )
 }
 
-fn parallel(job: &Job, parts: usize) -> String {
+fn parallel(job: &Job, runs: &[PlannedRun], parts: usize) -> String {
     let jobs = job.limit.map_or_else(|| "100%".to_owned(), |limit| limit.to_string());
     let timeout = job.time_s.map(|time| format!(" --timeout {time}")).unwrap_or_default();
     let retries = if job.is_requeued { format!(" --retries {STARTS_MAX}") } else { String::new() };
@@ -215,14 +227,26 @@ fn parallel(job: &Job, parts: usize) -> String {
         "#!/usr/bin/env bash
 # Runs the plan in this folder with GNU parallel: plan.parallel.sh [further flags of parallel]
 # With --sshlogin HOST,... on several machines, which share this folder. `maes` is looked for in
-# MAES_BIN_DIR, or else in PATH. To continue, call it again: runs that are done are skipped.
+# MAES_BIN_DIR, or else in PATH. To continue, call it again: runs that are done are skipped. The log of
+# jobs has the runs of the plan in its name, since --resume-failed knows jobs by their number alone.
 set -eu
 cd -- \"$(dirname -- \"${{BASH_SOURCE[0]}}\")\"
 export MAES_BIN_DIR=${{MAES_BIN_DIR:-}}
-seq 0 {last} | parallel --jobs {jobs}{timeout}{retries} --memfree {memory}M --joblog {LOGS}/parallel.log \\
+seq 0 {last} | parallel --jobs {jobs}{timeout}{retries} --memfree {memory}M --joblog {LOGS}/parallel-{key}.log \\
     --env MAES_BIN_DIR --workdir \"$PWD\" \"$@\" sh ./{PART}
 ",
         last = parts - 1,
         memory = job.memory_mib,
+        key = key(runs, parts),
     )
+}
+
+/// What the numbers of parts mean: 16 hexadecimal digits for these runs in so many parts.
+fn key(runs: &[PlannedRun], parts: usize) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for run in runs {
+        hasher.update(run.id.as_bytes()).update(&[0]);
+    }
+    let hash = hasher.update(parts.to_string().as_bytes()).finalize();
+    hash.to_hex()[..16].to_owned()
 }

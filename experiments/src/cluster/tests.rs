@@ -85,6 +85,22 @@ fn every_request_reaches_the_workload_manager() {
 }
 
 #[test]
+fn parallel_keeps_a_log_for_each_division_of_a_plan() {
+    let log = |text: &str, parts| {
+        let plan = Plan::parse("p.toml", text, Path::new(".")).unwrap();
+        let site = tempfile::tempdir().unwrap();
+        let job = Job { parts: NonZero::new(parts), ..job(Scheduler::Parallel) };
+        let script = std::fs::read_to_string(emit(&plan, site.path(), &job, &Transport::Memory).unwrap()).unwrap();
+        let (_, rest) = script.split_once("--joblog logs/").unwrap();
+        rest.split_once(' ').unwrap().0.to_owned()
+    };
+    let of_three = log(TEXT, 3);
+    assert_eq!(of_three, log(TEXT, 3));
+    assert_ne!(of_three, log(TEXT, 2), "other parts");
+    assert_ne!(of_three, log(&TEXT.replace("1..3", "2..4"), 3), "other runs");
+}
+
+#[test]
 fn requests_that_are_left_out_leave_no_line() {
     for scheduler in ALL {
         let bare = Job { limit: None, time_s: None, is_requeued: false, ..job(scheduler) };

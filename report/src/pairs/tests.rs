@@ -215,6 +215,8 @@ fn variant_that_fails_does_not_win() {
     let distance = of(Compared::Distance);
     assert_eq!((distance.pairs, distance.maps, distance.all_pairs, distance.failed), (16, 16, 16, [24, 0]));
     assert_eq!(distance.blocks, 40);
+    assert!(distance.is_of_survivors && distance.p_value.is_none(), "{distance:?}");
+    assert!(distance.effect.as_ref().is_some_and(|effect| effect.interval.is_none()), "{distance:?}");
     let table = tables(&study).unwrap().remove(3);
     assert!(table.columns.iter().any(|(_, key)| key == "failed_a"));
     let Verdict { sentence, second } = verdicts(&study).unwrap().remove(0).verdicts.remove(0);

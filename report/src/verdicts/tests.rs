@@ -18,6 +18,7 @@ fn comparison(ratio: f64, (low, high): (f64, f64), pairs: usize, adjusted: Optio
         blocks: pairs,
         horizon_s: 60.0,
         failed: [0, 0],
+        is_of_survivors: false,
         mean_a: 1500.0 * ratio,
         mean_b: 1500.0,
         effect: Some(Estimate { mean: ratio, interval: Some(Interval { low, high }) }),
@@ -90,10 +91,20 @@ fn failures_are_named() {
     let words = said(both, Compared::Unseen);
     let end = "dsvp failed on 1 of 7 pairs, rbw failed on 2 of 7 pairs: a failed run counts as nothing explored.";
     assert!(words.ends_with(end), "{words}");
-    // Pairs that do not count are named with all that there were.
-    let left_out = Comparison { failed: [3, 0], blocks: 10, ..comparison(0.5, (0.2, 0.8), 7, Some(0.02)) };
-    assert!(
-        said(left_out, Compared::Distance).contains("dsvp failed on 3 of 10 maps: pairs with a failed run are left")
+    // Of pairs that have survived there is no verdict.
+    let effect = Some(Estimate { mean: 0.5, interval: None });
+    let left_out = Comparison {
+        failed: [3, 0],
+        blocks: 10,
+        is_of_survivors: true,
+        effect,
+        ..comparison(0.5, (0.2, 0.8), 7, None)
+    };
+    assert_eq!(
+        said(left_out, Compared::Distance),
+        "No verdict on dsvp and rbw in the distance of the team: dsvp failed on 3 of 10 maps; pairs with a failed run are \
+         left out, which may be those on harder maps. Of the others: dsvp moved 50 % less than rbw (2.0 times as little), \
+         n = 7 maps."
     );
 }
 

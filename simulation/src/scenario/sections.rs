@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Deserializer, Serialize, de};
 
+use super::keys::nearest;
 use crate::visualisation::VisualisationTopic;
 use mapgen::{BuildingSpec, ImportOptions, MineSpec, NoiseSpec, SceneSpec, SpheresSpec};
 
@@ -78,6 +79,16 @@ pub enum MapKind {
     Scene,
     /// A map file.
     File,
+}
+
+impl MapKind {
+    /// Whether a word is nearly the name of a generator.
+    #[must_use]
+    pub fn is_misspelt_generator(word: &str) -> bool {
+        let generators = [Self::Spheres, Self::Noise, Self::Building, Self::Mine, Self::Scene];
+        let names = generators.map(|kind| toml::Value::try_from(kind).expect("a kind is a word"));
+        nearest(word, names.iter().filter_map(toml::Value::as_str)).is_some()
+    }
 }
 
 /// Cells along each axis.
