@@ -146,9 +146,11 @@ pub struct Lvd {
     leg_max_m: f64,
     visits_max: u64,
     search_time: SearchTime,
+    merge_m: f64,
     scan: LastScan,
     flood: Flood,
-    places: Places,
+    /// From the first decision on, since places are counted in cells.
+    places: Option<Places>,
     /// See [`searching::Search`].
     frontier_visits: BTreeMap<Cell, u64>,
     /// The present destination and its purpose.
@@ -194,9 +196,10 @@ impl Lvd {
             leg_max_m,
             visits_max,
             search_time,
+            merge_m,
             scan: LastScan::default(),
             flood: Flood::default(),
-            places: Places::new(merge_m),
+            places: None,
             frontier_visits: BTreeMap::new(),
             destination: None,
             refused: Vec::new(),
@@ -324,7 +327,7 @@ impl Lvd {
             ctx: &*ctx,
             scan: &self.scan,
             region: &region,
-            places: &self.places,
+            places: places_of(&mut self.places, self.merge_m, ctx),
             frontier_visits: &self.frontier_visits,
             visits_max: self.visits_max,
             is_refused: &|cell| is_refused(ctx, &self.refused, self.wide.as_ref(), cell),
@@ -392,6 +395,11 @@ fn is_refused(ctx: &Ctx<'_>, refused: &[(Cell, Tick)], wide: Option<&Wide>, cell
         || wide.is_some_and(|wide| wide.failed.holds(cell) || !ctx.can_approach(cell))
 }
 
+/// The places of a map, which merge within `merge_m`, metres.
+fn places_of<'p>(places: &'p mut Option<Places>, merge_m: f64, ctx: &Ctx<'_>) -> &'p mut Places {
+    places.get_or_insert_with(|| Places::new(merge_m / ctx.map().extent().cell_m()))
+}
+
 impl Controller for Lvd {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
@@ -437,7 +445,7 @@ impl Controller for Lvd {
             }
             self.destination = None;
             if purpose.is_search() && purpose.aim(goal) == goal {
-                self.places.visit(goal, now);
+                places_of(&mut self.places, self.merge_m, ctx).visit(goal, now);
                 if ctx.map().is_frontier(goal) {
                     *self.frontier_visits.entry(goal).or_default() += 1;
                 }

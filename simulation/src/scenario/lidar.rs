@@ -361,7 +361,7 @@ impl Scenario {
         let allowed = format!("expected less than lidar.range_m = {range_m}");
         checker.require("lidar.min_range_m", min_range_m, min_range_m < *range_m, &allowed)?;
         let height_m = number(grid.mount_height_m);
-        let radius_m = self.radii_m().into_iter().fold(f64::INFINITY, f64::min);
+        let radius_m = self.bodies_by_agent().into_iter().map(|body| body.radius_m).fold(f64::INFINITY, f64::min);
         let allowed = format!("expected less than the radius of the smallest body, {radius_m} m, up or down");
         checker.require("lidar.mount_height_m", height_m, height_m.abs() < radius_m, &allowed)
     }
