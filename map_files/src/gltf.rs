@@ -57,8 +57,9 @@ const STRIP: u32 = 5;
 const FAN: u32 = 6;
 
 /// Extensions that are read, or refused where they are used.
-const KNOWN: [&str; 5] = [
+const KNOWN: [&str; 6] = [
     "EXT_mesh_gpu_instancing",
+    "KHR_node_visibility",
     "KHR_draco_mesh_compression",
     "KHR_mesh_quantization",
     "EXT_meshopt_compression",
@@ -195,11 +196,11 @@ pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
     let mut mesh = Mesh::default();
     let scene = document.scenes.get(document.scene.unwrap_or(0));
     let roots: Vec<usize> = scene.map_or_else(|| (0..document.nodes.len()).collect(), |scene| scene.nodes.clone());
-    let mut placed = 0u64;
+    let (mut placed, mut hidden) = (0u64, 0u64);
     let mut seen = vec![false; document.nodes.len()];
-    let mut open: Vec<(usize, Matrix4<f64>, usize)> =
-        roots.into_iter().rev().map(|root| (root, Matrix4::identity(), 0)).collect();
-    while let Some((number, above, depth)) = open.pop() {
+    let mut open: Vec<(usize, Matrix4<f64>, usize, bool)> =
+        roots.into_iter().rev().map(|root| (root, Matrix4::identity(), 0, true)).collect();
+    while let Some((number, above, depth, mut is_shown)) = open.pop() {
         let name = format!("nodes[{number}]");
         let node = document.nodes.get(number).ok_or_else(|| fault(&name, "there is no such node"))?;
         // The nodes of a scene are trees; without a scene the children are no roots.
@@ -212,8 +213,11 @@ pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
         if depth > DEPTH_MAX {
             return Err(fault(&name, format_args!("it lies deeper than {DEPTH_MAX} nodes")));
         }
+        is_shown &= node.extensions.visibility.as_ref().is_none_or(|visibility| visibility.visible);
         let here = above * node.matrix();
-        if let Some(number) = node.mesh {
+        if node.mesh.is_some() && !is_shown {
+            hidden += 1;
+        } else if let Some(number) = node.mesh {
             let copies = match &node.extensions.instancing {
                 Some(instancing) => reader.copies(&name, &instancing.attributes)?,
                 None => vec![Matrix4::identity()],
@@ -224,9 +228,12 @@ pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
                 reader.add(number, &(here * copy), &mut mesh)?;
             }
         }
-        open.extend(node.children.iter().rev().map(|&child| (child, here, depth + 1)));
+        open.extend(node.children.iter().rev().map(|&child| (child, here, depth + 1, is_shown)));
     }
-    let notes = vec![Note::new("scene", format!("{placed} mesh(es) put into it, which come out as their union"))];
+    let mut notes = vec![Note::new("scene", format!("{placed} mesh(es) put into it, which come out as their union"))];
+    if hidden > 0 {
+        notes.push(Note::new("hidden", format!("{hidden} mesh(es) of hidden nodes left out")));
+    }
     let root = scene.and_then(|scene| document.nodes.get(*scene.nodes.first()?));
     Ok((mesh, upwards(&document.asset.generator, root), notes))
 }

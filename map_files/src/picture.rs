@@ -6,8 +6,8 @@ use std::io::Cursor;
 
 use image::{ImageFormat, ImageReader, Limits};
 
-use super::FormatError;
 use super::bytes::words;
+use super::{FormatError, Note};
 
 /// The largest maximum grey value of PNM.
 const MAXIMUM: u32 = 65535;
@@ -32,6 +32,8 @@ pub(super) struct Picture {
     pub(super) is_lossy: bool,
     /// The pixels, row by row.
     pub(super) pixels: Vec<Pixel>,
+    /// Bytes after the last pixel of a PNM file.
+    pub(super) excess_bytes: usize,
 }
 
 /// A pixel, in parts of the largest brightness.
@@ -43,10 +45,80 @@ pub(super) struct Pixel {
     pub(super) alpha: f32,
 }
 
+/// The brightness that counts as white in a picture, or in all pictures of a stack.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum White {
+    /// The largest of the format; transparent pixels are black.
+    OfFormat,
+    /// That of transparent pixels, because no opaque one is as bright as the threshold.
+    Transparent,
+    /// This share of the largest of the format, because no pixel is as bright as the threshold.
+    Brightest(f64),
+}
+
+impl White {
+    /// That of pictures, so that some pixel is bright.
+    ///
+    /// # Errors
+    /// If all of them are black.
+    pub(super) fn of(pictures: &Summary, threshold: f64) -> Result<Self, FormatError> {
+        match pictures.brightest {
+            brightest if brightest >= threshold => Ok(Self::OfFormat),
+            _ if pictures.has_transparent => Ok(Self::Transparent),
+            brightest if brightest > 0.0 => Ok(Self::Brightest(brightest)),
+            _ => Err(FormatError::Nothing("pixel that is not black")),
+        }
+    }
+
+    /// A warning that the white is not that of the format.
+    pub(super) fn note(self) -> Option<Note> {
+        let text = match self {
+            Self::OfFormat => return None,
+            Self::Transparent => "no opaque pixel is bright: the transparent ones count as white".to_owned(),
+            Self::Brightest(share) => format!(
+                "the brightest pixel has {share:.4} of the largest brightness and counts as white; --threshold counts \
+                 from there"
+            ),
+        };
+        Some(Note::warning("white", text))
+    }
+}
+
+/// What decides the [`White`] of pictures.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Summary {
+    /// The brightest opaque pixel, as a share of the largest brightness.
+    brightest: f64,
+    has_transparent: bool,
+}
+
+impl Summary {
+    /// That of one more picture as well.
+    pub(super) fn and(self, picture: &Picture) -> Self {
+        let maximum = f64::from(picture.maximum);
+        picture.pixels.iter().fold(self, |Self { brightest, has_transparent }, pixel| match pixel.is_opaque(maximum) {
+            true => Self { brightest: brightest.max(f64::from(pixel.brightness) / maximum), has_transparent },
+            false => Self { brightest, has_transparent: true },
+        })
+    }
+}
+
 impl Pixel {
-    /// Whether it is more opaque than transparent and at least this bright.
-    pub(super) fn is_bright(self, least: f64, maximum: u32) -> bool {
-        f64::from(self.alpha) * 2.0 > f64::from(maximum) && f64::from(self.brightness) >= least
+    /// Whether it is more opaque than transparent.
+    fn is_opaque(self, maximum: f64) -> bool {
+        f64::from(self.alpha) * 2.0 > maximum
+    }
+
+    /// Whether its brightness is at least `threshold` times the white.
+    pub(super) fn is_bright(self, threshold: f64, white: White, maximum: u32) -> bool {
+        let maximum = f64::from(maximum);
+        let [brightness, alpha] = [self.brightness, self.alpha].map(f64::from);
+        match white {
+            White::OfFormat => self.is_opaque(maximum) && brightness >= threshold * maximum,
+            White::Transparent => brightness * alpha / maximum + (maximum - alpha) >= threshold * maximum,
+            // Without rounding of the share, so that the brightest pixel is bright.
+            White::Brightest(share) => brightness / maximum >= threshold * share,
+        }
     }
 }
 
@@ -70,6 +142,12 @@ impl Picture {
             _ => pnm(bytes, check),
         }
     }
+
+    /// A warning of bytes after the last pixel.
+    pub(super) fn note(&self) -> Option<Note> {
+        let text = format!("{} bytes after the last pixel are not read", self.excess_bytes);
+        (self.excess_bytes > 0).then(|| Note::warning("rest", text))
+    }
 }
 
 /// The kind of a picture that is not read, by its first bytes.
@@ -88,7 +166,7 @@ fn png(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
     };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: PNG_BYTES_MAX });
     decoder.set_ignore_text_chunk(true);
-    decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
+    decoder.set_transformations(png::Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(fault)?;
     let (width, height) = reader.info().size();
     check([width, height])?;
@@ -97,13 +175,17 @@ fn png(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
     let info = reader.next_frame(&mut data).map_err(fault)?;
     let channels = info.color_type.samples();
     let has_alpha = matches!(channels, 2 | 4);
+    let (width_bytes, maximum) = if info.bit_depth == png::BitDepth::Sixteen { (2, MAXIMUM) } else { (1, 255) };
     let pixel = |samples: &[u8]| {
-        let (colours, alpha) = if has_alpha { samples.split_at(channels - 1) } else { (samples, [255].as_slice()) };
-        let sum: u16 = colours.iter().map(|&colour| u16::from(colour)).sum();
-        Pixel { brightness: f32::from(sum) / colours.len() as f32, alpha: f32::from(alpha[0]) }
+        let sample = |bytes: &[u8]| bytes.iter().fold(0, |sample, &byte| sample << 8 | u32::from(byte));
+        let colours = if has_alpha { channels - 1 } else { channels };
+        let sum: u32 = samples.chunks_exact(width_bytes).take(colours).map(sample).sum();
+        let alpha = samples.chunks_exact(width_bytes).nth(colours).map_or(maximum, sample);
+        // Numbers of 18 bits have their place in 24.
+        Pixel { brightness: sum as f32 / colours as f32, alpha: alpha as f32 }
     };
-    let pixels = data[..info.buffer_size()].chunks_exact(channels).map(pixel).collect();
-    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy: false, pixels })
+    let pixels = data[..info.buffer_size()].chunks_exact(channels * width_bytes).map(pixel).collect();
+    Ok(Picture { width, height, maximum, has_alpha, is_lossy: false, pixels, excess_bytes: 0 })
 }
 
 /// A picture of a format of the crate `image`.
@@ -132,7 +214,8 @@ fn other(
         Pixel { brightness: f32::from(sum) / 3.0, alpha: f32::from(alpha) }
     };
     let pixels = picture.to_rgba8().pixels().map(pixel).collect();
-    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy: format == ImageFormat::Jpeg, pixels })
+    let is_lossy = format == ImageFormat::Jpeg;
+    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy, pixels, excess_bytes: 0 })
 }
 
 fn pnm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
@@ -166,11 +249,11 @@ fn pnm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
         }
         (0..pixels * channels).map(|_| tokens.number("a pixel", maximum)).collect::<Result<Vec<_>, _>>()?
     } else {
-        raster(bytes, tokens.at + 1, pixels * channels, maximum)?
+        raster(&mut tokens, pixels * channels, maximum)?
     };
     // Sums of three numbers of 16 bits have their place in 24.
     let brightness = samples.chunks_exact(channels).map(|colours| colours.iter().sum::<u32>() as f32 / channels as f32);
-    Ok(opaque([width, height], maximum, brightness))
+    Ok(opaque([width, height], maximum, brightness, tokens.excess_bytes(is_text)))
 }
 
 /// A picture in black, 1, and white.
@@ -195,23 +278,33 @@ fn pbm(
         digits
     } else {
         // Each row begins a byte.
-        let bytes = raster(tokens.bytes, tokens.at + 1, row * height as usize, 255)?;
+        let bytes = raster(&mut tokens, row * height as usize, 255)?;
         let bits = |row: &[u32]| (0..width as usize).map(|x| row[x / 8] >> (7 - x % 8) & 1 == 1).collect::<Vec<bool>>();
         bytes.chunks_exact(row).flat_map(bits).collect()
     };
     let brightness = is_black[..pixels].iter().map(|&is_black| if is_black { 0.0 } else { 255.0 });
-    Ok(opaque([width, height], 255, brightness))
+    Ok(opaque([width, height], 255, brightness, tokens.excess_bytes(is_text)))
 }
 
-fn opaque([width, height]: [u32; 2], maximum: u32, brightness: impl Iterator<Item = f32>) -> Picture {
+fn opaque(
+    [width, height]: [u32; 2],
+    maximum: u32,
+    brightness: impl Iterator<Item = f32>,
+    excess_bytes: usize,
+) -> Picture {
     let pixels = brightness.map(|brightness| Pixel { brightness, alpha: maximum as f32 }).collect();
-    Picture { width, height, maximum, has_alpha: false, is_lossy: false, pixels }
+    Picture { width, height, maximum, has_alpha: false, is_lossy: false, pixels, excess_bytes }
 }
 
 /// The pixels of a binary file, of one byte or, beyond 255, two.
-fn raster(bytes: &[u8], start: usize, pixels: usize, maximum: u32) -> Result<Vec<u32>, FormatError> {
+fn raster(header: &mut Tokens<'_>, pixels: usize, maximum: u32) -> Result<Vec<u32>, FormatError> {
     let width = if maximum > 255 { 2 } else { 1 };
-    let expected = start + pixels * width;
+    let (bytes, at, length) = (header.bytes, header.at, pixels * width);
+    // A program that writes the header as text of Windows ends it with two bytes.
+    let is_crlf = bytes[at..].starts_with(b"\r\n") && bytes.len() >= at + 2 + length;
+    let start = at + if is_crlf { 2 } else { 1 };
+    let expected = start + length;
+    header.at = expected;
     let Some(data) = bytes.get(start..expected) else {
         return Err(FormatError::byte(bytes.len(), format!("the file ends here, expected length {expected} bytes")));
     };
@@ -233,6 +326,14 @@ struct Tokens<'a> {
 }
 
 impl<'a> Tokens<'a> {
+    /// Bytes after the last pixel that are neither space nor comments.
+    fn excess_bytes(&mut self, is_text: bool) -> usize {
+        match is_text {
+            true => self.next("more").map_or(0, |(at, _)| self.bytes.len() - at),
+            false => self.bytes[self.at..].trim_ascii().len(),
+        }
+    }
+
     /// The next word and its position.
     fn next(&mut self, what: &str) -> Result<(usize, &'a [u8]), FormatError> {
         loop {
@@ -262,3 +363,6 @@ impl<'a> Tokens<'a> {
             .ok_or_else(|| FormatError::byte(at, format!("{what} is none, allowed is a number up to {largest}")))
     }
 }
+
+#[cfg(test)]
+mod tests;

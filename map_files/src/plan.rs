@@ -12,7 +12,7 @@ use voxels::{Cell, Extent, Terrain};
 
 use super::bytes::shown;
 use super::options::{HEIGHT_CELLS, Kind, THRESHOLD};
-use super::picture::{Picture, Pixel};
+use super::picture::{Picture, Pixel, Summary, White};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrounded};
 
 /// A floor plan as a picture.
@@ -71,8 +71,8 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let extent = |[x, y]: [u32; 2]| Extent::new([x, y, height + 2], spec.length_m()).map_err(FormatError::Extent);
     let picture = Picture::read(&spec.bytes, |size| extent(size).map(|_| ()))?;
     let threshold = spec.options.threshold.unwrap_or(THRESHOLD);
-    let least = threshold * f64::from(picture.maximum);
-    let ground = |pixel: &Pixel| match pixel.is_bright(least, picture.maximum) {
+    let white = White::of(&Summary::default().and(&picture), threshold)?;
+    let ground = |pixel: &Pixel| match pixel.is_bright(threshold, white, picture.maximum) {
         true => Ground::Free,
         false => Ground::Occupied,
     };
@@ -82,7 +82,8 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         format!("{free} free, {} wall, as bright as {threshold} of {} is free", ground.len() - free, picture.maximum);
     let plan =
         Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell: 1, ground };
-    plan.map(spec, Terrain::Wall, vec![Note::new("pixels", text)])
+    let notes = [Some(Note::new("pixels", text)), white.note(), picture.note()];
+    plan.map(spec, Terrain::Wall, notes.into_iter().flatten().collect())
 }
 
 /// A picture as what its pixels say, and the map that it becomes.
@@ -205,6 +206,7 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
         notes.push(Note::new("image", text));
     }
     notes.extend(keys.note_of_grey(&picture, &unknown_greys));
+    notes.extend(picture.note());
     notes.push(Note::new("height", format!("{height} cells from floor to ceiling")));
     let plan = Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell, ground };
     let closed = plan.extent;

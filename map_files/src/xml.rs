@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::str::FromStr;
 
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::{Document, Error, Node, ParsingOptions};
 
 use super::FormatError;
 use super::bytes::{BYTE_ORDER_MARK, shown};
@@ -29,6 +29,10 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, FormatError> {
     Document::parse_with_options(text, options).map_err(|error| {
         let reason = error.to_string();
         let reason = reason.split(" at ").next().unwrap_or_default().escape_debug().to_string();
+        if matches!(error, Error::DtdDetected) {
+            let line = text.find("<!DOCTYPE").map_or(1, |at| text[..at].matches('\n').count() + 1);
+            return FormatError::line(line, "no XML: a document type is not read; remove <!DOCTYPE ...>");
+        }
         FormatError::line(error.pos().row as usize, format!("no XML: {reason}"))
     })
 }

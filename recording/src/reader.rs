@@ -73,11 +73,10 @@ pub enum RecordingError {
     OtherRecording { file: String },
     /// The file has messages of a run, but not what the run was made of.
     #[error(
-        "{file}: its attachments {SCENARIO_ATTACHMENT} and {MAP_ATTACHMENT} are missing: another program has written \
-         this recording again without them; take the file that `maes run` has written; \
-         `maes replay` plays the topics of this one, and `maes info` lists them"
+        "{file}: {missing}: another program has written this recording again; take the file that `maes run` has \
+         written; `maes replay` plays the topics of this one, and `maes info` lists them"
     )]
-    NoAttachments { file: String },
+    NoAttachments { file: String, missing: String },
     /// The file holds several recordings.
     #[error(
         "{file}: two attachments {name} that differ: expected the recording of one run; merged ones cannot be read"
@@ -202,7 +201,12 @@ impl Recording {
         if self.attachments.contains_key(SCENARIO_ATTACHMENT) {
             return Ok(self);
         }
-        Err(RecordingError::NoAttachments { file: self.file })
+        let has_map = [MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT].iter().any(|name| self.attachments.contains_key(*name));
+        let missing = match has_map {
+            true => format!("its attachment {SCENARIO_ATTACHMENT} is missing"),
+            false => format!("its attachments {SCENARIO_ATTACHMENT} and {MAP_ATTACHMENT} are missing"),
+        };
+        Err(RecordingError::NoAttachments { file: self.file, missing })
     }
 
     fn of_source(file: String, mut source: Source) -> Result<Self, RecordingError> {

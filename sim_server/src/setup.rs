@@ -86,7 +86,10 @@ pub enum SetupError {
         file: String,
     },
     /// The recording has no map.
-    #[error("{file}: the recording has no attachment map.m3dm or map.txt")]
+    #[error(
+        "{file}: its attachment map.m3dm is missing: the file was cut, or another program has written it again; take \
+         the one that `maes run` has written"
+    )]
     NoMap {
         /// The recording.
         file: String,

@@ -129,6 +129,8 @@ fn errors_name_the_line() {
         refuse("<COLLADA>\n<a></b></COLLADA>")
     );
     assert!(refuse("<!DOCTYPE a [<!ENTITY b \"c\">]><COLLADA/>").contains("no XML: "));
+    let refused = refuse("<?xml version=\"1.0\"?>\n<!DOCTYPE COLLADA>\n<COLLADA/>");
+    assert_eq!(refused, "line 2: no XML: a document type is not read; remove <!DOCTYPE ...>");
     assert_eq!(refuse("<COLLADA/>"), "the file has no triangle");
     let plain = scene("<node><instance_geometry url=\"#box\"/></node>");
     let bad = |from: &str, to: &str| refuse(&document("", &polylist(), &plain).replace(from, to));

@@ -89,6 +89,19 @@ pub(super) struct Node {
 pub(super) struct ExtensionsOfNode {
     #[serde(rename = "EXT_mesh_gpu_instancing")]
     pub(super) instancing: Option<Instancing>,
+    #[serde(rename = "KHR_node_visibility")]
+    pub(super) visibility: Option<Visibility>,
+}
+
+/// Whether a node and those below it are shown.
+#[derive(Deserialize)]
+pub(super) struct Visibility {
+    #[serde(default = "shown")]
+    pub(super) visible: bool,
+}
+
+fn shown() -> bool {
+    true
 }
 
 /// Copies of the mesh of a node.

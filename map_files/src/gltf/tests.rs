@@ -59,6 +59,23 @@ fn copies_of_a_mesh_are_read() {
 }
 
 #[test]
+fn hidden_nodes_are_left_out_with_their_children() {
+    for (visible, copies, size) in
+        [("\"visible\":false", 1, [4, 4, 4]), ("\"visible\":true", 3, [9, 4, 9]), ("", 3, [9, 4, 9])]
+    {
+        let nodes = format!(
+            r#","children":[1]}},{{"mesh":0,"translation":[5,0,0],"children":[2],"extensions":
+            {{"KHR_node_visibility":{{{visible}}}}}}},{{"mesh":0,"translation":[-5,5,0]"#
+        );
+        let imported = cube("hand-made", &nodes, r#","extensionsRequired":["KHR_node_visibility"]"#);
+        assert_eq!(imported.terrain.extent().size(), size, "{visible}");
+        let text = |name| imported.notes.iter().find(|note| note.name == name).map(|note| note.text.as_str());
+        assert!(text("scene").unwrap().starts_with(&format!("{copies} ")), "{visible}");
+        assert_eq!(text("hidden"), (copies == 1).then_some("2 mesh(es) of hidden nodes left out"));
+    }
+}
+
+#[test]
 fn required_extensions_are_read_or_refused_by_name() {
     cube("hand-made", "", r#","extensionsRequired":["KHR_materials_unlit"]"#);
     let refused = refuse(br#"{"extensionsRequired":["KHR_materials_unlit","KHR_other"]}"#);

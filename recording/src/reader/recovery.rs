@@ -9,6 +9,7 @@
 //! left out.
 
 use std::borrow::Cow;
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind};
@@ -208,9 +209,16 @@ impl<'a> Recovery<'a> {
         loop {
             let Some(frame) = self.frames.next().transpose()? else { return Ok(End::Missing) };
             if frame.kind == op::FOOTER {
-                let is_whole = frame.end() + mcap::MAGIC.len() as u64 == self.frames.window.source.length();
-                self.bytes_kept = self.frames.window.source.length();
-                return Ok(if is_whole { End::Whole } else { End::Missing });
+                let (end, length) = (frame.end() + mcap::MAGIC.len() as u64, self.frames.window.source.length());
+                self.bytes_kept = end.min(length);
+                return Ok(match end.cmp(&length) {
+                    Ordering::Equal => End::Whole,
+                    Ordering::Greater => End::CutOff { bytes: length },
+                    Ordering::Less => {
+                        let reason = format!("{} bytes after the end of the recording", length - end);
+                        End::Damage { before_byte: length, reason }
+                    }
+                });
             }
         }
     }

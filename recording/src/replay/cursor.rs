@@ -7,7 +7,7 @@ use msgs::cdr::Encoded;
 use msgs::ids::Tick;
 
 use super::{LatchedCache, PlaybackSchedule};
-use crate::{Message, Messages, Recording};
+use crate::{Message, Recording};
 
 /// A recorded message with its topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,7 +22,7 @@ pub struct ScheduledMessage {
 pub struct PlaybackCursor<'a> {
     schedule: &'a PlaybackSchedule,
     initial: VecDeque<ScheduledMessage>,
-    messages: Peekable<Messages<'a>>,
+    messages: Peekable<Box<dyn Iterator<Item = Message> + 'a>>,
 }
 
 impl<'a> PlaybackCursor<'a> {
@@ -30,7 +30,7 @@ impl<'a> PlaybackCursor<'a> {
     #[must_use]
     pub fn new(recording: &'a Recording, schedule: &'a PlaybackSchedule) -> Self {
         let (first, _) = schedule.ticks();
-        let mut messages = recording.messages().peekable();
+        let mut messages = in_order(recording, schedule).peekable();
         let mut caches: Vec<Option<LatchedCache>> = schedule.topics().iter().map(LatchedCache::for_topic).collect();
         let is_before = |message: &Message| message.tick() < first || schedule.is_too_late(message);
         while let Some(message) = messages.next_if(is_before) {
@@ -65,6 +65,16 @@ impl<'a> PlaybackCursor<'a> {
             }
         }
     }
+}
+
+/// The messages in the order of their ticks, and those of a tick in that of the file.
+fn in_order<'a>(recording: &'a Recording, schedule: &PlaybackSchedule) -> Box<dyn Iterator<Item = Message> + 'a> {
+    if schedule.is_sorted() {
+        return Box::new(recording.messages());
+    }
+    let mut messages: Vec<Message> = recording.messages().filter(|message| !schedule.is_too_late(message)).collect();
+    messages.sort_by_key(Message::tick);
+    Box::new(messages.into_iter())
 }
 
 /// The message, if the schedule includes it.

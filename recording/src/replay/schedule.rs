@@ -1,10 +1,11 @@
 //! Selection of topics and ticks of a recording, with static messages that it lacks.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use msgs::cdr::Encoded;
 use msgs::ids::Tick;
-use msgs::topics::{self, Topic};
+use msgs::message;
+use msgs::topics::{self, Qos, Topic};
 use thiserror::Error;
 
 use super::ScheduledMessage;
@@ -16,6 +17,12 @@ use simulation::visualisation;
 /// Longest sim time without a message that is played; a longer gap is skipped. A recording has a
 /// digest in every second.
 const GAP_TICKS_MAX: u64 = 500;
+
+/// Largest messages in all that are sorted, bytes: a recording may be longer than the memory.
+const SORTED_BYTES_MAX: u64 = 1 << 30;
+
+/// Samples kept of topics that other programs have added, the default of ROS.
+const ADDED_DEPTH: u32 = 10;
 
 /// The user's selection of topics and time.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -51,6 +58,15 @@ pub enum ReplayError {
         file: String,
         topics: Vec<String>,
     },
+    /// The messages of a matching topic cannot be played.
+    #[error("{flag} {pattern}: in {file}, but not played: {wrong}")]
+    Unplayable { flag: &'static str, pattern: String, file: String, wrong: String },
+    /// The messages are in another order than that of their times, and too many to be sorted.
+    #[error(
+        "{file}: its messages are not in the order of their log times, and with {bytes} bytes too many to sort, \
+         allowed are {SORTED_BYTES_MAX}; sort the file by them first"
+    )]
+    Disorder { file: String, bytes: u64 },
     /// No message is left.
     #[error("{0}: no message is left to play")]
     Nothing(String),
@@ -71,6 +87,8 @@ pub struct PlaybackSchedule {
     /// Later stamps are not played.
     latest: Tick,
     gaps: Vec<Gap>,
+    /// Whether the messages are in the order of their ticks.
+    is_sorted: bool,
     notes: Vec<String>,
 }
 
@@ -99,7 +117,12 @@ impl PlaybackSchedule {
         let scenario = scenario_of(recording);
         let latest = scenario.as_ref().map_or(Tick(u64::MAX), Scenario::duration_ticks);
         let mut index = RecordingIndex::of(recording, latest);
-        let Some(last_there) = index.last else { return Err(ReplayError::Nothing(recording.file().to_owned())) };
+        if !index.is_sorted && index.bytes > SORTED_BYTES_MAX {
+            return Err(ReplayError::Disorder { file: recording.file().to_owned(), bytes: index.bytes });
+        }
+        let Some(&last_there) = index.ticks.last() else {
+            return Err(ReplayError::Nothing(recording.file().to_owned()));
+        };
         let first = Tick(nanoseconds(start_s).div_ceil(Tick::TICK_NS));
         let last = options.end_s.map_or(last_there, |end_s| Tick(nanoseconds(end_s) / Tick::TICK_NS).min(last_there));
         if first > last {
@@ -115,8 +138,12 @@ impl PlaybackSchedule {
             Some(ScheduledMessage { topic, message })
         });
         let static_messages = static_messages.collect();
-        let (gaps, notes) = (index.gaps, index.notes);
-        Ok(Self { static_messages, topics, number_of, first, last, latest, gaps, notes })
+        // A gap may lie before the first message.
+        let ticks: Vec<Tick> = std::iter::once(Tick::ZERO).chain(index.ticks).collect();
+        let pairs = ticks.windows(2).map(|pair| Gap { from: pair[0], to: pair[1] });
+        let gaps = pairs.filter(|gap| gap.to.0 - gap.from.0 > GAP_TICKS_MAX).collect();
+        let (is_sorted, notes) = (index.is_sorted, index.notes);
+        Ok(Self { static_messages, topics, number_of, first, last, latest, gaps, is_sorted, notes })
     }
 
     /// The topics, by index.
@@ -134,6 +161,11 @@ impl PlaybackSchedule {
     /// The gaps that are skipped, in order.
     pub(super) fn gaps(&self) -> &[Gap] {
         &self.gaps
+    }
+
+    /// Whether the messages of the file are in the order of their ticks.
+    pub(super) fn is_sorted(&self) -> bool {
+        self.is_sorted
     }
 
     /// Whether a message is stamped after the run's duration, so that it is not played.
@@ -175,35 +207,47 @@ fn is_of_type(topic: &Topic, channel: &Channel) -> bool {
 struct RecordingIndex {
     /// Playable topics by name.
     topics: BTreeMap<String, Topic>,
-    last: Option<Tick>,
-    gaps: Vec<Gap>,
+    /// The number of messages that cannot be played, by topic, with the reason of the first.
+    refused: BTreeMap<String, (u64, String)>,
+    /// The ticks with messages.
+    ticks: BTreeSet<Tick>,
+    is_sorted: bool,
+    /// Of all messages.
+    bytes: u64,
     notes: Vec<String>,
 }
 
 impl RecordingIndex {
     /// The messages up to the tick `latest`.
     fn of(recording: &Recording, latest: Tick) -> Self {
-        let mut index = Self { topics: BTreeMap::new(), last: None, gaps: Vec::new(), notes: Vec::new() };
-        let mut refused: BTreeMap<String, (u64, String)> = BTreeMap::new();
+        let mut index = Self {
+            topics: BTreeMap::new(),
+            refused: BTreeMap::new(),
+            ticks: BTreeSet::new(),
+            is_sorted: true,
+            bytes: 0,
+            notes: Vec::new(),
+        };
         let mut messages = recording.messages();
         for message in &mut messages {
             let name = &message.channel.topic;
             if message.tick() > latest {
                 let wrong = format!("stamped after {} s, the duration of its run", seconds(latest));
-                refused.entry(name.clone()).or_insert((0, wrong)).0 += 1;
+                index.refused.entry(name.clone()).or_insert((0, wrong)).0 += 1;
                 continue;
             }
-            index.reach(message.tick());
+            index.reach(&message);
             if *name == topics::clock().name {
                 // The replay has a clock of its own.
                 continue;
             }
-            let wrong = match index.topics.get(name).cloned().or_else(|| topics::named(name)) {
-                None => "not a topic of a run".to_owned(),
-                Some(topic) if !is_of_type(&topic, &message.channel) => {
+            let known = index.topics.get(name).cloned().or_else(|| topics::named(name));
+            let wrong = match known.map_or_else(|| added(&message.channel), Ok) {
+                Err(wrong) => wrong,
+                Ok(topic) if !is_of_type(&topic, &message.channel) => {
                     format!("its type is {}, not {}", message.channel.type_name, topic.message)
                 }
-                Some(topic) => {
+                Ok(topic) => {
                     index.topics.entry(name.clone()).or_insert(topic);
                     match Encoded::new(&message.data) {
                         Ok(_) => continue,
@@ -211,25 +255,27 @@ impl RecordingIndex {
                     }
                 }
             };
-            refused.entry(name.clone()).or_insert((0, wrong)).0 += 1;
+            index.refused.entry(name.clone()).or_insert((0, wrong)).0 += 1;
         }
-        let notes = refused.iter().map(|(name, (count, wrong))| format!("{name}: {count} not played: {wrong}"));
+        if !index.is_sorted {
+            let text = "the messages are not in the order of their log times; they are played in that order";
+            index.notes.push(format!("{}: {text}", recording.file()));
+        }
+        let notes = index.refused.iter().map(|(name, (count, wrong))| format!("{name}: {count} not played: {wrong}"));
         index.notes.extend(notes);
         if let Some(end @ (End::Missing | End::CutOff { .. } | End::Damage { .. })) = messages.end() {
-            let last_s = seconds(index.last.unwrap_or_default());
+            let last_s = seconds(index.ticks.last().copied().unwrap_or_default());
             index.notes.push(format!("{} is {end}; it can be played up to {last_s} s", recording.file()));
         }
         index
     }
 
-    /// Advances to a tick: messages are played in the order of the file, those with an
-    /// earlier stamp at once.
-    fn reach(&mut self, tick: Tick) {
-        let from = self.last.unwrap_or_default();
-        if tick.0.saturating_sub(from.0) > GAP_TICKS_MAX {
-            self.gaps.push(Gap { from, to: tick });
-        }
-        self.last = self.last.max(Some(tick));
+    /// Counts a message that may be played.
+    fn reach(&mut self, message: &Message) {
+        let tick = message.tick();
+        self.is_sorted &= self.ticks.last().is_none_or(|&last| last <= tick);
+        self.ticks.insert(tick);
+        self.bytes += message.data.len() as u64;
     }
 
     /// Makes the static messages (walls, transforms) that the recording lacks, so that there is
@@ -264,7 +310,14 @@ impl RecordingIndex {
     fn select(&mut self, recording: &Recording, options: &PlaybackOptions) -> Result<(), ReplayError> {
         for (flag, patterns) in [("--topics", &options.only), ("--exclude", &options.exclude)] {
             let is_there = |pattern: &&String| self.topics.keys().any(|name| fits(pattern, name));
-            if let Some(pattern) = patterns.iter().find(|pattern| !is_there(pattern)) {
+            for pattern in patterns.iter().filter(|pattern| !is_there(pattern)) {
+                if let Some((_, (_, wrong))) = self.refused.iter().find(|(name, _)| fits(pattern, name)) {
+                    if flag == "--exclude" {
+                        continue;
+                    }
+                    let (pattern, file, wrong) = (pattern.clone(), recording.file().to_owned(), wrong.clone());
+                    return Err(ReplayError::Unplayable { flag, pattern, file, wrong });
+                }
                 let topics = self.topics.keys().cloned().collect();
                 let (pattern, file) = (pattern.clone(), recording.file().to_owned());
                 return Err(ReplayError::NoTopic { flag, pattern, file, topics });
@@ -275,6 +328,26 @@ impl RecordingIndex {
             .retain(|name, _| (options.only.is_empty() || any(&options.only, name)) && !any(&options.exclude, name));
         if self.topics.is_empty() { Err(ReplayError::Nothing(recording.file().to_owned())) } else { Ok(()) }
     }
+}
+
+/// The topic of a channel that another program has added, or why it cannot be played.
+fn added(channel: &Channel) -> Result<Topic, String> {
+    let is_legal = |part: &str| {
+        part.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
+            && part.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
+    };
+    let has_legal_name = channel.topic.strip_prefix('/').is_some_and(|name| name.split('/').all(is_legal));
+    if !has_legal_name {
+        return Err("not a name of a ROS topic".to_owned());
+    }
+    let known = message::ALL.iter().copied().find(|message| message.to_string() == channel.type_name);
+    let message = known.ok_or_else(|| {
+        format!("not a topic of a run, and of another type, {}; `ros2 bag play` plays it", channel.type_name)
+    })?;
+    let is_latched =
+        ["durability: 1", "durability: transient_local"].iter().any(|key| channel.offered_qos.contains(key));
+    let qos = if is_latched { Qos::latched(ADDED_DEPTH) } else { Qos::reliable(ADDED_DEPTH) };
+    Ok(Topic { name: channel.topic.clone(), message, qos })
 }
 
 fn fits(pattern: &str, name: &str) -> bool {

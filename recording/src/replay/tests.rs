@@ -5,13 +5,14 @@ use msgs::cdr::{self, Encoded};
 use msgs::geometry_msgs::Point;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::Progress;
+use msgs::message::MessageType;
 use msgs::service::{Ask, Reply};
 use msgs::simulation_interfaces::{
     Result as Outcome, SetSimulationStateRequest, SetSimulationStateResponse, SimulationState, StepSimulationRequest,
     StepSimulationResponse,
 };
 use msgs::std_msgs::{ColorRGBA, Header};
-use msgs::topics::{self, Topic};
+use msgs::topics::{self, Qos, Topic};
 use msgs::visualization_msgs::Marker;
 
 use super::*;
@@ -129,7 +130,8 @@ fn missing_static_messages_are_made() {
 
 #[test]
 fn unplayable_messages_are_noted() {
-    let strange = Topic { name: "/chatter".to_owned(), ..topics::progress() };
+    let unknown = MessageType { package: "robot_msgs", name: "Leg", definition: "int32 angle\n" };
+    let strange = Topic { name: "/chatter".to_owned(), message: unknown, ..topics::progress() };
     let wrong_type = Topic { name: "/sim/info".to_owned(), ..topics::progress() };
     let big_endian = (topics::digest(), 1, vec![0, 0, 0, 0, 1]);
     let messages = [(strange, 0, progress(0).2), (wrong_type, 0, progress(0).2), big_endian, passing(2)];
@@ -139,7 +141,8 @@ fn unplayable_messages_are_noted() {
         PlaybackSchedule::new(&recording, &PlaybackOptions::default())
     };
     let notes = schedule(&whole).unwrap().notes().to_vec();
-    assert_eq!(notes[0], "/chatter: 1 not played: not a topic of a run");
+    let wrong = "not a topic of a run, and of another type, robot_msgs/msg/Leg; `ros2 bag play` plays it";
+    assert_eq!(notes[0], format!("/chatter: 1 not played: {wrong}"));
     assert!(notes[1].starts_with("/sim/digest: 1 not played: the message is big-endian"), "{notes:?}");
     assert!(notes[2].starts_with("/sim/info: 1 not played: its type is maes_msgs/msg/Progress, not diag"), "{notes:?}");
     assert!(notes[3].starts_with("run.mcap: no map to show: the map of the recording: map.txt: "), "{notes:?}");
@@ -151,6 +154,43 @@ fn unplayable_messages_are_noted() {
     let [note] = schedule.notes() else { panic!("one note: {:?}", schedule.notes()) };
     assert!(note.starts_with("run.mcap is cut off behind byte "), "{note}");
     assert!(schedule.ticks().1 > Tick(0) && schedule.ticks().1 < Tick(1999));
+}
+
+#[test]
+fn topics_of_other_programs_are_played() {
+    let added = |name: &str, qos| Topic { name: name.to_owned(), qos, ..topics::robot_description() };
+    let chatter = (added("/chatter", Qos::reliable(7)), 2, vec![0, 1, 0, 0, 1]);
+    let latched = (added("/notes/of_me", Qos::latched(7)), 2, vec![0, 1, 0, 0, 2]);
+    let illegal = (added("/no name", Qos::reliable(7)), 2, vec![0, 1, 0, 0, 3]);
+    let recording = recording(&[passing(0), chatter, latched, illegal, passing(3)]);
+    let ticks = played(&recording, &options(0.0, None)).1;
+    let topics: Vec<(&str, u64, u8)> =
+        ticks.iter().map(|(topic, tick, bytes)| (topic.name.as_str(), *tick, bytes[4])).collect();
+    assert_eq!(topics, [("/agent_1/odom", 0, 0), ("/chatter", 2, 1), ("/notes/of_me", 2, 2), ("/agent_1/odom", 3, 3)]);
+    assert_eq!([ticks[1].0.qos, ticks[2].0.qos], [Qos::reliable(10), Qos::latched(10)]);
+    let only = |pattern: &str| PlaybackOptions { only: vec![pattern.to_owned()], ..PlaybackOptions::default() };
+    assert_eq!(played(&recording, &only("/chatter")).1.len(), 1);
+    let refused = PlaybackSchedule::new(&recording, &only("/no*")).unwrap().topics().len();
+    assert_eq!(refused, 1, "the legal one");
+    let refused = PlaybackSchedule::new(&recording, &only("/no name")).unwrap_err().to_string();
+    assert!(refused.starts_with("--topics /no name: in run.mcap, but not played: not a name"), "{refused}");
+}
+
+#[test]
+fn messages_in_any_order_are_played_in_that_of_their_times() {
+    let sorted = [progress(0), passing(0), passing(2), passing(700), progress(1400), passing(4900)];
+    let mut mixed = sorted.clone();
+    mixed.reverse();
+    mixed.swap(1, 4);
+    let other = recording(&mixed);
+    // Those of a tick stay in the order of the file.
+    let mut expected = sorted.to_vec();
+    expected.swap(0, 1);
+    assert_eq!(played(&other, &options(0.0, None)).1, expected);
+    let schedule = |recording: &Recording| PlaybackSchedule::new(recording, &options(0.0, None)).unwrap();
+    assert_eq!(ticks_played(&schedule(&other)), ticks_played(&schedule(&recording(&sorted))));
+    assert!(schedule(&other).notes()[0].contains("not in the order of their log times"));
+    assert_eq!(played(&other, &options(20.0, None)).1, sorted[4..]);
 }
 
 #[test]

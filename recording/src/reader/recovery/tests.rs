@@ -124,6 +124,21 @@ fn damage_ends_what_is_kept() {
 }
 
 #[test]
+fn bytes_after_the_end_are_named() {
+    let bytes = rewritten(&recorded(6, 30), Rewriting::with(WriteOptions::new()));
+    for rest in [b"trail".as_slice(), &bytes] {
+        let files = Files::new(&[&bytes, rest].concat());
+        let recovered = files.recover().unwrap();
+        assert_eq!(recovered.bytes - recovered.bytes_kept, rest.len() as u64);
+        let expected = format!("{} bytes after the end of the recording; its last {} of", rest.len(), rest.len());
+        assert!(text(&recovered).contains(&expected), "{}", text(&recovered));
+        assert_eq!(listed(&fs::read(&files.output).unwrap()), listed(&bytes));
+    }
+    let files = Files::new(&bytes[..bytes.len() - 3]);
+    assert!(matches!(files.recover().unwrap().end, End::CutOff { .. }));
+}
+
+#[test]
 fn nothing_is_overwritten_and_nothing_is_left_behind() {
     let bytes = rewritten(&recorded(6, 30), Rewriting::with(WriteOptions::new()));
     let files = Files::new(&bytes);
