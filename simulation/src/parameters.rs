@@ -149,7 +149,6 @@ mod tests {
                       bodies = [{ agents = [0], kind = \"aerial\" }]\n\
                       event = [{ kind = \"leave\", at_s = 0.5, agent = 0 }]\n\
                       sensor = { range_sigma_m = 0.1, missed_returns = 0.1, pose_bound_m = 1.0, pose_step_m = 0.1 }\n\
-                      [body]\nkind = \"aerial\"\n\
                       [communication]\nloss = 0.1\nbytes_per_s = 1e5\nqueue_bytes = 200000\nmodel = \"attenuated\"\n\
                       attenuation = { wall_exponent = 5.0 }\nrelays = { per_agent = 3 }";
         let import = "fill = \"shell\", inside = \"free\", unknown = \"free\", up = \"y\", scale = 0.001, margin_cells = 2, \
@@ -182,11 +181,23 @@ mod tests {
             ),
         ]
         .into_iter()
-        .zip([("capacity_j", "ring"), ("endurance_s", "frustum")].into_iter().cycle())
-        .map(|((map, spawn), (capacity, pattern))| {
+        .zip(
+            [
+                ("capacity_j", "ring", "kind = \"aerial\""),
+                (
+                    "endurance_s",
+                    "frustum",
+                    "kind = \"ground\", drive = \"holonomic\", step_max_m = 0.2, slope_max_rad = 0.3",
+                ),
+            ]
+            .into_iter()
+            .cycle(),
+        )
+        .map(|((map, spawn), (capacity, pattern, body))| {
             let energy = format!("{{ {capacity} = 60.0, bases = [[1.0, 2.0, 3.0]] }}");
             scenario(&format!(
-                "map = {map}\nspawn = {spawn}\nenergy = {energy}\nlidar = {{ pattern = \"{pattern}\" }}\n{common}"
+                "map = {map}\nspawn = {spawn}\nenergy = {energy}\nlidar = {{ pattern = \"{pattern}\" }}\n\
+                 body = {{ {body} }}\n{common}"
             ))
         })
         .collect()

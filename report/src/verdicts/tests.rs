@@ -103,7 +103,7 @@ fn failures_are_named() {
     assert_eq!(
         said(left_out, Compared::Distance),
         "No verdict on dsvp and rbw in the distance of the team: dsvp failed on 3 of 10 maps; pairs with a failed run are \
-         left out, which may be those on harder maps. Of the others: dsvp moved 50 % less than rbw (2.0 times as little), \
+         left out, which may be those on harder maps. Of the others: dsvp moved 50 % less than rbw, \
          n = 7 maps."
     );
 }
