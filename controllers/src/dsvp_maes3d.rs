@@ -25,8 +25,8 @@
 //! The reference draws from the one random stream of its engine; this controller draws from its
 //! own. The reference throws if a stage finds no destination, which ends the tick for the whole
 //! team; here the agent tries again. It makes way for agents that it runs into again and again, and
-//! rests before one that does not move for long. Stages that lead nowhere follow each other less and
-//! less often.
+//! rests before one that does not move for long. Stages that lead nowhere follow each other less
+//! and less often.
 //!
 //! The reference has no confined bodies. Nodes for such a body are cells in which it has
 //! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier

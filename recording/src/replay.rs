@@ -5,9 +5,9 @@
 //! which tick is due, given rate, pauses, steps and looping.
 //!
 //! Invariants: messages come in the tick of their stamp, those of a tick in the order of the file,
-//! byte for byte as recorded; pauses, steps and the rate affect only their timing. A stamp after the
-//! duration of the run is refused, and long gaps are skipped, so that no stamp can make a replay
-//! endless.
+//! byte for byte as recorded; pauses, steps and the rate affect only their timing. A stamp after
+//! the duration of the run is refused, and long gaps are skipped, so that no stamp can make a
+//! replay endless.
 //!
 //! This module knows no transport and no clock: wall time is an argument, in nanoseconds since an
 //! arbitrary epoch. The crate `sim_server` publishes what is due.

@@ -1,9 +1,9 @@
 //! The texts of the job files.
 //!
 //! Each task calls `part.sh` with its number, from 0. What a workload manager cannot be asked for
-//! is refused instead of left out. Slurm runs a copy of its script, and with `--output` a task whose
-//! folder of logs is not there fails before its first line (JobLaunchFailure of 22.05), so the script
-//! asks for its own place and opens the log itself.
+//! is refused instead of left out. Slurm runs a copy of its script, and with `--output` a task
+//! whose folder of logs is not there fails before its first line (JobLaunchFailure of 22.05), so
+//! the script asks for its own place and opens the log itself.
 
 use std::num::NonZero;
 

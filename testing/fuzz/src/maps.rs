@@ -17,9 +17,11 @@ pub(crate) fn packed(bytes: &[u8]) {
     }
 }
 
-/// An OctoMap tree: writing and reading it gives the same map.
+/// An OctoMap tree: writing and reading it gives the same map, unless the layer of wall around it
+/// has made it too large.
 pub(crate) fn octomap(bytes: &[u8]) {
-    if let Some(terrain) = read("fuzz.bt", bytes, ImportOptions::default()) {
+    let read_back = read("fuzz.bt", bytes, ImportOptions::default());
+    if let Some(terrain) = read_back.filter(|terrain| terrain.extent().volume() <= CELLS_MAX) {
         let again = export::octomap(&terrain, [0; 3]);
         assert_eq!(read("fuzz.bt", &again, ImportOptions::default()), Some(terrain));
     }
