@@ -12,7 +12,7 @@
 //! charge, end the mission: the agent waits at home for good.
 //!
 //! Invariants: without energy in its observations, or where the scenario says not to go home, the
-//! wrapper is not there. Its controller sees every event, cell and message, in order.
+//! wrapper is not there; those of [`Wrapped`].
 
 use std::ops::RangeInclusive;
 
@@ -23,6 +23,7 @@ use protocol::wake_condition::WakeCondition;
 use rand_chacha::ChaCha8Rng;
 
 use super::way_home::{WayHome, turning_back_j};
+use super::wrapped::{Wrapped, rests};
 use super::{Controller, Ctx, Failure, collision_recovery};
 use agent::command::{Command, Motion, Stage};
 use agent::observation::Observation;
@@ -52,15 +53,9 @@ const NEVER: WakeCondition = WakeCondition { at: Tick(u64::MAX), events: EventMa
 
 /// A wrapped controller.
 pub(super) struct GoHome {
-    inner: Box<dyn Controller>,
+    inner: Wrapped,
     rng: ChaCha8Rng,
     mode: Mode,
-    /// The wake-up condition of its controller.
-    inner_wake: WakeCondition,
-    /// Whether its controller has requested the view in its next observation.
-    wants_view: bool,
-    /// What its controller has not seen.
-    unseen: Option<Observation>,
     /// Its own wake-up condition.
     wake: WakeCondition,
     /// Whether it is on a way around what it has met.
@@ -86,12 +81,9 @@ enum Mode {
 impl GoHome {
     pub(super) fn around(inner: Box<dyn Controller>, rng: ChaCha8Rng) -> Self {
         Self {
-            inner,
+            inner: Wrapped::new(inner),
             rng,
             mode: Mode::Out { look_at: Tick::ZERO, resting_since: None },
-            inner_wake: WakeCondition::NEXT_TICK,
-            wants_view: false,
-            unseen: None,
             wake: WakeCondition::NEXT_TICK,
             has_collided: false,
             known_before: 0,
@@ -111,16 +103,6 @@ impl GoHome {
         Some(ctx.tick().after((time_s / Tick::TICK_S) as u64))
     }
 
-    /// The decision of its controller, which sees all that it has not seen, this observation
-    /// included.
-    fn ask(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, also: EventMask) -> Command {
-        let mut unseen = self.unseen.take().unwrap_or_else(|| observation.clone());
-        unseen.events |= also;
-        let command = self.inner.decide(&unseen, ctx);
-        (self.inner_wake, self.wants_view) = (command.wake, command.want_view);
-        command
-    }
-
     /// Out of its bases, or on the way out.
     fn out(&mut self, observation: &Observation, energy: &Energy, ctx: &mut Ctx<'_>, also: EventMask) -> Command {
         let Mode::Out { mut look_at, mut resting_since } = self.mode else { unreachable!("it is out") };
@@ -132,18 +114,13 @@ impl GoHome {
                 None => tick.after(RETRY_TICKS),
             };
         }
-        let mut command = if also.is_empty() && !self.inner_wake.is_met(tick, observation.events) {
-            Command { want_view: self.wants_view, ..Command::keep(self.inner_wake) }
+        let mut command = if also.is_empty() && !self.inner.is_due(observation) {
+            self.inner.keep()
         } else {
-            let command = self.ask(observation, ctx, also);
-            let rests = match command.motion {
-                Motion::Keep => !observation.is_active,
-                Motion::Stop => true,
-                _ => false,
-            };
+            let command = self.inner.ask(observation, ctx, also);
             // One that waits for a time, such as that of a meeting, has something to do.
             let waits = tick.after(REST_TICKS) < command.wake.at && command.wake.at < ctx.run_info().duration;
-            let rests = rests && !waits;
+            let rests = rests(&command, observation) && !waits;
             resting_since = rests.then(|| resting_since.unwrap_or(tick));
             command
         };
@@ -192,12 +169,12 @@ impl GoHome {
 
     /// With the next decision of its controller, if that may find a goal.
     fn wake_on_the_way(&self, is_idle: bool) -> WakeCondition {
-        WakeCondition::TASK_DONE.or(if is_idle { self.inner_wake } else { NEVER })
+        WakeCondition::TASK_DONE.or(if is_idle { self.inner.wake() } else { NEVER })
     }
 
     fn returning(&mut self, observation: &Observation, energy: &Energy, is_idle: bool, ctx: &mut Ctx<'_>) -> Command {
-        if is_idle && self.inner_wake.is_met(observation.tick, observation.events) {
-            let command = self.ask(observation, ctx, EventMask::empty());
+        if is_idle && self.inner.is_due(observation) {
+            let command = self.inner.ask(observation, ctx, EventMask::empty());
             if !matches!(command.motion, Motion::Keep | Motion::Stop) {
                 self.mode = Mode::Out { look_at: observation.tick.after(1), resting_since: None };
                 return Command { wake: command.wake.or(WakeCondition::NEXT_TICK), ..command };
@@ -232,7 +209,7 @@ impl GoHome {
             // It rests here for its controller, which may find a goal.
             let resting_since = Some(observation.tick);
             self.mode = Mode::Out { look_at: observation.tick.after(RETRY_TICKS), resting_since };
-            let wake = self.inner_wake.or(WakeCondition::at(observation.tick.after(RETRY_TICKS)));
+            let wake = self.inner.wake().or(WakeCondition::at(observation.tick.after(RETRY_TICKS)));
             return Command::new(Motion::Stop, wake).with_stage(Stage::Waiting);
         }
         let known = ctx.map().free() + ctx.map().covered();
@@ -280,10 +257,7 @@ impl Controller for GoHome {
         if !self.wake.is_met(observation.tick, observation.events) && self.inner.is_polled_between_wakes() {
             return self.poll(observation, ctx);
         }
-        self.unseen = Some(match self.unseen.take() {
-            Some(earlier) => observation.clone().merged_with(earlier),
-            None => observation.clone(),
-        });
+        self.inner.note(observation);
         let command = self.decide_in_mode(observation, energy, ctx);
         self.wake = command.wake;
         command
@@ -302,9 +276,8 @@ impl GoHome {
     /// The reply between its wake-ups: what its controller does, if that is what counts.
     fn poll(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let Mode::Out { look_at, .. } = self.mode else { return Command::keep(self.wake) };
-        let mut command = self.inner.decide(observation, ctx);
+        let mut command = self.inner.poll(observation, ctx);
         if !command.is_noop() {
-            (self.inner_wake, self.wants_view, self.unseen) = (command.wake, command.want_view, None);
             command.wake.at = command.wake.at.min(look_at);
             self.wake = command.wake;
         }

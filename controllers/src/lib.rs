@@ -35,6 +35,7 @@ mod suggestion;
 pub(crate) mod testing;
 mod viewpoints;
 pub mod way_home;
+mod wrapped;
 /// The example of docs/controllers.md, word for word.
 #[cfg(test)]
 pub mod zigzag;
@@ -133,7 +134,7 @@ pub const REGISTRY: &[Registration] = &[
         name: "lvd",
         description: "local Voronoi decomposition: visits what is nearer to it than to the agents in contact",
         stream: "lvd",
-        construct: &|settings, setup| Ok(Box::new(lvd::Lvd::new(settings, setup.rng)?)),
+        construct: &|settings, setup| Ok(Box::new(lvd::Lvd::new(settings, setup.run_info.extent.cell_m(), setup.rng)?)),
     },
     Registration {
         name: "lvd-maes3d",

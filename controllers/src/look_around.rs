@@ -3,14 +3,13 @@
 //! Controllers take a place where the body has been at rest as seen. So when a controller is to
 //! decide at rest in another cell than before, the wrapper first turns the body towards whatever is
 //! unexplored in reach of the LiDAR ([`turns`]); with a band of elevations alone it need not turn.
-//! Its controller sees what was observed meanwhile in one observation afterwards.
 //!
 //! A controller that rests may still have left out what its frontiers do not show: a cell above a
 //! frontier is out of the band there, and in it from farther away. After [`REST_TICKS`] the wrapper
 //! goes to the viewpoints that remain ([`Viewpoints`]), and asks its controller again from each.
 //!
-//! Invariants: without a field of view in the run info the wrapper is not there. Its controller
-//! sees every event, cell and message, in order.
+//! Invariants: without a field of view in the run info the wrapper is not there; those of
+//! [`Wrapped`].
 
 mod turns;
 
@@ -26,6 +25,7 @@ use voxels::{BodyLattice, Cell};
 
 use super::dsvp::gain::{GainEstimator, Likelihood};
 use super::viewpoints::Viewpoints;
+use super::wrapped::{Wrapped, rests};
 use super::{Controller, Ctx, Failure, collision_recovery};
 use agent::command::{Command, Motion, ScanRequest, Stage};
 use agent::navigation::{NavigationStatus, SearchTime};
@@ -52,14 +52,9 @@ const NEAR: f64 = 0.75;
 
 /// A controller that does not see all around.
 pub(super) struct LookAround {
-    inner: Box<dyn Controller>,
+    inner: Wrapped,
     rng: ChaCha8Rng,
     mode: Mode,
-    /// The wake-up condition of its controller, and whether that has requested the view.
-    inner_wake: WakeCondition,
-    wants_view: bool,
-    /// What its controller has not seen.
-    unseen: Option<Observation>,
     /// Its own wake-up condition.
     wake: WakeCondition,
     /// Where it has looked around last.
@@ -93,12 +88,9 @@ enum Mode {
 impl LookAround {
     pub(super) fn around(inner: Box<dyn Controller>, rng: ChaCha8Rng) -> Self {
         Self {
-            inner,
+            inner: Wrapped::new(inner),
             rng,
             mode: Mode::Inner,
-            inner_wake: WakeCondition::NEXT_TICK,
-            wants_view: false,
-            unseen: None,
             wake: WakeCondition::NEXT_TICK,
             looked_from: None,
             resting_since: None,
@@ -112,22 +104,15 @@ impl LookAround {
     /// The decision of its controller, which sees all that it has not seen.
     fn ask(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.mode = Mode::Inner;
-        let unseen = self.unseen.take().unwrap_or_else(|| observation.clone());
-        let mut command = self.inner.decide(&unseen, ctx);
+        let mut command = self.inner.ask(observation, ctx, EventMask::empty());
         self.stage = command.stage.or(self.stage);
         if std::mem::take(&mut self.has_gone) {
             command.stage = self.stage;
         }
-        (self.inner_wake, self.wants_view) = (command.wake, command.want_view);
         let tick = observation.tick;
-        let rests = match command.motion {
-            Motion::Keep => !observation.is_active,
-            Motion::Stop => true,
-            _ => false,
-        };
         // One that waits for a time soon, such as that of a search, has something to do.
         let is_idle = self.stage == Some(Stage::Waiting) && command.wake.at > tick.after(REST_TICKS);
-        self.resting_since = (rests && is_idle).then(|| self.resting_since.unwrap_or(tick));
+        self.resting_since = (rests(&command, observation) && is_idle).then(|| self.resting_since.unwrap_or(tick));
         if let Some(since) = self.resting_since {
             command.wake.at = command.wake.at.min(since.after(REST_TICKS).max(tick.next()));
         }
@@ -165,13 +150,12 @@ impl LookAround {
         let Some(angle_rad) = turns.pop_front() else { return self.ask(observation, ctx) };
         self.mode = Mode::Turning(turns);
         let wake = WakeCondition::TASK_DONE.or(WakeCondition::on(EventMask::COLLISION));
-        let lidar = ScanRequest::Every(ctx.run_info().lidar_period_ticks.max(1));
-        Command { lidar, ..Command::new(Motion::Turn { angle_rad }, wake) }.with_info("looks around")
+        scanning(Command::new(Motion::Turn { angle_rad }, wake), ctx).with_info("looks around")
     }
 
     /// Its controller is to decide: at rest in another cell, it looks around before.
     fn inner(&mut self, view: &FieldOfView, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let is_due = self.inner_wake.is_met(observation.tick, observation.events);
+        let is_due = self.inner.is_due(observation);
         let is_at_rest = !observation.is_active && observation.scan_tick.is_some();
         let has_arrived = is_at_rest && self.looked_from != Some(ctx.cell());
         if is_due && has_arrived && !observation.events.intersects(EventMask::COLLISION) {
@@ -186,8 +170,7 @@ impl LookAround {
         if has_rested && is_at_rest {
             return self.go_to_viewpoint(observation, ctx);
         }
-        let command = Command::keep(self.inner_wake);
-        Command { want_view: self.wants_view, ..command }
+        self.inner.keep()
     }
 
     /// Its controller rests: goes to where the LiDAR sees what it has left out.
@@ -199,11 +182,11 @@ impl LookAround {
             Poll::Ready(Some(viewpoint)) => viewpoint,
             Poll::Ready(None) => {
                 self.resting_since = Some(tick);
-                if self.inner_wake.is_met(tick, observation.events) {
+                if self.inner.is_due(observation) {
                     return self.ask(observation, ctx);
                 }
-                let until = WakeCondition::at(tick.after(REST_TICKS));
-                return Command { want_view: self.wants_view, ..Command::keep(self.inner_wake.or(until)) };
+                let wake = self.inner.wake().or(WakeCondition::at(tick.after(REST_TICKS)));
+                return Command { wake, ..self.inner.keep() };
             }
             Poll::Pending => {
                 let wake = WakeCondition::NEXT_TICK;
@@ -215,8 +198,7 @@ impl LookAround {
                 (self.mode, self.has_gone) = (Mode::Going, true);
                 let Cell { x, y, z } = viewpoint.cell;
                 let wake = WakeCondition::TASK_DONE.or(WakeCondition::on(EventMask::COLLISION));
-                let lidar = ScanRequest::Every(ctx.run_info().lidar_period_ticks.max(1));
-                Command { lidar, ..Command::new(motion, wake) }
+                scanning(Command::new(motion, wake), ctx)
                     .with_stage(Stage::Relocating)
                     .with_info(format!("goes to the viewpoint {x} {y} {z}"))
             }
@@ -239,8 +221,7 @@ impl LookAround {
             }
             Mode::Turning(turns) => {
                 self.mode = Mode::Scanning(observation.tick.next(), turns);
-                let lidar = ScanRequest::Every(ctx.run_info().lidar_period_ticks.max(1));
-                Command { lidar, ..Command::keep(WakeCondition::NEXT_TICK) }
+                scanning(Command::keep(WakeCondition::NEXT_TICK), ctx)
             }
             Mode::Scanning(since, turns) => {
                 let has_scanned = observation.scan_tick.is_some_and(|scan| scan >= since);
@@ -271,6 +252,11 @@ impl LookAround {
     }
 }
 
+/// The command with a request for scans by the period of the scenario.
+fn scanning(command: Command, ctx: &Ctx<'_>) -> Command {
+    Command { lidar: ScanRequest::Every(ctx.run_info().lidar_period_ticks.max(1)), ..command }
+}
+
 impl Controller for LookAround {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let Some(view) = ctx.run_info().field_of_view else { return self.inner.decide(observation, ctx) };
@@ -280,10 +266,7 @@ impl Controller for LookAround {
         if observation.events.intersects(EventMask::REVISED) {
             (self.viewpoints, self.looked_from) = (None, None);
         }
-        self.unseen = Some(match self.unseen.take() {
-            Some(earlier) => observation.clone().merged_with(earlier),
-            None => observation.clone(),
-        });
+        self.inner.note(observation);
         let command = self.decide_in_mode(&view, observation, ctx);
         self.wake = command.wake;
         command
@@ -304,9 +287,8 @@ impl LookAround {
         if self.mode != Mode::Inner {
             return Command::keep(self.wake);
         }
-        let command = self.inner.decide(observation, ctx);
+        let command = self.inner.poll(observation, ctx);
         if !command.is_noop() {
-            (self.inner_wake, self.wants_view, self.unseen) = (command.wake, command.want_view, None);
             self.resting_since = None;
             self.wake = command.wake;
         }

@@ -146,11 +146,9 @@ pub struct Lvd {
     leg_max_m: f64,
     visits_max: u64,
     search_time: SearchTime,
-    merge_m: f64,
     scan: LastScan,
     flood: Flood,
-    /// From the first decision on, since places are counted in cells.
-    places: Option<Places>,
+    places: Places,
     /// See [`searching::Search`].
     frontier_visits: BTreeMap<Cell, u64>,
     /// The present destination and its purpose.
@@ -182,7 +180,7 @@ impl Lvd {
     ///
     /// # Errors
     /// If a setting is out of range.
-    pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
+    pub fn new(settings: &mut Settings, cell_m: f64, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let visit_radius_m = settings.number("visit_radius_m", 3.75, 0.0, 1e6)?;
         let near_m = settings.number("near_m", 4.0, 0.0, 1e6)?;
         let leg_max_m = settings.number("leg_max_m", 20.0, 0.0, 1e6)?;
@@ -196,10 +194,9 @@ impl Lvd {
             leg_max_m,
             visits_max,
             search_time,
-            merge_m,
             scan: LastScan::default(),
             flood: Flood::default(),
-            places: None,
+            places: Places::new(merge_m / cell_m),
             frontier_visits: BTreeMap::new(),
             destination: None,
             refused: Vec::new(),
@@ -327,7 +324,7 @@ impl Lvd {
             ctx: &*ctx,
             scan: &self.scan,
             region: &region,
-            places: places_of(&mut self.places, self.merge_m, ctx),
+            places: &self.places,
             frontier_visits: &self.frontier_visits,
             visits_max: self.visits_max,
             is_refused: &|cell| is_refused(ctx, &self.refused, self.wide.as_ref(), cell),
@@ -395,11 +392,6 @@ fn is_refused(ctx: &Ctx<'_>, refused: &[(Cell, Tick)], wide: Option<&Wide>, cell
         || wide.is_some_and(|wide| wide.failed.holds(cell) || !ctx.can_approach(cell))
 }
 
-/// The places of a map, which merge within `merge_m`, metres.
-fn places_of<'p>(places: &'p mut Option<Places>, merge_m: f64, ctx: &Ctx<'_>) -> &'p mut Places {
-    places.get_or_insert_with(|| Places::new(merge_m / ctx.map().extent().cell_m()))
-}
-
 impl Controller for Lvd {
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
@@ -445,7 +437,7 @@ impl Controller for Lvd {
             }
             self.destination = None;
             if purpose.is_search() && purpose.aim(goal) == goal {
-                places_of(&mut self.places, self.merge_m, ctx).visit(goal, now);
+                self.places.visit(goal, now);
                 if ctx.map().is_frontier(goal) {
                     *self.frontier_visits.entry(goal).or_default() += 1;
                 }

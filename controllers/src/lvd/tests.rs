@@ -61,7 +61,7 @@ fn pit() -> String {
 
 fn lvd(settings: &[&str]) -> Lvd {
     let texts: Vec<String> = settings.iter().map(ToString::to_string).collect();
-    Lvd::new(&mut Settings::parse(&texts).unwrap(), voxels::random_streams::stream(1, 0, "test")).unwrap()
+    Lvd::new(&mut Settings::parse(&texts).unwrap(), 1.0, voxels::random_streams::stream(1, 0, "test")).unwrap()
 }
 
 /// Asserts that it visits everything, and then waits.
@@ -170,7 +170,7 @@ fn mutual_blockage_is_resolved() {
 fn settings_are_checked() {
     for text in ["visit_radius_m=-1", "visits_max=0", "search_time=soon", "search_ticks=0", "merge_m=x"] {
         let mut settings = Settings::parse(&[text.to_owned()]).unwrap();
-        assert!(Lvd::new(&mut settings, voxels::random_streams::stream(1, 0, "test")).is_err(), "{text}");
+        assert!(Lvd::new(&mut settings, 1.0, voxels::random_streams::stream(1, 0, "test")).is_err(), "{text}");
     }
 }
 
