@@ -94,8 +94,8 @@ impl Blockages {
         Some(Yield::StepAside)
     }
 
-    /// The wake-up condition of a rest that goes on: its time is not over, the map has not changed,
-    /// and the body in the way is where it was, as far as this agent can know.
+    /// The wake-up condition of a rest that continues: its time is not over, the map has not
+    /// changed, and the body in the way is where it was, as far as this agent can know.
     pub(crate) fn still_rests(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<WakeCondition> {
         let (standing, until) = self.resting?;
         let is_there = |contact: &Contact| {

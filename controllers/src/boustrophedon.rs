@@ -8,8 +8,8 @@
 //! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
 //! the nearest of all. Cells that others report as covered are left out.
 //!
-//! A confined body cannot be in every free cell: once it knows no other cell to be in, it
-//! goes where it sees something unexplored (`viewpoints.rs`).
+//! A confined body cannot be in every free cell: once it knows no other cell to be in, it goes
+//! where it sees something unexplored (`viewpoints.rs`).
 //!
 //! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
 //! seen.
@@ -32,7 +32,6 @@ use agent::command::{Command, Motion, Stage, WakeCondition};
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::navigation::{NavigationStatus, SearchTime};
 use agent::observation::{Contact, Observation};
-use agent::path::{Goal, Neighbours, Search};
 
 /// The directions of a line in order of preference, and the greatest length of each, cells.
 const LINES: [(Cell, u32); 6] = [
@@ -136,12 +135,8 @@ impl Boustrophedon {
             let own_m = (centre - here).norm();
             others.iter().all(|other| (centre - other).norm() >= own_m)
         };
-        let nearest = |is_goal: &dyn Fn(Cell) -> bool| {
-            let search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Where(is_goal));
-            search.within(is_open).run()?.cells.last().copied()
-        };
-        let ours = nearest(&|cell| is_wanted(ctx.map(), cell) && is_ours(ctx.map(), cell));
-        if ours.is_some() || others.is_empty() { ours } else { nearest(&|cell| is_wanted(ctx.map(), cell)) }
+        let ours = ctx.nearest_through(is_open, |map, cell| is_wanted(map, cell) && is_ours(map, cell));
+        if ours.is_some() || others.is_empty() { ours } else { ctx.nearest_through(is_open, is_wanted) }
     }
 
     /// Another agent is in the way: rests before one that stays, else steps aside; the one

@@ -12,7 +12,7 @@ use agent::command::Motion;
 use agent::exploration_map::ExplorationMap;
 use agent::navigation::{NavigationStatus, NavigationTask, SearchTime};
 use agent::observation::{Contact, Energy, Observation, Pose, RunInfo};
-use agent::path::{Goal, Graph, Moves, Neighbours, Path, direct, find};
+use agent::path::{Goal, Graph, Moves, Neighbours, Path, Search, direct, find};
 
 /// Largest coordinate of a waypoint, metres.
 const COORDINATE_MAX: f64 = 1e6;
@@ -212,6 +212,17 @@ impl<'a> Ctx<'a> {
         let is_goal = |cell| is_wanted(self.map, cell);
         let path = find(self.graph(Neighbours::TwentySix), self.cell(), Goal::Where(&is_goal))?;
         path.cells.last().copied()
+    }
+
+    /// [`Ctx::nearest`] with a path through open cells alone.
+    pub fn nearest_through(
+        &self,
+        is_open: &dyn Fn(Cell) -> bool,
+        is_wanted: impl Fn(&ExplorationMap, Cell) -> bool,
+    ) -> Option<Cell> {
+        let is_goal = |cell| is_wanted(self.map, cell);
+        let search = Search::new(self.graph(Neighbours::TwentySix), self.cell(), Goal::Where(&is_goal));
+        search.within(is_open).run()?.cells.last().copied()
     }
 
     /// Whether there are free cells that the body cannot be in: it is wider than a cell, or needs a

@@ -58,7 +58,7 @@ pub struct Moves {
     nearby: Vec<Cell>,
     /// For each step the cells that the body touches, as bits of the block of 27 cells around its
     /// first cell; for the numbers beyond the steps a set that never is free. `None`: the body is
-    /// confined, and some lie outside that block or there is more to a step.
+    /// confined, and some lie outside that block or a step needs footing as well.
     masks: Option<[u32; STEP_BITS]>,
     /// The same by rows of cells, for confined bodies.
     footprint: Footprint,
@@ -247,7 +247,7 @@ impl<'a> Graph<'a> {
     /// Those of the cells of a cube, as [`Graph::usable_in`] has them, in which the body can rest.
     pub(crate) fn resting_in(&self, corner: Cell, side: i32, cells: u128) -> u128 {
         let Some(footing) = self.moves.footing() else { return cells };
-        footing_in(corner, side, cells, |cell| footing.stands(self.map, cell))
+        those_of_cube(corner, side, cells, |cell| footing.stands(self.map, cell))
     }
 
     /// The distance in cells within which a change of the map can make a cell usable or unusable
@@ -349,7 +349,7 @@ impl Steps<'_> {
 }
 
 /// Those of the cells of a cube for which something holds.
-pub(super) fn footing_in(corner: Cell, side: i32, cells: u128, holds: impl Fn(Cell) -> bool) -> u128 {
+pub(super) fn those_of_cube(corner: Cell, side: i32, cells: u128, holds: impl Fn(Cell) -> bool) -> u128 {
     let offset = |place: i32| Cell::new(place % side, place / side % side, place / side / side);
     let is_kept = |&place: &i32| cells >> place & 1 != 0 && holds(corner + offset(place));
     (0..side * side * side).filter(is_kept).fold(0, |kept, place| kept | 1 << place)

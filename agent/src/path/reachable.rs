@@ -55,13 +55,12 @@ impl Reachable {
                         row.filter(|&index| cells.contains(index)).for_each(|index| opened.insert(index));
                     }
                 }
-            }
-            for (changed, _) in
-                map.cells_changed_since(read).filter(|&(cell, _)| of_ground.is_none() && map.state(cell).is_free())
-            {
-                for index in graph.cells_near(changed).filter_map(|cell| extent.index(cell)) {
-                    if cells.contains(index) {
-                        opened.insert(index);
+            } else {
+                for (changed, _) in map.cells_changed_since(read).filter(|&(cell, _)| map.state(cell).is_free()) {
+                    for index in graph.cells_near(changed).filter_map(|cell| extent.index(cell)) {
+                        if cells.contains(index) {
+                            opened.insert(index);
+                        }
                     }
                 }
             }
@@ -103,12 +102,17 @@ impl Reachable {
 
     /// [`Reachable::holds`] for the cell with an index.
     pub fn contains(&self, index: usize) -> bool {
-        self.resting.as_ref().or(self.cells.as_ref()).is_some_and(|cells| cells.contains(index))
+        self.goals().is_some_and(|cells| cells.contains(index))
     }
 
     /// Those of at most 64 cells from an index on that could be reached, one bit each.
     pub fn run(&self, first: usize, count: u32) -> u64 {
-        self.resting.as_ref().or(self.cells.as_ref()).map_or(0, |cells| cells.run(first, count))
+        self.goals().map_or(0, |cells| cells.run(first, count))
+    }
+
+    /// The cells that it could reach, and rest in.
+    fn goals(&self) -> Option<&CellSet> {
+        self.resting.as_ref().or(self.cells.as_ref())
     }
 }
 

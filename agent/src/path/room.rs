@@ -14,7 +14,7 @@ use std::cell::RefCell;
 
 use voxels::{Cell, Footing};
 
-use super::graph::footing_in;
+use super::graph::those_of_cube;
 use crate::exploration_map::ExplorationMap;
 
 /// Edge of a block, cells.
@@ -115,7 +115,7 @@ impl Footprint {
         let usable = |(z, y)| u128::from(self.usable(&rows, (0, y, z), side.cast_unsigned()));
         let room = along.fold(0, |bits, (z, y)| bits | usable((z, y)) << ((z * side + y) * side));
         match &self.footing {
-            Some(footing) => footing_in(corner, side, room, |cell| footing.holds(map, cell)),
+            Some(footing) => those_of_cube(corner, side, room, |cell| footing.holds(map, cell)),
             None => room,
         }
     }
@@ -256,9 +256,9 @@ impl BlockSteps {
                 let free = |open: u64, span: &Span| if open == 0 { 0 } else { open & rows.all_free((0, y, z), span) };
                 *byte = on_the_way.iter().fold(ends, free) as u8;
                 if let Some(footing) = &footprint.footing {
-                    for x in (0..SIDE).filter(|x| *byte >> x & 1 != 0).collect::<Vec<_>>() {
+                    for x in 0..SIDE {
                         let from = corner + Cell::new(x, y, z);
-                        if !footing.can_go(map, from, from + *by) {
+                        if *byte >> x & 1 != 0 && !footing.can_go(map, from, from + *by) {
                             *byte &= !(1 << x);
                         }
                     }
