@@ -15,6 +15,7 @@ use nalgebra::Point3;
 
 use crate::geometry::{point, point_of};
 use crate::limits::BASES_MAX;
+use crate::server_message::{check, decode, wrong};
 use crate::wire_error::WireError;
 
 /// A place where bodies charge.
@@ -103,31 +104,26 @@ impl Energy {
     /// # Errors
     /// If it is no `maes_msgs/Energy`, or a number in it is none that a run can have.
     pub fn from_data(data: &[u8], tick: Tick) -> Result<Self, WireError> {
-        let wrong = |field, value: String, allowed: String| WireError::Value { tick, field, value, allowed };
-        let message: maes_msgs::Energy = cdr::decode(data)
-            .map_err(|error| wrong("messages", error.to_string(), "a maes_msgs/Energy of kind ENERGY".to_owned()))?;
+        let message = decode(data, tick, "a maes_msgs/Energy of kind ENERGY")?;
         let maes_msgs::Energy { left_j, capacity_j, power_w, move_j_per_m, charge_w, reserve_j, return_home, bases } =
             message;
-        for (field, value, most) in [
-            ("energy.capacity_j", capacity_j, f64::MAX),
-            ("energy.left_j", left_j, capacity_j),
-            ("energy.reserve_j", reserve_j, capacity_j),
-            ("energy.power_w", power_w, f64::MAX),
-            ("energy.move_j_per_m", move_j_per_m, f64::MAX),
-            ("energy.charge_w", charge_w, f64::MAX),
-        ] {
-            if !(0.0..=most).contains(&value) {
-                return Err(wrong(field, value.to_string(), format!("0 to {most}")));
-            }
-        }
+        let numbers = [
+            ("energy.capacity_j", capacity_j, 0.0, f64::MAX),
+            ("energy.left_j", left_j, 0.0, capacity_j),
+            ("energy.reserve_j", reserve_j, 0.0, capacity_j),
+            ("energy.power_w", power_w, 0.0, f64::MAX),
+            ("energy.move_j_per_m", move_j_per_m, 0.0, f64::MAX),
+            ("energy.charge_w", charge_w, 0.0, f64::MAX),
+        ];
+        check(tick, numbers)?;
         if !(1..=BASES_MAX).contains(&bases.len()) {
-            return Err(wrong("energy.bases", bases.len().to_string(), format!("1 to {BASES_MAX} bases")));
+            return Err(wrong(tick, "energy.bases", bases.len(), format_args!("1 to {BASES_MAX} bases")));
         }
         let bases: Vec<Base> =
             bases.iter().map(|base| Base { position: point_of(&base.position), radius_m: base.radius_m }).collect();
         let is_finite = |base: &Base| base.radius_m.is_finite() && base.position.iter().all(|along| along.is_finite());
         if let Some(base) = bases.iter().find(|base| !is_finite(base)) {
-            return Err(wrong("energy.bases", format!("{base:?}"), "finite numbers".to_owned()));
+            return Err(wrong(tick, "energy.bases", format_args!("{base:?}"), "finite numbers"));
         }
         let model = EnergyModel {
             capacity_j,

@@ -9,6 +9,7 @@ use msgs::shared_bytes::SharedBytes;
 use msgs::{cdr, maes_msgs};
 use nalgebra::Vector3;
 
+use crate::server_message::{check, decode};
 use crate::wire_error::WireError;
 
 /// The field of view of a LiDAR with a band of elevations.
@@ -60,22 +61,16 @@ impl FieldOfView {
     /// # Errors
     /// If it is no `maes_msgs/FieldOfView`, or a number in it is none that a run can have.
     pub fn from_data(data: &[u8], tick: Tick) -> Result<Self, WireError> {
-        let wrong = |field, value: String, allowed: String| WireError::Value { tick, field, value, allowed };
-        let message: maes_msgs::FieldOfView = cdr::decode(data).map_err(|error| {
-            wrong("messages", error.to_string(), "a maes_msgs/FieldOfView of kind FIELD_OF_VIEW".to_owned())
-        })?;
+        let message = decode(data, tick, "a maes_msgs/FieldOfView of kind FIELD_OF_VIEW")?;
         let maes_msgs::FieldOfView { horizontal_rad, lowest_rad, highest_rad, spacing_rad, min_range_m } = message;
-        for (field, value, least, most) in [
+        let numbers = [
             ("field_of_view.horizontal_rad", horizontal_rad, f64::MIN_POSITIVE, TAU),
             ("field_of_view.highest_rad", highest_rad, -FRAC_PI_2, FRAC_PI_2),
             ("field_of_view.lowest_rad", lowest_rad, -FRAC_PI_2, highest_rad),
             ("field_of_view.spacing_rad", spacing_rad, f64::MIN_POSITIVE, f64::MAX),
             ("field_of_view.min_range_m", min_range_m, 0.0, f64::MAX),
-        ] {
-            if !(least..=most).contains(&value) {
-                return Err(wrong(field, value.to_string(), format!("{least} to {most}")));
-            }
-        }
+        ];
+        check(tick, numbers)?;
         Ok(Self { horizontal_rad, lowest_rad, highest_rad, spacing_rad, min_range_m })
     }
 }

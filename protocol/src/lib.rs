@@ -40,6 +40,7 @@ pub mod observation;
 pub mod relay_id;
 pub mod run_info;
 pub mod scan_request;
+mod server_message;
 pub mod signed;
 pub mod signing;
 pub mod stage;

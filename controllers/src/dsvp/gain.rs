@@ -109,7 +109,7 @@ struct VisitedCell {
 impl GainEstimator {
     /// Rays in all directions, `range_cells` long.
     pub(crate) fn new(rays: u32, range_cells: f64, depth: u32, likelihood: Likelihood) -> Self {
-        let pattern = Pattern { from: BodyLattice::Centres, rays, range_cells, band_rad: None };
+        let pattern = Pattern { from: BodyLattice::Centres, rays, range_cells, view: None };
         Self { pattern, rays: None, depth, likelihood }
     }
 
@@ -121,9 +121,8 @@ impl GainEstimator {
 
     /// Leaves out the rays that no heading brings into a field of view; `None`: none.
     pub(crate) fn limit_to(&mut self, view: Option<&FieldOfView>) {
-        let band_rad = view.map(|view| [view.lowest_rad, view.highest_rad]);
-        if self.pattern.band_rad != band_rad {
-            self.pattern.band_rad = band_rad;
+        if self.pattern.view.as_ref() != view {
+            self.pattern.view = view.copied();
             self.rays = None;
         }
     }

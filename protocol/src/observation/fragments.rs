@@ -76,16 +76,10 @@ pub fn split(observation: Observation, phase: u8) -> Vec<Part> {
         .chain(observation.relays.iter().map(|relay| (relay.id.on_wire(), relay.position)))
         .map(|(agent, position)| maes_msgs::Contact { agent, position: point(&position) })
         .collect();
-    let energy = observation.energy.map(|energy| AgentMessage {
-        peer: Peer::Server,
-        kind: maes_msgs::AgentMessage::ENERGY,
-        data: energy.to_data(),
-    });
-    let field_of_view = observation.field_of_view.map(|field_of_view| AgentMessage {
-        peer: Peer::Server,
-        kind: maes_msgs::AgentMessage::FIELD_OF_VIEW,
-        data: field_of_view.to_data(),
-    });
+    let of_server = |kind, data| AgentMessage { peer: Peer::Server, kind, data };
+    let energy = observation.energy.map(|energy| of_server(maes_msgs::AgentMessage::ENERGY, energy.to_data()));
+    let field_of_view =
+        observation.field_of_view.map(|view| of_server(maes_msgs::AgentMessage::FIELD_OF_VIEW, view.to_data()));
     for message in energy.into_iter().chain(field_of_view).chain(observation.messages) {
         parts.make_room(AGENT_MESSAGE_BYTES_BARE + message.data.len());
         parts.filling.messages.push(message.into());

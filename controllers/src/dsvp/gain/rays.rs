@@ -8,7 +8,7 @@
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use nalgebra::Vector3;
+use agent::observation::FieldOfView;
 use voxels::{BodyLattice, Cell, Extent, lattice, walk};
 
 /// The rays of one pattern on maps of one size.
@@ -31,8 +31,8 @@ pub(super) struct Pattern {
     pub(super) from: BodyLattice,
     pub(super) rays: u32,
     pub(super) range_cells: f64,
-    /// The lowest and the highest elevation of the rays, radians; `None`: all directions.
-    pub(super) band_rad: Option<[f64; 2]>,
+    /// What some heading brings into view; `None`: all directions.
+    pub(super) view: Option<FieldOfView>,
 }
 
 /// A cell on a ray.
@@ -59,11 +59,6 @@ impl Pattern {
     fn cube(self) -> Extent {
         let side = (2 * self.reach() + 1).cast_unsigned();
         Extent::new([side; 3], 1.0).expect("the range is bounded by the settings")
-    }
-
-    /// Whether a unit vector is the direction of one of its rays.
-    fn holds(self, direction: &Vector3<f64>) -> bool {
-        self.band_rad.is_none_or(|[lowest, highest]| (lowest..=highest).contains(&libm::asin(direction.z)))
     }
 }
 
@@ -95,7 +90,7 @@ impl Rays {
         let mut ends = Vec::new();
         for ray in 0..pattern.rays {
             let direction = lattice::direction(ray, pattern.rays);
-            if !pattern.holds(&direction) {
+            if pattern.view.is_some_and(|view| !view.holds(&direction)) {
                 continue;
             }
             let _: ControlFlow<()> = walk(cube, &from, &direction, pattern.range_cells, |cell, _| {
@@ -118,11 +113,13 @@ mod tests {
 
     #[test]
     fn tables_are_shared_while_they_are_in_use() {
-        let pattern = Pattern { from: BodyLattice::Centres, rays: 30, range_cells: 4.5, band_rad: None };
+        let pattern = Pattern { from: BodyLattice::Centres, rays: 30, range_cells: 4.5, view: None };
         let rays = Rays::shared(pattern, [40, 30, 20]);
         assert!(Arc::ptr_eq(&rays, &Rays::shared(pattern, [40, 30, 20])));
         assert!(!Arc::ptr_eq(&rays, &Rays::shared(pattern, [40, 20, 30])));
-        let level = Rays::shared(Pattern { band_rad: Some([-0.1, 0.1]), ..pattern }, [40, 30, 20]);
+        let view =
+            FieldOfView { horizontal_rad: 1.0, lowest_rad: -0.1, highest_rad: 0.1, spacing_rad: 0.1, min_range_m: 0.0 };
+        let level = Rays::shared(Pattern { view: Some(view), ..pattern }, [40, 30, 20]);
         assert!(level.cells.len() < rays.cells.len() / 5 && level.cells.iter().all(|cell| cell.by.z == 0));
         for cell in &rays.cells {
             assert_eq!(cell.offset, (cell.by.z * 30 + cell.by.y) * 40 + cell.by.x);
