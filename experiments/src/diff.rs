@@ -9,7 +9,7 @@ use msgs::printable;
 use recording::comparison::Checker;
 use recording::comparison::{Comparison, Difference};
 use recording::difference::Field;
-use recording::{End, MAP_ATTACHMENT, Recording, SCENARIO_ATTACHMENT, TEXT_MAP_ATTACHMENT};
+use recording::{End, MAP_ATTACHMENT, Recording, SCENARIO_ATTACHMENT};
 
 /// The comparison of two recordings.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -144,10 +144,7 @@ pub fn text(verdict: &Verdict, first: &Recording, second: &Recording) -> String 
         lines.push(format!("their scenarios differ: {}\n{}", field.name, values(field)));
     }
     if !verdict.same_documents {
-        let has_map = |recording: &Recording| {
-            [MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT].iter().any(|name| recording.attachment(name).is_some())
-        };
-        lines.push(match (has_map(first), has_map(second)) {
+        lines.push(match (first.map_attachment().is_some(), second.map_attachment().is_some()) {
             (false, true) => format!("{one} has no attachment {MAP_ATTACHMENT}"),
             (true, false) => format!("{two} has no attachment {MAP_ATTACHMENT}"),
             _ => "their maps differ".to_owned(),

@@ -5,7 +5,7 @@ use simulation::scenario::Scenario;
 use thiserror::Error;
 use voxels::{Grid, Terrain};
 
-use crate::{MAP_ATTACHMENT, Recording, TEXT_MAP_ATTACHMENT};
+use crate::Recording;
 
 /// The attachment is no map.
 #[derive(Debug, Error)]
@@ -28,8 +28,6 @@ pub fn read(recording: &Recording, scenario: &Scenario) -> Result<Option<Grid<Te
 #[must_use]
 pub fn attached(recording: &Recording, scenario: &Scenario) -> Option<ImportSpec> {
     let size = scenario.map.size.map_or([0; 3], |size| size.cells());
-    [MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT].into_iter().find_map(|name| {
-        let bytes = recording.attachment(name)?.to_vec();
-        Some(ImportSpec::new(name, bytes).allowing(size.iter().map(|&cells| cells as usize).product()))
-    })
+    let (name, bytes) = recording.map_attachment()?;
+    Some(ImportSpec::new(name, bytes.to_vec()).allowing(size.iter().map(|&cells| cells as usize).product()))
 }

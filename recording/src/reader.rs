@@ -201,8 +201,7 @@ impl Recording {
         if self.attachments.contains_key(SCENARIO_ATTACHMENT) {
             return Ok(self);
         }
-        let has_map = [MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT].iter().any(|name| self.attachments.contains_key(*name));
-        let missing = match has_map {
+        let missing = match self.map_attachment().is_some() {
             true => format!("its attachment {SCENARIO_ATTACHMENT} is missing"),
             false => format!("its attachments {SCENARIO_ATTACHMENT} and {MAP_ATTACHMENT} are missing"),
         };
@@ -289,6 +288,12 @@ impl Recording {
     #[must_use]
     pub fn attachment(&self, name: &str) -> Option<&[u8]> {
         self.attachments.get(name).map(Vec::as_slice)
+    }
+
+    /// The attachment that holds the map, if there is one, with its name.
+    #[must_use]
+    pub fn map_attachment(&self) -> Option<(&'static str, &[u8])> {
+        [MAP_ATTACHMENT, TEXT_MAP_ATTACHMENT].into_iter().find_map(|name| Some((name, self.attachment(name)?)))
     }
 
     /// All messages, in file order.

@@ -106,9 +106,9 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
         let fields: BTreeMap<String, String> =
             header.iter().zip(&record).map(|(name, field)| (name.to_owned(), field.to_owned())).collect();
         let place = Place(&file, index as u64 + 2);
-        let mut axes = fields.iter().filter_map(|(name, value)| Some((name.strip_prefix("axis.")?, value)));
+        let axes = fields.iter().filter_map(|(name, value)| Some((name.strip_prefix("axis.")?, value)));
         let map = fields.get("axis.map.file").map_or("", String::as_str);
-        let names: Vec<&str> = axes.by_ref().filter(|(key, _)| *key != "map.file").map(|(_, value)| &**value).collect();
+        let names: Vec<&str> = axes.filter(|(key, _)| *key != "map.file").map(|(_, value)| &**value).collect();
         let variant = match names.as_slice() {
             [] => fields.get("controller").cloned().unwrap_or_default(),
             names => names.join(", "),
@@ -151,7 +151,7 @@ impl Change {
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { variant, measure, pairs, same, missing, base, new, p_value } = self;
-        let seconds = |ticks: f64| ticks * Tick::TICK_NS as f64 / 1e9;
+        let seconds = |ticks: f64| ticks * Tick::TICK_S;
         write!(f, "{variant}: {measure} {:.1} s, was {:.1} s", seconds(*new), seconds(*base))?;
         if *base > 0.0 {
             write!(f, " ({:+.1} %)", 100.0 * (new / base - 1.0))?;
