@@ -1,6 +1,6 @@
 //! Runs with batteries: the same bytes over ROS 2 and in memory, forked, and with a killed server.
 
-use crate::support::processes::{Process, signal};
+use crate::support::processes::signal;
 use crate::support::recordings::counter;
 use crate::support::runs::{Site, scenario, text};
 
@@ -20,9 +20,5 @@ fn endurance_is_the_same_forked_and_resumed() {
     let recording = site.recording("run.mcap");
     assert!(std::fs::read(site.path("run.mcap")).expect("it is complete") == whole.bytes, "run.mcap");
     assert!(counter(&recording.result(), "energy_used_millijoules") > 0, "{:?}", recording.result());
-
-    let maes = |arguments: &[&str]| Process::start(site.binary("maes").args(arguments)).ended().with_code(0);
-    let fork = maes(&["run", "--transport", "memory", "--fork", "run.mcap", "--at", "200", "--record", "fork.mcap"]);
-    assert_eq!(fork.digest(), whole.digest(), "a fork without a change");
-    assert_eq!(maes(&["verify", "fork.mcap", "--controllers"]).digest(), whole.digest());
+    site.assert_fork_is_same("200", &whole.digest());
 }

@@ -1,6 +1,5 @@
 //! Runs with depth cameras and spinning LiDARs: the same bytes over ROS 2, in memory, and forked.
 
-use crate::support::processes::Process;
 use crate::support::runs::{Site, scenario, text};
 
 #[test]
@@ -22,8 +21,5 @@ fn same_over_ros_and_forked(file: &str) {
     memory.assert_same(&ros, file);
 
     site.file("run.mcap", &memory.bytes);
-    let maes = |arguments: &[&str]| Process::start(site.binary("maes").args(arguments)).ended().with_code(0);
-    let fork = ["run", "--transport", "memory", "--fork", "run.mcap", "--at", "30", "--record", "fork.mcap"];
-    assert_eq!(maes(&fork).digest(), memory.digest(), "a fork without a change");
-    assert_eq!(maes(&["verify", "fork.mcap", "--controllers"]).digest(), memory.digest());
+    site.assert_fork_is_same("30", &memory.digest());
 }

@@ -107,6 +107,16 @@ impl Site {
         std::fs::remove_file(&file).expect("the recording can be removed");
         Outcome { ended, bytes }
     }
+
+    /// Fails unless a fork in memory of `run.mcap` at a sim time, without a change, has this digest
+    /// and verifies with its controllers.
+    #[track_caller]
+    pub(crate) fn assert_fork_is_same(&self, at_s: &str, digest: &str) {
+        let maes = |arguments: &[&str]| Process::start(self.binary("maes").args(arguments)).ended().with_code(0);
+        let fork = maes(&["run", "--transport", "memory", "--fork", "run.mcap", "--at", at_s, "--record", "fork.mcap"]);
+        assert_eq!(fork.digest(), digest, "a fork without a change");
+        assert_eq!(maes(&["verify", "fork.mcap", "--controllers"]).digest(), digest);
+    }
 }
 
 impl Outcome {
