@@ -2,12 +2,13 @@
 //!
 //! Both `sim_server` and `maes sim_server` are this process; its exit codes are made here.
 
+#[cfg(feature = "view")]
+mod requests;
+
 use std::ffi::OsString;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-#[cfg(feature = "view")]
-use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 #[cfg(feature = "view")]
@@ -15,8 +16,6 @@ use std::sync::atomic::Ordering;
 
 use crate::cli::{Cli, Command as CliCommand, RunArgs};
 use crate::profile::{Profile, Profiled};
-#[cfg(feature = "view")]
-use crate::requested_run::{RequestedRun, RequestedRuns, RunFolders};
 use crate::ros::RosTransport;
 use crate::session::{self, JoinPolicy, Mode, Outcome, RecordingSinks, RunConfig, RunError};
 use crate::terminal::{self, Terminal};
@@ -24,7 +23,7 @@ use crate::{exit, renamed, setup};
 use anyhow::Context;
 use clap::Parser;
 #[cfg(feature = "view")]
-use foxglove_server::{FoxgloveServer, FoxgloveServerError, IdleRequest, ObservedTransport, Token};
+use foxglove_server::{FoxgloveServer, FoxgloveServerError, ObservedTransport, Token};
 use mapgen::MapReport;
 use msgs::ids::{AgentId, Tick};
 use msgs::printable;
@@ -40,22 +39,6 @@ use system::program::AGENTS_OF_START;
 use system::results;
 use system::summary::Summary;
 use transport::Transport;
-
-/// Wall time between two looks at whether an idle server is to end.
-#[cfg(feature = "view")]
-const IDLE_PERIOD: std::time::Duration = std::time::Duration::from_millis(100);
-
-/// What requested scenarios are called in errors.
-#[cfg(feature = "view")]
-const REQUESTED: &str = "the scenario";
-
-/// Why a restart is refused.
-#[cfg(feature = "view")]
-const NO_RUN: &str = "there is no run to restart; /sim_server/start_run starts one";
-
-/// What is said when the page stays after a run.
-#[cfg(feature = "view")]
-const STAYS: &str = "the page stays for a restart and for new runs; Ctrl-C ends it";
 
 /// Runs cannot be observed.
 #[cfg(not(feature = "view"))]
@@ -157,7 +140,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     let env = RosEnv::from_vars(|name| std::env::var(name).ok())?;
     #[cfg(feature = "view")]
     if args.idle {
-        return idle(args, &env, &overrides);
+        return requests::idle(args, &env, &overrides);
     }
     let scenario = match (&resumed, args.scenario.as_deref()) {
         (Some(resumed), file) => resumed.scenario(file, &overrides)?,
@@ -184,37 +167,46 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         Ok(viewing) => viewing,
         Err(error) => return failed(&error),
     };
-    let ready = || match &args.ready {
-        Some(file) => std::fs::write(file, format!("{AGENTS_OF_START}\n")).context(file.display().to_string()),
-        None => Ok(()),
-    };
     match job.begin(made, &env, viewing.as_ref()) {
         Ok(begun) => {
             guard.started();
-            ready()?;
+            say_ready(args, AGENTS_OF_START)?;
             let log =
                 args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
             let mut terminal = Terminal::of(&scenario).with_log(log);
             tell_address(viewing.as_ref(), &mut terminal);
+            let ending = || {
+                if !stays(args) {
+                    guard.shutting_down();
+                }
+            };
+            let code = job.carry_out(begun, playback, &mut terminal, &stop, ending)?;
+            #[cfg(feature = "view")]
             let code = match viewing.as_ref().filter(|_| stays(args)) {
-                #[cfg(feature = "view")]
                 Some(viewing) => {
-                    let code = job.carry_out(begun, playback, &mut terminal, &stop, || ())?;
                     let has_result = [ExitCode::SUCCESS, ExitCode::from(exit::BY_SIGNAL)].contains(&code);
                     let code = if has_result && !stop.load(Ordering::Relaxed) {
-                        terminal.show(STAYS);
-                        serve_requests(args, &env, &overrides, viewing, &stop, Some(&job))?.unwrap_or(code)
+                        terminal.show(requests::STAYS);
+                        requests::serve_requests(args, &env, &overrides, viewing, &stop, Some(&job))?.unwrap_or(code)
                     } else {
                         code
                     };
                     guard.shutting_down();
                     code
                 }
-                _ => job.carry_out(begun, playback, &mut terminal, &stop, || guard.shutting_down())?,
+                None => code,
             };
             Ok(if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
         }
         Err(error) => failed(&error),
+    }
+}
+
+/// Writes a line into the file of `--ready`, if there is one.
+fn say_ready(args: &RunArgs, line: &str) -> anyhow::Result<()> {
+    match &args.ready {
+        Some(file) => std::fs::write(file, format!("{line}\n")).context(file.display().to_string()),
+        None => Ok(()),
     }
 }
 
@@ -249,165 +241,12 @@ fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
 #[cfg(not(feature = "view"))]
 fn tell_address(_: Option<&FoxgloveServer>, _: &mut Terminal) {}
 
-/// Serves the runs that people start on the page, one after the other, until it is interrupted.
-#[cfg(feature = "view")]
-fn idle(args: &RunArgs, env: &RosEnv, overrides: &[Override]) -> anyhow::Result<ExitCode> {
-    let (stop, guard) = stop_and_guard(0)?;
-    let viewing = match open_viewing(args)? {
-        Ok(viewing) => viewing.expect("an idle server is looked at"),
-        Err(error) => return failed(&error),
-    };
-    if let Some(file) = &args.log {
-        File::create(file).context(file.display().to_string())?;
-    }
-    tell_address(Some(&viewing), &mut Terminal::new(Tick::ZERO).with_log(open_log(args)?));
-    guard.started();
-    let code = serve_requests(args, env, overrides, &viewing, &stop, None)?.unwrap_or(ExitCode::SUCCESS);
-    guard.shutting_down();
-    Ok(if guard.memory_exceeded() { exit::after_memory_limit(code) } else { code })
-}
-
-/// The log, to write at its end.
-#[cfg(feature = "view")]
-fn open_log(args: &RunArgs) -> anyhow::Result<Option<File>> {
-    let open = |file: &PathBuf| File::options().append(true).open(file).context(file.display().to_string());
-    args.log.as_ref().map(open).transpose()
-}
-
 /// Whether the page stays after the run.
 fn stays(args: &RunArgs) -> bool {
     #[cfg(feature = "view")]
     return args.stay;
     #[cfg(not(feature = "view"))]
     return false;
-}
-
-/// Serves the runs that clients request, one after the other, until `stop` is set; the exit code of
-/// the last one. The run of `first` is the one that a restart repeats until there is another one.
-#[cfg(feature = "view")]
-fn serve_requests(
-    args: &RunArgs,
-    env: &RosEnv,
-    overrides: &[Override],
-    viewing: &FoxgloveServer,
-    stop: &AtomicBool,
-    first: Option<&Job<'_>>,
-) -> anyhow::Result<Option<ExitCode>> {
-    let maps = args.map_dir.clone().or_else(scenarios_folder);
-    let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
-    let policy = join_policy(args)?;
-    let (summary, profile) = (args.summary.as_deref(), args.profile.as_deref());
-    // The recording of a run is not written again.
-    let unrecorded = |scenario: &Scenario| {
-        let mut scenario = scenario.clone();
-        scenario.execution.record = None;
-        scenario
-    };
-    let mut latest = first.map(|job| (job.name.as_str(), unrecorded(job.scenario), job.resumed, Team::OfStart));
-    let mut code = None;
-    let mut runs = 0;
-    while !stop.load(Ordering::Relaxed) {
-        let Some(request) = viewing.next_request(IDLE_PERIOD) else { continue };
-        let next = match &request {
-            IdleRequest::Start(start) => requested
-                .scenario(start, overrides)
-                .map_err(|error| error.to_string())
-                .and_then(|RequestedRun { scenario, recording }| {
-                    let of_agents = |reason| format!("{REQUESTED}: agents.controller, agents.set: {reason}");
-                    check_agents(&args.check_agents, &scenario).map_err(of_agents)?;
-                    Ok(((REQUESTED, scenario, None, Team::Requested), recording))
-                }),
-            IdleRequest::Restart(_) => latest.clone().map(|run| (run, None)).ok_or_else(|| NO_RUN.to_owned()),
-        };
-        let ((name, scenario, resumed, team), recording) = match next {
-            Ok(next) => next,
-            Err(reason) => {
-                request.answer(Err(&reason));
-                continue;
-            }
-        };
-        let job = Job { name: name.to_owned(), scenario: &scenario, resumed, summary, profile, policy: policy.clone() };
-        let begun = job.make().and_then(|made| job.begin(made, env, Some(viewing)));
-        let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, team, &scenario).map(|()| begun)) {
-            Ok(begun) => begun,
-            Err(error) => {
-                request.answer(Err(&format!("{error:#}")));
-                continue;
-            }
-        };
-        runs += 1;
-        request.answer(Ok(recording.as_deref()));
-        let mut terminal = Terminal::of(&scenario).with_log(open_log(args)?);
-        code = Some(job.carry_out(begun, None, &mut terminal, stop, || ())?);
-        latest = Some((name, unrecorded(&scenario), resumed, team));
-    }
-    Ok(code)
-}
-
-/// Whose agents a run without an end of the server has.
-#[cfg(feature = "view")]
-#[derive(Clone, Copy)]
-enum Team {
-    /// Those with which the server was started.
-    OfStart,
-    /// Those of a requested scenario.
-    Requested,
-}
-
-/// The folder of the project's scenarios, if this is a build of the workspace.
-#[cfg(feature = "view")]
-fn scenarios_folder() -> Option<PathBuf> {
-    let binary = std::env::current_exe().ok()?;
-    let folder = binary.parent()?.join("../../launch_scripts/scenarios");
-    folder.is_dir().then_some(folder)
-}
-
-/// Whether there are the controllers that a scenario names, with their settings. The server does
-/// not know the controllers: it asks a program that does, and refuses nothing if there is none.
-#[cfg(feature = "view")]
-fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> {
-    let sibling = || {
-        let program = std::env::current_exe().ok()?.with_file_name("agent_node");
-        program.is_file().then_some(program)
-    };
-    let (program, first) = match program {
-        [] => match sibling() {
-            Some(program) => (program, &[][..]),
-            None => return Ok(()),
-        },
-        [program, first @ ..] => (program.clone(), first),
-    };
-    for choice in scenario.agents.controllers_of(|_| true) {
-        let mut check = Command::new(&program);
-        check.args(first);
-        check.args(["--check", "--id", "0", "--controller", choice.controller]);
-        for setting in simulation::wire::settings(choice.set) {
-            check.arg("--set").arg(setting);
-        }
-        let checked = check.stdin(Stdio::null()).output();
-        let checked = checked.map_err(|error| format!("{}: {error}", program.display()))?;
-        if !checked.status.success() {
-            let reason = String::from_utf8_lossy(&checked.stderr);
-            return Err(reason.trim().trim_start_matches("error: ").to_owned());
-        }
-    }
-    Ok(())
-}
-
-/// Says which agents may be started: into the file of `--ready` goes the word for the agents of the
-/// start, or the name of a file beside it with the scenario of others.
-#[cfg(feature = "view")]
-fn tell_agents(args: &RunArgs, number: u32, team: Team, scenario: &Scenario) -> anyhow::Result<()> {
-    let Some(ready) = &args.ready else { return Ok(()) };
-    let line = match team {
-        Team::OfStart => AGENTS_OF_START.to_owned(),
-        Team::Requested => {
-            let file = ready.with_file_name(format!("run_{number}.toml"));
-            std::fs::write(&file, scenario.to_toml()).context(file.display().to_string())?;
-            file.display().to_string()
-        }
-    };
-    std::fs::write(ready, format!("{line}\n")).context(ready.display().to_string())
 }
 
 /// A run that is to be served.
