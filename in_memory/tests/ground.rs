@@ -7,7 +7,7 @@ use support::{fill, result, solid};
 use voxels::{Grid, Terrain};
 
 /// Two rooms, the second one two steps higher, with a window between them above the stairs, and a
-/// gallery along one wall that nobody on the ground reaches.
+/// gallery along one wall that no ground body reaches.
 fn rooms() -> Grid<Terrain> {
     let mut rooms = solid([26, 12, 10], 1.0);
     fill(&mut rooms, [1..11, 1..11, 1..7], Terrain::Free);

@@ -91,7 +91,7 @@ export class App implements PageActions {
   #isWaking = false;
   /** Whether a complete frame of the run has been drawn. */
   #hasPicture = false;
-  /** Whether the recording plays once its first picture is there: nobody has touched it. */
+  /** Whether the recording plays once its first picture is there: the user has not touched it. */
   #mayPlay = false;
   /** The least length of the timeline, that of a page beside this one. */
   #scaleS = 0;

@@ -93,7 +93,7 @@ impl<'t> Floors<'t> {
         layer
     }
 
-    /// The layer in which the body goes on by `by` (metres, horizontal); without a motion the one
+    /// The layer in which the body moves by `by` (metres, horizontal); without a motion the one
     /// in which it rests.
     ///
     /// # Errors
