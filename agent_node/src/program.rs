@@ -23,6 +23,7 @@ use crate::host::{AgentProcess, Options};
 #[cfg(unix)]
 use crate::pipe::PipeTransport;
 use controllers::{Registration, Registry};
+use system::{memory, results};
 
 /// A failure of the system or of the protocol.
 const FAILED: u8 = 1;
@@ -54,9 +55,13 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &'static [Registr
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
     let name = OsString::from("agent_node");
     let cli = Cli::parse_from([name].into_iter().chain(arguments));
+    // Without it the process is aborted as ever.
+    drop(memory::report_lack());
     if cli.controllers {
-        print(&registry.text());
-        return 0;
+        return match results::write(registry.text().as_bytes()) {
+            Ok(()) => 0,
+            Err(error) => fail(&format!("stdout: {error}"), FAILED),
+        };
     }
     if cli.check {
         return match cli.options(registry, 0).check(&cli.announced, &cli.announced_set) {
@@ -111,11 +116,6 @@ fn serve_stdin(_cli: &Cli, _registry: Registry) -> anyhow::Result<()> {
 fn fail(error: &dyn std::fmt::Display, code: u8) -> u8 {
     eprintln!("error: {}", msgs::printable::text(&error.to_string()));
     code
-}
-
-#[expect(clippy::print_stdout, reason = "the list that was asked for")]
-fn print(text: &str) {
-    print!("{text}");
 }
 
 #[cfg(feature = "ros")]

@@ -54,7 +54,7 @@ use sim_server::exit;
 use supervisor::SupervisorError;
 #[cfg(feature = "ros")]
 use supervisor::hosts::serve;
-use system::os;
+use system::{memory, os};
 use view::ViewArgs;
 
 /// A deterministic simulator of multi-robot exploration for ROS 2.
@@ -128,6 +128,7 @@ fn main() -> ExitCode {
     allocator::keep_large_blocks_in_pages();
     // Without it a full file ends the process as it always has.
     drop(os::report_full_files());
+    drop(memory::report_lack());
     let parsed = taking_negative_numbers(Cli::command()).try_get_matches().and_then(|matches| {
         let cli = Cli::from_arg_matches(&matches)?;
         Ok((cli, matches))

@@ -18,7 +18,13 @@ pub(crate) fn report(error: &clap::Error) -> ExitCode {
         say(&format!("error: {line}"));
         return ExitCode::from(exit::BAD_INPUT);
     }
-    drop(error.print());
+    if let Err(failure) = error.print()
+        && !error.use_stderr()
+        && failure.kind() != std::io::ErrorKind::BrokenPipe
+    {
+        say(&format!("error: stdout: {failure}"));
+        return ExitCode::from(exit::FAILED);
+    }
     ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(exit::BAD_INPUT))
 }
 

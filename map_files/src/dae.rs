@@ -19,7 +19,7 @@ use roxmltree::Node;
 
 use super::mesh::{self, Mesh};
 use super::options::Up;
-use super::{FormatError, ImportSpec, Imported, MapReader, Note, xml};
+use super::{FormatError, ImportSpec, Imported, MapReader, Note, gltf, xml};
 use scene::Scene;
 
 /// A scene of COLLADA.
@@ -28,7 +28,10 @@ pub(super) const READER: MapReader = MapReader::new("scene of COLLADA", &["dae"]
 /// Writers, by a part of `authoring_tool`, that name the axis y whatever the axes of what they
 /// write: assimp (5.2) and MeshLab (pymeshlab 2025.7), as files of theirs made from one with z
 /// upwards show.
-const AS_GIVEN: [&str; 3] = ["Assimp", "MeshLab", "VCGLib"];
+const AS_GIVEN: [&str; 3] = [ASSIMP, "MeshLab", "VCGLib"];
+
+/// How assimp names itself.
+const ASSIMP: &str = "Assimp";
 
 /// Largest number of floats, and of indices, of a list.
 const NUMBERS_MAX: usize = 1 << 26;
@@ -98,11 +101,16 @@ impl Model {
             notes.push(Note::new("unit", format!("{metres} m, as the file says")));
         }
         notes.extend(skipped.note());
-        let tool = asset.and_then(|asset| xml::child(asset, "contributor"));
-        let tool = tool.and_then(|contributor| xml::child(contributor, "authoring_tool"));
-        let tool = tool.and_then(|tool| tool.text()).unwrap_or_default();
+        let contributor = asset.and_then(|asset| xml::child(asset, "contributor"));
+        let said_of = |name| {
+            let said = contributor.and_then(|contributor| xml::child(contributor, name));
+            said.and_then(|said| said.text()).unwrap_or_default()
+        };
+        let tool = said_of("authoring_tool");
         let axis = asset.and_then(|asset| xml::child(asset, "up_axis")).and_then(|axis| axis.text()).map(str::trim);
-        let writer = AS_GIVEN.into_iter().find(|&writer| tool.contains(writer));
+        // assimp names itself as the author, and as the tool the one that wrote what it converts.
+        let of_assimp = said_of("author").contains(ASSIMP).then(|| gltf::writer_as_given(tool)).flatten();
+        let writer = AS_GIVEN.into_iter().find(|&writer| tool.contains(writer)).or(of_assimp);
         // pycollada names no tool and no unit, and y unless its user says otherwise.
         let is_pycollada = asset.is_some_and(|asset| xml::child(asset, "contributor").is_none()) && unit.is_none();
         let (up, reason) = match (axis, writer) {

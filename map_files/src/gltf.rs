@@ -25,6 +25,7 @@ use super::{FormatError, ImportSpec, Imported, MapReader, Note};
 use document::{Accessor, Buffer, Document, Node, Places, Versioned, View};
 use meshopt::Mode;
 use upwards::upwards;
+pub(super) use upwards::writer_as_given;
 
 /// A scene of meshes, as text or binary.
 pub(super) const READER: MapReader = MapReader {
@@ -150,7 +151,7 @@ fn fault(place: impl std::fmt::Display, reason: impl std::fmt::Display) -> Forma
 /// If the file is malformed or has what is not read, or its meshes do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let (mesh, (up, reason), notes) = parse(spec)?;
-    mesh::map_up(spec, &mesh, (up, &reason), notes)
+    mesh::map_up(spec, &mesh, (up, &(reason + mesh.advice_on_up(up))), notes)
 }
 
 /// The mesh of a file, the axis upwards with a reason, and notes.
@@ -195,7 +196,10 @@ pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
     let reader = Reader { document: &document, buffers };
     let mut mesh = Mesh::default();
     let scene = document.scenes.get(document.scene.unwrap_or(0));
-    let roots: Vec<usize> = scene.map_or_else(|| (0..document.nodes.len()).collect(), |scene| scene.nodes.clone());
+    if let (Some(number), None, false) = (document.scene, scene, document.scenes.is_empty()) {
+        return Err(fault("scene", format_args!("{number} is none of the {} scenes", document.scenes.len())));
+    }
+    let roots = scene.map_or_else(|| document.nodes_without_parent(), |scene| scene.nodes.clone());
     let (mut placed, mut hidden) = (0u64, 0u64);
     let mut seen = vec![false; document.nodes.len()];
     let mut open: Vec<(usize, Matrix4<f64>, usize, bool)> =
@@ -203,11 +207,7 @@ pub(super) fn parse(spec: &ImportSpec) -> Result<Parsed, FormatError> {
     while let Some((number, above, depth, mut is_shown)) = open.pop() {
         let name = format!("nodes[{number}]");
         let node = document.nodes.get(number).ok_or_else(|| fault(&name, "there is no such node"))?;
-        // The nodes of a scene are trees; without a scene the children are no roots.
         if std::mem::replace(&mut seen[number], true) {
-            if scene.is_none() {
-                continue;
-            }
             return Err(fault(&name, "a node has two parents"));
         }
         if depth > DEPTH_MAX {
@@ -432,8 +432,9 @@ impl Reader<'_> {
         match packed.filter.as_deref() {
             None | Some("NONE") => {}
             Some("EXPONENTIAL") if packed.stride % 4 == 0 => meshopt::from_exponents(&mut bytes),
+            Some("QUATERNION") if packed.stride == 8 => meshopt::from_rotations(&mut bytes),
             Some(_) => {
-                return Err(wrong("its compressed data have a filter for directions; save the scene without it"));
+                return Err(wrong("its compressed data have a filter for normals or colours, or of another stride"));
             }
         }
         Ok(Cow::Owned(bytes))

@@ -19,6 +19,7 @@ mod crossings;
 mod doubled;
 mod lattice;
 mod orientation;
+pub(super) mod polygon;
 mod touch;
 mod winding;
 
@@ -53,9 +54,8 @@ const NAME_SHOWN: usize = 40;
 /// Distance of a winding number from one half within which the lines decide.
 const UNDECIDED: f64 = 1e-6;
 
-/// How many times shorter than the others the side along y is of a mesh that probably has y
-/// upwards.
-const FLAT_Y: f64 = 2.0;
+/// How many times shorter than the others the side along an axis is that probably is upwards.
+const FLAT: f64 = 2.0;
 
 /// What to say if all free space lies around a mesh.
 const AROUND: &str = "the inside of the mesh is wall, and what is free lies around it; map.import.inside = \"free\" \
@@ -143,11 +143,25 @@ impl Mesh {
         if count > TRIANGLES_MAX { Err(allowed) } else { Ok(()) }
     }
 
-    /// Adds a polygon of the numbers of its corners: the triangles between its first corner and
-    /// each of its other edges. Of a polygon that is not convex these overlap, and their turns
-    /// cancel.
+    /// Adds a polygon of the numbers of its corners, whose vertices are there.
     pub(super) fn add_polygon(&mut self, corners: &[u32]) {
-        self.triangles.extend(corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]));
+        let cut = self.cut(corners);
+        self.triangles.extend(cut);
+    }
+
+    /// The triangles of a polygon, two less than it has corners, of which some may have no area.
+    pub(super) fn cut(&self, corners: &[u32]) -> Vec<[u32; 3]> {
+        if let [a, b, c] = *corners {
+            return vec![[a, b, c]];
+        }
+        let places: Vec<[f64; 3]> = corners.iter().map(|&corner| self.vertices[corner as usize]).collect();
+        let Some(cut) = polygon::triangles(&places, &[]) else {
+            return corners[1..].windows(2).map(|edge| [corners[0], edge[0], edge[1]]).collect();
+        };
+        let mut cut: Vec<[u32; 3]> =
+            cut.into_iter().map(|triangle| triangle.map(|place| corners[place as usize])).collect();
+        cut.resize(corners.len() - 2, [corners[0]; 3]);
+        cut
     }
 
     /// Adds a strip of triangles between three vertices in a row each, of which every other one
@@ -164,6 +178,17 @@ impl Mesh {
         let is_finite = |place: &[f64; 3]| place.iter().all(|along| along.is_finite());
         let bounds = Bounds::of(self.vertices.iter().copied().filter(is_finite));
         bounds.map_or([0.0; 3], |Bounds { low, high }| [0, 1, 2].map(|axis| high[axis] - low[axis]))
+    }
+
+    /// What to say beside the axis that is taken for upwards, if another one probably is: halls and
+    /// caves are seldom highest.
+    pub(super) fn advice_on_up(&self, up: Up) -> &'static str {
+        let [x, y, z] = self.spans();
+        match up {
+            Up::Z if FLAT * y <= x.min(z) => "; y is by far the shortest side: y, if the file has it upwards",
+            Up::Y if FLAT * z <= x.min(y) => "; z is by far the shortest side: z, if the file has it upwards",
+            _ => "",
+        }
     }
 
     /// The triangles that have an area, in lengths of cells.
@@ -184,9 +209,7 @@ impl Mesh {
 /// # Errors
 /// If it has no triangle, or too many, too many cells, or takes too much work.
 pub(super) fn map(spec: &ImportSpec, mesh: &Mesh, notes: Vec<Note>) -> Result<Imported, FormatError> {
-    let [x, y, z] = mesh.spans();
-    let advice =
-        if FLAT_Y * y <= x.min(z) { "; y is by far the shortest side: y, if the file has it upwards" } else { "" };
+    let advice = mesh.advice_on_up(Up::Z);
     map_up(spec, mesh, (Up::Z, &format!("as the format leaves it open{advice}")), notes)
 }
 

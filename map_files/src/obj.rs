@@ -47,6 +47,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
     let mut text = Bytes::new(&bytes);
     // Faces may come before their vertices: the highest vertex that they need, and their line.
     let mut awaited: Option<(u32, usize)> = None;
+    // Such polygons, with the number of their first triangle: they are cut when all is there.
+    let mut uncut: Vec<(usize, Vec<u32>)> = Vec::new();
     let mut skipped = 0u64;
     let mut corners: Vec<u32> = Vec::new();
     while let Some((line, content)) = whole_line(&mut text) {
@@ -66,7 +68,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
                 if corners.len() < 3 {
                     skipped += 1;
                 } else {
-                    mesh.add_polygon(&corners);
+                    if corners.iter().any(|&corner| corner as usize >= mesh.vertices.len()) {
+                        uncut.push((mesh.triangles.len(), corners.clone()));
+                        mesh.triangles.extend(std::iter::repeat_n([0; 3], corners.len() - 2));
+                    } else {
+                        mesh.add_polygon(&corners);
+                    }
                     mesh.check_count()?;
                 }
             }
@@ -81,6 +88,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
     let count = mesh.vertices.len();
     if let Some((highest, line)) = awaited.filter(|&(highest, _)| highest as usize >= count) {
         return Err(FormatError::line(line, format!("\"{}\" is none of the {count} vertices", u64::from(highest) + 1)));
+    }
+    for (first, corners) in uncut {
+        let cut = mesh.cut(&corners);
+        mesh.triangles[first..first + cut.len()].copy_from_slice(&cut);
     }
     let note = (groups > 0).then(|| Note::new("groups", format!("{groups}, which come out as their union")));
     let notes = note.into_iter().chain(mesh::note_of_skipped(skipped)).collect();

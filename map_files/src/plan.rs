@@ -324,9 +324,17 @@ fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
         let indentation = line.len() - line.trim_start().len();
         let is_nested = indentation > *least.get_or_insert(indentation);
         // A list in brackets may go on in the next lines.
-        while !is_nested && line.contains('[') && !line.contains(']') {
-            let Some((_, more)) = lines.next() else { break };
-            line = Cow::Owned(format!("{line} {}", without_comment(&more).trim()));
+        if !is_nested && line.contains('[') && !line.contains(']') {
+            let mut joined = line.into_owned();
+            for (_, more) in lines.by_ref() {
+                let more = without_comment(&more).trim();
+                joined.push(' ');
+                joined.push_str(more);
+                if more.contains(']') {
+                    break;
+                }
+            }
+            line = Cow::Owned(joined);
         }
         let line = line.as_ref();
         let wrong = |what: &str, value: &str, expected: &str| {

@@ -138,8 +138,9 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             }
         }
     }
-    let is_of_grid =
-        |element: &Element| grid.is_some() && [b"origin".as_slice(), b"voxel_size"].contains(&&*element.name);
+    let is_of_grid = |element: &Element| {
+        grid.is_some() && [b"origin".as_slice(), b"voxel_size", b"rotation"].contains(&&*element.name)
+    };
     let used = |number: usize| {
         let is_camera = camera == Some(number) && camera_at.is_some();
         number == vertices || list_of(number).is_some() || is_camera || is_of_grid(&elements[number])
@@ -158,16 +159,21 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     if let Some(name) = given_only_for(mesh::OPTIONS, cloud::OPTIONS) {
         return Err(FormatError::NoFaces { name });
     }
-    if let Some(VoxelGrid { origin, size }) = grid {
+    if let Some(VoxelGrid { origin, size, rotation }) = grid {
         let scale = spec.options.scale.unwrap_or(1.0);
         if spec.length_m() < size * scale * (1.0 - NUDGE) {
             return Err(FormatError::CellLength { stored: size * scale, asked: spec.length_m() });
         }
         for voxel in &mut mesh.vertices {
-            *voxel = [0, 1, 2].map(|axis| origin[axis] + (voxel[axis] + 0.5 + NUDGE) * size);
+            let centre = voxel.map(|index| (index + 0.5) * size);
+            *voxel = [0, 1, 2].map(|axis| {
+                let turned: f64 = rotation[axis].iter().zip(centre).map(|(part, along)| part * along).sum();
+                origin[axis] + turned + NUDGE * size
+            });
         }
         let [x, y, z] = origin;
-        notes.push(Note::new("voxels", format!("indices of voxels of {size} from ({x}, {y}, {z}) on")));
+        let turned = if rotation == UNTURNED { "" } else { ", turned as the file says" };
+        notes.push(Note::new("voxels", format!("indices of voxels of {size} from ({x}, {y}, {z}) on{turned}")));
     }
     let sensors = match seen_by_camera {
         _ if seen_from.is_some() => Sensors::Each(from),
@@ -247,13 +253,18 @@ struct VoxelGrid {
     origin: [f64; 3],
     /// The edge of a voxel.
     size: f64,
+    /// The rows of the matrix that turns the grid about its lowest corner.
+    rotation: [[f64; 3]; 3],
 }
+
+/// The matrix of a grid along the axes, which files before Open3D 0.20 do not name.
+const UNTURNED: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// The grid whose voxels are the vertices of a file; `None` if they are none.
 fn voxel_grid(bytes: &[u8]) -> Option<VoxelGrid> {
     let mut bytes = Bytes::new(bytes);
     let (order, elements) = header(&mut bytes).ok()?;
-    let (mut origin, mut size) = (None, None);
+    let (mut origin, mut size, mut rotation) = (None, None, UNTURNED);
     for element in elements.iter().take_while(|element| element.name != b"vertex") {
         // Only elements of one piece stand before the vertices of such a file.
         if element.count != 1 || element.properties.is_empty() {
@@ -265,12 +276,20 @@ fn voxel_grid(bytes: &[u8]) -> Option<VoxelGrid> {
         match element.name.as_slice() {
             b"origin" => origin = Some(positions(element, ["x", "y", "z"], at).ok()?.map(|property| values[property])),
             b"voxel_size" => size = values.first().copied(),
+            b"rotation" => {
+                for (row, names) in
+                    rotation.iter_mut().zip([["r00", "r01", "r02"], ["r10", "r11", "r12"], ["r20", "r21", "r22"]])
+                {
+                    *row = positions(element, names, at).ok()?.map(|property| values[property]);
+                }
+            }
             _ => {}
         }
     }
     let (origin, size) = (origin?, size?);
     Extent::new([1; 3], size).ok()?;
-    origin.iter().all(|along| along.is_finite()).then_some(VoxelGrid { origin, size })
+    let is_finite = origin.iter().chain(rotation.as_flattened()).all(|number| number.is_finite());
+    is_finite.then_some(VoxelGrid { origin, size, rotation })
 }
 
 /// The places of three numbers among the properties of a vertex.
@@ -504,6 +523,27 @@ mod tests {
         assert_eq!(grid(&row, Some(0.5)).unwrap().terrain.extent().size(), [11, 3, 3]);
         let error = grid(&row, Some(0.05)).unwrap_err().to_string();
         assert!(error.contains("the file has cells of 0.1 m, asked for are cells of 0.05 m"), "{error}");
+    }
+
+    /// A quarter turn about x, as `VoxelGrid.rotate` of Open3D 0.20 leaves it in a file.
+    #[test]
+    fn turned_voxels_of_open3d_are_turned() {
+        let properties =
+            |names: &[&str]| names.iter().map(|name| format!("property double {name}\n")).collect::<String>();
+        let rotation = properties(&["r00", "r01", "r02", "r10", "r11", "r12", "r20", "r21", "r22"]);
+        let place = properties(&["x", "y", "z"]);
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement origin 1\n{place}element rotation 1\n{rotation}element voxel_size 1\n\
+             property double val\nelement vertex 3\n{place}end_header\n0 0 0\n1 0 0 0 6e-17 -1 0 1 6e-17\n0.5\n\
+             0 0 0\n0 0 9\n3 0 0\n"
+        );
+        let Imported { terrain, origin_m, notes, .. } = ImportSpec::new("a.ply", text.into_bytes()).read().unwrap();
+        // What was upwards points along -y.
+        assert_eq!(terrain.extent().size(), [6, 12, 3]);
+        let expected = [-0.5, -5.5, -0.5];
+        let origin = origin_m.unwrap();
+        assert!(origin.iter().zip(expected).all(|(is, was): (&f64, f64)| (is - was).abs() < 1e-9), "{origin:?}");
+        assert!(notes.iter().all(|note| note.name != "ignored"), "{notes:?}");
     }
 
     #[test]

@@ -274,7 +274,11 @@ impl<'a> Reader<'a> {
                 "model" => model.models.push(self.model(child, folder)?),
                 "include" => {
                     let included = self.include(child, folder)?;
-                    model.models.extend(included);
+                    let is_merged = child.attribute("merge").is_some_and(|value| matches!(value, "true" | "1"));
+                    match included {
+                        Some(included) if is_merged => model.merge(included)?,
+                        included => model.models.extend(included),
+                    }
                 }
                 "link" => model.links.push(poses::Link::of(child, folder)?),
                 "actor" => *self.skipped.entry("actors").or_default() += 1,

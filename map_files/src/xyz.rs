@@ -300,6 +300,38 @@ mod tests {
         );
     }
 
+    /// R and pandas write row numbers under no name, or under the name X.
+    #[test]
+    fn row_numbers_are_no_coordinates() {
+        let points = [["0.5", "0.5", "0.5"], ["2.5", "0.5", "0.5"], ["0.5", "2.5", "0.5"]];
+        let rows = |separator: &str, numbers: [&str; 3]| -> String {
+            let row = |(number, point): (&str, [&str; 3])| format!("{number}{separator}{}\n", point.join(separator));
+            numbers.into_iter().zip(points).map(row).collect()
+        };
+        let terrain = of("a.xyz", "0.5 0.5 0.5\n2.5 0.5 0.5\n0.5 2.5 0.5\n").terrain;
+        for separator in [" ", "\t", ",", ";", "|"] {
+            let rows = rows(separator, ["129", "7", "30"]);
+            for header in ["x y z", "X x y z"] {
+                let text = format!("{}\n{rows}", header.replace(' ', separator));
+                assert_eq!(of("a.csv", &text).terrain, terrain, "{text}");
+            }
+        }
+        // In quotes they are names, whatever they are.
+        let quoted = format!("x y z\n{}", rows(" ", ["\"a\"", "\"b\"", "\"c\""]));
+        assert_eq!(of("a.csv", &quoted).terrain, terrain);
+        let refuse = |text: &str| ImportSpec::new("a.csv", text.into()).read().unwrap_err().to_string();
+        // A number of the row, or a value behind the others?
+        assert!(refuse("x y z\n1 2 3 4\n").contains("the names of the columns are 3, the fields of the first row 4"));
+        // A value behind the others.
+        assert_eq!(of("a.csv", "x y z\n0.5 0.5 0.5 9\n2.5 0.5 0.5 9\n0.5 2.5 0.5 8\n").terrain, terrain);
+        // Two sets of coordinates, or none that is whole.
+        for header in ["X,Y,Z,x,y,z", "X,x,Y,Z,y,z"] {
+            let error = refuse(&format!("{header}\n1,2,3,4,5,6\n"));
+            assert!(error.contains("the header has the columns X and x"), "{error}");
+        }
+        assert!(refuse("X,x,y,Z\n1,2,3,4\n").contains("the columns X and x; leave one set"));
+    }
+
     #[test]
     fn columns_are_found_by_their_names_and_unknown_ones_are_refused() {
         let terrain = of("a.xyz", "0.5 0.5 0.5\n2.5 0.5 0.5\n0.5 2.5 0.5\n").terrain;

@@ -34,6 +34,7 @@ use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
 use simulation::world::World;
+use system::memory;
 use system::os;
 use system::program::AGENTS_OF_START;
 use system::results;
@@ -57,7 +58,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
     let name = OsString::from("sim_server");
     let CliCommand::Run(args) = Cli::parse_from([name].into_iter().chain(arguments)).command;
-    let done = os::report_full_files().map_err(anyhow::Error::from).and_then(|()| run(&args));
+    let reported = os::report_full_files().and_then(|()| memory::report_lack());
+    let done = reported.map_err(anyhow::Error::from).and_then(|()| run(&args));
     match done {
         Ok(code) => code,
         Err(error) => {

@@ -1,6 +1,6 @@
 //! Errors of the map commands.
 
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -161,6 +161,26 @@ pub(crate) enum MapCliError {
 impl MapCliError {
     /// Whether the machine is at fault, or a check has failed, and the command was right.
     pub(crate) fn is_failure(&self) -> bool {
-        matches!(self, Self::Render { is_bad_input: false, .. } | Self::NoStart { .. })
+        match self {
+            Self::Write { reason, .. } => !is_of_name(reason.kind()),
+            Self::Render { is_bad_input, .. } => !is_bad_input,
+            Self::NoStart { .. } | Self::Print(_) | Self::Seed(_) => true,
+            _ => false,
+        }
     }
+}
+
+/// Whether a file cannot be written under the name that was given, and could be under another one.
+fn is_of_name(kind: ErrorKind) -> bool {
+    matches!(
+        kind,
+        ErrorKind::NotFound
+            | ErrorKind::NotADirectory
+            | ErrorKind::IsADirectory
+            | ErrorKind::AlreadyExists
+            | ErrorKind::InvalidInput
+            | ErrorKind::InvalidFilename
+            | ErrorKind::PermissionDenied
+            | ErrorKind::ReadOnlyFilesystem
+    )
 }

@@ -64,6 +64,19 @@ pub(super) struct Document<'a> {
     pub(super) required: Vec<String>,
 }
 
+impl Document<'_> {
+    /// The nodes that are nobody's child, which stand for a scene where there is none.
+    pub(super) fn nodes_without_parent(&self) -> Vec<usize> {
+        let mut is_child = vec![false; self.nodes.len()];
+        for &child in self.nodes.iter().flat_map(|node| &node.children) {
+            if let Some(is_child) = is_child.get_mut(child) {
+                *is_child = true;
+            }
+        }
+        (0..self.nodes.len()).filter(|&node| !is_child[node]).collect()
+    }
+}
+
 #[derive(Deserialize)]
 pub(super) struct Scene {
     #[serde(default)]

@@ -1,5 +1,8 @@
-//! Buffer views compressed by `EXT_meshopt_compression` of glTF, whose specification has the
-//! formats: version 0 of attributes, version 1 of triangles, and sequences of indices.
+//! Buffer views compressed by `EXT_meshopt_compression` and `KHR_meshopt_compression` of glTF, whose
+//! specifications have the formats: versions 0 and 1 of attributes and of triangles, and sequences
+//! of indices.
+//!
+//! Looked at: the crate meshopt builds the whole of meshoptimizer in C++; what is needed is here.
 //!
 //! The memory that a view takes when it is unpacked is bounded by its reader before.
 
@@ -10,8 +13,9 @@ const BLOCK_VERTICES: usize = 256;
 /// Vertices of a group, which share the number of bits of a byte.
 const GROUP: usize = 16;
 
-/// Least bytes after the blocks, which begin with the first vertex.
-const TAIL_BYTES: usize = 32;
+/// Least bytes after the blocks, which end with the first vertex and, from version 1, the channels:
+/// how the numbers in each four bytes of a vertex follow from those of the vertex before.
+const TAIL_BYTES: [usize; 2] = [32, 24];
 
 /// Bytes after a sequence of indices.
 const SEQUENCE_TAIL: usize = 4;
@@ -75,51 +79,120 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
         return None;
     }
     let mut rest = Rest(data);
-    if rest.byte()? != 0xa0 {
-        return None;
-    }
-    let blocks_end = rest.0.len().checked_sub(stride.max(TAIL_BYTES))?;
-    let mut last = rest.0[rest.0.len() - stride..].to_vec();
+    let (channels_bytes, tail_min) = match rest.byte()? {
+        0xa0 => (0, TAIL_BYTES[0]),
+        0xa1 => (stride / 4, TAIL_BYTES[1]),
+        _ => return None,
+    };
+    let tail_bytes = stride + channels_bytes;
+    let blocks_end = rest.0.len().checked_sub(tail_bytes.max(tail_min))?;
+    let (mut last, channels) = {
+        let (first, channels) = rest.0[rest.0.len() - tail_bytes..].split_at(stride);
+        (first.to_vec(), channels.iter().map(|&channel| Channel::of(channel)).collect::<Option<Vec<_>>>()?)
+    };
     rest.0 = &rest.0[..blocks_end];
     let block = ((BLOCK_BYTES / stride) & !(GROUP - 1)).min(BLOCK_VERTICES);
     let mut unpacked = vec![0; count.checked_mul(stride)?];
+    let mut columns: [Vec<u8>; 4] = Default::default();
     for vertices in unpacked.chunks_mut(block * stride) {
-        let groups = (vertices.len() / stride).div_ceil(GROUP);
-        for (at, last) in last.iter_mut().enumerate() {
-            let bits = rest.take(groups.div_ceil(4))?;
-            for group in 0..groups {
-                let deltas = deltas(&mut rest, bits[group / 4] >> (group % 4 * 2) & 3)?;
-                for (place, delta) in deltas.into_iter().enumerate() {
-                    // Zigzag: the lowest bit is the sign.
-                    *last = last.wrapping_add(delta >> 1 ^ (delta & 1).wrapping_neg());
-                    if let Some(byte) = vertices.get_mut((group * GROUP + place) * stride + at) {
-                        *byte = *last;
-                    } else {
-                        break;
-                    }
+        let vertex_count = vertices.len() / stride;
+        let control = rest.take(channels_bytes)?;
+        for four in 0..stride / 4 {
+            for (byte, column) in columns.iter_mut().enumerate() {
+                // Four ways of version 1, of which two differ in the numbers of bits.
+                let way = control.get(four).map(|control| control >> (2 * byte) & 3);
+                column.clear();
+                match way {
+                    None => unpack_column(&mut rest, vertex_count, [0, 2, 4, 8], column)?,
+                    Some(0) => unpack_column(&mut rest, vertex_count, [0, 1, 2, 4], column)?,
+                    Some(1) => unpack_column(&mut rest, vertex_count, [1, 2, 4, 8], column)?,
+                    Some(2) => column.resize(vertex_count, 0),
+                    Some(_) => column.extend(rest.take(vertex_count)?),
                 }
             }
+            let channel = channels.get(four).copied().unwrap_or(Channel::Bytes);
+            let last: &mut [u8; 4] = (&mut last[4 * four..4 * four + 4]).try_into().ok()?;
+            for vertex in 0..vertex_count {
+                *last = channel.next(*last, [0, 1, 2, 3].map(|byte| columns[byte][vertex]));
+                vertices[vertex * stride + 4 * four..][..4].copy_from_slice(last);
+            }
         }
-        // A group that is not full has moved on beyond the last vertex.
-        last.copy_from_slice(&vertices[vertices.len() - stride..]);
     }
     Some(unpacked)
 }
 
-/// The deltas of a byte of the vertices of a group.
-fn deltas(rest: &mut Rest<'_>, mode: u8) -> Option<[u8; GROUP]> {
-    let bits = match mode {
+/// How four bytes of a vertex follow from those of the vertex before.
+#[derive(Clone, Copy)]
+enum Channel {
+    /// Differences of each byte.
+    Bytes,
+    /// Differences of two numbers of 16 bits.
+    Halves,
+    /// Bits that differ, turned right by so many.
+    Bits(u32),
+}
+
+impl Channel {
+    fn of(channel: u8) -> Option<Self> {
+        match channel & 3 {
+            0 => Some(Self::Bytes),
+            1 => Some(Self::Halves),
+            2 => Some(Self::Bits(u32::from(channel >> 4))),
+            _ => None,
+        }
+    }
+
+    fn next(self, last: [u8; 4], delta: [u8; 4]) -> [u8; 4] {
+        // Zigzag: the lowest bit is the sign.
+        match self {
+            Self::Bytes => {
+                [0, 1, 2, 3].map(|byte| last[byte].wrapping_add(delta[byte] >> 1 ^ (delta[byte] & 1).wrapping_neg()))
+            }
+            Self::Halves => {
+                let halves = |bytes: [u8; 4]| [0, 2].map(|at| u16::from_le_bytes([bytes[at], bytes[at + 1]]));
+                let (last, delta) = (halves(last), halves(delta));
+                let next = [0, 1].map(|half| {
+                    let delta: u16 = delta[half];
+                    last[half].wrapping_add(delta >> 1 ^ (delta & 1).wrapping_neg()).to_le_bytes()
+                });
+                [next[0][0], next[0][1], next[1][0], next[1][1]]
+            }
+            Self::Bits(right) => {
+                (u32::from_le_bytes(last) ^ u32::from_le_bytes(delta).rotate_right(right)).to_le_bytes()
+            }
+        }
+    }
+}
+
+/// One byte of all vertices of a block: groups, of which two bits each say which of these numbers
+/// of bits its deltas have.
+fn unpack_column(rest: &mut Rest<'_>, count: usize, bits: [usize; 4], column: &mut Vec<u8>) -> Option<()> {
+    let groups = count.div_ceil(GROUP);
+    let chosen = rest.take(groups.div_ceil(4))?;
+    for group in 0..groups {
+        let bits = bits[usize::from(chosen[group / 4] >> (group % 4 * 2) & 3)];
+        column.extend(deltas(rest, bits)?);
+    }
+    // The last group may not be full.
+    column.truncate(count);
+    Some(())
+}
+
+/// The deltas of a group, of so many bits each: 0, 1, 2, 4 or 8.
+fn deltas(rest: &mut Rest<'_>, bits: usize) -> Option<[u8; GROUP]> {
+    match bits {
         0 => return Some([0; GROUP]),
-        1 => 2,
-        2 => 4,
-        _ => return rest.take(GROUP)?.try_into().ok(),
-    };
+        8 => return rest.take(GROUP)?.try_into().ok(),
+        _ => {}
+    }
     let packed = rest.take(GROUP * bits / 8)?;
     let most = (1u8 << bits) - 1;
     let mut deltas = [0; GROUP];
     for (place, delta) in deltas.iter_mut().enumerate() {
         let bit = place * bits;
-        let short = packed[bit / 8] >> (8 - bits - bit % 8) & most;
+        // Single bits begin with the lowest of a byte, others with the highest.
+        let shift = if bits == 1 { bit % 8 } else { 8 - bits - bit % 8 };
+        let short = packed[bit / 8] >> shift & most;
         // The largest stands for a whole byte behind them.
         *delta = if short == most { rest.byte()? } else { short };
     }
@@ -264,5 +337,26 @@ pub(super) fn from_exponents(bytes: &mut [u8]) {
         let (exponent, factor) = (packed >> 24, packed << 8 >> 8);
         let value = libm::ldexp(f64::from(factor), exponent) as f32;
         number.copy_from_slice(&value.to_le_bytes());
+    }
+}
+
+/// Rotations of four numbers of 16 bits: the three smallest components of a quaternion, and the
+/// scale of them, whose lowest two bits say which the largest is. As normalised numbers.
+pub(super) fn from_rotations(bytes: &mut [u8]) {
+    for rotation in bytes.chunks_exact_mut(8) {
+        let number = |at: usize| i16::from_le_bytes([rotation[2 * at], rotation[2 * at + 1]]);
+        let scale = std::f64::consts::FRAC_1_SQRT_2 / f64::from(number(3) | 3);
+        let largest = (number(3) & 3) as usize;
+        let small = [0, 1, 2].map(|at| f64::from(number(at)) * scale);
+        let rest = 1.0 - small.iter().map(|component| component * component).sum::<f64>();
+        let mut whole = [0.0; 4];
+        whole[largest] = rest.max(0.0).sqrt();
+        for (at, component) in small.into_iter().enumerate() {
+            whole[(largest + 1 + at) % 4] = component;
+        }
+        for (two, component) in rotation.chunks_exact_mut(2).zip(whole) {
+            let normalised = (component * f64::from(i16::MAX)).round() as i16;
+            two.copy_from_slice(&normalised.to_le_bytes());
+        }
     }
 }

@@ -92,17 +92,26 @@ fn writers_that_leave_coordinates_as_they_are_have_z_upwards() {
              option up changes that"
         )
     };
+    let of_assimp = "z, as assimp writes what has z upwards; it keeps the axes of the file that it converts, so that it \
+                     is y if that was glTF; the option up changes that";
     for (generator, node, up) in [
         ("gltfpack 1.3", "", optimised("gltfpack").as_str()),
         ("glTF-Transform v4.5.1", "", optimised("glTF-Transform").as_str()),
-        ("Open Asset Import Library (assimp v5.2.0)", "", "z, as assimp writes it; the option up changes that"),
-        (
-            "Open Asset Import Library (assimp v5.2.0)",
-            r#","scale":[2,2,2]"#,
-            "z, as assimp writes it; the option up changes that",
-        ),
+        ("Open Asset Import Library (assimp v5.2.0)", "", of_assimp),
+        ("Open Asset Import Library (assimp v5.2.0)", r#","scale":[2,2,2]"#, of_assimp),
         // As assimp 5.2.5 writes a COLLADA file with z upwards.
         ("Open Asset Import Library (assimp v5.2.0)", turned, "y, as assimp has turned it; the option up changes that"),
+        (
+            "VTK",
+            "",
+            "y, as glTF has it, and PyVista writes it; scenes of ParaView and of VTK's own writer have z; the option up \
+             changes that",
+        ),
+        (
+            "Khronos glTF Blender I/O v3.4",
+            r#","scale":[3,3,1]"#,
+            "y, as glTF has it; z is by far the shortest side: z, if the file has it upwards; the option up changes that",
+        ),
         ("Open3D", "", "z, as Open3D writes it; the option up changes that"),
         ("https://github.com/mikedh/trimesh", "", "z, as trimesh writes it; the option up changes that"),
         ("Khronos glTF Blender I/O v3.4", "", "y, as glTF has it; the option up changes that"),
@@ -139,6 +148,48 @@ fn optimised_scenes_are_those_that_they_were_made_of() {
             assert!(!error.to_string().contains('\n'));
         }
     }
+}
+
+/// Version 1 of compressed attributes, and turned copies whose rotations are compressed.
+#[test]
+fn later_compression_keeps_the_scene() {
+    let terrain = |bytes: Vec<u8>| {
+        let options = crate::ImportOptions { up: Some(Up::Z), ..Default::default() };
+        ImportSpec { options, ..ImportSpec::new("a.glb", bytes) }.read().unwrap().terrain
+    };
+    let plain = terrain(case!("trimesh_instances.glb"));
+    assert_eq!(plain.extent().volume() as u64 - mapgen::free_cells(&plain) - shell_cells(&plain), 34);
+    assert_eq!(terrain(case!("gltfpack_version_1.glb")), plain);
+    assert_eq!(terrain(case!("gltfpack_instances.glb")), plain);
+}
+
+/// The cells of the layer of wall around a map.
+fn shell_cells(terrain: &voxels::Grid<voxels::Terrain>) -> u64 {
+    let extent = terrain.extent();
+    extent.volume() as u64 - extent.size().map(|cells| u64::from(cells) - 2).iter().product::<u64>()
+}
+
+#[test]
+fn without_scenes_the_nodes_without_parent_are_shown() {
+    // A triangle, moved and made larger by the parent, which comes second.
+    let data = "AAAAAAAAAAAAAAAAAAAAQAAAAAAAAAAAAAAAAAAAAEAAAAAA";
+    let document = |scenes: &str| {
+        let bytes = format!(
+            r#"{{"nodes":[{{"mesh":0}},{{"children":[0],"scale":[3,2,2]}}],{scenes}
+            "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],"accessors":[{{"bufferView":0,
+            "componentType":5126,"type":"VEC3","count":3}}],"bufferViews":[{{"buffer":0,"byteLength":36}}],
+            "buffers":[{{"byteLength":36,"uri":"data:application/octet-stream;base64,{data}"}}]}}"#
+        );
+        let options =
+            crate::ImportOptions { fill: Some(crate::options::Fill::Shell), up: Some(Up::Z), ..Default::default() };
+        ImportSpec { options, ..ImportSpec::new("a.gltf", bytes.into_bytes()) }.read()
+    };
+    let of_scene = document(r#""scenes":[{"nodes":[1]}],"#).unwrap();
+    for scenes in ["", r#""scenes":[],"#] {
+        assert_eq!(document(scenes).unwrap().terrain, of_scene.terrain, "{scenes}");
+    }
+    let error = document(r#""scene":1,"scenes":[{"nodes":[1]}],"#).unwrap_err().to_string();
+    assert!(error.contains("scene: 1 is none of the 1 scenes"), "{error}");
 }
 
 #[test]

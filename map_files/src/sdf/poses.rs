@@ -17,6 +17,9 @@ use super::geometry::Geometry;
 /// Most frames of which each is given in the next one.
 const CHAIN_MAX: usize = 64;
 
+/// The name of the frame of the model that a name is in.
+const MODEL_FRAME: &str = "__model__";
+
 /// A pose as it is given.
 #[derive(Clone, Default)]
 struct Pose {
@@ -131,6 +134,32 @@ impl Model {
         Ok(())
     }
 
+    /// Takes in the links, frames and models of an included model as its own, which stay where they
+    /// are: what is given in the frame of that model is given in a frame that stands for it.
+    pub(super) fn merge(&mut self, model: Self) -> Result<(), FormatError> {
+        let stand_in = format!("_merged__{}__model__", model.name);
+        let given = model.pose.given.unwrap_or_else(Isometry3::identity) * model.of_placement_frame(0)?.inverse();
+        let here = Pose { given: Some(given), relative_to: model.pose.relative_to };
+        let in_stand_in = |pose: Pose| {
+            let frame = pose.relative_to.filter(|frame| frame != MODEL_FRAME).unwrap_or_else(|| stand_in.clone());
+            Pose { given: pose.given, relative_to: Some(frame) }
+        };
+        let of_shape = |shape: Shape| {
+            let relative_to = shape.pose.relative_to.as_deref();
+            let pose = if relative_to == Some(MODEL_FRAME) { in_stand_in(shape.pose) } else { shape.pose };
+            Shape { pose, ..shape }
+        };
+        self.frames.extend(model.frames.into_iter().map(|(name, pose)| (name, in_stand_in(pose))));
+        self.links.extend(model.links.into_iter().map(|link| Link {
+            pose: in_stand_in(link.pose),
+            shapes: link.shapes.into_iter().map(of_shape).collect(),
+            name: link.name,
+        }));
+        self.models.extend(model.models.into_iter().map(|part| Self { pose: in_stand_in(part.pose), ..part }));
+        self.frames.push((stand_in, here));
+        Ok(())
+    }
+
     /// The model in it with a name.
     pub(super) fn model_mut(&mut self, name: &str) -> Option<&mut Self> {
         self.models.iter_mut().find(|model| model.name == name)
@@ -228,7 +257,7 @@ impl Model {
             return Err(fault(format_args!("frame {name:?}"), "frames are given relative to each other in a circle"));
         }
         let depth = depth + 1;
-        if matches!(name, "__model__" | "world") {
+        if matches!(name, MODEL_FRAME | "world") {
             return Ok(Isometry3::identity());
         }
         if let Some((_, pose)) = self.frames.iter().find(|(known, _)| known == name) {

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Matrix4, Unit, UnitQuaternion, Vector3};
 
 use super::super::frame::Bounds;
-use super::super::mesh::Mesh;
+use super::super::mesh::{Mesh, polygon};
 use super::geometry::Geometry;
 
 /// Segments of a circle: they cut off less than 0.13 % of the radius.
@@ -101,29 +101,74 @@ fn is_inside(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
     corners.iter().zip(next).filter(crosses).count() % 2 == 1
 }
 
-/// A ground plan of loops between two heights. The triangles of its floor and its ceiling lie
-/// between the first corner of all and each edge: outside of the plan they overlap, and their turns
-/// cancel. Those of a plan that goes round clockwise face inwards, which the import of meshes
-/// mends.
+/// A ground plan of loops between two heights, those within an odd number of others being holes.
+/// The triangles of one that goes round clockwise face inwards, which the import of meshes mends.
 fn prism(loops: &[Vec<[f64; 2]>], low: f64, high: f64) -> Mesh {
     let count = loops.iter().map(Vec::len).sum::<usize>() as u32;
     let mut mesh = Mesh::default();
     for z in [low, high] {
         mesh.vertices.extend(loops.iter().flatten().map(|&[x, y]| [x, y, z]));
     }
+    for [a, b, c] in covers(loops).unwrap_or_else(|| fan(loops)) {
+        mesh.triangles.extend([[a, c, b], [count + a, count + b, count + c]]);
+    }
     let mut first = 0;
     for corners in loops {
         let length = corners.len() as u32;
         for at in 0..length {
             let [from, to] = [first + at, first + (at + 1) % length];
-            if from != 0 && to != 0 {
-                mesh.triangles.extend([[0, to, from], [count, from + count, to + count]]);
-            }
             mesh.add_polygon(&[from, to, to + count, from + count]);
         }
         first += length;
     }
     mesh
+}
+
+/// Triangles that cover a plan, of the numbers of its corners; `None` of one whose loops cross.
+fn covers(loops: &[Vec<[f64; 2]>]) -> Option<Vec<[u32; 3]>> {
+    let firsts: Vec<u32> = loops
+        .iter()
+        .scan(0, |next, corners| {
+            let first = *next;
+            *next += corners.len() as u32;
+            Some(first)
+        })
+        .collect();
+    let (outer, holes): (Vec<usize>, Vec<usize>) = (0..loops.len()).partition(|&number| area(&loops[number]) >= 0.0);
+    // A hole belongs to the smallest loop around it.
+    let around = |hole: usize| {
+        let around = outer.iter().copied().filter(|&outer| is_inside(&loops[outer], loops[hole][0]));
+        around.min_by(|&a, &b| area(&loops[a]).total_cmp(&area(&loops[b])))
+    };
+    let around: Vec<Option<usize>> = holes.iter().map(|&hole| around(hole)).collect();
+    let mut triangles = Vec::new();
+    for &outline in &outer {
+        let of_outline = holes.iter().zip(&around).filter(|(_, around)| **around == Some(outline));
+        let mut corners: Vec<(u32, [f64; 2])> = Vec::new();
+        let mut begins = Vec::new();
+        for number in std::iter::once(outline).chain(of_outline.map(|(&hole, _)| hole)) {
+            begins.push(corners.len() as u32);
+            corners.extend((firsts[number]..).zip(loops[number].iter().copied()));
+        }
+        let places: Vec<[f64; 3]> = corners.iter().map(|&(_, [x, y])| [x, y, 0.0]).collect();
+        let cut = polygon::triangles(&places, &begins[1..])?;
+        triangles.extend(cut.into_iter().map(|triangle| triangle.map(|place| corners[place as usize].0)));
+    }
+    Some(triangles)
+}
+
+/// Triangles between the first corner of all and each edge: outside of the plan they overlap, and
+/// their turns cancel.
+fn fan(loops: &[Vec<[f64; 2]>]) -> Vec<[u32; 3]> {
+    let mut first = 0;
+    let mut triangles = Vec::new();
+    for corners in loops {
+        let length = corners.len() as u32;
+        let edges = (0..length).map(|at| [first + at, first + (at + 1) % length]);
+        triangles.extend(edges.filter(|[from, to]| *from != 0 && *to != 0).map(|[from, to]| [0, from, to]));
+        first += length;
+    }
+    triangles
 }
 
 /// Rings of a ball of a radius that is cut in half, the halves so far from the origin.

@@ -477,3 +477,50 @@ fn poses_are_those_of_sdformat() {
         assert!((place - expected).abs().max() < 3e-6, "{place} for {expected}");
     }
 }
+
+/// What is merged belongs to the model that includes it, under the names of its own.
+#[test]
+fn merged_models_give_their_frames_away() {
+    let part = "<sdf version=\"1.9\"><model name=\"p\"><pose>0 0 9 0 0 0</pose>\
+                <link name=\"l\"><pose>1 0 0 0 0 0</pose></link>\
+                <frame name=\"f\" attached_to=\"l\"><pose>0 1 0 0 0 0</pose></frame></model></sdf>";
+    let include = |more: &str| format!("<include merge=\"true\"><uri>part.sdf</uri>{more}</include>");
+    let place = |include: &str, frame: &str| {
+        let shape = format!("<collision name=\"c\"><geometry>{BOX}</geometry></collision>");
+        let link = format!("<link name=\"own\"><pose relative_to=\"{frame}\">1 0 1 0 0 0</pose>{shape}</link>");
+        let body = format!("<model name=\"m\"><pose>10 0 0 0 0 0</pose>{include}{link}</model>");
+        let options = ImportOptions { margin_cells: Some(1), ..ImportOptions::default() };
+        let spec = ImportSpec { options, ..of(&world(&body), &[("part.sdf", part)]) };
+        spec.read().map(|imported| measured(&imported).2).map_err(|error| error.to_string())
+    };
+    // The middle of the box, less half of it and the margin with its shell.
+    let corner = |[x, y, z]: [f64; 3]| [x - 4.0, y - 3.0, z - 3.0];
+    assert_eq!(place(&include(""), "l"), Ok(corner([12.0, 0.0, 10.0])));
+    assert_eq!(place(&include(""), "f"), Ok(corner([12.0, 1.0, 10.0])));
+    assert_eq!(place(&include("<pose>0 0 2 0 0 0</pose>"), "f"), Ok(corner([12.0, 1.0, 3.0])));
+    let placed = include("<placement_frame>f</placement_frame><pose>0 0 2 0 0 0</pose>");
+    assert_eq!(place(&placed, "f"), Ok(corner([11.0, 0.0, 3.0])));
+    assert_eq!(place(&placed, "l"), Ok(corner([11.0, -1.0, 3.0])));
+    // What is not merged keeps its names to itself.
+    let apart = include("").replace(" merge=\"true\"", "");
+    assert!(place(&apart, "l").is_err());
+    assert_eq!(place(&apart, "p::l"), Ok(corner([12.0, 0.0, 10.0])));
+}
+
+/// A plan with a yard, whose floor and ceiling end at its edges.
+#[test]
+fn surfaces_of_ground_plans_end_at_their_edges() {
+    let points = |corners: &[[i32; 2]]| {
+        let points: String = corners.iter().map(|[x, y]| format!("<point>{x} {y}</point>")).collect();
+        format!("<polyline>{points}<height>3</height></polyline>")
+    };
+    let outline = points(&[[0, 0], [8, 0], [8, 8], [0, 8]]);
+    let yard = points(&[[2, 2], [2, 6], [6, 6], [6, 2]]);
+    let body = model("a", "0.5 0.5 0.5 0 0 0", &format!("{outline}{yard}"));
+    let options =
+        ImportOptions { margin_cells: Some(1), fill: Some(crate::options::Fill::Shell), ..ImportOptions::default() };
+    let imported = ImportSpec { options, ..of(&world(&body), &[]) }.read().unwrap();
+    // Four layers of nine by nine cells less the yard of three by three, of which the two in the middle are hollow.
+    let hollow = 2 * (7 * 7 - 5 * 5);
+    assert_eq!(measured(&imported).1, 4 * (9 * 9 - 3 * 3) - hollow);
+}
