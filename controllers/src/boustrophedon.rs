@@ -166,6 +166,10 @@ impl Boustrophedon {
 }
 
 impl Controller for Boustrophedon {
+    fn covers(&self) -> bool {
+        true
+    }
+
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         // Before the first scan only the own cell is known.
         if observation.scan_tick.is_none() {

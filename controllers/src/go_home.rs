@@ -60,7 +60,8 @@ pub(super) struct GoHome {
     wake: WakeCondition,
     /// Whether it is on a way around what it has met.
     has_collided: bool,
-    /// What its map had when it last left home, or at the start.
+    /// Cells that its map had as seen, or visited if that is the aim, when it last left home, or at
+    /// the start.
     known_before: usize,
 }
 
@@ -212,7 +213,8 @@ impl GoHome {
             let wake = self.inner.wake().or(WakeCondition::at(observation.tick.after(RETRY_TICKS)));
             return Command::new(Motion::Stop, wake).with_stage(Stage::Waiting);
         }
-        let known = ctx.map().free() + ctx.map().covered();
+        let visited = if self.inner.covers() { ctx.map().covered() } else { 0 };
+        let known = ctx.map().free() + visited;
         if model.charge_w == 0.0 || (self.mode != Mode::Charging && known <= self.known_before) {
             return self.end("stays home");
         }
@@ -261,6 +263,10 @@ impl Controller for GoHome {
         let command = self.decide_in_mode(observation, energy, ctx);
         self.wake = command.wake;
         command
+    }
+
+    fn covers(&self) -> bool {
+        self.inner.covers()
     }
 
     fn is_polled_between_wakes(&self) -> bool {

@@ -71,6 +71,12 @@ pub trait Controller: Send {
         false
     }
 
+    /// Whether its aim is to visit cells, and not only to see them: then cells that its body visits
+    /// count as new.
+    fn covers(&self) -> bool {
+        false
+    }
+
     /// Why the last decision failed, if it did: then its command is not sent, and the agent ends.
     ///
     /// Controllers in Rust need it for nothing; those in other languages can raise errors.

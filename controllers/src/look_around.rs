@@ -272,6 +272,10 @@ impl Controller for LookAround {
         command
     }
 
+    fn covers(&self) -> bool {
+        self.inner.covers()
+    }
+
     fn is_polled_between_wakes(&self) -> bool {
         self.inner.is_polled_between_wakes()
     }

@@ -74,6 +74,10 @@ impl Controller for Timed {
         command
     }
 
+    fn covers(&self) -> bool {
+        self.controller.covers()
+    }
+
     fn is_polled_between_wakes(&self) -> bool {
         self.controller.is_polled_between_wakes()
     }

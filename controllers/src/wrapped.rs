@@ -71,6 +71,10 @@ impl Wrapped {
         self.controller.decide(observation, ctx)
     }
 
+    pub(super) fn covers(&self) -> bool {
+        self.controller.covers()
+    }
+
     pub(super) fn is_polled_between_wakes(&self) -> bool {
         self.controller.is_polled_between_wakes()
     }

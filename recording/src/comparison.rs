@@ -103,6 +103,8 @@ pub struct Comparison<'a> {
     /// The first message of a later tick.
     ahead: Option<Message>,
     compared: u64,
+    /// Messages of the recording that do not belong to the run.
+    left_out: u64,
     last_tick: Tick,
     found: Option<Difference>,
     refusals: Option<Field>,
@@ -122,6 +124,7 @@ impl<'a> Comparison<'a> {
             of_tick: VecDeque::new(),
             ahead: None,
             compared: 0,
+            left_out: 0,
             last_tick: Tick::ZERO,
             found: None,
             refusals: None,
@@ -141,6 +144,12 @@ impl<'a> Comparison<'a> {
     #[must_use]
     pub fn compared(&self) -> u64 {
         self.compared
+    }
+
+    /// Number of messages so far that are there for observers and were not compared.
+    #[must_use]
+    pub fn left_out(&self) -> u64 {
+        self.left_out
     }
 
     /// Tick of the last equal message.
@@ -183,11 +192,14 @@ impl<'a> Comparison<'a> {
         if self.of_tick.is_empty() {
             self.of_tick.extend(self.ahead.take());
             let period = self.poses_period_ticks;
-            let is_of_run = |message: &Message| {
-                MessageKind::of(&message.channel.topic)
-                    .is_some_and(|kind| kind.is_of_run(message.tick(), &message.data, period))
+            let left_out = &mut self.left_out;
+            let mut is_of_run = |message: &Message| {
+                let is_of_run = MessageKind::of(&message.channel.topic)
+                    .is_some_and(|kind| kind.is_of_run(message.tick(), &message.data, period));
+                *left_out += u64::from(!is_of_run);
+                is_of_run
             };
-            while let Some(message) = self.before.find(is_of_run) {
+            while let Some(message) = self.before.find(&mut is_of_run) {
                 if self.of_tick.front().is_some_and(|first| first.tick() != message.tick()) {
                     self.ahead = Some(message);
                     break;
@@ -382,12 +394,12 @@ fn decoded<M: DeserializeOwned>(
     match (cdr::decode::<M>(before), cdr::decode::<M>(now)) {
         (Ok(before), Ok(now)) => between(&before, &now),
         (of_before, of_now) => {
-            let text = |bytes: &[u8], is_sound| match is_sound {
-                true => bytes.len().to_string(),
-                false => format!("{} that cannot be decoded", bytes.len()),
+            let text = |bytes: &[u8], is_sound| {
+                let sound = if is_sound { "" } else { " that cannot be decoded" };
+                format!("{} bytes{sound}", bytes.len())
             };
             let (before, now) = (text(before, of_before.is_ok()), text(now, of_now.is_ok()));
-            Some(Field { name: "bytes".to_owned(), before, now })
+            Some(Field { name: WHOLE_MESSAGE.to_owned(), before, now })
         }
     }
 }

@@ -23,14 +23,23 @@ pub enum BagError {
          makes one that `maes info` and `maes replay` read, without the attachments of a run"
     )]
     Sqlite { place: String },
+    #[error(
+        "a bag of rosbag2 that is compressed by {mode}; expected one without: `rosbags-convert --src BAG --dst NEW \
+         --dst-storage mcap` makes one that `maes info` and `maes replay` read, without the attachments of a run"
+    )]
+    Compressed { mode: String },
 }
 
 /// The recording in a rosbag2 folder; any other path as it is. Wherever a recording is named, its
 /// folder may be named instead.
 ///
 /// # Errors
-/// If the folder has several, or the bag is one of SQLite.
+/// If the folder has several, or the bag is one of SQLite, or compressed as only ROS reads it.
 pub fn recording_at(path: PathBuf) -> Result<PathBuf, BagError> {
+    let folder = if path.is_dir() { Some(path.as_path()) } else { path.parent() };
+    if let Some(mode) = folder.and_then(|folder| compression_mode(folder, &path)) {
+        return Err(BagError::Compressed { mode });
+    }
     let Ok(entries) = fs::read_dir(&path) else {
         let is_sqlite = has_extension(&path, SQLITE) && path.is_file();
         return if is_sqlite { Err(BagError::Sqlite { place: String::new() }) } else { Ok(path) };
@@ -55,6 +64,17 @@ pub fn recording_at(path: PathBuf) -> Result<PathBuf, BagError> {
             Err(BagError::Split { count: several.len(), names: names.join(", ") })
         }
     }
+}
+
+/// What a bag of rosbag2 has compressed, by the `metadata.yaml` in its folder, if that names this
+/// file: each `message`, or each `file`. What MCAP itself compresses is not in it.
+fn compression_mode(folder: &Path, path: &Path) -> Option<String> {
+    let metadata = fs::read_to_string(folder.join(crate::bag::FILE_NAME)).ok()?;
+    let is_of_bag =
+        path == folder || path.file_name().and_then(|name| name.to_str()).is_some_and(|name| metadata.contains(name));
+    let mode = metadata.lines().find_map(|line| line.trim().strip_prefix("compression_mode:"))?;
+    let mode = mode.trim().trim_matches(['"', '\'']).to_lowercase();
+    (is_of_bag && matches!(mode.as_str(), "message" | "file" | "storage")).then_some(mode)
 }
 
 /// Whether a file has such a name. The temporary name of a recording that has not begun yet has
@@ -89,6 +109,30 @@ mod tests {
         let refused = recording_at(bag).unwrap_err().to_string();
         let names = "night_0.mcap, night_1.mcap, night_2.mcap, ...";
         assert_eq!(refused, format!("a folder with 4 recordings ({names}); expected one; name the file"));
+    }
+
+    #[test]
+    fn compressed_bags_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("night_0.mcap");
+        fs::write(&file, "").unwrap();
+        let with_mode = |line: &str| {
+            let text = format!("rosbag2_bagfile_information:\n{line}\n  relative_file_paths:\n    - night_0.mcap\n");
+            fs::write(folder.path().join("metadata.yaml"), text).unwrap();
+            [folder.path(), &file].map(|path| recording_at(path.to_owned()))
+        };
+        for line in ["  compression_format: zstd\n  compression_mode: message", "  compression_mode: \"FILE\""] {
+            for refused in with_mode(line).map(|found| found.unwrap_err().to_string()) {
+                assert!(refused.starts_with("a bag of rosbag2 that is compressed by "), "{refused}");
+            }
+        }
+        for line in ["  compression_mode: \"\"", "  compression_mode: none", ""] {
+            assert_eq!(with_mode(line), [Ok(file.clone()), Ok(file.clone())]);
+        }
+        // A file that the metadata do not name is not of the bag.
+        let other = folder.path().join("other.mcap");
+        assert!(with_mode("  compression_mode: message").iter().all(Result::is_err));
+        assert_eq!(recording_at(other.clone()), Ok(other));
     }
 
     #[test]

@@ -33,6 +33,8 @@ pub struct Verified {
     pub ticks: Tick,
     /// Number of equal messages.
     pub messages: u64,
+    /// Number of messages for observers, which were not compared.
+    pub left_out: u64,
     /// Digest after these ticks.
     pub digest: Digest,
     /// Reason of the result, if the recording has one.
@@ -148,6 +150,7 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
         Ok(outcome) => Ok(Verified {
             ticks: Tick(outcome.result.tick),
             messages: comparison.compared(),
+            left_out: comparison.left_out(),
             digest: outcome.digest,
             reason,
             end,
@@ -159,12 +162,16 @@ pub fn verify(recording: &Recording) -> Result<Verified, VerifyError> {
 /// The report for the user, without the digest.
 #[must_use]
 pub fn text(verified: &Verified) -> String {
-    let Verified { ticks, messages, reason, .. } = verified;
+    let Verified { ticks, messages, left_out, reason, .. } = verified;
     let ending = match reason {
         Some(reason) => format!("up to the end of the run: {}", printable::line(reason.text())),
         None => "up to the end of the file, before the end of the run".to_owned(),
     };
-    let text = format!("verified {ticks} ticks and {messages} messages, {ending}");
+    let mut text = format!("verified {ticks} ticks and {messages} messages, {ending}");
+    if *left_out > 0 {
+        text +=
+            &format!("\n{left_out} messages of views.record, such as poses and maps for observers, were not compared");
+    }
     match &verified.end {
         End::Whole => text,
         end => format!("{text}\nthe file is {}", printable::line(&end.to_string())),
