@@ -379,7 +379,11 @@ pub(crate) fn compare(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         regressions += usize::from(is_worse);
         print(&format!("{}{change}", if is_worse { "regression: " } else { "" }));
     }
-    print(&format!("{regressions} of {} variants are worse by more than {} %", changes.len(), args.tolerance));
+    print(&format!(
+        "{regressions} of {} variants are worse by more than {} %, or fail more often",
+        changes.len(),
+        args.tolerance
+    ));
     Ok(if regressions > 0 { ExitCode::from(exit::DIFFERENT) } else { ExitCode::SUCCESS })
 }
 

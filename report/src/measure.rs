@@ -108,6 +108,16 @@ impl Compared {
         }
     }
 
+    /// The number of runs that have reached the share whose time is compared.
+    pub(super) fn reached(self, runs: &[&RunRecord], horizon_s: f64) -> usize {
+        match self {
+            Self::Time(place) => {
+                restricted(runs, MILESTONES[place], horizon_s).iter().filter(|time| time.happened).count()
+            }
+            Self::Unseen | Self::Explored | Self::Distance => runs.len(),
+        }
+    }
+
     /// A mean of [`Self::values`] for readers.
     pub(super) fn in_unit(self, mean: f64, unit: TimeUnit) -> f64 {
         match self {

@@ -38,6 +38,9 @@ pub(super) struct Comparison {
     pub(super) horizon_s: f64,
     /// Runs of A and of B that have failed, among the pairs in the same blocks.
     pub(super) failed: [usize; 2],
+    /// Runs of A and of B that have reached the share whose time is compared, among the pairs; all
+    /// of them where the measure is no such time.
+    pub(super) reached: [usize; 2],
     /// Whether pairs are left out because a run of theirs has failed and so has no value. The rest
     /// may be the easier maps: no interval, no p-value.
     pub(super) is_of_survivors: bool,
@@ -65,6 +68,11 @@ impl Comparison {
     /// Whether A is better than B on average, or as good.
     pub(super) fn is_a_better(&self, compared: Compared) -> bool {
         if compared.is_more_better() { self.mean_a >= self.mean_b } else { self.mean_a <= self.mean_b }
+    }
+
+    /// Whether the mean has times that are no time of a run, but only where the run ended.
+    pub(super) fn is_censored(&self) -> bool {
+        self.reached != [self.pairs; 2]
     }
 
     /// The least number of pairs with which some comparison of the family can be shown.
@@ -168,6 +176,7 @@ impl Sample<'_> {
             blocks: blocks.a.len(),
             horizon_s,
             failed: failed(blocks),
+            reached: [&pairs.a, &pairs.b].map(|runs| compared.reached(runs, horizon_s)),
             is_of_survivors: self.is_of_survivors(),
             mean_a,
             mean_b,

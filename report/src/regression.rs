@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use experiments::plan::ALPHA;
 use experiments::rows::ticks;
+use experiments::store::{Store, StoreError};
 use msgs::ids::Tick;
 use statistics::{Effect, StatisticsError, exchange_test, holm, mean};
 use thiserror::Error;
@@ -64,6 +65,8 @@ pub enum RegressionError {
     #[error("{}: has no run with the axes and the seed of a run of {}; expected results of one plan", new.display(), base.display())]
     OtherPlan { base: PathBuf, new: PathBuf },
     #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
     Statistics(#[from] StatisticsError),
 }
 
@@ -85,10 +88,25 @@ fn number(fields: &BTreeMap<String, String>, column: &str, row: &Place) -> Resul
     })
 }
 
-/// A run of a table.
+/// A run of a table, or one that has failed.
 struct Row {
     value: f64,
-    digest: String,
+    outcome: Outcome,
+}
+
+/// What a run is, to compare it with another one.
+#[derive(PartialEq, Eq)]
+enum Outcome {
+    /// It has ended, with this digest.
+    Digest(String),
+    /// It has failed, for this reason.
+    Failed(String),
+}
+
+impl Row {
+    fn is_failed(&self) -> bool {
+        matches!(self.outcome, Outcome::Failed(_))
+    }
 }
 
 /// The runs of a table by variant (values of the axes, or the controller), then by seed and map.
@@ -114,11 +132,32 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
             names => names.join(", "),
         };
         let seed = number(&fields, "seed", &place)?;
-        let row =
-            Row { value: measure.value(&fields, &place)?, digest: fields.get("digest").cloned().unwrap_or_default() };
-        runs.entry(variant).or_default().insert(format!("seed {seed} {map}").trim_end().to_owned(), row);
+        let digest = fields.get("digest").cloned().unwrap_or_default();
+        let row = Row { value: measure.value(&fields, &place)?, outcome: Outcome::Digest(digest) };
+        runs.entry(variant).or_default().insert(key(seed, map), row);
+    }
+    if path.is_dir() && path.join("runs").is_dir() {
+        add_failures(&mut runs, path)?;
     }
     Ok(runs)
+}
+
+/// Adds the failed runs of a folder, which have seen nothing until the end of their time.
+fn add_failures(runs: &mut Runs, folder: &Path) -> Result<(), RegressionError> {
+    for failed in Store::open(folder)?.failures()? {
+        let map = failed.axes.get("map.file").map_or("", String::as_str);
+        let names: Vec<&str> =
+            failed.axes.iter().filter(|(key, _)| *key != "map.file").map(|(_, value)| &**value).collect();
+        let variant = if names.is_empty() { failed.controller.clone() } else { names.join(", ") };
+        let row = Row { value: ticks(failed.duration_s), outcome: Outcome::Failed(failed.reason.clone()) };
+        runs.entry(variant).or_default().insert(key(failed.seed as f64, map), row);
+    }
+    Ok(())
+}
+
+/// What a run is found by among those of its variant.
+fn key(seed: f64, map: &str) -> String {
+    format!("seed {seed} {map}").trim_end().to_owned()
 }
 
 /// How a variant has changed.
@@ -129,8 +168,12 @@ pub struct Change {
     pub pairs: usize,
     /// Pairs that are the same run, byte for byte.
     pub same: usize,
-    /// Stored runs without a new one, which has failed or is not there.
+    /// Stored runs without a new one.
     pub missing: usize,
+    /// Stored runs, and new ones, that have failed; they count as nothing seen.
+    pub failed: [usize; 2],
+    /// Why the first of the new ones has.
+    pub reason: Option<String>,
     /// Means in ticks.
     pub base: f64,
     pub new: f64,
@@ -144,13 +187,14 @@ impl Change {
     #[must_use]
     pub fn is_regression(&self, tolerance: f64) -> bool {
         let is_chance = self.p_value.is_some_and(|p| p >= ALPHA);
-        self.missing > 0 || (self.new > self.base * (1.0 + tolerance) && !is_chance)
+        let [failed_before, failed_now] = self.failed;
+        self.missing > 0 || failed_now > failed_before || (self.new > self.base * (1.0 + tolerance) && !is_chance)
     }
 }
 
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { variant, measure, pairs, same, missing, base, new, p_value } = self;
+        let Self { variant, measure, pairs, same, missing, failed, reason, base, new, p_value } = self;
         let seconds = |ticks: f64| ticks * Tick::TICK_S;
         write!(f, "{variant}: {measure} {:.1} s, was {:.1} s", seconds(*new), seconds(*base))?;
         if *base > 0.0 {
@@ -159,6 +203,10 @@ impl fmt::Display for Change {
         write!(f, ", n = {pairs}, {same} of them the same run")?;
         if let Some(p) = p_value {
             write!(f, "; p = {p:.3}")?;
+        }
+        if *failed != [0; 2] {
+            let reason = reason.as_ref().map_or_else(String::new, |reason| format!(" ({reason})"));
+            write!(f, "; failed on {} of {pairs}{reason}, {} before", failed[1], failed[0])?;
         }
         if *missing > 0 {
             write!(f, "; {missing} stored runs have no new one")?;
@@ -180,7 +228,13 @@ pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Ve
         let pairs: Vec<(&Row, &Row)> = stored.iter().filter_map(|(key, row)| Some((row, present.get(key)?))).collect();
         let side = |of: fn(&(&Row, &Row)) -> f64| pairs.iter().map(of).collect::<Vec<f64>>();
         let [a, b] = [side(|(base, _)| base.value), side(|(_, new)| new.value)];
-        let same = pairs.iter().filter(|(base, new)| base.digest == new.digest).count();
+        let same = pairs.iter().filter(|(base, new)| base.outcome == new.outcome).count();
+        let failed_of = |of: fn(&(&Row, &Row)) -> bool| pairs.iter().filter(|pair| of(pair)).count();
+        let failed = [failed_of(|(base, _)| base.is_failed()), failed_of(|(_, new)| new.is_failed())];
+        let reason = pairs.iter().find_map(|(_, new)| match &new.outcome {
+            Outcome::Failed(reason) => Some(reason.clone()),
+            Outcome::Digest(_) => None,
+        });
         let p_value = (pairs.len() >= PAIRS_MIN && same < pairs.len())
             .then(|| exchange_test(&b, &a, Effect::Difference, LEVEL, ALPHA, SEED).map(|test| test.p_value))
             .transpose()?;
@@ -191,6 +245,8 @@ pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Ve
             pairs: pairs.len(),
             same,
             missing: stored.len() - pairs.len(),
+            failed,
+            reason,
             base: mean_of(&a)?,
             new: mean_of(&b)?,
             p_value,
@@ -257,6 +313,47 @@ mod tests {
     fn missing_run_is_a_regression() {
         let change = change(&["10", "20"], &["10"]);
         assert!(change.missing == 1 && change.is_regression(1.0));
+    }
+
+    #[test]
+    fn failed_run_is_an_outcome() {
+        let folder = tempfile::tempdir().unwrap();
+        // A folder of a plan of two runs, of which those with these seeds have failed.
+        let of = |name: &str, failed: &[u64]| {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.join("runs")).unwrap();
+            fs::create_dir(path.join("failures")).unwrap();
+            let lines: Vec<String> = (0..2)
+                .filter(|seed| !failed.contains(seed))
+                .map(|seed| format!("{seed},dsvp,100,0.5,50,same\n"))
+                .collect();
+            let header = "seed,controller,duration_s,area_under_explored,t99_s,digest\n";
+            fs::write(path.join("runs.csv"), header.to_owned() + &lines.concat()).unwrap();
+            for seed in failed {
+                let run = format!(
+                    r#"{{"id":"{seed}","build":"","controller":"dsvp","seed":{seed},"agents":2,"axes":{{}},
+                    "duration_s":100.0,"reason":"agent 0 has panicked","made":{{"date":"2026-11-29","map":"a"}}}}"#
+                );
+                fs::write(path.join(format!("failures/{seed}.json")), run).unwrap();
+            }
+            path
+        };
+        let (whole, half, none) = (of("whole", &[]), of("half", &[1]), of("none", &[0, 1]));
+        let change =
+            |base: &Path, new: &Path| changes(base, new, RegressionMeasure::TimeTo(99)).unwrap().pop().unwrap();
+        let worse = change(&whole, &half);
+        assert!(worse.is_regression(10.0), "{worse}");
+        assert_eq!(
+            worse.to_string(),
+            "dsvp: time to 99 % 75.0 s, was 50.0 s (+50.0 %), n = 2, 1 of them the same run; failed on 1 of 2 \
+             (agent 0 has panicked), 0 before"
+        );
+        assert_eq!(change(&whole, &none).failed, [0, 2]);
+        for same in [&half, &none] {
+            let change = change(same, same);
+            assert!(change.same == 2 && !change.is_regression(0.0), "{change}");
+        }
+        assert!(!change(&half, &whole).is_regression(0.0));
     }
 
     #[test]

@@ -44,6 +44,7 @@ pub(super) fn verdicts(study: &Study) -> Result<Vec<Verdicts>, StatisticsError> 
         };
         let mut verdicts: Vec<Verdict> = family.iter().zip(seconds).map(verdict).collect();
         verdicts.extend(without_survivors(study, condition, compared));
+        verdicts.extend(without_common_maps(study, condition));
         if !verdicts.is_empty() {
             all.push(Verdicts { panel: study.condition_name(condition), verdicts });
         }
@@ -63,6 +64,22 @@ fn without_survivors(study: &Study, condition: &Condition, compared: Compared) -
             let failures = failures(study, [a, b], failed(&blocks), &plural(blocks.a.len(), of))?;
             let sentence = format!("{} No pair of runs is left.", not_compared(study, [a, b], &failures, compared));
             Some(Verdict { sentence, second: None })
+        })
+        .collect()
+}
+
+/// The pairs of variants that have runs, and none on the same map with the same seed.
+fn without_common_maps(study: &Study, condition: &Condition) -> Vec<Verdict> {
+    let has_runs = |variant: &usize| !study.cell(condition, *variant).is_empty();
+    let variants: Vec<usize> = (0..study.variants.len()).filter(has_runs).collect();
+    let pairs = variants.iter().enumerate().flat_map(|(at, &a)| variants[at + 1..].iter().map(move |&b| (a, b)));
+    pairs
+        .filter(|&(a, b)| study.pairs(condition, a, b).a.is_empty())
+        .map(|(a, b)| {
+            let [a, b] = [a, b].map(|variant| &study.variants[variant]);
+            let sentence =
+                format!("No verdict on {a} and {b}: they have no map and seed in common; run the plan to its end.");
+            Verdict { sentence, second: None }
         })
         .collect()
 }
@@ -150,10 +167,36 @@ fn sentence(study: &Study, comparison: &Comparison, compared: Compared) -> Strin
             let left = effect(study, comparison, compared);
             format!("{} Of the others: {left}", not_compared(study, [a, b], &failures, compared))
         }
-        Some(failures) => {
-            format!("{} {failures}: {}.", effect(study, comparison, compared), Words::of(compared).failed)
+        Some(failures) if comparison.failed == [comparison.blocks; 2] => {
+            not_compared(study, [a, b], &failures, compared)
         }
-        None => effect(study, comparison, compared),
+        Some(failures) => {
+            format!("{} {failures}: {}.", reached(study, comparison, compared), Words::of(compared).failed)
+        }
+        None => reached(study, comparison, compared),
+    }
+}
+
+/// The effect, and how many runs have reached the share whose time is compared, if not all have.
+fn reached(study: &Study, comparison: &Comparison, compared: Compared) -> String {
+    let &Comparison { a, b, pairs, maps, horizon_s, .. } = comparison;
+    let Compared::Time(place) = compared else { return effect(study, comparison, compared) };
+    if !comparison.is_censored() {
+        return effect(study, comparison, compared);
+    }
+    let [a, b] = [a, b].map(|variant| &study.variants[variant]);
+    let percent = MILESTONES[place].percent;
+    let of = plural(pairs, if pairs == maps { "map" } else { "pair" });
+    match comparison.reached {
+        [0, 0] => format!(
+            "No verdict on {a} and {b}: neither reaches {percent} % on any of {of} within {horizon_s} s, so that there are \
+             no times to compare."
+        ),
+        [of_a, of_b] => format!(
+            "{} {a} reached {percent} % on {of_a} of {of}, {b} on {of_b}: a time that is not reached counts as the \
+             {horizon_s} s of the run, on which the figure depends.",
+            effect(study, comparison, compared)
+        ),
     }
 }
 
@@ -262,7 +305,7 @@ impl Gain {
             format!(" [{}, {}]", figure(ends[0].min(ends[1])), figure(ends[0].max(ends[1])))
         });
         let over = if is_a_better { 1.0 / mean } else { mean };
-        let has_times = compared.effect() == Effect::Ratio && over.is_finite();
+        let has_times = compared.effect() == Effect::Ratio && over.is_finite() && !comparison.is_censored();
         let times = has_times.then(|| if over < 1.995 { format!("{over:.2}") } else { figure(over) });
         Self { size: format!("{}{unit}", figure(size(mean))), interval, times }
     }

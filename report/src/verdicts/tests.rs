@@ -18,6 +18,7 @@ fn comparison(ratio: f64, (low, high): (f64, f64), pairs: usize, adjusted: Optio
         blocks: pairs,
         horizon_s: 60.0,
         failed: [0, 0],
+        reached: [pairs; 2],
         is_of_survivors: false,
         mean_a: 1500.0 * ratio,
         mean_b: 1500.0,
@@ -94,6 +95,7 @@ fn failures_are_named() {
     // Of pairs that have survived there is no verdict.
     let effect = Some(Estimate { mean: 0.5, interval: None });
     let left_out = Comparison {
+        reached: [7, 7],
         failed: [3, 0],
         blocks: 10,
         is_of_survivors: true,
@@ -108,6 +110,40 @@ fn failures_are_named() {
     );
 }
 
+/// What happened to few runs, or to none, is no time of all.
+#[test]
+fn times_that_were_not_reached_are_named() {
+    let some = Comparison { reached: [3, 0], ..comparison(0.75, (0.34, 1.0), 8, Some(0.004)) };
+    assert_eq!(
+        said(some, Compared::TIME_99),
+        "dsvp needs 25 % less time to 99 % than rbw [0.0, 66], n = 8 maps; p = 0.004. dsvp reached 99 % on 3 of 8 maps, \
+         rbw on 0: a time that is not reached counts as the 60 s of the run, on which the figure depends."
+    );
+    let none = Comparison { reached: [0, 0], mean_a: 3000.0, mean_b: 3000.0, ..comparison(1.0, (1.0, 1.0), 8, None) };
+    let neither = "No verdict on dsvp and rbw: neither reaches 99 % on any of 8 maps within 60 s, so that there are no \
+                   times to compare.";
+    assert_eq!(said(none.clone(), Compared::TIME_99), neither);
+    // One crashes, the other one does not get there.
+    let failing = Comparison { failed: [0, 8], ..none.clone() };
+    let with_failures = format!("{neither} rbw failed on 8 of 8 maps: a failed run counts as not reached.");
+    assert_eq!(said(failing, Compared::TIME_99), with_failures);
+    // Nothing has run: there is nothing equal about it.
+    for compared in [Compared::TIME_99, Compared::Unseen, Compared::Explored] {
+        let words = said(Comparison { failed: [8, 8], ..none.clone() }, compared);
+        let failures = ": dsvp failed on 8 of 8 maps, rbw failed on 8 of 8 maps; a failed run counts as n";
+        assert!(words.starts_with("No verdict on dsvp and rbw in ") && words.contains(failures), "{words}");
+    }
+}
+
+#[test]
+fn variants_without_a_common_map_have_no_verdict() {
+    let run = |controller, seed| StoredRun::new(fixture::run(controller, seed, 2), RunMetadata::default());
+    let study = Study::new(vec![run("dsvp", 1), run("dsvp", 2), run("rbw", 3)], None);
+    let all: Vec<Verdict> = verdicts(&study).unwrap().into_iter().flat_map(|panel| panel.verdicts).collect();
+    let words: Vec<&str> = all.iter().map(|verdict| verdict.sentence.as_str()).collect();
+    assert_eq!(words, ["No verdict on dsvp and rbw: they have no map and seed in common; run the plan to its end."]);
+}
+
 #[test]
 fn few_observations_are_no_evidence() {
     let few = Comparison { comparisons: 3, ..comparison(0.5, (0.4, 0.6), 3, None) };
@@ -116,9 +152,9 @@ fn few_observations_are_no_evidence() {
         "dsvp needed 50 % less time to 99 % than rbw [40, 60] (2.0 times as fast), n = 3 maps: too few for a test, \
          which needs 7."
     );
-    let one = Comparison { all_pairs: 10, pairs: 1, maps: 1, blocks: 1, ..few.clone() };
+    let one = Comparison { all_pairs: 10, pairs: 1, maps: 1, blocks: 1, reached: [1; 2], ..few.clone() };
     let words = said(one, Compared::TIME_99);
     assert!(words.ends_with("n = 1 map (10 pairs of runs, 9 of them repetitions): no evidence about other maps."));
-    let shared = Comparison { pairs: 8, all_pairs: 8, maps: 2, adjusted: Some(0.01), ..few };
+    let shared = Comparison { pairs: 8, all_pairs: 8, maps: 2, reached: [8; 2], adjusted: Some(0.01), ..few };
     assert!(said(shared, Compared::TIME_99).contains("n = 8 pairs on 2 maps; p = 0.010"));
 }
