@@ -95,3 +95,44 @@ fn limits_that_are_no_numbers_are_refused() {
         assert!(ended.stderr.contains("a whole number from 1"), "{ended}");
     }
 }
+
+/// A limit below what a map of 200^3 cells takes, and above what the program takes.
+#[cfg(target_os = "linux")]
+#[test]
+fn memory_that_the_system_refuses_ends_a_command_in_order() {
+    let site = Site::new();
+    let map = text(&site.path("large.m3dm")).to_owned();
+    let mut generate = site.binary("maes");
+    site.start(generate.args(["map", "generate", "--size", "200", "--seed", "1", "-o", &map])).ended().with_code(0);
+    let maes = crate::support::binaries::folder().join("maes");
+    let run = ["run", "--transport", "memory", "--size", "150", "--agents", "5", "--duration", "5"];
+    for arguments in [&["map", "check", &map, "--agents", "5"][..], &run] {
+        let mut limited = site.command("bash");
+        limited.args(["-c", "ulimit -v 90000; exec \"$@\"", "bash", text(&maes)]).args(arguments);
+        let ended = site.start(&mut limited).ended().with_code(1);
+        assert!(ended.stderr.contains("error: out of memory: the system refuses "), "{ended}");
+    }
+}
+
+/// What cannot be printed is a failure of the system, not of the user.
+#[cfg(target_os = "linux")]
+#[test]
+fn full_disk_behind_stdout_is_a_failure() {
+    let site = Site::new();
+    let map = text(&site.path("small.m3dm")).to_owned();
+    let mut generate = site.binary("maes");
+    site.start(generate.args(["map", "generate", "--size", "20", "--seed", "1", "-o", &map])).ended().with_code(0);
+    let programs = crate::support::binaries::folder();
+    for (program, arguments) in [
+        ("maes", &["map", "info", &map][..]),
+        ("maes", &["map", "check", &map]),
+        ("maes", &["--help"]),
+        ("maes", &["agent_node", "--controllers"]),
+        ("agent_node", &["--controllers"]),
+    ] {
+        let mut full = site.command("bash");
+        full.args(["-c", "exec \"$@\" >/dev/full", "bash", text(&programs.join(program))]).args(arguments);
+        let ended = site.start(&mut full).ended().with_code(1);
+        assert!(ended.stderr.contains("error: stdout: No space left on device"), "{program} {arguments:?}: {ended}");
+    }
+}

@@ -329,6 +329,14 @@ fn a_picture_may_be_png() {
     assert!(ImportSpec::new("a.png", bytes[..40].to_vec()).read().is_err());
 }
 
+/// Each line is looked at once: lines that never close their bracket would take minutes otherwise.
+#[test]
+fn open_brackets_cost_no_more_than_their_lines() {
+    let text = format!("image: a.pgm\nresolution: 0.05\nfoo: [1,\n{}", "2,\n".repeat(300_000));
+    let error = keys(text.as_bytes()).map(drop).unwrap_err().to_string();
+    assert!(error.contains("origin"), "{error}");
+}
+
 #[test]
 fn only_keys_of_the_map_itself_count() {
     let image = b"P2 5 3 255  0 0 0 0 0  0 0 205 254 0  0 0 0 0 0";
