@@ -189,7 +189,8 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
                     let has_result = [ExitCode::SUCCESS, ExitCode::from(exit::BY_SIGNAL)].contains(&code);
                     let code = if has_result && !stop.load(Ordering::Relaxed) {
                         terminal.show(requests::STAYS);
-                        requests::serve_requests(args, &env, &overrides, viewing, &stop, Some(&job))?.unwrap_or(code)
+                        // The keys of the command line were those of the run that is over.
+                        requests::serve_requests(args, &env, &[], viewing, &stop, Some(&job))?.unwrap_or(code)
                     } else {
                         code
                     };
