@@ -13,6 +13,7 @@
 mod scene;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use nalgebra::Matrix4;
 use roxmltree::Node;
@@ -152,9 +153,12 @@ fn shape(geometry: Node<'_, '_>, skipped: &mut Skipped) -> Result<Mesh, FormatEr
         skipped.other += 1;
         return Ok(shape);
     };
+    let mut parts = Parts::of(mesh);
     for list in mesh.children().filter(Node::is_element) {
         match list.tag_name().name() {
-            "triangles" | "polylist" | "polygons" | "tristrips" | "trifans" => add(list, mesh, &mut shape, skipped)?,
+            "triangles" | "polylist" | "polygons" | "tristrips" | "trifans" => {
+                add(list, &mut parts, &mut shape, skipped)?
+            }
             "lines" | "linestrips" => skipped.lines += 1,
             _ => {}
         }
@@ -162,8 +166,54 @@ fn shape(geometry: Node<'_, '_>, skipped: &mut Skipped) -> Result<Mesh, FormatEr
     Ok(shape)
 }
 
+/// What the lists of a mesh refer to.
+struct Parts<'a, 'i> {
+    /// The elements `vertices` and `source`, by their ids.
+    vertices: BTreeMap<&'a str, Node<'a, 'i>>,
+    sources: BTreeMap<&'a str, Node<'a, 'i>>,
+    /// The vertices of the shape that are the positions of a source, which several lists may have.
+    positions: BTreeMap<&'a str, Range<u32>>,
+}
+
+impl<'a, 'i> Parts<'a, 'i> {
+    fn of(mesh: Node<'a, 'i>) -> Self {
+        let by_id = |name| {
+            let mut by_id = BTreeMap::new();
+            for child in xml::children(mesh, name) {
+                by_id.entry(child.attribute("id").unwrap_or_default()).or_insert(child);
+            }
+            by_id
+        };
+        Self { vertices: by_id("vertices"), sources: by_id("source"), positions: BTreeMap::new() }
+    }
+
+    /// The positions that an input VERTEX names, as vertices of a shape; `None` if there are none.
+    fn positions(&mut self, vertex: Node<'a, 'i>, shape: &mut Mesh) -> Result<Option<Range<u32>>, FormatError> {
+        let id = |reference: Option<&'a str>| reference?.strip_prefix('#');
+        let vertices = id(vertex.attribute("source")).and_then(|id| self.vertices.get(id));
+        let position = vertices.and_then(|vertices| {
+            xml::children(*vertices, "input").find(|input| input.attribute("semantic") == Some("POSITION"))
+        });
+        let Some(id) = position.and_then(|position| id(position.attribute("source"))) else { return Ok(None) };
+        let Some(&source) = self.sources.get(id) else { return Ok(None) };
+        if let Some(known) = self.positions.get(id) {
+            return Ok(Some(known.clone()));
+        }
+        let first = shape.vertices.len() as u32;
+        shape.vertices.extend(positions(source)?);
+        let added = first..shape.vertices.len() as u32;
+        self.positions.insert(id, added.clone());
+        Ok(Some(added))
+    }
+}
+
 /// Adds the faces of a list, which has the positions of its mesh.
-fn add(list: Node<'_, '_>, mesh: Node<'_, '_>, shape: &mut Mesh, skipped: &mut Skipped) -> Result<(), FormatError> {
+fn add<'a, 'i>(
+    list: Node<'a, 'i>,
+    parts: &mut Parts<'a, 'i>,
+    shape: &mut Mesh,
+    skipped: &mut Skipped,
+) -> Result<(), FormatError> {
     let inputs: Vec<Node<'_, '_>> = xml::children(list, "input").collect();
     let offset =
         |input: &Node<'_, '_>| input.attribute("offset").and_then(|offset| offset.trim().parse::<usize>().ok());
@@ -171,15 +221,10 @@ fn add(list: Node<'_, '_>, mesh: Node<'_, '_>, shape: &mut Mesh, skipped: &mut S
     let vertex = inputs.iter().find(|input| input.attribute("semantic") == Some("VERTEX"));
     let vertex = vertex.ok_or_else(|| xml::fault(list, "it has no input VERTEX"))?;
     let at = offset(vertex).unwrap_or(0);
-    let vertices = by_id(mesh, "vertices", vertex.attribute("source"));
-    let position = vertices.and_then(|vertices| {
-        xml::children(vertices, "input").find(|input| input.attribute("semantic") == Some("POSITION"))
-    });
-    let source = position.and_then(|position| by_id(mesh, "source", position.attribute("source")));
-    let source = source.ok_or_else(|| xml::fault(list, "the positions of its vertices are not in the mesh"))?;
-    let first = shape.vertices.len() as u32;
-    shape.vertices.extend(positions(source)?);
-    let count = shape.vertices.len() - first as usize;
+    let Range { start: first, end } = parts
+        .positions(*vertex, shape)?
+        .ok_or_else(|| xml::fault(list, "the positions of its vertices are not in the mesh"))?;
+    let count = (end - first) as usize;
     let corners = |indices: Node<'_, '_>| -> Result<Vec<u32>, FormatError> {
         let numbers = xml::numbers::<u32>(indices, NUMBERS_MAX)?;
         let corner = |piece: &[u32]| {
@@ -226,12 +271,6 @@ fn add(list: Node<'_, '_>, mesh: Node<'_, '_>, shape: &mut Mesh, skipped: &mut S
         }
     }
     Ok(())
-}
-
-/// The child of this name with the id that a reference within the document names.
-fn by_id<'a, 'i>(parent: Node<'a, 'i>, name: &'static str, reference: Option<&str>) -> Option<Node<'a, 'i>> {
-    let id = reference?.strip_prefix('#')?;
-    xml::children(parent, name).find(|child| child.attribute("id") == Some(id))
 }
 
 /// The positions of a source.

@@ -19,7 +19,7 @@ mod primitives;
 mod saved_state;
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix4, Vector3};
@@ -127,24 +127,24 @@ fn missing(spec: &ImportSpec) -> Vec<PathBuf> {
             }
         });
     }
-    files.missing.into_inner()
+    files.missing.into_inner().into_iter().collect()
 }
 
 /// The files around a world.
 struct Files<'a> {
     spec: &'a ImportSpec,
-    missing: RefCell<Vec<PathBuf>>,
+    missing: RefCell<BTreeSet<PathBuf>>,
 }
 
 impl<'a> Files<'a> {
     fn new(spec: &'a ImportSpec) -> Self {
-        Self { spec, missing: RefCell::new(Vec::new()) }
+        Self { spec, missing: RefCell::default() }
     }
 
     /// The content of a file; one that has not been looked for becomes missing.
     fn get(&self, name: &Path) -> Option<&'a [u8]> {
-        if !self.spec.companions.contains_key(name) && !self.missing.borrow().iter().any(|missing| missing == name) {
-            self.missing.borrow_mut().push(name.to_path_buf());
+        if !self.spec.companions.contains_key(name) {
+            self.missing.borrow_mut().insert(name.to_path_buf());
         }
         self.spec.companion(name)
     }

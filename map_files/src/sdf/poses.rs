@@ -4,6 +4,8 @@
 //! of; the pose of an included model may be that of one of its frames (`placement_frame`). Names of
 //! frames in models within models are joined by `::`.
 
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix4, Quaternion, Translation3, UnitQuaternion};
@@ -37,6 +39,22 @@ pub(super) struct Model {
     frames: Vec<(String, Pose)>,
     pub(super) links: Vec<Link>,
     pub(super) models: Vec<Model>,
+    names: OnceCell<Names>,
+}
+
+/// What the names in a model stand for; made when a pose first asks for one, after all is there.
+#[derive(Clone, Default)]
+struct Names {
+    frames: BTreeMap<String, Named>,
+    /// Places in the list of models.
+    models: BTreeMap<String, usize>,
+}
+
+/// A frame, by its place in a list.
+#[derive(Clone, Copy)]
+enum Named {
+    Frame(usize),
+    Link(usize),
 }
 
 /// A link of a model.
@@ -157,6 +175,7 @@ impl Model {
         }));
         self.models.extend(model.models.into_iter().map(|part| Self { pose: in_stand_in(part.pose), ..part }));
         self.frames.push((stand_in, here));
+        self.names = OnceCell::new();
         Ok(())
     }
 
@@ -251,6 +270,20 @@ impl Model {
         Ok(base * pose.given.unwrap_or_else(Isometry3::identity))
     }
 
+    /// What its names stand for; of equal ones, the first of the frames, or else of the links.
+    fn names(&self) -> Names {
+        let mut names = Names::default();
+        let frames = self.frames.iter().enumerate().map(|(place, (name, _))| (name, Named::Frame(place)));
+        let links = self.links.iter().enumerate().map(|(place, link)| (&link.name, Named::Link(place)));
+        for (name, named) in frames.chain(links) {
+            names.frames.entry(name.clone()).or_insert(named);
+        }
+        for (place, model) in self.models.iter().enumerate() {
+            names.models.entry(model.name.clone()).or_insert(place);
+        }
+        names
+    }
+
     /// The frame with this name in the frame of this model.
     fn of_frame(&self, name: &str, depth: usize) -> Result<Isometry3<f64>, FormatError> {
         if depth > CHAIN_MAX {
@@ -260,14 +293,14 @@ impl Model {
         if matches!(name, MODEL_FRAME | "world") {
             return Ok(Isometry3::identity());
         }
-        if let Some((_, pose)) = self.frames.iter().find(|(known, _)| known == name) {
-            return self.pose_of(pose, None, depth);
-        }
-        if let Some(link) = self.links.iter().find(|link| link.name == name) {
-            return self.pose_of(&link.pose, None, depth);
+        let names = self.names.get_or_init(|| self.names());
+        match names.frames.get(name) {
+            Some(&Named::Frame(place)) => return self.pose_of(&self.frames[place].1, None, depth),
+            Some(&Named::Link(place)) => return self.pose_of(&self.links[place].pose, None, depth),
+            None => {}
         }
         let (first, rest) = name.split_once("::").map_or((name, None), |(first, rest)| (first, Some(rest)));
-        let Some(model) = self.models.iter().find(|model| model.name == first) else {
+        let Some(model) = names.models.get(first).map(|&place| &self.models[place]) else {
             let place = format!("model {:?}", self.name);
             return Err(fault(place, format_args!("there is no frame {name:?} that a pose is relative to")));
         };
