@@ -33,7 +33,8 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     let mut plan: Option<(&Path, String)> = None;
     let mut all = std::collections::BTreeMap::<String, StoredRun>::new();
     let mut failures = Vec::new();
-    let joined = Store::create(out)?;
+    // Nothing is written before all folders have been read.
+    let mut scenarios = Vec::new();
     let has_plan = out.join(PLAN).exists();
     let before = has_plan.then_some(out);
     for folder in before.into_iter().chain(folders.iter().map(PathBuf::as_path)) {
@@ -57,12 +58,16 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
                 Some(_) => {}
                 None => {
                     if let Some(scenario) = store.scenario(&run.row.id)? {
-                        joined.save_scenario(&run.row.id, &scenario)?;
+                        scenarios.push((run.row.id.clone(), scenario));
                     }
                     all.insert(run.row.id.clone(), run);
                 }
             }
         }
+    }
+    let joined = Store::create(out)?;
+    for (id, scenario) in &scenarios {
+        joined.save_scenario(id, scenario)?;
     }
     if let Some((_, text)) = plan {
         joined.write(PLAN, text.as_bytes())?;
@@ -89,4 +94,17 @@ pub fn is_same_run(one: &RunRecord, other: &RunRecord) -> bool {
         like.row.redundancy_unknown = one.row.redundancy_unknown;
     }
     *one == like
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_written_if_a_folder_is_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        assert!(merge(&[folder.path().join("none")], &out).is_err());
+        assert!(!out.exists());
+    }
 }
