@@ -51,7 +51,7 @@ use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
 use energy::{Batteries, EnergyParams};
-use lidar::{CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
+use lidar::{CastCount, NoisyScan, NotCast, RayReturn, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
@@ -380,19 +380,24 @@ impl World {
         self.agents[agent.index()].last_scan
     }
 
-    /// The points where the rays of a scan of `agent` from `pose` hit walls: metres, frame `map`,
-    /// in the fixed order of the scanner's rays.
+    /// What the rays of a scanner in the place of that of `agent` measure from the pose of its last
+    /// scan, in the fixed order of the rays; empty before the first.
     #[must_use]
-    pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
-        let Lidar { scanner, noise, .. } = &*self.lidar;
+    pub fn returns(&self, agent: AgentId, scanner: &Scanner) -> Vec<RayReturn> {
+        let noise = &self.lidar.noise;
         let AgentState { sensor, last_scan, .. } = &self.agents[agent.index()];
+        let &Some((pose, tick)) = last_scan else { return Vec::new() };
         let memory = &sensor.state().memory;
-        match last_scan {
-            Some((_, tick)) if noise.affects_scans() => {
-                scanner.hits_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick })
-            }
-            _ => scanner.hits(memory, pose),
+        match noise.affects_scans() {
+            true => scanner.returns_noisy(memory, &pose, NoisyScan { noise, agent, tick }),
+            false => scanner.returns(memory, &pose),
         }
+    }
+
+    /// Ticks between the scans of an agent; `None` if there is no period.
+    #[must_use]
+    pub fn scan_period_ticks(&self, agent: AgentId) -> Option<u32> {
+        self.agents[agent.index()].scan_period_ticks
     }
 
     /// The LiDAR of every agent.

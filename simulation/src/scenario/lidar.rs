@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Checker, Scenario, ScenarioError};
-use crate::world::lidar::{Mount, Pattern, Projection, RayGrid, Scanner};
+use crate::world::lidar::{Mount, Pattern, PlaceOnBody, Projection, RayGrid, Scanner};
 
 /// The patterns with rows and columns.
 const GRIDS: [LidarPattern; 2] = [LidarPattern::Ring, LidarPattern::Frustum];
@@ -280,11 +280,14 @@ impl GridKeys {
 }
 
 impl LidarSection {
-    /// The height of the LiDAR above the centre of the body, metres, and by how much it looks up,
-    /// radians.
+    /// Where the LiDAR is on its body.
     #[must_use]
-    pub fn place_on_body(&self) -> (f64, f64) {
-        (self.grid.mount_height_m.unwrap_or_default(), self.grid.mount_pitch_rad.unwrap_or_default())
+    pub fn place_on_body(&self) -> PlaceOnBody {
+        PlaceOnBody {
+            height_m: self.grid.mount_height_m.unwrap_or_default(),
+            pitch_rad: self.grid.mount_pitch_rad.unwrap_or_default(),
+            is_camera: self.pattern == LidarPattern::Frustum,
+        }
     }
 
     /// The LiDAR of the world.

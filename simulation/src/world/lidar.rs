@@ -16,6 +16,7 @@
 //!   is not cast;
 //! - `cast`: how one ray, or a bundle of them, is followed;
 //! - `naive`: the engine that casts every ray, the oracle of the others;
+//! - `returns`: what each ray measures, for messages;
 //! - `culling`: the engine that leaves out the rays that can find nothing new;
 //! - `noisy`: the engine of scans with noise;
 //! - `speculation`: the engine that casts scans ahead, and takes them back if others become due.
@@ -33,6 +34,7 @@ mod memory;
 mod naive;
 mod noisy;
 mod pattern;
+mod returns;
 mod revision;
 mod slots;
 mod speculation;
@@ -57,6 +59,7 @@ pub use memory::SensorMemory;
 pub use naive::ScanView;
 pub(super) use noisy::NoisyScan;
 use pattern::Bundle;
+pub use returns::{Measured, MiddleLine, RayReturn};
 pub(super) use revision::change_kinds;
 pub(super) use speculation::SpeculativeEngine;
 
@@ -94,6 +97,17 @@ pub struct Mount {
     pub height_m: f64,
     /// A ray that meets a wall up to this distance has no return, metres.
     pub min_range_m: f64,
+}
+
+/// Where the frame of a sensor is on its body, and what looks along it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PlaceOnBody {
+    /// Height above the centre of the body, metres.
+    pub height_m: f64,
+    /// By how much it looks up, radians.
+    pub pitch_rad: f64,
+    /// Whether it is a camera, which has an optical frame.
+    pub is_camera: bool,
 }
 
 /// A LiDAR: its rays, range and field of view.
@@ -195,14 +209,23 @@ impl Scanner {
         }
     }
 
-    /// Its height above the centre of the body, metres, and by how much it looks up, radians.
-    pub fn place_on_body(&self) -> (f64, f64) {
-        let pitch_rad = if let Pattern::Grid(grid) = self.rays.pattern { grid.pitch_rad } else { 0.0 };
-        (self.mount.height_m, pitch_rad)
+    /// Where it is on its body.
+    pub fn place_on_body(&self) -> PlaceOnBody {
+        let grid = self.grid();
+        PlaceOnBody {
+            height_m: self.mount.height_m,
+            pitch_rad: grid.map_or(0.0, |grid| grid.pitch_rad),
+            is_camera: grid.is_some_and(|grid| matches!(grid.projection, Projection::Pinhole { .. })),
+        }
+    }
+
+    /// Its least and its greatest range, metres; the latter may be infinite.
+    pub fn range_m(&self) -> [f64; 2] {
+        [self.mount.min_range_m, self.range_m]
     }
 
     /// Where its rays begin, metres, frame `map`.
-    fn origin(&self, pose: &Pose) -> Point3<f64> {
+    pub fn origin(&self, pose: &Pose) -> Point3<f64> {
         pose.position + Vector3::new(0.0, 0.0, self.mount.height_m)
     }
 

@@ -64,27 +64,12 @@ impl Scanner {
         view.wall.sort_unstable();
         view
     }
-
-    /// The points where the rays of a scan from `pose` hit walls, metres, frame `map`: the hits of
-    /// its [`Scanner::view`].
-    pub fn hits(&self, memory: &SensorMemory, pose: &Pose) -> Vec<Point3<f64>> {
-        let mut hits = Vec::new();
-        let Some(start) = self.start(memory, pose) else { return hits };
-        let (marks, origin) = (memory.marks(), self.origin(pose));
-        for bundle in &*self.bundles(pose.yaw_rad) {
-            for lane in bundle.lanes(start.cone()).filter(|&lane| !start.is_blind(marks, bundle, lane)) {
-                let end = cast::cast_ray(&start, bundle, lane, |slot| marks.is_free(slot));
-                hits.extend(end.and_then(|end| hit(end, bundle.direction(lane), memory, &origin)));
-            }
-        }
-        hits
-    }
 }
 
 /// Where a ray meets a wall, metres, frame `map`; `None` at the edge of the map. The ray ends in a
 /// slot, at a distance that is in cells if its direction has length 1, otherwise in lengths of the
 /// direction.
-fn hit(
+pub(super) fn hit(
     (slot, distance): (u64, f64),
     direction: Vector3<f64>,
     memory: &SensorMemory,

@@ -13,10 +13,10 @@
 use std::ops::ControlFlow;
 
 use msgs::ids::{AgentId, Tick};
-use nalgebra::Point3;
 use voxels::{Cell, walk};
 
 use super::engine::{CastCount, Engine, NewCells, NotCast};
+use super::returns::{Measured, RayReturn, incidence_cos};
 use super::{Pattern, ScanView, Scanner, SensorMemory};
 use crate::world::body::Pose;
 use crate::world::noise::SensorNoise;
@@ -40,8 +40,10 @@ struct RayVote<'a> {
     /// Cells that it seems to cross, the body's own first, with the distances at which it enters
     /// them.
     free: &'a [(Cell, f64)],
-    /// The cell of its measured return, and the point (metres, frame `map`).
-    wall: Option<(Cell, Point3<f64>)>,
+    /// The cell of its measured return.
+    wall: Option<Cell>,
+    /// What it measures.
+    ray: RayReturn,
 }
 
 /// Marks cells as seen and adds them once they have the votes; the kind that is reported may differ
@@ -68,7 +70,7 @@ impl Engine for NoisyScan<'_> {
                 }
             };
             ray.free.iter().for_each(|&(cell, _)| vote(cell, 1));
-            ray.wall.iter().for_each(|&(cell, _)| vote(cell, -1));
+            ray.wall.into_iter().for_each(|cell| vote(cell, -1));
         });
         let mut of_true_kinds = (Vec::new(), Vec::new());
         for index in touched {
@@ -100,8 +102,8 @@ impl Scanner {
                 }
             };
             ray.free.iter().for_each(|&(cell, _)| vote(cell, 1));
-            ray.wall.iter().for_each(|&(cell, _)| vote(cell, -1));
-            view.hits.extend(ray.wall.map(|(_, hit)| hit));
+            ray.wall.into_iter().for_each(|cell| vote(cell, -1));
+            view.hits.extend(ray.ray.point());
         });
         for (index, votes) in (0..).zip(votes) {
             match votes {
@@ -113,16 +115,16 @@ impl Scanner {
         view
     }
 
-    /// As [`Scanner::hits`], with noise.
-    pub(in crate::world) fn hits_noisy(
+    /// As [`Scanner::returns`], with noise.
+    pub(in crate::world) fn returns_noisy(
         &self,
         memory: &SensorMemory,
         pose: &Pose,
         scan: NoisyScan<'_>,
-    ) -> Vec<Point3<f64>> {
-        let mut hits = Vec::new();
-        self.follow(memory, pose, scan, |ray| hits.extend(ray.wall.map(|(_, hit)| hit)));
-        hits
+    ) -> Vec<RayReturn> {
+        let mut returns = Vec::new();
+        self.follow(memory, pose, scan, |vote| returns.push(vote.ray));
+        returns
     }
 
     /// Follows all rays in the field of view; returns how many.
@@ -155,7 +157,7 @@ impl Scanner {
                 let mut entered_wall = None;
                 let mut measured = None;
                 let _where_it_ended = walk(extent, &origin, &direction, reach, |cell, entry| {
-                    if let (Some(wall), None) = (entered_wall, measured) {
+                    if let (Some((_, wall)), None) = (entered_wall, measured) {
                         measured = Some((wall + entry) / 2.0 + noise.unwrap_or(0.0));
                     }
                     if measured.is_some_and(|measured| entry > measured) {
@@ -163,25 +165,36 @@ impl Scanner {
                     }
                     crossed.push((cell, entry));
                     if entered_wall.is_none() && is_wall(cell) {
-                        entered_wall = Some(entry);
+                        entered_wall = Some((cell, entry));
                     }
                     ControlFlow::Continue(())
                 });
-                let Some(wall) = entered_wall else {
-                    vote(RayVote { free: &crossed, wall: None });
+                let mut without = |free: &[(Cell, f64)], measured: Measured| {
+                    vote(RayVote { free, wall: None, ray: RayReturn { direction, measured } });
+                };
+                let Some((wall_cell, wall)) = entered_wall else {
+                    without(&crossed, Measured::OutOfRange);
                     continue;
                 };
-                let Some(noise) = noise else { continue };
+                let Some(noise) = noise else {
+                    without(&[], Measured::Missed);
+                    continue;
+                };
                 if blind_m > 0.0 && wall <= blind_m {
+                    without(&[], Measured::TooNear);
                     continue;
                 }
                 // At the edge of the map or of the range the ray has not left the wall cell.
                 let measured = measured.unwrap_or(wall + noise);
                 let free = crossed.partition_point(|&(_, entry)| entry <= measured).saturating_sub(1);
-                if free > 0 {
-                    let hit = origin + direction * measured;
-                    vote(RayVote { free: &crossed[..free], wall: Some((crossed[free].0, hit)) });
+                if free == 0 {
+                    without(&[], Measured::Missed);
+                    continue;
                 }
+                let incidence_cos = incidence_cos(memory, &origin, &direction, wall_cell);
+                let measured = Measured::Wall { point: origin + direction * measured, incidence_cos };
+                let ray = RayReturn { direction, measured };
+                vote(RayVote { free: &crossed[..free], wall: Some(crossed[free].0), ray });
             }
         }
         rays
@@ -192,6 +205,7 @@ impl Scanner {
 mod tests {
     use std::f64::consts::TAU;
 
+    use nalgebra::Point3;
     use voxels::{Grid, Terrain};
 
     use super::*;
@@ -237,7 +251,8 @@ mod tests {
         let noisy = scanner().view_noisy(&memory, &POSE, scan);
         assert_eq!((&view.free, &view.wall), (&noisy.free, &noisy.wall));
         assert_eq!(view.hits.len(), noisy.hits.len());
-        assert_eq!(scanner().hits_noisy(&memory, &POSE, scan), noisy.hits);
+        let returns = scanner().returns_noisy(&memory, &POSE, scan);
+        assert_eq!(returns.iter().filter_map(RayReturn::point).collect::<Vec<_>>(), noisy.hits);
     }
 
     #[test]
@@ -270,7 +285,7 @@ mod tests {
         let memory = SensorMemory::new(&hall());
         let hits = |agent, tick| {
             let scan = NoisyScan { noise: &noise, agent: AgentId(agent), tick: Tick(tick) };
-            scanner().hits_noisy(&memory, &POSE, scan)
+            scanner().returns_noisy(&memory, &POSE, scan)
         };
         assert_eq!(hits(0, 1), hits(0, 1));
         assert_ne!(hits(0, 1), hits(0, 2));
