@@ -38,7 +38,7 @@ fn same_over_ros_and_forked(file: &str, flags: &[&str]) -> Recording {
     let site = Site::new();
     let scenario = scenario(file);
     let plain = ["--set", "duration_s=60"];
-    let arguments = [&plain, flags].concat();
+    let arguments = [&plain[..], flags].concat();
     let memory = site.record(&[&[text(&scenario), "--transport", "memory"][..], &arguments].concat());
     let ros = site.record(&[&[text(&scenario)][..], &arguments].concat());
     memory.assert_same(&ros, file);
