@@ -62,6 +62,9 @@ class World:
         node.create_subscription(TFMessage, "/tf_static", self.add_fixed, LATCHED)
 
     def add_walls(self, marker):
+        # A piece without walls is deleted.
+        if not marker.points:
+            return
         self.cell_m = marker.scale.x
         self.walls |= {tuple(int(along // self.cell_m) for along in (at.x, at.y, at.z)) for at in marker.points}
 
@@ -72,6 +75,14 @@ class World:
     def add_fixed(self, message):
         for at in message.transforms:
             self.fixed[at.child_frame_id] = (at.header.frame_id, matrix(at.transform))
+
+    def covered(self, messages):
+        """The first messages among those since the subscription to the transforms was known, and not after the last."""
+        known_ns = [at_ns for frame, at_ns in self.bodies if frame == "agent_0/base_link"]
+        if not known_ns:
+            return []
+        first_ns, last_ns = min(known_ns), max(known_ns)
+        return [message for message in messages if first_ns <= stamp(message) <= last_ns][:MESSAGES]
 
     def in_map(self, frame, at_ns):
         """From a frame to the map; the transform of the body has come before."""
@@ -125,9 +136,10 @@ class Rings:
         node.create_subscription(PointCloud2, "/agent_0/points", self.clouds.append, qos_profile_sensor_data)
 
     def agree(self):
-        if len(self.scans) < MESSAGES or len(self.clouds) < MESSAGES:
+        scans, clouds = self.world.covered(self.scans), self.world.covered(self.clouds)
+        if len(scans) < MESSAGES or len(clouds) < MESSAGES:
             return False
-        return all(map(self.is_true_scan, self.scans[:MESSAGES])) and all(map(self.is_true_cloud, self.clouds[:MESSAGES]))
+        return all(map(self.is_true_scan, scans)) and all(map(self.is_true_cloud, clouds))
 
     def is_true_scan(self, scan):
         check(scan.header.frame_id == "agent_0/lidar", f"frame of a scan: {scan.header.frame_id}")
@@ -187,8 +199,9 @@ class Camera:
         return lambda message: messages.setdefault(stamp(message), message)
 
     def agree(self):
-        pairs = sorted(self.images.keys() & self.infos.keys())[:MESSAGES]
-        return len(pairs) == MESSAGES and all(self.is_true(self.images[at], self.infos[at]) for at in pairs)
+        pairs = sorted(self.images.keys() & self.infos.keys())
+        images = self.world.covered([self.images[at_ns] for at_ns in pairs])
+        return len(images) == MESSAGES and all(self.is_true(image, self.infos[stamp(image)]) for image in images)
 
     def is_true(self, image, info):
         frame = "agent_0/camera_optical_frame"
@@ -212,7 +225,7 @@ class Camera:
 class Batteries:
     """A battery that is drained, and charged in a base."""
 
-    def __init__(self, node, world, arguments):
+    def __init__(self, node, _world, _arguments):
         self.states = []
         node.create_subscription(BatteryState, "/agent_0/battery_state", self.states.append, RELIABLE)
 

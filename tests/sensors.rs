@@ -15,7 +15,7 @@ const FIELDS: &str = "views.points_fields=[\"intensity\", \"ring\", \"time\"]";
 #[test]
 fn depth_cameras_see_the_same_over_ros_and_forked() {
     let topics = ["--record-topics", "points,depth_image,camera_info,tf_static"];
-    let recording = same_over_ros_and_forked("depth-camera.toml", &topics);
+    let recording = same_over_ros_and_forked("depth-camera.toml", &[], &topics);
     let infos: Vec<CameraInfo> = recording.of("/agent_1/depth/camera_info");
     let images: Vec<Image> = recording.of("/agent_1/depth/image");
     let headers = |headers: Vec<Header>| headers.into_iter().map(|header| header.stamp).collect::<Vec<_>>();
@@ -27,18 +27,24 @@ fn depth_cameras_see_the_same_over_ros_and_forked() {
 #[test]
 fn ring_lidars_see_the_same_over_ros_and_forked() {
     let topics = ["--record-topics", "points,scan,tf_static", "--set", FIELDS];
-    let recording = same_over_ros_and_forked("ring-lidar.toml", &topics);
+    let recording = same_over_ros_and_forked("ring-lidar.toml", &[], &topics);
     let (scans, clouds) =
         (recording.of::<LaserScan>("/agent_2/scan").len(), recording.of::<PointCloud2>("/agent_2/points").len());
     assert!(scans > 50 && scans == clouds, "{scans} scans, {clouds} clouds");
 }
 
-/// The recording of a minute.
-fn same_over_ros_and_forked(file: &str, flags: &[&str]) -> Recording {
+#[test]
+fn bodies_in_the_way_are_the_same_over_ros_and_forked() {
+    let sees_agents = ["--set", "lidar.sees_agents=true", "--set", "lidar.columns=200"];
+    same_over_ros_and_forked("ring-lidar.toml", &sees_agents, &["--record-topics", "points"]);
+}
+
+/// The recording of a minute, with messages that change nothing.
+fn same_over_ros_and_forked(file: &str, keys: &[&str], messages: &[&str]) -> Recording {
     let site = Site::new();
     let scenario = scenario(file);
-    let plain = ["--set", "duration_s=60"];
-    let arguments = [&plain[..], flags].concat();
+    let plain = [&["--set", "duration_s=60"][..], keys].concat();
+    let arguments = [&plain[..], messages].concat();
     let memory = site.record(&[&[text(&scenario), "--transport", "memory"][..], &arguments].concat());
     let ros = site.record(&[&[text(&scenario)][..], &arguments].concat());
     memory.assert_same(&ros, file);

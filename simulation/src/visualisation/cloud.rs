@@ -50,7 +50,7 @@ fn cloud(header: Header, pose: &Pose, scanner: &Scanner, returns: &[RayReturn], 
 }
 
 fn hit(ray: &RayReturn) -> Option<(&RayReturn, Point3<f64>, f64)> {
-    let Measured::Wall { point, incidence_cos } = ray.measured else { return None };
+    let Measured::Surface { point, incidence_cos } = ray.measured else { return None };
     Some((ray, point, incidence_cos))
 }
 
@@ -84,7 +84,7 @@ mod tests {
     }
 
     fn return_at(point: Point3<f64>, incidence_cos: f64) -> RayReturn {
-        RayReturn { direction: Vector3::x(), measured: Measured::Wall { point, incidence_cos } }
+        RayReturn { direction: Vector3::x(), measured: Measured::Surface { point, incidence_cos } }
     }
 
     // The heading is along y: what is ahead has a positive x, what is at greater x of the map is to

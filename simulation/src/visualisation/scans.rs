@@ -152,7 +152,7 @@ fn ranges(line: &MiddleLine, returns: &[RayReturn], pose: &Pose, level: f64) -> 
 /// A distance as REP 117 has it.
 fn informed(measured: &Measured, distance_m: impl Fn(&nalgebra::Point3<f64>) -> f64) -> f32 {
     match measured {
-        Measured::Wall { point, .. } => distance_m(point) as f32,
+        Measured::Surface { point, .. } => distance_m(point) as f32,
         Measured::OutOfRange => f32::INFINITY,
         Measured::TooNear => f32::NEG_INFINITY,
         Measured::Missed => f32::NAN,

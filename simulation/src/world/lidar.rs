@@ -6,7 +6,7 @@
 //! the two. Rays are fixed in the frame `map` and do not turn with the body
 //! (docs/reference-model.md, "LiDAR"), except those of a `grid` that has a front; with a cone the
 //! heading selects which of them are used. Scans are exact, except for those of `noisy`. Bodies do
-//! not occlude what is behind them.
+//! not occlude what is behind them, unless the LiDAR sees agents: see `bodies`.
 //!
 //! Layers, each of which knows only those above it:
 //!
@@ -25,6 +25,7 @@
 //! processor and with each engine; if a scan that was cast ahead is taken back, the memory is as if
 //! it had never been cast. When scans are due is decided in [`super::World::sense`].
 
+mod bodies;
 mod cast;
 mod culling;
 mod engine;
@@ -49,6 +50,7 @@ use protocol::field_of_view::FieldOfView;
 use voxels::Extent;
 
 use super::body::Pose;
+pub(super) use bodies::Bodies;
 use cast::Start;
 use culling::{Culling, CullingEngine};
 pub use engine::{CastCount, NotCast};
@@ -56,6 +58,7 @@ pub(super) use engine::{Engine, NewCells};
 use grid::TurningRays;
 pub use grid::{Projection, RayGrid};
 pub use memory::SensorMemory;
+pub(super) use naive::NaiveEngine;
 pub use naive::ScanView;
 pub(super) use noisy::NoisyScan;
 use pattern::Bundle;
@@ -118,6 +121,7 @@ pub struct Scanner {
     /// Cosine of half the field of view, or `None` if that is all directions.
     cone_cos: Option<f64>,
     mount: Mount,
+    sees_agents: bool,
 }
 
 /// The rays of a pattern.
@@ -170,6 +174,7 @@ impl fmt::Debug for Scanner {
             .field("range_m", &self.range_m)
             .field("cone_cos", &self.cone_cos)
             .field("mount", &self.mount)
+            .field("sees_agents", &self.sees_agents)
             .finish_non_exhaustive()
     }
 }
@@ -182,13 +187,24 @@ impl Scanner {
     /// opening angle of a cone about the heading, in radians; from 2 pi on all rays are used.
     pub fn new(pattern: Pattern, range_m: f64, fov_rad: f64) -> Self {
         let cone_cos = (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0));
-        Self { rays: Rays::of(pattern), range_m, cone_cos, mount: Mount::default() }
+        Self { rays: Rays::of(pattern), range_m, cone_cos, mount: Mount::default(), sees_agents: false }
     }
 
     /// The same LiDAR at another place on its body.
     #[must_use]
     pub fn on(self, mount: Mount) -> Self {
         Self { mount, ..self }
+    }
+
+    /// The same LiDAR, with rays that end at the bodies of others, or pass them.
+    #[must_use]
+    pub fn seeing_agents(self, sees_agents: bool) -> Self {
+        Self { sees_agents, ..self }
+    }
+
+    /// Whether its rays end at the bodies of others.
+    pub fn sees_agents(&self) -> bool {
+        self.sees_agents
     }
 
     /// What it sees of its surroundings; `None` for a lattice and a shell.

@@ -333,6 +333,8 @@ pub const TABLES: [Table; 24] = [
         key("period_ticks", Integer("ticks"), Is("10"), PERIOD,
             "ticks between two scans until an agent requests otherwise",
             "reference: as many as there are agents, so 10 with its largest team"),
+        key("sees_agents", Boolean, Is("false"), NONE,
+            "whether rays end at the bodies of other agents", "ours").see("sensors.md"),
         key("horizontal_rad", Number("rad"), Unset("all around; of a frustum 80 degrees"), above(0.0, TAU),
             "full horizontal angle about the heading; this key and the next ones are of rings and frustums alone", "ours").limits("above 0, up to 2 pi, of a frustum up to 3"),
         key("vertical_rad", Number("rad"), Unset("60 degrees"), above(0.0, 3.0),

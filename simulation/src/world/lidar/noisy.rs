@@ -15,6 +15,7 @@ use std::ops::ControlFlow;
 use msgs::ids::{AgentId, Tick};
 use voxels::{Cell, walk};
 
+use super::bodies::{Bodies, BodyHit};
 use super::engine::{CastCount, Engine, NewCells, NotCast};
 use super::returns::{Measured, RayReturn, incidence_cos};
 use super::{Pattern, ScanView, Scanner, SensorMemory};
@@ -27,6 +28,8 @@ const VOTES: i8 = 3;
 /// The engine of one noisy scan: noise parameters, agent and tick, which name its random stream.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::world) struct NoisyScan<'a> {
+    /// The bodies of others.
+    pub(in crate::world) bodies: &'a Bodies,
     /// Noise parameters.
     pub(in crate::world) noise: &'a SensorNoise,
     /// The scanning agent.
@@ -156,6 +159,8 @@ impl Scanner {
                 crossed.clear();
                 let mut entered_wall = None;
                 let mut measured = None;
+                let body = scan.bodies.first_on(&origin, &direction).filter(|hit| hit.distance <= reach);
+                let reach = body.map_or(reach, |hit| hit.distance);
                 let _where_it_ended = walk(extent, &origin, &direction, reach, |cell, entry| {
                     if let (Some((_, wall)), None) = (entered_wall, measured) {
                         measured = Some((wall + entry) / 2.0 + noise.unwrap_or(0.0));
@@ -172,9 +177,13 @@ impl Scanner {
                 let mut without = |free: &[(Cell, f64)], measured: Measured| {
                     vote(RayVote { free, wall: None, ray: RayReturn { direction, measured } });
                 };
-                let Some((wall_cell, wall)) = entered_wall else {
-                    without(&crossed, Measured::OutOfRange);
-                    continue;
+                let (wall, incidence_cos) = match (entered_wall, body) {
+                    (Some((cell, wall)), _) => (wall, incidence_cos(memory, &origin, &direction, cell)),
+                    (None, Some(BodyHit { distance, incidence_cos })) => (distance, incidence_cos),
+                    (None, None) => {
+                        without(&crossed, Measured::OutOfRange);
+                        continue;
+                    }
                 };
                 let Some(noise) = noise else {
                     without(&[], Measured::Missed);
@@ -184,6 +193,14 @@ impl Scanner {
                     without(&[], Measured::TooNear);
                     continue;
                 }
+                if entered_wall.is_none() {
+                    // Cells behind the body are not crossed, however far it seems to be.
+                    let measured = wall + noise;
+                    let free = crossed.partition_point(|&(_, entry)| entry <= measured);
+                    let point = origin + direction * measured;
+                    without(&crossed[..free], Measured::Surface { point, incidence_cos });
+                    continue;
+                }
                 // At the edge of the map or of the range the ray has not left the wall cell.
                 let measured = measured.unwrap_or(wall + noise);
                 let free = crossed.partition_point(|&(_, entry)| entry <= measured).saturating_sub(1);
@@ -191,8 +208,7 @@ impl Scanner {
                     without(&[], Measured::Missed);
                     continue;
                 }
-                let incidence_cos = incidence_cos(memory, &origin, &direction, wall_cell);
-                let measured = Measured::Wall { point: origin + direction * measured, incidence_cos };
+                let measured = Measured::Surface { point: origin + direction * measured, incidence_cos };
                 let ray = RayReturn { direction, measured };
                 vote(RayVote { free: &crossed[..free], wall: Some(crossed[free].0), ray });
             }
@@ -229,7 +245,12 @@ mod tests {
         let (mut free, mut wall) = (Vec::new(), Vec::new());
         for tick in (0..scans).map(Tick) {
             let new = NewCells { free: &mut free, wall: &mut wall };
-            NoisyScan { noise, agent: AgentId(0), tick }.cast(&scanner(), &mut memory, &POSE, new);
+            NoisyScan { noise, agent: AgentId(0), tick, bodies: &Bodies::default() }.cast(
+                &scanner(),
+                &mut memory,
+                &POSE,
+                new,
+            );
         }
         free.sort_unstable();
         wall.sort_unstable();
@@ -246,7 +267,7 @@ mod tests {
         let exact = SensorNoise::default();
         // Cells that few rays hit have enough votes after some scans.
         assert_eq!(reported(&exact, 3), [free, wall]);
-        let scan = NoisyScan { noise: &exact, agent: AgentId(0), tick: Tick(0) };
+        let scan = NoisyScan { noise: &exact, agent: AgentId(0), tick: Tick(0), bodies: &Bodies::default() };
         let view = scanner().view(&memory, &POSE);
         let noisy = scanner().view_noisy(&memory, &POSE, scan);
         assert_eq!((&view.free, &view.wall), (&noisy.free, &noisy.wall));
@@ -284,7 +305,7 @@ mod tests {
         let noise = SensorNoise { range_sigma_m: 0.5, ..SensorNoise::default() };
         let memory = SensorMemory::new(&hall());
         let hits = |agent, tick| {
-            let scan = NoisyScan { noise: &noise, agent: AgentId(agent), tick: Tick(tick) };
+            let scan = NoisyScan { noise: &noise, agent: AgentId(agent), tick: Tick(tick), bodies: &Bodies::default() };
             scanner().returns_noisy(&memory, &POSE, scan)
         };
         assert_eq!(hits(0, 1), hits(0, 1));

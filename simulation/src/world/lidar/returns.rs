@@ -6,6 +6,7 @@
 use nalgebra::{Point3, Vector3};
 use voxels::Cell;
 
+use super::bodies::{Bodies, BodyOnRay};
 use super::cast;
 use super::grid::RayGrid;
 use super::naive::hit;
@@ -25,16 +26,16 @@ pub struct RayReturn {
 /// The return of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Measured {
-    /// A wall.
-    Wall {
+    /// A wall or a body.
+    Surface {
         /// Where the return comes from, metres, frame `map`.
         point: Point3<f64>,
-        /// Cosine of the angle between the ray and the normal of the face that it meets, 0 ..= 1.
+        /// Cosine of the angle between the ray and the normal of the surface, 0 ..= 1.
         incidence_cos: f64,
     },
-    /// No wall within the range.
+    /// Nothing within the range.
     OutOfRange,
-    /// A wall that is too near.
+    /// Something that is too near.
     TooNear,
     /// A return that noise has swallowed.
     Missed,
@@ -44,7 +45,7 @@ impl RayReturn {
     /// Where the return comes from, metres, frame `map`.
     #[must_use]
     pub fn point(&self) -> Option<Point3<f64>> {
-        if let Measured::Wall { point, .. } = self.measured { Some(point) } else { None }
+        if let Measured::Surface { point, .. } = self.measured { Some(point) } else { None }
     }
 }
 
@@ -61,25 +62,27 @@ pub struct MiddleLine {
 }
 
 impl Scanner {
-    /// What the rays of a scan from `pose` measure, in the fixed order of the scanner's rays; empty
-    /// outside the map.
-    pub fn returns(&self, memory: &SensorMemory, pose: &Pose) -> Vec<RayReturn> {
+    /// What the rays of a scan from `pose` past bodies measure, in the fixed order of the scanner's
+    /// rays; empty outside the map.
+    pub(in crate::world) fn returns(&self, memory: &SensorMemory, pose: &Pose, bodies: &Bodies) -> Vec<RayReturn> {
         let mut returns = Vec::new();
         let Some(start) = self.start(memory, pose) else { return returns };
         let (marks, origin) = (memory.marks(), self.origin(pose));
         let wall = |end: (u64, f64), direction: Vector3<f64>| {
             let point = hit(end, direction, memory, &origin)?;
             let incidence_cos = incidence_cos(memory, &origin, &direction, marks.slots().cell(end.0));
-            Some(Measured::Wall { point, incidence_cos })
+            Some(Measured::Surface { point, incidence_cos })
         };
         for bundle in &*self.bundles(pose.yaw_rad) {
             for lane in bundle.lanes(start.cone()) {
                 let direction = bundle.direction(lane);
-                let measured = if start.is_blind(marks, bundle, lane) {
+                let body = BodyOnRay::new(bodies, &start, &origin, &direction, memory.extent().cell_m());
+                let measured = if start.is_blind(marks, bundle, lane) || body.is_too_near {
                     Measured::TooNear
                 } else {
-                    let end = cast::cast_ray(&start, bundle, lane, |slot| marks.is_free(slot));
-                    end.and_then(|end| wall(end, direction)).unwrap_or(Measured::OutOfRange)
+                    let end = cast::cast_ray_within(&start, body.limit, bundle, lane, |slot| marks.is_free(slot));
+                    let of_body = || body.met.map(|(point, incidence_cos)| Measured::Surface { point, incidence_cos });
+                    end.map_or_else(of_body, |end| wall(end, direction)).unwrap_or(Measured::OutOfRange)
                 };
                 returns.push(RayReturn { direction, measured });
             }

@@ -397,7 +397,7 @@ proptest! {
             let (free, wall) = by_definition(&terrain, &pose, pattern, range_m, fov_rad, mount);
             let view = scanner.view(&naive, &pose);
             prop_assert!(view.free.iter().eq(&free) && view.wall.iter().eq(&wall));
-            let returns = scanner.returns(&naive, &pose);
+            let returns = scanner.returns(&naive, &pose, &Bodies::default());
             prop_assert_eq!(&view.hits, &returns.iter().filter_map(RayReturn::point).collect::<Vec<_>>());
             let new = |all: &BTreeSet<u32>| all.difference(&known).copied().collect::<Vec<u32>>();
             let expected = [new(&free), new(&wall)];
