@@ -12,8 +12,8 @@ use crate::world::World;
 use crate::world::body::Pose;
 use crate::world::lidar::{Measured, RayGrid, RayReturn, Scanner};
 
-/// The intensity of a wall that a ray meets at a right angle: that of a matt white surface, as LiDARs
-/// that are calibrated to reflectivities report it.
+/// The intensity of a wall that a ray meets at a right angle: that of a matt white surface, as
+/// LiDARs that are calibrated to reflectivities report it.
 const INTENSITY_MAX: f64 = 100.0;
 
 /// The hits of the last scan of an agent, metres, in the frame of its body at the stamp, which is

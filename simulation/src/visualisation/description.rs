@@ -11,8 +11,8 @@ use crate::world::World;
 use crate::world::lidar::PlaceOnBody;
 
 /// One robot of all agents: the link `map`, and on it for each agent a sphere
-/// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` where it is mounted, and the optical frame
-/// of a camera. Agents that do not fit into a sample are left out.
+/// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` where it is mounted, and the optical
+/// frame of a camera. Agents that do not fit into a sample are left out.
 pub(super) fn robots(world: &World) -> std_msgs::String {
     const END: &str = "</robot>\n";
     let mut data = "<?xml version=\"1.0\"?>\n<robot name=\"maes\">\n  <link name=\"map\"/>\n".to_owned();

@@ -17,8 +17,8 @@ pub(in crate::world) struct Bodies(Option<Arc<[Sphere]>>);
 /// What the bodies are for one ray.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyOnRay {
-    /// The length of the ray up to the first body in its range, in cells if its direction has length
-    /// 1, otherwise in lengths of the direction.
+    /// The length of the ray up to the first body in its range, in cells if its direction has
+    /// length 1, otherwise in lengths of the direction.
     pub(super) limit: f64,
     /// Whether that body is too near.
     pub(super) is_too_near: bool,
@@ -60,7 +60,7 @@ pub(super) struct BodyHit {
 }
 
 impl Bodies {
-    /// Those of the spheres that are not those of an agent, nor of agents that are not in the world.
+    /// All spheres but that of an agent, and those of agents that are not in the world.
     pub(in crate::world) fn others(spheres: &[Sphere], index: usize) -> Self {
         let others = spheres.iter().enumerate().filter(|&(other, sphere)| other != index && sphere.radius_m > 0.0);
         Self(Some(others.map(|(_, sphere)| *sphere).collect()))

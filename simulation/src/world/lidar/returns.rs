@@ -120,8 +120,8 @@ impl Scanner {
         Some(MiddleLine { scanner, grid, elevation_rad })
     }
 
-    /// The direction of its axis, the middle of a camera's image, in the frame `map`, with a body at
-    /// a heading.
+    /// The direction of its axis, the middle of a camera's image, in the frame `map`, with a body
+    /// at a heading.
     #[must_use]
     pub fn axis(&self, yaw_rad: f64) -> Vector3<f64> {
         let (up, ahead) = libm::sincos(self.place_on_body().pitch_rad);
