@@ -27,7 +27,7 @@ fn depth_cameras_see_the_same_over_ros_and_forked() {
 #[test]
 fn ring_lidars_see_the_same_over_ros_and_forked() {
     let topics = ["--record-topics", "points,scan,tf_static", "--set", FIELDS];
-    let recording = same_over_ros_and_forked("ring-lidar.toml", &[], &topics);
+    let recording = same_over_ros_and_forked("ring-lidar.toml", &["--set", "lidar.columns=300"], &topics);
     let (scans, clouds) =
         (recording.of::<LaserScan>("/agent_2/scan").len(), recording.of::<PointCloud2>("/agent_2/points").len());
     assert!(scans > 50 && scans == clouds, "{scans} scans, {clouds} clouds");
