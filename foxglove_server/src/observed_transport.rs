@@ -69,7 +69,7 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
 
     /// Offers the topics of a run.
     fn open_topics(&mut self, run: u64) {
-        let views = VisualisationTopic::all(self.scenario.agents.count);
+        let views = VisualisationTopic::all(self.scenario.agents.count, self.scenario.equipment());
         self.view_of_topic = views.into_iter().map(|view| (view.topic().name, view)).collect();
         let relayed = if self.link.relays_beliefs() { self.scenario.agents.count } else { 0 };
         self.belief_of_topic = (0..relayed).map(AgentId).map(|agent| (topics::belief(agent).name, agent)).collect();

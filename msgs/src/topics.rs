@@ -6,6 +6,8 @@
 //! Reliable topics may still lose samples to a reader that falls behind by more than the depth; in
 //! the protocol an answer is missing then, and what was not answered is sent again.
 
+mod qos;
+
 use std::fmt;
 
 use crate::diagnostic_msgs::DiagnosticArray;
@@ -20,10 +22,11 @@ use crate::nav_msgs::{OccupancyGrid, Odometry, Path};
 use crate::octomap_msgs::Octomap;
 use crate::rcl_interfaces::{Log, ParameterEvent};
 use crate::rosgraph_msgs::Clock;
-use crate::sensor_msgs::PointCloud2;
+use crate::sensor_msgs::{BatteryState, CameraInfo, Image, LaserScan, PointCloud2};
 use crate::std_msgs;
 use crate::tf2_msgs::TFMessage;
 use crate::visualization_msgs::Marker;
+pub use qos::{Durability, Qos, Reliability};
 
 /// Samples kept on the topics of the protocol. One is in flight at a time; a large observation has
 /// more parts, and a join is repeated until it is answered.
@@ -42,12 +45,12 @@ const JOIN_REPLY_DEPTH: u32 = 256;
 /// Samples kept of what is only looked at.
 const VIEW_DEPTH: u32 = 10;
 
-/// Samples kept of point clouds: the "sensor data" of ROS.
+/// Samples kept of scans and images: the "sensor data" of ROS.
 const SENSOR_DEPTH: u32 = 5;
 
 /// Samples kept of the transforms that do not change: one holds those of [`TRANSFORMS_MAX`] frames,
-/// and each of at most 1000 agents has two.
-const TF_STATIC_DEPTH: u32 = 5;
+/// and each of at most 1000 agents has up to three.
+const TF_STATIC_DEPTH: u32 = 8;
 
 /// Most transforms in one message, so that it fits into a sample.
 pub const TRANSFORMS_MAX: usize = 400;
@@ -57,74 +60,6 @@ const PIECES_DEPTH: u32 = 256;
 
 /// Samples kept of what nodes say to people, as rcl does.
 const LOG_DEPTH: u32 = 1000;
-
-/// Whether what was lost on the way is sent again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reliability {
-    /// It is sent again while it is kept.
-    Reliable,
-    /// It is lost.
-    BestEffort,
-}
-
-/// Whether a reader that comes late gets what was sent before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Durability {
-    /// It gets what the writer still keeps.
-    TransientLocal,
-    /// It gets what is sent from then on.
-    Volatile,
-}
-
-/// The quality of service of a topic. The history is always "keep last"; deadline, lifespan and
-/// liveliness are not used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Qos {
-    /// Whether what was lost is sent again.
-    pub reliability: Reliability,
-    /// Whether late readers get what was sent before.
-    pub durability: Durability,
-    /// How many samples are kept.
-    pub depth: u32,
-}
-
-impl Qos {
-    /// Reliable, and kept for late readers only as far as the protocol resends: volatile.
-    pub const fn reliable(depth: u32) -> Self {
-        Qos { reliability: Reliability::Reliable, durability: Durability::Volatile, depth }
-    }
-
-    /// Reliable, with the last `depth` samples kept for late readers: transient local.
-    pub const fn latched(depth: u32) -> Self {
-        Qos { reliability: Reliability::Reliable, durability: Durability::TransientLocal, depth }
-    }
-
-    const fn sensor_data(depth: u32) -> Self {
-        Qos { reliability: Reliability::BestEffort, durability: Durability::Volatile, depth }
-    }
-
-    /// The value of `offered_qos_profiles` in a recording: the YAML list that rosbag2 reads, in the
-    /// form with integers, because the releases before Jazzy know no other.
-    pub fn offered_qos_profiles(&self) -> String {
-        let reliability = match self.reliability {
-            Reliability::Reliable => 1,
-            Reliability::BestEffort => 2,
-        };
-        let durability = match self.durability {
-            Durability::TransientLocal => 1,
-            Durability::Volatile => 2,
-        };
-        let depth = self.depth;
-        format!(
-            "- history: 1\n  depth: {depth}\n  reliability: {reliability}\n  durability: {durability}\n\
-             \x20 deadline:\n{INFINITE}  lifespan:\n{INFINITE}  liveliness: 1\n  liveliness_lease_duration:\n{INFINITE}\
-             \x20 avoid_ros_namespace_conventions: false\n"
-        )
-    }
-}
-
-/// The duration that means "none set" in a QoS profile.
-const INFINITE: &str = "    sec: 9223372036\n    nsec: 854775807\n";
 
 /// A topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -214,8 +149,8 @@ pub fn tf() -> Topic {
     Topic::new::<TFMessage>("/tf", Qos::reliable(TF_DEPTH))
 }
 
-/// The transforms that do not change: where the LiDAR of each agent is on its body, and the frame
-/// that its odometry starts from.
+/// The transforms that do not change: where the LiDAR of each agent is on its body, its optical
+/// frame if it is a camera, and the frame that its odometry starts from.
 pub fn tf_static() -> Topic {
     Topic::new::<TFMessage>("/tf_static", Qos::latched(TF_STATIC_DEPTH))
 }
@@ -228,6 +163,26 @@ pub fn odometry(agent: AgentId) -> Topic {
 /// Where the rays of an agent's last scan met walls.
 pub fn points(agent: AgentId) -> Topic {
     Topic::new::<PointCloud2>(format!("/agent_{agent}/points"), Qos::sensor_data(SENSOR_DEPTH))
+}
+
+/// The distances that the line of a spinning LiDAR closest to its plane measures.
+pub fn scan(agent: AgentId) -> Topic {
+    Topic::new::<LaserScan>(format!("/agent_{agent}/scan"), Qos::sensor_data(SENSOR_DEPTH))
+}
+
+/// The depths that the pixels of a depth camera measure.
+pub fn depth_image(agent: AgentId) -> Topic {
+    Topic::new::<Image>(format!("/agent_{agent}/depth/image"), Qos::sensor_data(SENSOR_DEPTH))
+}
+
+/// How the pixels of [`depth_image`] are projected; one for each image, with its stamp.
+pub fn camera_info(agent: AgentId) -> Topic {
+    Topic::new::<CameraInfo>(format!("/agent_{agent}/depth/camera_info"), Qos::sensor_data(SENSOR_DEPTH))
+}
+
+/// The charge of a body's battery.
+pub fn battery(agent: AgentId) -> Topic {
+    Topic::new::<BatteryState>(format!("/agent_{agent}/battery_state"), Qos::reliable(VIEW_DEPTH))
 }
 
 /// Where an agent's body is going.
@@ -418,7 +373,7 @@ fn of_simulation() -> [Topic; 23] {
     ]
 }
 
-fn of_agent(agent: AgentId) -> [Topic; 11] {
+fn of_agent(agent: AgentId) -> [Topic; 15] {
     [
         join(agent),
         observation(agent),
@@ -426,6 +381,10 @@ fn of_agent(agent: AgentId) -> [Topic; 11] {
         cmd_vel(agent),
         odometry(agent),
         points(agent),
+        scan(agent),
+        depth_image(agent),
+        camera_info(agent),
+        battery(agent),
         path(agent),
         belief(agent),
         belief_occupancy(agent),

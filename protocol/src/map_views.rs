@@ -20,7 +20,7 @@ use crate::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
 /// Most bytes of the content of a message: of the places of a grid, 244 x 244, and of the nodes of
 /// a tree.
-const CONTENT_BYTES_MAX: usize = VIEW_BYTES_MAX - MESSAGE_BYTES_BARE;
+pub const CONTENT_BYTES_MAX: usize = VIEW_BYTES_MAX - MESSAGE_BYTES_BARE;
 
 /// Bytes of a coordinate, and of a point.
 const COORDINATE_BYTES: u32 = 4;
@@ -76,28 +76,56 @@ pub fn wall_points(extent: Extent, tick: Tick, known: impl Fn(Cell) -> Option<Te
 /// `count` points, metres; more than [`POINTS_MAX`] are thinned evenly.
 #[must_use]
 pub fn cloud(header: Header, count: usize, point: impl Fn(usize) -> [f64; 3]) -> PointCloud2 {
-    let width = count.min(POINTS_MAX);
-    let mut data = Vec::with_capacity(width * POINT_BYTES as usize);
+    cloud_with(header, count, &[], |number| (point(number), Vec::new()))
+}
+
+/// A field of points beside their coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ExtraField {
+    /// Its name.
+    pub name: &'static str,
+    /// Its type, a constant of [`PointField`].
+    pub datatype: u8,
+    /// Bytes of a value.
+    pub bytes: u32,
+}
+
+/// `count` points, metres, with further fields without gaps behind their coordinates. `point` gives
+/// the bytes of these, too. Points that do not fit into a message are thinned evenly.
+#[must_use]
+pub fn cloud_with(
+    header: Header,
+    count: usize,
+    extra: &[ExtraField],
+    point: impl Fn(usize) -> ([f64; 3], Vec<u8>),
+) -> PointCloud2 {
+    let point_step = POINT_BYTES + extra.iter().map(|field| field.bytes).sum::<u32>();
+    let width = count.min(CONTENT_BYTES_MAX / point_step as usize);
+    let mut data = Vec::with_capacity(width * point_step as usize);
     for number in 0..width {
-        for coordinate in point(number * count / width) {
+        let (coordinates, others) = point(number * count / width);
+        for coordinate in coordinates {
             data.extend((coordinate as f32).to_le_bytes());
         }
+        data.extend(others);
     }
-    let field = |(name, number): (&str, u32)| PointField {
-        name: name.to_owned(),
-        offset: number * COORDINATE_BYTES,
-        datatype: PointField::FLOAT32,
-        count: 1,
+    let coordinate = |name| ExtraField { name, datatype: PointField::FLOAT32, bytes: COORDINATE_BYTES };
+    let mut offset = 0;
+    let field = |field: ExtraField| {
+        let before = offset;
+        offset += field.bytes;
+        PointField { name: field.name.to_owned(), offset: before, datatype: field.datatype, count: 1 }
     };
+    let fields = ["x", "y", "z"].map(coordinate).into_iter().chain(extra.iter().copied()).map(field).collect();
     let width = width as u32;
     PointCloud2 {
         header,
         height: 1,
         width,
-        fields: ["x", "y", "z"].into_iter().zip(0..).map(field).collect(),
+        fields,
         is_bigendian: false,
-        point_step: POINT_BYTES,
-        row_step: POINT_BYTES * width,
+        point_step,
+        row_step: point_step * width,
         data,
         is_dense: true,
     }
@@ -152,5 +180,18 @@ mod tests {
         assert_eq!((cloud.width as usize, cloud.row_step as usize), (POINTS_MAX, 12 * POINTS_MAX));
         assert!(msgs::cdr::encode(&cloud).len() <= VIEW_BYTES_MAX);
         assert_eq!(cloud.data[12..16], 2.0_f32.to_le_bytes());
+    }
+
+    #[test]
+    fn further_fields_take_room_of_points() {
+        let ring = ExtraField { name: "ring", datatype: PointField::UINT16, bytes: 2 };
+        let time = ExtraField { name: "time", datatype: PointField::FLOAT32, bytes: 4 };
+        let point = |number: usize| ([number as f64, 0.0, 0.0], [&[number as u8, 0][..], &[0; 4]].concat());
+        let cloud = cloud_with(header(Tick(3)), 10_000, &[ring, time], point);
+        assert_eq!((cloud.width, cloud.point_step, cloud.row_step), (3304, 18, 18 * 3304));
+        assert!(msgs::cdr::encode(&cloud).len() <= VIEW_BYTES_MAX);
+        let offsets: Vec<_> = cloud.fields.iter().map(|field| (field.name.as_str(), field.offset)).collect();
+        assert_eq!(offsets, [("x", 0), ("y", 4), ("z", 8), ("ring", 12), ("time", 14)]);
+        assert_eq!((cloud.data[18..22].to_vec(), cloud.data[30]), (3.0_f32.to_le_bytes().to_vec(), 3));
     }
 }

@@ -20,6 +20,7 @@ use voxels::Cell;
 
 use crate::borrowed::Loan;
 use crate::command::{PyCommand, PyMotion, PyWakeCondition};
+use crate::observation::energy_dict;
 use crate::rng::PyRng;
 use crate::search::{self, PyPath};
 
@@ -180,6 +181,25 @@ impl PyCtx {
     #[getter]
     fn communication_range_m(&self) -> PyResult<f64> {
         self.with(|ctx| ctx.run_info().communication_range_m)
+    }
+
+    /// The energy of the body, as that of the observation; `None` if bodies need no energy.
+    #[getter]
+    fn energy<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let energy = self.with(|ctx| ctx.energy().cloned())?;
+        energy.map(|energy| energy_dict(py, &energy)).transpose()
+    }
+
+    /// Whether the centre of the body is in one of its bases.
+    #[getter]
+    fn is_in_base(&self) -> PyResult<bool> {
+        self.with(|ctx| ctx.is_in_base())
+    }
+
+    /// The motion to the nearest free place in a base through cells known to be free, and its cost
+    /// in J; `None` without a path, or if bodies need no energy.
+    fn way_home(&self) -> PyResult<Option<(PyMotion, f64)>> {
+        self.with(|ctx| ctx.way_home().map(|way| (PyMotion(way.motion), way.cost_j)))
     }
 
     /// Whether the straight leg to the centre of a cell is known to be clear for the body.

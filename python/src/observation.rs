@@ -2,9 +2,10 @@
 
 use agent_node::command::{AgentMessage, Peer};
 use agent_node::observation::{Cells, Observation, Surface};
+use agent_node::protocol::energy::Energy;
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 
 /// Cells of an observation as arrays of indices, uint32: free ones, and walls.
 type CellArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>);
@@ -15,6 +16,22 @@ pub(crate) struct PyObservation(pub(crate) Observation);
 
 fn arrays<'py>(py: Python<'py>, cells: &Cells) -> CellArrays<'py> {
     (PyArray1::from_slice(py, &cells.free), PyArray1::from_slice(py, &cells.wall))
+}
+
+/// What a body holds, and what changes it, as a dictionary.
+pub(crate) fn energy_dict<'py>(py: Python<'py>, energy: &Energy) -> PyResult<Bound<'py, PyDict>> {
+    let Energy { left_j, model } = energy;
+    let dict = PyDict::new(py);
+    dict.set_item("left_j", left_j)?;
+    dict.set_item("capacity_j", model.capacity_j)?;
+    dict.set_item("power_w", model.power_w)?;
+    dict.set_item("move_j_per_m", model.move_j_per_m)?;
+    dict.set_item("charge_w", model.charge_w)?;
+    dict.set_item("reserve_j", model.reserve_j)?;
+    dict.set_item("return_home", model.returns_home)?;
+    let bases = model.bases.iter().map(|base| (<[f64; 3]>::from(base.position.coords), base.radius_m));
+    dict.set_item("bases", bases.collect::<Vec<_>>())?;
+    Ok(dict)
 }
 
 #[pymethods]
@@ -133,6 +150,27 @@ impl PyObservation {
     #[getter]
     fn view<'py>(&self, py: Python<'py>) -> Option<CellArrays<'py>> {
         self.0.view.as_ref().map(|cells| arrays(py, cells))
+    }
+
+    /// The energy of the body, what changes it, and the bases where it charges (position, radius):
+    /// J, W and metres; `None` if bodies need no energy.
+    #[getter]
+    fn energy<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.0.energy.as_deref().map(|energy| energy_dict(py, energy)).transpose()
+    }
+
+    /// What a ring LiDAR or a depth camera sees about the heading, radians, and up to which
+    /// distance in metres it sees nothing; `None` for the other patterns.
+    #[getter]
+    fn field_of_view<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(view) = &self.0.field_of_view else { return Ok(None) };
+        let dict = PyDict::new(py);
+        dict.set_item("horizontal_rad", view.horizontal_rad)?;
+        dict.set_item("lowest_rad", view.lowest_rad)?;
+        dict.set_item("highest_rad", view.highest_rad)?;
+        dict.set_item("spacing_rad", view.spacing_rad)?;
+        dict.set_item("min_range_m", view.min_range_m)?;
+        Ok(Some(dict))
     }
 
     fn __repr__(&self) -> String {

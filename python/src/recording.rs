@@ -116,6 +116,9 @@ impl PyRecording {
     }
 }
 
+/// Bytes of x, y and z of a point.
+const COORDINATES_BYTES: u32 = 12;
+
 #[pymethods]
 impl PyRecording {
     /// Reads a file.
@@ -200,9 +203,10 @@ impl PyRecording {
         let rows = clouds.iter().map(|cloud| {
             let stamp = &cloud.header.stamp;
             let time_s = f64::from(stamp.sec) + f64::from(stamp.nanosec) / 1e9;
-            // Of one type and without gaps, see `simulation::visualisation::points`.
-            let (numbers, _) = cloud.data.as_chunks();
-            let coordinates = numbers.iter().map(|&bytes| f32::from_le_bytes(bytes));
+            // The coordinates come first, see `protocol::map_views::cloud_with`.
+            let points = cloud.data.chunks_exact(cloud.point_step.max(COORDINATES_BYTES) as usize);
+            let numbers = points.flat_map(|point| point[..COORDINATES_BYTES as usize].as_chunks().0);
+            let coordinates = numbers.map(|&bytes| f32::from_le_bytes(bytes));
             let points = PyArray1::from_iter(py, coordinates).reshape([cloud.width as usize, 3])?;
             Ok((time_s, points))
         });

@@ -245,3 +245,32 @@ def test_node_names_its_mistakes():
         env={**os.environ},
     )
     assert run.returncode == 0 and "nearest-frontier-py" in run.stdout, run.stderr
+
+
+def test_energy_and_field_of_view_are_those_of_the_scenario(small):
+    energy = {"capacity_j": 900.0, "idle_w": 5.0, "move_j_per_m": 2.0, "charge_w": 100.0, "return_home": False}
+    lidar = {"pattern": "frustum", "min_range_m": 0.5}
+    seen = []
+
+    def decide(self, observation, ctx):
+        assert ctx.energy == observation.energy
+        seen.append((observation.energy, observation.field_of_view, ctx.is_in_base, ctx.way_home()))
+        return Command(Motion.straight(), WakeCondition.at(ctx.tick + 100))
+
+    maes.run(small.replace(energy=energy, lidar=lidar, duration=20.0), controller=controller(decide))
+    first, field_of_view, is_in_base, (motion, cost_j) = seen[0]
+    # A body with a camera has turned before.
+    assert 800.0 < first["left_j"] <= 900.0 and (first["capacity_j"], first["power_w"]) == (900.0, 5.0)
+    assert (first["move_j_per_m"], first["charge_w"], first["reserve_j"]) == (2.0, 100.0, 180.0)
+    assert first["return_home"] is False and len(first["bases"]) == 1 and first["bases"][0][1] == 2.0
+    assert is_in_base and isinstance(motion, Motion) and cost_j == 0.0
+    assert min(energy["left_j"] for energy, *_ in seen) < 900.0
+    assert field_of_view["horizontal_rad"] == pytest.approx(np.radians(80.0))
+    assert (field_of_view["lowest_rad"], field_of_view["min_range_m"]) == (pytest.approx(-np.radians(30.0)), 0.5)
+
+    def without(self, observation, ctx):
+        assert ctx.energy is observation.energy is observation.field_of_view is None
+        assert not ctx.is_in_base and ctx.way_home() is None
+        return Command(Motion.stop(), WakeCondition.at(10**9))
+
+    maes.run(small, controller=controller(without))

@@ -94,6 +94,18 @@ def test_hits_and_contacts_of_a_recording(small, tmp_path):
         recording.hits(2)
 
 
+def test_hits_are_the_same_with_further_fields(small, tmp_path):
+    few = small.replace(duration=2.0, lidar={"rays": 2000})
+    hits = []
+    for name, fields in [("plain", []), ("fields", ["intensity", "time"])]:
+        views = {"record": ["points"], "points_fields": fields}
+        maes.run(few.replace(views=views), record=tmp_path / f"{name}.mcap")
+        hits.append(maes.Recording(tmp_path / f"{name}.mcap").hits(0))
+    assert len(hits[0]) == len(hits[1]) > 5
+    for plain, with_fields in zip(*hits):
+        assert np.array_equal(plain.point_m, with_fields.point_m) and len(plain.point_m) > 100
+
+
 def test_fork_without_changes_is_the_run(small, tmp_path):
     file = tmp_path / "run.mcap"
     result = maes.run(small, record=file)

@@ -152,7 +152,8 @@ impl RosTransport {
         }
         let rosout = Rosout::new(&mut endpoints, &mut node)?;
         // Created last, so that agents do not wait for visualisation topics.
-        let visualisation = VisualisationPublishers::new(&mut endpoints, &mut node, agents, &teleoperated_ids)?;
+        let visualisation =
+            VisualisationPublishers::new(&mut endpoints, &mut node, agents, run.equipment(), &teleoperated_ids)?;
         let services = Services::of_run(&mut node, &mut endpoints, &mut inbox, parameters::of(run))?;
         Ok(RosTransport {
             inbox,

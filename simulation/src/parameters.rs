@@ -196,7 +196,7 @@ mod tests {
         .map(|((map, spawn), (capacity, pattern, body))| {
             let energy = format!("{{ {capacity} = 60.0, bases = [[1.0, 2.0, 3.0]] }}");
             scenario(&format!(
-                "map = {map}\nspawn = {spawn}\nenergy = {energy}\nlidar = {{ pattern = \"{pattern}\" }}\n\
+                "map = {map}\nspawn = {spawn}\nenergy = {energy}\nlidar = {{ pattern = \"{pattern}\", sees_agents = true }}\n\
                  body = {{ {body} }}\n{common}"
             ))
         })

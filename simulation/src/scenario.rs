@@ -21,6 +21,7 @@ mod radio;
 mod sections;
 mod sensor;
 pub mod team;
+mod views;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -44,6 +45,7 @@ pub use origin::Origins;
 pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
 pub use sections::*;
 pub use sensor::SensorSection;
+pub use views::{PointsField, RecordedView, ViewsSection};
 
 /// Largest team. DDS discovers 120 participants on one host, and a process may hold several agents.
 pub const AGENTS_MAX: u32 = 1000;
@@ -311,6 +313,7 @@ impl Scenario {
         self.check_lidar(&checker)?;
         self.communication.check(&checker)?;
         self.check_energy(&checker)?;
+        self.check_views(&checker)?;
         self.check_events(&checker)?;
         if let SpawnSpec::Box { low, high, .. } = &self.spawn {
             let holds = low.iter().zip(high).all(|(low, high)| low.is_finite() && high.is_finite() && low <= high);

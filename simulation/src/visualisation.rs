@@ -9,17 +9,20 @@
 //! Invariants: the world does not change; no message is larger than
 //! [`protocol::limits::VIEW_BYTES_MAX`]; every stamp is sim time; a message with a stamp comes
 //! after the transforms of that stamp, to whoever receives both. Frames: `map` is the world,
-//! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` coincides with the body, and
-//! `agent_<id>/odom` with `map`, because poses are known.
+//! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` is where its sensor is mounted,
+//! `agent_<id>/camera_optical_frame` the frame of the images of a camera, and `agent_<id>/odom`
+//! coincides with `map`, because poses are known.
 //!
 //! Subscribers and wall time are arguments: there is no transport and no clock here.
 
+mod battery;
 mod cells;
 mod cloud;
 mod description;
 mod known;
 mod message;
 mod poses;
+mod scans;
 mod sent_transforms;
 mod status;
 mod topic;
@@ -36,6 +39,7 @@ use voxels::{Grid, Terrain};
 
 use crate::scenario::{RecordedView, ViewsSection};
 use crate::world::World;
+use crate::world::lidar::PlaceOnBody;
 
 use cells::{Unexplored, walls};
 pub use cloud::points;
@@ -43,7 +47,7 @@ pub use message::VisualisationMessage;
 pub use poses::{measured_odometry, odometry};
 use sent_transforms::SentTransforms;
 pub use status::{LiveStatus, RunStatus};
-pub use topic::VisualisationTopic;
+pub use topic::{Equipment, VisualisationTopic};
 
 /// Wall time between two chunks of a topic, ns, so that a subscriber can take each before the next.
 const CHUNK_PERIOD_NS: u64 = 10_000_000;
@@ -79,12 +83,12 @@ impl VisualisationScheduler {
     /// Nothing published yet of a run with this many agents, whose recording has the poses of all
     /// agents every `recorded_poses_period_ticks`, or not at all if that is 0.
     #[must_use]
-    pub fn new(settings: ViewsSection, agents: u32, recorded_poses_period_ticks: u32) -> Self {
+    pub fn new(settings: ViewsSection, agents: u32, equipment: Equipment, recorded_poses_period_ticks: u32) -> Self {
         let asked: BTreeSet<RecordedView> = settings.record.iter().copied().collect();
         let asks_for_all = asked.contains(&RecordedView::All);
         // The clock comes before what has its stamp.
         let recorded_topics = std::iter::once(VisualisationTopic::Clock)
-            .chain(VisualisationTopic::all(agents))
+            .chain(VisualisationTopic::all(agents, equipment))
             .filter(|topic| recorded_as(*topic).is_some_and(|name| asks_for_all || asked.contains(&name)));
         Self {
             recorded_topics: recorded_topics.collect(),
@@ -110,7 +114,7 @@ impl VisualisationScheduler {
             let period = self.settings.period_ticks(topic);
             if self.recorded.is_due(topic, world, period) {
                 self.recorded.mark_published(topic, world);
-                self.recorded.render(topic, world, &run_status, &mut messages);
+                self.recorded.render(topic, world, &self.settings, &run_status, &mut messages);
                 while self.recorded.chunk(topic, world, &mut messages) {}
             }
         }
@@ -128,6 +132,9 @@ impl VisualisationScheduler {
         let mut messages = Vec::new();
         let PublishTime { wall_ns, is_paused } = now;
         for (&topic, &arrivals) in subscribers {
+            if topic.accompanies().is_some_and(|other| subscribers.contains_key(&other)) {
+                continue;
+            }
             let entry = self.live.entry(topic);
             let is_new = entry.arrivals < arrivals;
             // The fast path: in almost every tick of a fast run nothing is due.
@@ -150,7 +157,10 @@ impl VisualisationScheduler {
             {
                 self.live.mark_published(topic, world);
                 self.live.entry(topic).next_ns = wall_ns + self.settings.pause_ns();
-                self.live.render(topic, world, run_status, &mut messages);
+                self.live.render(topic, world, &self.settings, run_status, &mut messages);
+                if let Some(companion) = topic.companion().filter(|companion| subscribers.contains_key(companion)) {
+                    self.live.render(companion, world, &self.settings, run_status, &mut messages);
+                }
             }
             if wall_ns >= self.live.entry(topic).next_chunk_ns && self.live.chunk(topic, world, &mut messages) {
                 self.live.entry(topic).next_chunk_ns = wall_ns + CHUNK_PERIOD_NS;
@@ -205,6 +215,10 @@ fn recorded_as(topic: VisualisationTopic) -> Option<RecordedView> {
     match topic {
         VisualisationTopic::Odometry(_) => Some(RecordedView::Odom),
         VisualisationTopic::Points(_) => Some(RecordedView::Points),
+        VisualisationTopic::Scan(_) => Some(RecordedView::Scan),
+        VisualisationTopic::DepthImage(_) => Some(RecordedView::DepthImage),
+        VisualisationTopic::CameraInfo(_) => Some(RecordedView::CameraInfo),
+        VisualisationTopic::Battery(_) => Some(RecordedView::Battery),
         VisualisationTopic::Path(_) => Some(RecordedView::Path),
         VisualisationTopic::StaticTransforms => Some(RecordedView::TfStatic),
         VisualisationTopic::Map => Some(RecordedView::Map),
@@ -244,7 +258,7 @@ struct PublishState {
 #[derive(Debug, Default)]
 struct TopicState {
     arrivals: u64,
-    /// Tick of the last message; of points, that of the scan.
+    /// Tick of the last message; of what shows a scan, that of the scan.
     published: Option<Tick>,
     /// The revision of the map in the last message.
     map_revision: u32,
@@ -274,14 +288,16 @@ impl PublishState {
     /// topic that was never published is due at once.
     fn is_due(&mut self, topic: VisualisationTopic, world: &World, period_ticks: u64) -> bool {
         let &mut TopicState { published, map_revision, .. } = self.entry(topic);
+        if let Some(agent) = topic.scanned_by() {
+            return world.last_scan(agent).is_some_and(|(_, scan)| {
+                // A scan of this tick has not been cast yet, or not completely.
+                scan < world.tick() && published.is_none_or(|published| scan.0 >= published.0 + period_ticks)
+            });
+        }
         match (topic, published) {
             (VisualisationTopic::Digest | VisualisationTopic::Result, _) => false,
             (topic, Some(_)) if topic.shows_map() => map_revision != world.map_revision(),
             (topic, published) if topic.is_static() => published.is_none(),
-            (VisualisationTopic::Points(agent), published) => world.last_scan(agent).is_some_and(|(_, scan)| {
-                // A scan of this tick has not been cast yet, or not completely.
-                scan < world.tick() && published.is_none_or(|published| scan.0 >= published.0 + period_ticks)
-            }),
             (_, None) => true,
             (_, Some(published)) => world.tick() > published && world.tick().0.is_multiple_of(period_ticks),
         }
@@ -291,9 +307,9 @@ impl PublishState {
     fn mark_published(&mut self, topic: VisualisationTopic, world: &World) {
         let entry = self.entry(topic);
         entry.map_revision = world.map_revision();
-        entry.published = match topic {
-            VisualisationTopic::Points(agent) => world.last_scan(agent).map(|(_, scan)| scan),
-            _ => Some(world.tick()),
+        entry.published = match topic.scanned_by() {
+            Some(agent) => world.last_scan(agent).map(|(_, scan)| scan),
+            None => Some(world.tick()),
         };
     }
 
@@ -302,6 +318,7 @@ impl PublishState {
         &mut self,
         topic: VisualisationTopic,
         world: &mut World,
+        settings: &ViewsSection,
         run_status: &RunStatus<'_>,
         messages: &mut VisualisationMessages,
     ) {
@@ -319,7 +336,21 @@ impl PublishState {
                 push(messages, topic, [VisualisationMessage::Odometry(Box::new(odometry(world, agent)))])
             }
             VisualisationTopic::Points(agent) => {
-                push(messages, topic, points(world, agent).map(VisualisationMessage::Points))
+                push(messages, topic, points(world, agent, &settings.points_fields).map(VisualisationMessage::Points))
+            }
+            VisualisationTopic::Scan(agent) => {
+                push(messages, topic, scans::laser_scan(world, agent).map(VisualisationMessage::Scan))
+            }
+            VisualisationTopic::DepthImage(agent) => {
+                push(messages, topic, scans::depth_image(world, agent).map(VisualisationMessage::Image))
+            }
+            VisualisationTopic::CameraInfo(agent) => {
+                let info = scans::camera_info(world, agent).map(Box::new);
+                push(messages, topic, info.map(VisualisationMessage::CameraInfo))
+            }
+            VisualisationTopic::Battery(agent) => {
+                let state = battery::battery_state(world, agent).map(Box::new);
+                push(messages, topic, state.map(VisualisationMessage::Battery))
             }
             VisualisationTopic::Path(agent) => {
                 let waypoints = world.body(agent).waypoints();
@@ -416,10 +447,9 @@ fn explored(topic: VisualisationTopic, world: &World) -> VisualisationMessage {
     }
 }
 
-/// The static frames, with LiDARs that are above the centres of the bodies (metres) and look up
-/// (radians), and the walls as of tick 0.
+/// The static frames, with LiDARs in this place on the bodies, and the walls as of tick 0.
 #[must_use]
-pub fn static_messages(terrain: &Grid<Terrain>, agents: u32, lidar: (f64, f64)) -> VisualisationMessages {
+pub fn static_messages(terrain: &Grid<Terrain>, agents: u32, lidar: PlaceOnBody) -> VisualisationMessages {
     let mut messages = Vec::new();
     let transforms = poses::static_transforms((0..agents).map(AgentId), lidar, Tick::ZERO);
     push(&mut messages, VisualisationTopic::StaticTransforms, transforms.map(VisualisationMessage::Transforms));

@@ -156,6 +156,16 @@ pub fn body_frame(agent: AgentId) -> String {
     format!("agent_{agent}/base_link")
 }
 
+/// The frame of its LiDAR, where that is mounted: x ahead, z up.
+pub(crate) fn lidar_frame(agent: AgentId) -> String {
+    format!("agent_{agent}/lidar")
+}
+
+/// The frame of its camera's images: x to the right, y down, z ahead.
+pub(crate) fn optical_frame(agent: AgentId) -> String {
+    format!("agent_{agent}/camera_optical_frame")
+}
+
 /// A pose (metres, radians, frame `map`) as a message.
 #[must_use]
 pub fn pose(pose: &Pose) -> geometry_msgs::Pose {

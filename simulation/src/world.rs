@@ -51,7 +51,7 @@ use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
 use energy::{Batteries, EnergyParams};
-use lidar::{CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
+use lidar::{Bodies, CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
@@ -152,6 +152,8 @@ struct AgentState {
     scan_period_ticks: Option<u32>,
     /// Pose and tick of the last scan.
     last_scan: Option<(Pose, Tick)>,
+    /// The bodies that its rays could meet.
+    last_bodies: Bodies,
     want_view: bool,
     pending_observation: PendingObservation,
     drift: Drift,
@@ -198,6 +200,7 @@ impl World {
                 next_scan: period_ticks.filter(|_| !params.late.contains(&agent)).map(|_| Tick::ZERO),
                 scan_period_ticks: period_ticks,
                 last_scan: None,
+                last_bodies: Bodies::default(),
                 want_view: false,
                 pending_observation: PendingObservation::default(),
                 drift: Drift::new(&params.noise, agent),
@@ -380,21 +383,6 @@ impl World {
         self.agents[agent.index()].last_scan
     }
 
-    /// The points where the rays of a scan of `agent` from `pose` hit walls: metres, frame `map`,
-    /// in the fixed order of the scanner's rays.
-    #[must_use]
-    pub fn hits_from(&self, agent: AgentId, pose: &Pose) -> Vec<Point3<f64>> {
-        let Lidar { scanner, noise, .. } = &*self.lidar;
-        let AgentState { sensor, last_scan, .. } = &self.agents[agent.index()];
-        let memory = &sensor.state().memory;
-        match last_scan {
-            Some((_, tick)) if noise.affects_scans() => {
-                scanner.hits_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick })
-            }
-            _ => scanner.hits(memory, pose),
-        }
-    }
-
     /// The LiDAR of every agent.
     #[must_use]
     pub fn scanner(&self) -> &Scanner {
@@ -423,11 +411,14 @@ impl World {
             }
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
             let pose = *state.body.pose();
-            let Lidar { scanner, noise, .. } = &*self.lidar;
+            let scanner = &self.lidar.scanner;
+            if scanner.sees_agents() {
+                state.last_bodies = Bodies::others(&self.spheres, index);
+            }
             let is_of_present_map = |scan: &(Pose, Tick)| self.map_changed_at.is_none_or(|changed| scan.1 >= changed);
             let last = state.last_scan.filter(is_of_present_map).map(|(last, _)| last);
             state.last_scan = Some((pose, tick));
-            match NotCast::of_scan(scanner, noise.affects_scans(), last.as_ref(), &pose) {
+            match NotCast::of_scan(scanner, self.lidar.scans_differ(), last.as_ref(), &pose) {
                 Some(reason) => self.totals.scans.add(&CastCount::without(1, reason)),
                 None => {
                     self.totals.scans.add(&CastCount::of(1));
@@ -496,10 +487,10 @@ impl World {
             && let Some((pose, tick)) = &state.last_scan
             && self.map_changed_at.is_none_or(|changed| *tick >= changed)
         {
-            let memory = &state.sensor.state().memory;
+            let (memory, bodies) = (&state.sensor.state().memory, &state.last_bodies);
             let view = match noise.affects_scans() {
-                true => scanner.view_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick }),
-                false => scanner.view(memory, pose),
+                true => scanner.view_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick, bodies }),
+                false => scanner.view_past(memory, pose, bodies),
             };
             observation.view = Some(Cells { free: view.free, wall: view.wall });
         }

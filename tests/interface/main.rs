@@ -59,7 +59,7 @@ fn cases() -> Vec<Case> {
         octomap_msgs { Octomap }
         rcl_interfaces { Log }
         rosgraph_msgs { Clock }
-        sensor_msgs { CompressedImage PointCloud2 PointField }
+        sensor_msgs { BatteryState CameraInfo CompressedImage Image LaserScan PointCloud2 PointField RegionOfInterest }
         std_msgs { ColorRGBA Header String }
         tf2_msgs { TFMessage }
         visualization_msgs { Marker MarkerArray MeshFile UVCoordinate }

@@ -10,14 +10,14 @@ use msgs::ids::AgentId;
 use msgs::maes_msgs::{Digest, Result as Outcome};
 use msgs::nav_msgs::{OccupancyGrid, Odometry, Path};
 use msgs::octomap_msgs::Octomap;
-use msgs::sensor_msgs::PointCloud2;
+use msgs::sensor_msgs::{BatteryState, CameraInfo, Image, LaserScan, PointCloud2};
 use msgs::std_msgs;
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics;
 use msgs::visualization_msgs::Marker;
 use ros_node::{Context, EndpointFactory, Node, Publisher, RosError, SubscriptionTracker};
 
-use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+use simulation::visualisation::{Equipment, Subscribers, VisualisationMessage, VisualisationTopic};
 
 /// Index of `/clock` in the subscription tracker; the views follow.
 const CLOCK: usize = 0;
@@ -34,6 +34,10 @@ enum TopicPublisher {
     Transforms(Publisher<TFMessage>),
     Odometry(Publisher<Odometry>),
     Points(Publisher<PointCloud2>),
+    Scan(Publisher<LaserScan>),
+    Image(Publisher<Image>),
+    CameraInfo(Publisher<CameraInfo>),
+    Battery(Publisher<BatteryState>),
     Path(Publisher<Path>),
     Marker(Publisher<Marker>),
     Info(Publisher<DiagnosticArray>),
@@ -55,11 +59,12 @@ impl VisualisationPublishers {
         endpoints: &mut EndpointFactory,
         node: &mut Node,
         agents: u32,
+        equipment: Equipment,
         teleoperated: &BTreeSet<AgentId>,
     ) -> Result<Self, RosError> {
         let mut publishers = Vec::new();
         let mut tracked = vec![topics::clock()];
-        for view in VisualisationTopic::all(agents) {
+        for view in VisualisationTopic::all(agents, equipment) {
             let topic = view.topic();
             let publisher = match view {
                 VisualisationTopic::Transforms | VisualisationTopic::StaticTransforms => {
@@ -69,6 +74,10 @@ impl VisualisationPublishers {
                 VisualisationTopic::Points(_) | VisualisationTopic::MapPoints | VisualisationTopic::ExploredPoints => {
                     TopicPublisher::Points(endpoints.publisher(node, &topic)?)
                 }
+                VisualisationTopic::Scan(_) => TopicPublisher::Scan(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::DepthImage(_) => TopicPublisher::Image(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::CameraInfo(_) => TopicPublisher::CameraInfo(endpoints.publisher(node, &topic)?),
+                VisualisationTopic::Battery(_) => TopicPublisher::Battery(endpoints.publisher(node, &topic)?),
                 VisualisationTopic::Path(_) => TopicPublisher::Path(endpoints.publisher(node, &topic)?),
                 VisualisationTopic::Map | VisualisationTopic::Unexplored | VisualisationTopic::Contacts => {
                     TopicPublisher::Marker(endpoints.publisher(node, &topic)?)
@@ -154,6 +163,16 @@ impl VisualisationPublishers {
                 publisher.publish(node, message)
             }
             (TopicPublisher::Points(publisher), VisualisationMessage::Points(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::Scan(publisher), VisualisationMessage::Scan(message)) => publisher.publish(node, message),
+            (TopicPublisher::Image(publisher), VisualisationMessage::Image(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::CameraInfo(publisher), VisualisationMessage::CameraInfo(message)) => {
+                publisher.publish(node, message)
+            }
+            (TopicPublisher::Battery(publisher), VisualisationMessage::Battery(message)) => {
                 publisher.publish(node, message)
             }
             (TopicPublisher::Path(publisher), VisualisationMessage::Path(message)) => publisher.publish(node, message),

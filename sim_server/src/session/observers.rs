@@ -9,7 +9,7 @@ use msgs::ids::{AgentId, Tick};
 
 use super::engine::{Engine, Shown};
 use super::{Phase, PhaseTimes};
-use simulation::scenario::{RecordedView, Scenario};
+use simulation::scenario::{PointsField, RecordedView, Scenario};
 use simulation::visualisation::{
     self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
 };
@@ -20,6 +20,7 @@ use transport::Transport;
 /// The visualisation topics of a run, and its wall clock.
 pub(super) struct Observers {
     views: VisualisationScheduler,
+    points_fields: Vec<PointsField>,
     /// Start of the first tick, wall time.
     started: Instant,
     /// Runs while `/sim/info` has subscribers.
@@ -34,7 +35,13 @@ impl Observers {
             views.record.push(RecordedView::Map);
         }
         Self {
-            views: VisualisationScheduler::new(views, scenario.agents.count, scenario.recording.poses_period_ticks),
+            points_fields: views.points_fields.clone(),
+            views: VisualisationScheduler::new(
+                views,
+                scenario.agents.count,
+                scenario.equipment(),
+                scenario.recording.poses_period_ticks,
+            ),
             started: now,
             phase_times: PhaseTimes::default(),
         }
@@ -108,7 +115,7 @@ impl Observers {
             transport.publish(VisualisationTopic::Transforms, &transform);
         }
         let has_scan = world.last_scan(agent).is_some_and(|(_, tick)| tick == world.tick());
-        let points = if has_scan { visualisation::points(world, agent) } else { None };
+        let points = if has_scan { visualisation::points(world, agent, &self.points_fields) } else { None };
         transport.set_sensors(agent, visualisation::measured_odometry(world, agent), points);
     }
 }

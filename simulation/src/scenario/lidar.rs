@@ -8,8 +8,9 @@ use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::radio::is_default;
 use super::{Checker, Scenario, ScenarioError};
-use crate::world::lidar::{Mount, Pattern, Projection, RayGrid, Scanner};
+use crate::world::lidar::{Mount, Pattern, PlaceOnBody, Projection, RayGrid, Scanner};
 
 /// The patterns with rows and columns.
 const GRIDS: [LidarPattern; 2] = [LidarPattern::Ring, LidarPattern::Frustum];
@@ -39,6 +40,9 @@ pub struct LidarSection {
     /// Ticks between two scans until an agent requests otherwise. Reference: what each of ten
     /// agents gets.
     pub period_ticks: u32,
+    /// Whether rays end at the bodies of other agents.
+    #[serde(skip_serializing_if = "is_default")]
+    pub sees_agents: bool,
     /// The keys of rings and frustums.
     #[serde(flatten)]
     pub grid: GridKeys,
@@ -169,6 +173,7 @@ struct LidarKeys {
     fov_rad: Option<f64>,
     schedule: Option<LidarSchedule>,
     period_ticks: Option<u32>,
+    sees_agents: Option<bool>,
     horizontal_rad: Option<f64>,
     vertical_rad: Option<f64>,
     lowest_rad: Option<f64>,
@@ -218,6 +223,7 @@ impl TryFrom<LidarKeys> for LidarSection {
             fov_rad: keys.fov_rad.unwrap_or(TAU),
             schedule: keys.schedule.unwrap_or(LidarSchedule::OnRequest),
             period_ticks: keys.period_ticks.unwrap_or(10),
+            sees_agents: keys.sees_agents.unwrap_or_default(),
             grid: grid.completed(pattern),
         })
     }
@@ -280,11 +286,14 @@ impl GridKeys {
 }
 
 impl LidarSection {
-    /// The height of the LiDAR above the centre of the body, metres, and by how much it looks up,
-    /// radians.
+    /// Where the LiDAR is on its body.
     #[must_use]
-    pub fn place_on_body(&self) -> (f64, f64) {
-        (self.grid.mount_height_m.unwrap_or_default(), self.grid.mount_pitch_rad.unwrap_or_default())
+    pub fn place_on_body(&self) -> PlaceOnBody {
+        PlaceOnBody {
+            height_m: self.grid.mount_height_m.unwrap_or_default(),
+            pitch_rad: self.grid.mount_pitch_rad.unwrap_or_default(),
+            is_camera: self.pattern == LidarPattern::Frustum,
+        }
     }
 
     /// The LiDAR of the world.
@@ -311,7 +320,7 @@ impl LidarSection {
                 of_grid(Projection::Pinhole { vertical_rad: grid.vertical_rad.unwrap_or_default() })
             }
         };
-        Scanner::new(pattern, self.range_m, self.fov_rad).on(Mount {
+        Scanner::new(pattern, self.range_m, self.fov_rad).seeing_agents(self.sees_agents).on(Mount {
             height_m: grid.mount_height_m.unwrap_or_default(),
             min_range_m: grid.min_range_m.unwrap_or_default(),
         })
@@ -383,6 +392,8 @@ mod tests {
     fn identity_has_the_keys_of_the_pattern_alone() {
         let lattice = parse("range_m = 5.0").unwrap().identity();
         assert!(!lattice.contains("horizontal_rad") && !lattice.contains("mount") && !lattice.contains("min_range_m"));
+        assert!(!lattice.contains("sees_agents"));
+        assert!(parse("sees_agents = true").unwrap().identity().contains("sees_agents = true"));
         for lidar in ["preset = \"vlp-16\"", "pattern = \"frustum\"", "preset = \"mid-360\", mount_height_m = 0.1"] {
             let scenario = parse(lidar).unwrap();
             let identity = scenario.identity();

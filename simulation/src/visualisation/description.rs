@@ -2,21 +2,23 @@
 
 use std::fmt::Write;
 
+use msgs::ids::AgentId;
 use msgs::std_msgs;
 use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
-use crate::wire::body_frame;
+use crate::wire::{body_frame, lidar_frame, optical_frame};
 use crate::world::World;
+use crate::world::lidar::PlaceOnBody;
 
 /// One robot of all agents: the link `map`, and on it for each agent a sphere
-/// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` where it is mounted. Agents that do not
-/// fit into a sample are left out.
+/// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` where it is mounted, and the optical
+/// frame of a camera. Agents that do not fit into a sample are left out.
 pub(super) fn robots(world: &World) -> std_msgs::String {
     const END: &str = "</robot>\n";
     let mut data = "<?xml version=\"1.0\"?>\n<robot name=\"maes\">\n  <link name=\"map\"/>\n".to_owned();
     for agent in world.agents() {
         let radius_m = world.body(agent).model().radius_m;
-        let one = robot(&body_frame(agent), &format!("agent_{agent}/lidar"), radius_m, world.scanner().place_on_body());
+        let one = robot(agent, radius_m, world.scanner().place_on_body());
         if data.len() + one.len() + END.len() + MESSAGE_BYTES_BARE > VIEW_BYTES_MAX {
             break;
         }
@@ -26,8 +28,12 @@ pub(super) fn robots(world: &World) -> std_msgs::String {
     std_msgs::String { data }
 }
 
-fn robot(body: &str, lidar: &str, radius_m: f64, (height_m, pitch_rad): (f64, f64)) -> String {
+/// The optical frame in the frame of its camera.
+const OPTICAL: &str = "<origin xyz=\"0 0 0\" rpy=\"-1.5707963267948966 0 -1.5707963267948966\"/>";
+
+fn robot(agent: AgentId, radius_m: f64, PlaceOnBody { height_m, pitch_rad, is_camera }: PlaceOnBody) -> String {
     let mut text = String::new();
+    let (body, lidar, optical) = (&body_frame(agent), &lidar_frame(agent), &optical_frame(agent));
     let sphere = format!("<geometry><sphere radius=\"{radius_m}\"/></geometry>");
     let written = (|| {
         writeln!(text, "  <link name=\"{body}\">")?;
@@ -43,7 +49,12 @@ fn robot(body: &str, lidar: &str, radius_m: f64, (height_m, pitch_rad): (f64, f6
             (0.0, 0.0) => String::new(),
             _ => format!("<origin xyz=\"0 0 {height_m}\" rpy=\"0 {} 0\"/>", -pitch_rad),
         };
-        for (kind, parent, child, place) in [("floating", "map", body, ""), ("fixed", body, lidar, &place)] {
+        let mut joints = vec![("floating", "map", body, ""), ("fixed", body, lidar, &place)];
+        if is_camera {
+            writeln!(text, "  <link name=\"{optical}\"/>")?;
+            joints.push(("fixed", lidar, optical, OPTICAL));
+        }
+        for (kind, parent, child, place) in joints {
             writeln!(
                 text,
                 "  <joint name=\"{child}_joint\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>{place}</joint>"

@@ -6,7 +6,7 @@ use msgs::maes_msgs;
 use msgs::nav_msgs::{OccupancyGrid, Odometry, Path};
 use msgs::octomap_msgs::Octomap;
 use msgs::rosgraph_msgs::Clock;
-use msgs::sensor_msgs::PointCloud2;
+use msgs::sensor_msgs::{BatteryState, CameraInfo, Image, LaserScan, PointCloud2};
 use msgs::std_msgs;
 use msgs::tf2_msgs::TFMessage;
 use msgs::visualization_msgs::Marker;
@@ -25,6 +25,14 @@ pub enum VisualisationMessage {
     /// Of [`VisualisationTopic::Points`], [`VisualisationTopic::MapPoints`] and
     /// [`VisualisationTopic::ExploredPoints`].
     Points(PointCloud2),
+    /// Of [`VisualisationTopic::Scan`].
+    Scan(LaserScan),
+    /// Of [`VisualisationTopic::DepthImage`].
+    Image(Image),
+    /// Of [`VisualisationTopic::CameraInfo`].
+    CameraInfo(Box<CameraInfo>),
+    /// Of [`VisualisationTopic::Battery`].
+    Battery(Box<BatteryState>),
     /// Of [`VisualisationTopic::Path`].
     Path(Path),
     /// Of [`VisualisationTopic::Map`], [`VisualisationTopic::Unexplored`] and
@@ -54,6 +62,10 @@ impl VisualisationMessage {
             Self::Transforms(message) => &message.transforms.first()?.header,
             Self::Odometry(message) => &message.header,
             Self::Points(message) => &message.header,
+            Self::Scan(message) => &message.header,
+            Self::Image(message) => &message.header,
+            Self::CameraInfo(message) => &message.header,
+            Self::Battery(message) => &message.header,
             Self::Path(message) => &message.header,
             Self::Marker(message) => &message.header,
             Self::Info(message) => &message.header,
@@ -74,6 +86,10 @@ impl Serialize for VisualisationMessage {
             Self::Transforms(message) => message.serialize(serializer),
             Self::Odometry(message) => message.serialize(serializer),
             Self::Points(message) => message.serialize(serializer),
+            Self::Scan(message) => message.serialize(serializer),
+            Self::Image(message) => message.serialize(serializer),
+            Self::CameraInfo(message) => message.serialize(serializer),
+            Self::Battery(message) => message.serialize(serializer),
             Self::Path(message) => message.serialize(serializer),
             Self::Marker(message) => message.serialize(serializer),
             Self::Info(message) => message.serialize(serializer),

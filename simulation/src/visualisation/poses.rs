@@ -13,9 +13,10 @@ use msgs::visualization_msgs::Marker;
 use nalgebra::Point3;
 use protocol::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 
-use crate::wire::{body_frame, header, point, rotation, vector};
+use crate::wire::{MAP_FRAME, body_frame, header, lidar_frame, optical_frame, point, rotation, vector};
 use crate::world::World;
 use crate::world::body::Pose as BodyPose;
+use crate::world::lidar::PlaceOnBody;
 
 /// Bytes on the wire of a pose with a header, with padding.
 const POSE_BYTES: usize = 72;
@@ -37,28 +38,32 @@ pub(super) fn transforms(world: &World) -> impl Iterator<Item = TFMessage> + use
     in_parts(crate::wire::transforms(world).transforms)
 }
 
-/// The frame of each LiDAR, which is above the centre of the body (metres) and looks up (radians),
-/// and that of each odometry, the map.
+/// The frame of each LiDAR, the optical frame of each camera, and the frame of each odometry, which
+/// is the map.
 pub(super) fn static_transforms<A>(
     agents: A,
-    (height_m, pitch_rad): (f64, f64),
+    lidar: PlaceOnBody,
     tick: Tick,
 ) -> impl Iterator<Item = TFMessage> + use<A>
 where
     A: Iterator<Item = AgentId>,
 {
-    let (sin, cos) = libm::sincos(-0.5 * pitch_rad);
-    let lidar = Transform {
-        translation: Vector3 { z: height_m, ..Vector3::default() },
+    let (sin, cos) = libm::sincos(-0.5 * lidar.pitch_rad);
+    let on_body = Transform {
+        translation: Vector3 { z: lidar.height_m, ..Vector3::default() },
         rotation: Quaternion { x: 0.0, y: sin + 0.0, z: 0.0, w: cos },
     };
-    let of_agent = |agent| {
-        let on_body = msgs::std_msgs::Header { frame_id: body_frame(agent), ..header(tick) };
-        let frames = [(on_body, "lidar", lidar), (header(tick), "odom", Transform::default())];
-        frames.map(|(header, name, transform)| {
-            let child_frame_id = format!("agent_{agent}/{name}");
-            TransformStamped { header, child_frame_id, transform }
-        })
+    // x to the right, y down, z ahead.
+    let optical = Transform { rotation: Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 }, ..Transform::default() };
+    let frame = move |frame_id: String, child_frame_id: String, transform| {
+        let header = msgs::std_msgs::Header { frame_id, ..header(tick) };
+        TransformStamped { header, child_frame_id, transform }
+    };
+    let of_agent = move |agent| {
+        let on_body = frame(body_frame(agent), lidar_frame(agent), on_body);
+        let optical = lidar.is_camera.then(|| frame(lidar_frame(agent), optical_frame(agent), optical));
+        let odometry = frame(MAP_FRAME.to_owned(), format!("agent_{agent}/odom"), Transform::default());
+        [Some(on_body), optical, Some(odometry)].into_iter().flatten()
     };
     in_parts(agents.flat_map(of_agent).collect())
 }

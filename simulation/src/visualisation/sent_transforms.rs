@@ -64,7 +64,7 @@ impl SentTransforms {
         // A message has transforms of one stamp, the oldest first.
         let mut preceding: BTreeMap<Tick, Vec<TransformStamped>> = BTreeMap::new();
         for (topic, _) in &messages {
-            if let VisualisationTopic::Points(agent) = *topic
+            if let Some(agent) = topic.scanned_by()
                 && let Some((pose, scan)) = world.last_scan(agent)
                 && self.insert(world, agent, scan)
             {

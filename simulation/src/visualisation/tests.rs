@@ -56,8 +56,11 @@ fn run_status<'a>(lost: &'a BTreeSet<AgentId>, infos: &'a [String]) -> RunStatus
 }
 
 fn scheduler(record: Vec<RecordedView>) -> VisualisationScheduler {
-    VisualisationScheduler::new(ViewsSection { record, ..ViewsSection::default() }, 2, 5)
+    VisualisationScheduler::new(ViewsSection { record, ..ViewsSection::default() }, 2, ALL, 5)
 }
+
+/// All that bodies may have.
+const ALL: Equipment = Equipment { has_ring: true, has_camera: true, has_batteries: true };
 
 /// The number of messages of each topic that are published to subscribers.
 fn published(
@@ -86,8 +89,8 @@ fn published_at(
 
 #[test]
 fn topics_are_distinct_and_known() {
-    let topics: BTreeSet<String> = VisualisationTopic::all(3).map(|topic| topic.topic().to_string()).collect();
-    assert_eq!(topics.len(), VisualisationTopic::all(3).count());
+    let topics: BTreeSet<String> = VisualisationTopic::all(3, ALL).map(|topic| topic.topic().to_string()).collect();
+    assert_eq!(topics.len(), VisualisationTopic::all(3, ALL).count());
     let known: BTreeSet<String> = topics::all(3).iter().map(Topic::to_string).collect();
     assert!(topics.is_subset(&known));
 }
@@ -148,9 +151,10 @@ fn cloud_has_the_stamp_of_its_scan() {
     let points = [(VisualisationTopic::Points(AgentId(0)), 1)];
     assert_eq!(published(&mut scheduler, &mut world, &points, 0).len(), 0);
     step(&mut world, []);
-    let cloud = super::points(&world, AgentId(0)).unwrap();
+    let cloud = super::points(&world, AgentId(0), &[]).unwrap();
     assert_eq!((cloud.header.stamp, cloud.header.frame_id.as_str()), (Tick(0).into(), "agent_0/base_link"));
-    let hits = world.hits_from(AgentId(0), &world.last_scan(AgentId(0)).unwrap().0);
+    let returns = world.returns(AgentId(0), world.scanner());
+    let hits: Vec<_> = returns.iter().filter_map(crate::world::lidar::RayReturn::point).collect();
     // Walls are half a metre away on five sides.
     assert!(hits.len() > 800 && hits.iter().all(|hit| (hit - Point3::new(1.5, 1.5, 1.5)).norm() < 1.0 + 1e-9));
     assert_eq!(cloud.width as usize, hits.len());
@@ -342,7 +346,7 @@ fn with_moving_agents(mut publish: impl FnMut(&mut World, &BTreeMap<(String, u64
 
 #[test]
 fn transforms_of_a_stamp_precede_what_has_it_at_every_speed() {
-    let subscribers: Subscribers = VisualisationTopic::all(2).map(|topic| (topic, 1)).collect();
+    let subscribers: Subscribers = VisualisationTopic::all(2, Equipment::default()).map(|topic| (topic, 1)).collect();
     for rtf in [1, 7, 20, 100] {
         let mut scheduler = scheduler(Vec::new());
         let (mut listener, mut ticks) = (Listener::default(), 0);
@@ -385,7 +389,7 @@ fn recorded_transforms_of_a_stamp_precede_what_has_it() {
     use RecordedView::{Odom, Path, Points};
     for period in [0, 5, 10, 7] {
         let settings = ViewsSection { record: vec![Odom, Points, Path], ..ViewsSection::default() };
-        let mut scheduler = VisualisationScheduler::new(settings, 2, period);
+        let mut scheduler = VisualisationScheduler::new(settings, 2, Equipment::default(), period);
         let mut listener = Listener::default();
         let (lost, infos) = (BTreeSet::new(), vec![String::new(); 2]);
         with_moving_agents(|world, poses| {

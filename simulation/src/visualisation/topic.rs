@@ -14,6 +14,14 @@ pub enum VisualisationTopic {
     Odometry(AgentId),
     /// The last scan of an agent, as a point cloud.
     Points(AgentId),
+    /// The line of the last scan of an agent that is closest to the plane of its LiDAR.
+    Scan(AgentId),
+    /// The last scan of an agent, as a depth image.
+    DepthImage(AgentId),
+    /// The projection of that image.
+    CameraInfo(AgentId),
+    /// The battery of an agent.
+    Battery(AgentId),
     /// The remaining waypoints of an agent.
     Path(AgentId),
     /// The visible walls of the map.
@@ -48,9 +56,20 @@ pub enum VisualisationTopic {
     Result,
 }
 
+/// What the bodies of a run have that others do not, and that has topics of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Equipment {
+    /// Whether the LiDARs have rings.
+    pub has_ring: bool,
+    /// Whether they are depth cameras.
+    pub has_camera: bool,
+    /// Whether the bodies have batteries.
+    pub has_batteries: bool,
+}
+
 impl VisualisationTopic {
     /// All topics of a run with this many agents that are published live.
-    pub fn all(agents: u32) -> impl Iterator<Item = Self> {
+    pub fn all(agents: u32, equipment: Equipment) -> impl Iterator<Item = Self> {
         let of_run = [
             Self::Transforms,
             Self::StaticTransforms,
@@ -69,12 +88,41 @@ impl VisualisationTopic {
             Self::Digest,
             Self::Result,
         ];
-        let of_agent = |agent| [Self::Odometry(agent), Self::Points(agent), Self::Path(agent)];
+        let Equipment { has_ring, has_camera, has_batteries } = equipment;
+        let of_agent = move |agent| {
+            let of_sensors = [
+                (Self::Scan(agent), has_ring),
+                (Self::DepthImage(agent), has_camera),
+                (Self::CameraInfo(agent), has_camera),
+                (Self::Battery(agent), has_batteries),
+            ];
+            let of_sensors = of_sensors.into_iter().filter_map(|(topic, is_there)| is_there.then_some(topic));
+            [Self::Odometry(agent), Self::Points(agent), Self::Path(agent)].into_iter().chain(of_sensors)
+        };
         of_run.into_iter().chain((0..agents).map(AgentId).flat_map(of_agent))
     }
 
-    /// Whether its messages have the stamp of their tick, and poses are looked up for it. Points
-    /// have that of their scan.
+    /// The agent whose last scan it shows, with the stamp of that scan.
+    pub(super) fn scanned_by(self) -> Option<AgentId> {
+        match self {
+            Self::Points(agent) | Self::Scan(agent) | Self::DepthImage(agent) | Self::CameraInfo(agent) => Some(agent),
+            _ => None,
+        }
+    }
+
+    /// The topic of which each message comes with one of this topic with the same stamp, as long as
+    /// both have subscribers.
+    pub(super) fn companion(self) -> Option<Self> {
+        if let Self::DepthImage(agent) = self { Some(Self::CameraInfo(agent)) } else { None }
+    }
+
+    /// The topic of which this one is the companion.
+    pub(super) fn accompanies(self) -> Option<Self> {
+        if let Self::CameraInfo(agent) = self { Some(Self::DepthImage(agent)) } else { None }
+    }
+
+    /// Whether its messages have the stamp of their tick, and poses are looked up for it. What
+    /// shows a scan has the stamp of that.
     pub(super) fn needs_present_transforms(self) -> bool {
         match self {
             Self::Odometry(_)
@@ -89,6 +137,10 @@ impl VisualisationTopic {
             Self::Transforms
             | Self::StaticTransforms
             | Self::Points(_)
+            | Self::Scan(_)
+            | Self::DepthImage(_)
+            | Self::CameraInfo(_)
+            | Self::Battery(_)
             | Self::Map
             | Self::RobotDescription
             | Self::Occupancy
@@ -131,6 +183,10 @@ impl VisualisationTopic {
             Self::StaticTransforms => topics::tf_static(),
             Self::Odometry(agent) => topics::odometry(agent),
             Self::Points(agent) => topics::points(agent),
+            Self::Scan(agent) => topics::scan(agent),
+            Self::DepthImage(agent) => topics::depth_image(agent),
+            Self::CameraInfo(agent) => topics::camera_info(agent),
+            Self::Battery(agent) => topics::battery(agent),
             Self::Path(agent) => topics::path(agent),
             Self::Map => topics::map(),
             Self::Unexplored => topics::unexplored(),

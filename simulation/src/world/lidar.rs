@@ -6,7 +6,7 @@
 //! the two. Rays are fixed in the frame `map` and do not turn with the body
 //! (docs/reference-model.md, "LiDAR"), except those of a `grid` that has a front; with a cone the
 //! heading selects which of them are used. Scans are exact, except for those of `noisy`. Bodies do
-//! not occlude what is behind them.
+//! not occlude what is behind them, unless the LiDAR sees agents: see `bodies`.
 //!
 //! Layers, each of which knows only those above it:
 //!
@@ -16,6 +16,7 @@
 //!   is not cast;
 //! - `cast`: how one ray, or a bundle of them, is followed;
 //! - `naive`: the engine that casts every ray, the oracle of the others;
+//! - `returns`: what each ray measures, for messages;
 //! - `culling`: the engine that leaves out the rays that can find nothing new;
 //! - `noisy`: the engine of scans with noise;
 //! - `speculation`: the engine that casts scans ahead, and takes them back if others become due.
@@ -24,6 +25,7 @@
 //! processor and with each engine; if a scan that was cast ahead is taken back, the memory is as if
 //! it had never been cast. When scans are due is decided in [`super::World::sense`].
 
+mod bodies;
 mod cast;
 mod culling;
 mod engine;
@@ -33,6 +35,7 @@ mod memory;
 mod naive;
 mod noisy;
 mod pattern;
+mod returns;
 mod revision;
 mod slots;
 mod speculation;
@@ -47,6 +50,7 @@ use protocol::field_of_view::FieldOfView;
 use voxels::Extent;
 
 use super::body::Pose;
+pub(super) use bodies::Bodies;
 use cast::Start;
 use culling::{Culling, CullingEngine};
 pub use engine::{CastCount, NotCast};
@@ -54,9 +58,11 @@ pub(super) use engine::{Engine, NewCells};
 use grid::TurningRays;
 pub use grid::{Projection, RayGrid};
 pub use memory::SensorMemory;
+pub(super) use naive::NaiveEngine;
 pub use naive::ScanView;
 pub(super) use noisy::NoisyScan;
 use pattern::Bundle;
+pub use returns::{Measured, MiddleLine, RayReturn};
 pub(super) use revision::change_kinds;
 pub(super) use speculation::SpeculativeEngine;
 
@@ -96,6 +102,17 @@ pub struct Mount {
     pub min_range_m: f64,
 }
 
+/// Where the frame of a sensor is on its body, and what looks along it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PlaceOnBody {
+    /// Height above the centre of the body, metres.
+    pub height_m: f64,
+    /// By how much it looks up, radians.
+    pub pitch_rad: f64,
+    /// Whether it is a camera, which has an optical frame.
+    pub is_camera: bool,
+}
+
 /// A LiDAR: its rays, range and field of view.
 #[derive(Clone)]
 pub struct Scanner {
@@ -104,6 +121,7 @@ pub struct Scanner {
     /// Cosine of half the field of view, or `None` if that is all directions.
     cone_cos: Option<f64>,
     mount: Mount,
+    sees_agents: bool,
 }
 
 /// The rays of a pattern.
@@ -156,6 +174,7 @@ impl fmt::Debug for Scanner {
             .field("range_m", &self.range_m)
             .field("cone_cos", &self.cone_cos)
             .field("mount", &self.mount)
+            .field("sees_agents", &self.sees_agents)
             .finish_non_exhaustive()
     }
 }
@@ -168,13 +187,24 @@ impl Scanner {
     /// opening angle of a cone about the heading, in radians; from 2 pi on all rays are used.
     pub fn new(pattern: Pattern, range_m: f64, fov_rad: f64) -> Self {
         let cone_cos = (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0));
-        Self { rays: Rays::of(pattern), range_m, cone_cos, mount: Mount::default() }
+        Self { rays: Rays::of(pattern), range_m, cone_cos, mount: Mount::default(), sees_agents: false }
     }
 
     /// The same LiDAR at another place on its body.
     #[must_use]
     pub fn on(self, mount: Mount) -> Self {
         Self { mount, ..self }
+    }
+
+    /// The same LiDAR, with rays that end at the bodies of others, or pass them.
+    #[must_use]
+    pub fn seeing_agents(self, sees_agents: bool) -> Self {
+        Self { sees_agents, ..self }
+    }
+
+    /// Whether its rays end at the bodies of others.
+    pub fn sees_agents(&self) -> bool {
+        self.sees_agents
     }
 
     /// What it sees of its surroundings; `None` for a lattice and a shell.
@@ -195,14 +225,23 @@ impl Scanner {
         }
     }
 
-    /// Its height above the centre of the body, metres, and by how much it looks up, radians.
-    pub fn place_on_body(&self) -> (f64, f64) {
-        let pitch_rad = if let Pattern::Grid(grid) = self.rays.pattern { grid.pitch_rad } else { 0.0 };
-        (self.mount.height_m, pitch_rad)
+    /// Where it is on its body.
+    pub fn place_on_body(&self) -> PlaceOnBody {
+        let grid = self.grid();
+        PlaceOnBody {
+            height_m: self.mount.height_m,
+            pitch_rad: grid.map_or(0.0, |grid| grid.pitch_rad),
+            is_camera: grid.is_some_and(|grid| matches!(grid.projection, Projection::Pinhole { .. })),
+        }
+    }
+
+    /// Its least and its greatest range, metres; the latter may be infinite.
+    pub fn range_m(&self) -> [f64; 2] {
+        [self.mount.min_range_m, self.range_m]
     }
 
     /// Where its rays begin, metres, frame `map`.
-    fn origin(&self, pose: &Pose) -> Point3<f64> {
+    pub fn origin(&self, pose: &Pose) -> Point3<f64> {
         pose.position + Vector3::new(0.0, 0.0, self.mount.height_m)
     }
 

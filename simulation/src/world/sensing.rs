@@ -15,6 +15,7 @@ use voxels::Terrain;
 
 use super::{AgentState, World};
 use crate::workers::Workers;
+use crate::world::lidar::{NoisyScan, RayReturn, Scanner};
 use sensor::ScanResult;
 pub(super) use sensor::{Lidar, Sensor};
 
@@ -60,7 +61,7 @@ impl World {
     pub(super) fn request_scan(&mut self, index: usize, workers: &Workers) {
         let is_own = self.pending_scans.is_empty() && !self.is_deferring;
         let state = &mut self.agents[index];
-        state.sensor.request(*state.body.pose(), self.tick);
+        state.sensor.request(*state.body.pose(), self.tick, state.last_bodies.clone());
         if !workers.has_helpers() {
             drop(state.sensor.state());
         } else if !is_own {
@@ -136,6 +137,26 @@ impl World {
             shares.after.push((tick, self.coverage.explored()));
         }
         shares
+    }
+
+    /// What the rays of a scanner in the place of that of `agent` measure from the pose of its last
+    /// scan, in the fixed order of the rays; empty before the first.
+    #[must_use]
+    pub fn returns(&self, agent: AgentId, scanner: &Scanner) -> Vec<RayReturn> {
+        let noise = &self.lidar.noise;
+        let AgentState { sensor, last_scan, last_bodies: bodies, .. } = &self.agents[agent.index()];
+        let &Some((pose, tick)) = last_scan else { return Vec::new() };
+        let memory = &sensor.state().memory;
+        match noise.affects_scans() {
+            true => scanner.returns_noisy(memory, &pose, NoisyScan { noise, agent, tick, bodies }),
+            false => scanner.returns(memory, &pose, bodies),
+        }
+    }
+
+    /// Ticks between the scans of an agent; `None` if there is no period.
+    #[must_use]
+    pub fn scan_period_ticks(&self, agent: AgentId) -> Option<u32> {
+        self.agents[agent.index()].scan_period_ticks
     }
 
     fn count_explored(&mut self, agent: AgentId, new_free: &[u32]) {

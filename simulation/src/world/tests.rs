@@ -1,4 +1,5 @@
 mod presence;
+mod seen_agents;
 
 use std::f64::consts::{PI, TAU};
 

@@ -341,7 +341,10 @@ export function mapChange(bytes: Uint8Array): MapChange {
   return { tick, isWall, low: cell(), high: cell() };
 }
 
-/** A point cloud of three 32-bit floats per point. */
+/** Bytes of x, y and z of a point. */
+const COORDINATES_BYTES = 12;
+
+/** The coordinates of a point cloud, whose points begin with them, as three 32-bit floats. */
 export function pointCloud(bytes: Uint8Array): PointCloud {
   const reader = new CdrReader(bytes);
   const timeS = header(reader);
@@ -356,9 +359,14 @@ export function pointCloud(bytes: Uint8Array): PointCloud {
   const step = reader.u32();
   reader.u32();
   const data = reader.bytes();
-  if (step !== 12 || data.length % step !== 0) {
+  if (step < COORDINATES_BYTES || data.length % step !== 0) {
     throw new RangeError(`points of ${step} bytes in ${data.length}`);
   }
-  // Copied, because the bytes may be unaligned.
-  return { timeS, points: new Float32Array(data.slice().buffer) };
+  // Copied, because the bytes may be unaligned, and without the fields behind the coordinates.
+  const coordinates = new Uint8Array((data.length / step) * COORDINATES_BYTES);
+  for (let point = 0; point * step < data.length; point++) {
+    const start = point * step;
+    coordinates.set(data.subarray(start, start + COORDINATES_BYTES), point * COORDINATES_BYTES);
+  }
+  return { timeS, points: new Float32Array(coordinates.buffer) };
 }

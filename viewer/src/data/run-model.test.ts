@@ -259,7 +259,7 @@ describe("hits", () => {
         [0, 1, 0.5],
       ]),
       make.poses(10, [[2.5, 1.5, 1.5]], Math.PI / 2),
-      make.points(0, 10, [[1, 0, 0]]),
+      make.points(0, 10, [[1, 0, 0]], ["intensity", "time"]),
     ]);
     const early = (await run.hitsAt(0, 0.1))!;
     expect(early).toMatchObject({ timeS: 0, isCast: false });

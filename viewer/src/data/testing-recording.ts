@@ -275,18 +275,31 @@ export function mapChange(tick: number, isWall: boolean, low: Vec3, high: Vec3):
   return { topic: "/sim/map_change", tick, bytes: writer.data };
 }
 
-/** A point cloud in the body frame. */
-export function points(agent: number, tick: number, list: readonly Vec3[]): RecordedMessage {
-  const writer = header(new CdrWriter(), tick).uint32(1).uint32(list.length).sequenceLength(3);
-  ["x", "y", "z"].forEach((name, number) =>
+/** A point cloud in the body frame, with these further fields of 32 bits. */
+export function points(
+  agent: number,
+  tick: number,
+  list: readonly Vec3[],
+  fields: readonly string[] = [],
+): RecordedMessage {
+  const names = ["x", "y", "z", ...fields];
+  const writer = header(new CdrWriter(), tick).uint32(1).uint32(list.length).sequenceLength(names.length);
+  names.forEach((name, number) =>
     writer
       .string(name)
       .uint32(4 * number)
       .uint8(7)
       .uint32(1),
   );
-  const data = new Uint8Array(Float32Array.from(list.flat()).buffer);
-  writer.uint8(0).uint32(12).uint32(data.length).uint8Array(data, true).uint8(1);
+  const data = new Uint8Array(
+    Float32Array.from(list.flatMap((point) => [...point, ...fields.map(() => 9)])).buffer,
+  );
+  writer
+    .uint8(0)
+    .uint32(4 * names.length)
+    .uint32(data.length)
+    .uint8Array(data, true)
+    .uint8(1);
   return { topic: `/agent_${agent}/points`, tick, bytes: writer.data };
 }
 

@@ -8,7 +8,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 use protocol::limits::{AGENT_MESSAGE_BYTES_MAX, RELAYS_PER_AGENT_MAX};
 
-use crate::scenario::{AGENTS_MAX, RecordedView};
+use crate::scenario::{AGENTS_MAX, PointsField, RecordedView};
 
 use super::DefaultValue::{Is, Required, Unset};
 use super::Kind::{
@@ -333,6 +333,8 @@ pub const TABLES: [Table; 24] = [
         key("period_ticks", Integer("ticks"), Is("10"), PERIOD,
             "ticks between two scans until an agent requests otherwise",
             "reference: as many as there are agents, so 10 with its largest team"),
+        key("sees_agents", Boolean, Is("false"), NONE,
+            "whether rays end at the bodies of other agents", "ours").see("sensors.md"),
         key("horizontal_rad", Number("rad"), Unset("all around; of a frustum 80 degrees"), above(0.0, TAU),
             "full horizontal angle about the heading; this key and the next ones are of rings and frustums alone", "ours").limits("above 0, up to 2 pi, of a frustum up to 3"),
         key("vertical_rad", Number("rad"), Unset("60 degrees"), above(0.0, 3.0),
@@ -467,7 +469,9 @@ pub const TABLES: [Table; 24] = [
         key("odom_period_ticks", Integer("ticks"), Is("5"), PERIOD,
             "ticks between two messages on /agent_<id>/odom", ""),
         key("points_period_ticks", Integer("ticks"), Is("1"), PERIOD,
-            "least ticks between two scans on /agent_<id>/points", ""),
+            "least ticks between two scans on /agent_<id>/points, scan and depth/image", ""),
+        key("points_fields", Words(PointsField::WORDS), Is("[]"), NONE,
+            "fields that points have beside x, y and z; ring: with a LiDAR of the pattern ring", "").see("sensors.md#messages"),
         key("path_period_ticks", Integer("ticks"), Is("5"), PERIOD,
             "ticks between two checks whether /agent_<id>/path has changed", ""),
         key("unexplored_period_ticks", Integer("ticks"), Is("50"), PERIOD,

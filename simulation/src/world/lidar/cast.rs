@@ -55,6 +55,16 @@ impl Start {
         }
     }
 
+    /// Range of the rays in lengths of their directions.
+    pub(super) fn limit(&self) -> f64 {
+        self.limit
+    }
+
+    /// Whether something at this distance is too near, in the same lengths.
+    pub(super) fn is_too_near(&self, distance: f64) -> bool {
+        self.blind > 0.0 && distance <= self.blind
+    }
+
     /// The slot of the cell in which rays begin.
     pub(super) fn slot(&self) -> u64 {
         self.slot
@@ -122,7 +132,7 @@ pub(super) fn cast_ray(
 
 /// The same for a ray of another length.
 #[inline(always)]
-fn cast_ray_within(
+pub(super) fn cast_ray_within(
     start: &Start,
     limit: f64,
     bundle: &Bundle,

@@ -43,10 +43,11 @@ impl NotCast {
     const COUNT: usize = Self::OutsideView as usize + 1;
 
     /// Why a scan of `scanner` that is due from `pose` need not be cast; `None`: it has to be.
-    /// `last` is the pose of the scan before. A scan with noise differs from the last one.
+    /// `last` is the pose of the scan before; `differs`: two scans from one pose may see different
+    /// things.
     #[must_use]
-    pub fn of_scan(scanner: &Scanner, has_noise: bool, last: Option<&Pose>, pose: &Pose) -> Option<Self> {
-        let is_repeated = !has_noise && last.is_some_and(|last| scanner.sees_the_same(last, pose));
+    pub fn of_scan(scanner: &Scanner, differs: bool, last: Option<&Pose>, pose: &Pose) -> Option<Self> {
+        let is_repeated = !differs && last.is_some_and(|last| scanner.sees_the_same(last, pose));
         is_repeated.then_some(Self::SamePose)
     }
 }

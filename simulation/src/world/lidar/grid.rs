@@ -79,11 +79,7 @@ impl RayGrid {
         let middle = |at: u32, count: u32| 1.0 - (2.0 * f64::from(at) + 1.0) / f64::from(count);
         match self.projection {
             Projection::Spherical { lowest_rad, highest_rad } => {
-                let below = match self.rows {
-                    1 => 0.5,
-                    rows => f64::from(row) / f64::from(rows - 1),
-                };
-                let elevation_rad = highest_rad - below * (highest_rad - lowest_rad);
+                let elevation_rad = self.elevation_rad(row, lowest_rad, highest_rad);
                 let azimuth_rad = self.horizontal_rad.min(TAU) / 2.0 * middle(column, self.columns);
                 let (up, ahead) = libm::sincos(elevation_rad);
                 let (left, forward) = libm::sincos(azimuth_rad);
@@ -95,6 +91,52 @@ impl RayGrid {
                 Vector3::new(1.0, left, up).normalize()
             }
         }
+    }
+
+    /// The elevation of a row of those from a lowest to a highest one.
+    fn elevation_rad(&self, row: u32, lowest_rad: f64, highest_rad: f64) -> f64 {
+        let below = match self.rows {
+            1 => 0.5,
+            rows => f64::from(row) / f64::from(rows - 1),
+        };
+        highest_rad - below * (highest_rad - lowest_rad)
+    }
+
+    /// The row and the column of a ray by its direction in the frame of the body. Rows that lie on
+    /// each other count as the first of them.
+    pub(super) fn place_of(&self, direction: &Vector3<f64>) -> [u32; 2] {
+        let (sin, cos) = libm::sincos(self.pitch_rad);
+        let (ahead, left, up) =
+            (cos * direction.x + sin * direction.z, direction.y, cos * direction.z - sin * direction.x);
+        // The number of that of `count` places which has this at its middle, from 1 to -1.
+        let numbered = |middle: f64, count: u32| (1.0 - middle) * f64::from(count) / 2.0 - 0.5;
+        let (row, column) = match self.projection {
+            Projection::Spherical { lowest_rad, highest_rad } => {
+                let below_rad = highest_rad - libm::atan2(up, libm::hypot(ahead, left));
+                let span_rad = highest_rad - lowest_rad;
+                let row = if span_rad > 0.0 { below_rad / span_rad * f64::from(self.rows - 1) } else { 0.0 };
+                let azimuth_rad = libm::atan2(left, ahead);
+                (row, numbered(azimuth_rad / (self.horizontal_rad.min(TAU) / 2.0), self.columns))
+            }
+            Projection::Pinhole { vertical_rad } => (
+                numbered(up / ahead / libm::tan(vertical_rad / 2.0), self.rows),
+                numbered(left / ahead / libm::tan(self.horizontal_rad / 2.0), self.columns),
+            ),
+        };
+        let whole = |number: f64, count: u32| libm::round(number).clamp(0.0, f64::from(count - 1)) as u32;
+        [whole(row, self.rows), whole(column, self.columns)]
+    }
+
+    /// The row of a spinning LiDAR that is closest to the plane of the sensor, the upper of two, as
+    /// a grid of its own, and its elevation, radians; `None` for a camera.
+    pub(super) fn middle_row(&self) -> Option<(Self, f64)> {
+        let Projection::Spherical { lowest_rad, highest_rad } = self.projection else { return None };
+        let of_row = |row: u32| self.elevation_rad(row, lowest_rad, highest_rad);
+        // Rounding must not choose between two that are as close.
+        let distance = |row: &u32| libm::round(of_row(*row).abs() * 1e9) as u64;
+        let elevation_rad = of_row((0..self.rows).min_by_key(distance)?);
+        let projection = Projection::Spherical { lowest_rad: elevation_rad, highest_rad: elevation_rad };
+        Some((Self { projection, rows: 1, ..*self }, elevation_rad))
     }
 
     /// The greatest angle between neighbouring rays, radians, across the columns and the rows.

@@ -3,16 +3,26 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::bodies::{Bodies, BodyOnRay};
 use super::cast;
 use super::engine::{CastCount, Engine, NewCells, NotCast};
 use super::{Scanner, SensorMemory};
 use crate::world::body::Pose;
 
-/// Casts every ray of a scan, and notes where they hit walls.
+/// Casts every ray of a scan, and notes where they hit something. The engine of LiDARs that see
+/// agents, too.
 #[derive(Debug, Default)]
 pub(in crate::world) struct NaiveEngine {
-    /// The points where rays of the scans hit walls, metres, frame `map`.
+    /// The points where rays of the scans hit walls and bodies, metres, frame `map`.
     hits: Vec<Point3<f64>>,
+    bodies: Bodies,
+}
+
+impl NaiveEngine {
+    /// Casts scans past these bodies.
+    pub(in crate::world) fn past(bodies: Bodies) -> Self {
+        Self { hits: Vec::new(), bodies }
+    }
 }
 
 /// Everything that one scan sees.
@@ -22,8 +32,8 @@ pub struct ScanView {
     pub free: Vec<u32>,
     /// Indices of the walls that ended a ray, ascending.
     pub wall: Vec<u32>,
-    /// The points where rays hit walls, metres, frame `map`, in the fixed order of the scanner's
-    /// rays.
+    /// The points where rays hit walls, or bodies, metres, frame `map`, in the fixed order of the
+    /// scanner's rays.
     pub hits: Vec<Point3<f64>>,
 }
 
@@ -33,16 +43,17 @@ impl Engine for NaiveEngine {
         let Some(start) = scanner.start(memory, pose) else { return CastCount::without(due, NotCast::OutsideMap) };
         start.see_own(memory.parts().marks, &mut new);
         memory.see_body(&pose.position, &mut new);
-        let mut in_view = 0;
+        let (mut in_view, origin, cell_m) = (0, scanner.origin(pose), memory.extent().cell_m());
         for bundle in &*scanner.bundles(pose.yaw_rad) {
             for lane in bundle.lanes(start.cone()) {
                 in_view += 1;
-                let marks = memory.parts().marks;
-                if start.is_blind(marks, bundle, lane) {
+                let (marks, direction) = (memory.parts().marks, bundle.direction(lane));
+                let body = BodyOnRay::new(&self.bodies, &start, &origin, &direction, cell_m);
+                if start.is_blind(marks, bundle, lane) || body.is_too_near {
                     continue;
                 }
-                let end = cast::cast_ray(&start, bundle, lane, |slot| marks.see(slot, &mut new));
-                let hit = end.and_then(|end| hit(end, bundle.direction(lane), memory, &scanner.origin(pose)));
+                let end = cast::cast_ray_within(&start, body.limit, bundle, lane, |slot| marks.see(slot, &mut new));
+                let hit = end.map_or_else(|| body.point(), |end| hit(end, direction, memory, &origin));
                 self.hits.extend(hit);
             }
         }
@@ -55,8 +66,13 @@ impl Engine for NaiveEngine {
 impl Scanner {
     /// Everything that a scan from `pose` sees, whether seen before or not.
     pub fn view(&self, memory: &SensorMemory, pose: &Pose) -> ScanView {
+        self.view_past(memory, pose, &Bodies::default())
+    }
+
+    /// The same past these bodies.
+    pub(in crate::world) fn view_past(&self, memory: &SensorMemory, pose: &Pose, bodies: &Bodies) -> ScanView {
         let mut view = ScanView::default();
-        let mut engine = NaiveEngine::default();
+        let mut engine = NaiveEngine::past(bodies.clone());
         let new = NewCells { free: &mut view.free, wall: &mut view.wall };
         engine.cast(self, &mut memory.unused(), pose, new);
         view.hits = engine.hits;
@@ -64,27 +80,12 @@ impl Scanner {
         view.wall.sort_unstable();
         view
     }
-
-    /// The points where the rays of a scan from `pose` hit walls, metres, frame `map`: the hits of
-    /// its [`Scanner::view`].
-    pub fn hits(&self, memory: &SensorMemory, pose: &Pose) -> Vec<Point3<f64>> {
-        let mut hits = Vec::new();
-        let Some(start) = self.start(memory, pose) else { return hits };
-        let (marks, origin) = (memory.marks(), self.origin(pose));
-        for bundle in &*self.bundles(pose.yaw_rad) {
-            for lane in bundle.lanes(start.cone()).filter(|&lane| !start.is_blind(marks, bundle, lane)) {
-                let end = cast::cast_ray(&start, bundle, lane, |slot| marks.is_free(slot));
-                hits.extend(end.and_then(|end| hit(end, bundle.direction(lane), memory, &origin)));
-            }
-        }
-        hits
-    }
 }
 
 /// Where a ray meets a wall, metres, frame `map`; `None` at the edge of the map. The ray ends in a
 /// slot, at a distance that is in cells if its direction has length 1, otherwise in lengths of the
 /// direction.
-fn hit(
+pub(super) fn hit(
     (slot, distance): (u64, f64),
     direction: Vector3<f64>,
     memory: &SensorMemory,

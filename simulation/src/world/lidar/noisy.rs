@@ -13,10 +13,11 @@
 use std::ops::ControlFlow;
 
 use msgs::ids::{AgentId, Tick};
-use nalgebra::Point3;
 use voxels::{Cell, walk};
 
+use super::bodies::{Bodies, BodyHit};
 use super::engine::{CastCount, Engine, NewCells, NotCast};
+use super::returns::{Measured, RayReturn, incidence_cos};
 use super::{Pattern, ScanView, Scanner, SensorMemory};
 use crate::world::body::Pose;
 use crate::world::noise::SensorNoise;
@@ -27,6 +28,8 @@ const VOTES: i8 = 3;
 /// The engine of one noisy scan: noise parameters, agent and tick, which name its random stream.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::world) struct NoisyScan<'a> {
+    /// The bodies of others.
+    pub(in crate::world) bodies: &'a Bodies,
     /// Noise parameters.
     pub(in crate::world) noise: &'a SensorNoise,
     /// The scanning agent.
@@ -40,8 +43,10 @@ struct RayVote<'a> {
     /// Cells that it seems to cross, the body's own first, with the distances at which it enters
     /// them.
     free: &'a [(Cell, f64)],
-    /// The cell of its measured return, and the point (metres, frame `map`).
-    wall: Option<(Cell, Point3<f64>)>,
+    /// The cell of its measured return.
+    wall: Option<Cell>,
+    /// What it measures.
+    ray: RayReturn,
 }
 
 /// Marks cells as seen and adds them once they have the votes; the kind that is reported may differ
@@ -68,7 +73,7 @@ impl Engine for NoisyScan<'_> {
                 }
             };
             ray.free.iter().for_each(|&(cell, _)| vote(cell, 1));
-            ray.wall.iter().for_each(|&(cell, _)| vote(cell, -1));
+            ray.wall.into_iter().for_each(|cell| vote(cell, -1));
         });
         let mut of_true_kinds = (Vec::new(), Vec::new());
         for index in touched {
@@ -100,8 +105,8 @@ impl Scanner {
                 }
             };
             ray.free.iter().for_each(|&(cell, _)| vote(cell, 1));
-            ray.wall.iter().for_each(|&(cell, _)| vote(cell, -1));
-            view.hits.extend(ray.wall.map(|(_, hit)| hit));
+            ray.wall.into_iter().for_each(|cell| vote(cell, -1));
+            view.hits.extend(ray.ray.point());
         });
         for (index, votes) in (0..).zip(votes) {
             match votes {
@@ -113,16 +118,16 @@ impl Scanner {
         view
     }
 
-    /// As [`Scanner::hits`], with noise.
-    pub(in crate::world) fn hits_noisy(
+    /// As [`Scanner::returns`], with noise.
+    pub(in crate::world) fn returns_noisy(
         &self,
         memory: &SensorMemory,
         pose: &Pose,
         scan: NoisyScan<'_>,
-    ) -> Vec<Point3<f64>> {
-        let mut hits = Vec::new();
-        self.follow(memory, pose, scan, |ray| hits.extend(ray.wall.map(|(_, hit)| hit)));
-        hits
+    ) -> Vec<RayReturn> {
+        let mut returns = Vec::new();
+        self.follow(memory, pose, scan, |vote| returns.push(vote.ray));
+        returns
     }
 
     /// Follows all rays in the field of view; returns how many.
@@ -154,8 +159,10 @@ impl Scanner {
                 crossed.clear();
                 let mut entered_wall = None;
                 let mut measured = None;
+                let body = scan.bodies.first_on(&origin, &direction).filter(|hit| hit.distance <= reach);
+                let reach = body.map_or(reach, |hit| hit.distance);
                 let _where_it_ended = walk(extent, &origin, &direction, reach, |cell, entry| {
-                    if let (Some(wall), None) = (entered_wall, measured) {
+                    if let (Some((_, wall)), None) = (entered_wall, measured) {
                         measured = Some((wall + entry) / 2.0 + noise.unwrap_or(0.0));
                     }
                     if measured.is_some_and(|measured| entry > measured) {
@@ -163,25 +170,47 @@ impl Scanner {
                     }
                     crossed.push((cell, entry));
                     if entered_wall.is_none() && is_wall(cell) {
-                        entered_wall = Some(entry);
+                        entered_wall = Some((cell, entry));
                     }
                     ControlFlow::Continue(())
                 });
-                let Some(wall) = entered_wall else {
-                    vote(RayVote { free: &crossed, wall: None });
+                let mut without = |free: &[(Cell, f64)], measured: Measured| {
+                    vote(RayVote { free, wall: None, ray: RayReturn { direction, measured } });
+                };
+                let (wall, incidence_cos) = match (entered_wall, body) {
+                    (Some((cell, wall)), _) => (wall, incidence_cos(memory, &origin, &direction, cell)),
+                    (None, Some(BodyHit { distance, incidence_cos })) => (distance, incidence_cos),
+                    (None, None) => {
+                        without(&crossed, Measured::OutOfRange);
+                        continue;
+                    }
+                };
+                let Some(noise) = noise else {
+                    without(&[], Measured::Missed);
                     continue;
                 };
-                let Some(noise) = noise else { continue };
                 if blind_m > 0.0 && wall <= blind_m {
+                    without(&[], Measured::TooNear);
+                    continue;
+                }
+                if entered_wall.is_none() {
+                    // Cells behind the body are not crossed, however far it seems to be.
+                    let measured = wall + noise;
+                    let free = crossed.partition_point(|&(_, entry)| entry <= measured);
+                    let point = origin + direction * measured;
+                    without(&crossed[..free], Measured::Surface { point, incidence_cos });
                     continue;
                 }
                 // At the edge of the map or of the range the ray has not left the wall cell.
                 let measured = measured.unwrap_or(wall + noise);
                 let free = crossed.partition_point(|&(_, entry)| entry <= measured).saturating_sub(1);
-                if free > 0 {
-                    let hit = origin + direction * measured;
-                    vote(RayVote { free: &crossed[..free], wall: Some((crossed[free].0, hit)) });
+                if free == 0 {
+                    without(&[], Measured::Missed);
+                    continue;
                 }
+                let measured = Measured::Surface { point: origin + direction * measured, incidence_cos };
+                let ray = RayReturn { direction, measured };
+                vote(RayVote { free: &crossed[..free], wall: Some(crossed[free].0), ray });
             }
         }
         rays
@@ -192,6 +221,7 @@ impl Scanner {
 mod tests {
     use std::f64::consts::TAU;
 
+    use nalgebra::Point3;
     use voxels::{Grid, Terrain};
 
     use super::*;
@@ -215,7 +245,12 @@ mod tests {
         let (mut free, mut wall) = (Vec::new(), Vec::new());
         for tick in (0..scans).map(Tick) {
             let new = NewCells { free: &mut free, wall: &mut wall };
-            NoisyScan { noise, agent: AgentId(0), tick }.cast(&scanner(), &mut memory, &POSE, new);
+            NoisyScan { noise, agent: AgentId(0), tick, bodies: &Bodies::default() }.cast(
+                &scanner(),
+                &mut memory,
+                &POSE,
+                new,
+            );
         }
         free.sort_unstable();
         wall.sort_unstable();
@@ -232,12 +267,13 @@ mod tests {
         let exact = SensorNoise::default();
         // Cells that few rays hit have enough votes after some scans.
         assert_eq!(reported(&exact, 3), [free, wall]);
-        let scan = NoisyScan { noise: &exact, agent: AgentId(0), tick: Tick(0) };
+        let scan = NoisyScan { noise: &exact, agent: AgentId(0), tick: Tick(0), bodies: &Bodies::default() };
         let view = scanner().view(&memory, &POSE);
         let noisy = scanner().view_noisy(&memory, &POSE, scan);
         assert_eq!((&view.free, &view.wall), (&noisy.free, &noisy.wall));
         assert_eq!(view.hits.len(), noisy.hits.len());
-        assert_eq!(scanner().hits_noisy(&memory, &POSE, scan), noisy.hits);
+        let returns = scanner().returns_noisy(&memory, &POSE, scan);
+        assert_eq!(returns.iter().filter_map(RayReturn::point).collect::<Vec<_>>(), noisy.hits);
     }
 
     #[test]
@@ -269,8 +305,8 @@ mod tests {
         let noise = SensorNoise { range_sigma_m: 0.5, ..SensorNoise::default() };
         let memory = SensorMemory::new(&hall());
         let hits = |agent, tick| {
-            let scan = NoisyScan { noise: &noise, agent: AgentId(agent), tick: Tick(tick) };
-            scanner().hits_noisy(&memory, &POSE, scan)
+            let scan = NoisyScan { noise: &noise, agent: AgentId(agent), tick: Tick(tick), bodies: &Bodies::default() };
+            scanner().returns_noisy(&memory, &POSE, scan)
         };
         assert_eq!(hits(0, 1), hits(0, 1));
         assert_ne!(hits(0, 1), hits(0, 2));

@@ -397,7 +397,8 @@ proptest! {
             let (free, wall) = by_definition(&terrain, &pose, pattern, range_m, fov_rad, mount);
             let view = scanner.view(&naive, &pose);
             prop_assert!(view.free.iter().eq(&free) && view.wall.iter().eq(&wall));
-            prop_assert_eq!(&view.hits, &scanner.hits(&naive, &pose));
+            let returns = scanner.returns(&naive, &pose, &Bodies::default());
+            prop_assert_eq!(&view.hits, &returns.iter().filter_map(RayReturn::point).collect::<Vec<_>>());
             let new = |all: &BTreeSet<u32>| all.difference(&known).copied().collect::<Vec<u32>>();
             let expected = [new(&free), new(&wall)];
             prop_assert_eq!(&cast_by(&mut NaiveEngine::default(), &scanner, &mut naive, &pose).0, &expected);

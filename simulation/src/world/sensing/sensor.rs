@@ -14,7 +14,7 @@ use msgs::ids::{AgentId, Tick};
 
 use crate::workers::Workers;
 use crate::world::body::{Body, Pose};
-use crate::world::lidar::{Engine, NewCells, NoisyScan, Scanner, SensorMemory, SpeculativeEngine};
+use crate::world::lidar::{Bodies, Engine, NaiveEngine, NewCells, NoisyScan, Scanner, SensorMemory, SpeculativeEngine};
 use crate::world::noise::SensorNoise;
 
 /// Scans that one sensor casts ahead at most. More are rarely due before the agent decides again.
@@ -54,8 +54,8 @@ struct SensorCell {
 /// The scans to cast.
 #[derive(Debug, Default)]
 struct Schedule {
-    /// Poses and ticks of the scans that no thread has begun.
-    due: VecDeque<(Pose, Tick)>,
+    /// Poses and ticks of the scans that no thread has begun, and the bodies that they meet.
+    due: VecDeque<(Pose, Tick, Bodies)>,
     /// Whether a thread casts one that was due.
     is_casting: bool,
     expected: Option<Expected>,
@@ -110,6 +110,11 @@ impl Lidar {
         Self { scanner, noise, ahead_max, ahead: Mutex::default() }
     }
 
+    /// Whether two scans from one pose may see different things, by noise or by bodies in the way.
+    pub(in crate::world) fn scans_differ(&self) -> bool {
+        self.noise.affects_scans() || self.scanner.sees_agents()
+    }
+
     fn ahead(&self) -> MutexGuard<'_, VecDeque<Weak<SensorCell>>> {
         self.ahead.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -129,14 +134,14 @@ impl Sensor {
     }
 
     /// Has a scan cast once its results are collected, or by a helper that it is announced to.
-    pub(super) fn request(&self, pose: Pose, tick: Tick) {
-        self.0.schedule().due.push_back((pose, tick));
+    pub(super) fn request(&self, pose: Pose, tick: Tick, bodies: Bodies) {
+        self.0.schedule().due.push_back((pose, tick, bodies));
     }
 
     /// Names the scans that are due next: in so many ticks, and then one in each period. `last` is
     /// the pose of the last one. Returns whether any are cast ahead: with noise none are.
     pub(super) fn expect(&self, body: &Body, last: Option<Pose>, ticks: u64, period_ticks: u32) -> bool {
-        if self.0.lidar.noise.affects_scans() {
+        if self.0.lidar.scans_differ() {
             return false;
         }
         let (body, period_ticks) = (body.clone(), period_ticks.into());
@@ -219,11 +224,18 @@ impl SensorCell {
             schedule.is_casting = next.is_some();
             // Not held while casting.
             drop(schedule);
-            let Some((pose, tick)) = next else { return };
+            let Some((pose, tick, bodies)) = next else { return };
             let Lidar { scanner, noise, .. } = &*self.lidar;
-            let mut noisy = NoisyScan { noise, agent: self.agent, tick };
+            let mut noisy = NoisyScan { noise, agent: self.agent, tick, bodies: &bodies };
             let State { memory, engine } = state;
-            let engine: &mut dyn Engine = if noise.affects_scans() { &mut noisy } else { engine };
+            let mut naive = NaiveEngine::past(bodies.clone());
+            let engine: &mut dyn Engine = if noise.affects_scans() {
+                &mut noisy
+            } else if scanner.sees_agents() {
+                &mut naive
+            } else {
+                engine
+            };
             self.found().add(tick, |new| {
                 engine.cast(scanner, memory, &pose, new);
             });
@@ -307,7 +319,7 @@ mod tests {
 
     /// What a scan finds, ascending.
     fn scanned(sensor: &Sensor, pose: Pose) -> [Vec<u32>; 2] {
-        sensor.request(pose, Tick::ZERO);
+        sensor.request(pose, Tick::ZERO, Bodies::default());
         let mut found = sensor.found();
         let mut cells = [std::mem::take(&mut found.free), std::mem::take(&mut found.wall)];
         cells.iter_mut().for_each(|cells| cells.sort_unstable());
