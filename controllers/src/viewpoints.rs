@@ -18,10 +18,9 @@
 mod beside;
 
 use std::cell::{Cell as Slot, RefCell};
-use std::ops::ControlFlow;
 use std::task::Poll;
 
-use voxels::{BodyLattice, Cell, CellSet, Extent, walk_segment};
+use voxels::{BodyLattice, Cell, CellSet, Extent};
 
 use super::Ctx;
 use super::dsvp::gain::{GainEstimator, Likelihood};
@@ -144,21 +143,25 @@ impl Viewpoints {
         let (map, from, graph) = (ctx.map(), ctx.cell(), ctx.graph(Neighbours::TwentySix));
         let near = self.near.take();
         let mut near = near.unwrap_or_else(|| BesideFrontiers::new(map.extent(), self.beside));
-        near.update(map, |cell| graph.is_usable(cell) && self.target_beside(map, cell).is_some());
+        near.update(map);
+        let is_one = |cell: Cell| graph.is_usable(cell) && self.target_beside(map, cell).is_some();
         // The body is there, whether it has room or not.
         let is_here = !self.is_exhausted(map, from) && self.target_beside(map, from).is_some();
-        let is_left = |index: usize| !self.exhausted.contains(index);
-        let is_any = near.iter().any(|index| is_left(index) && self.reachable.contains(index));
-        if !is_here && !is_any {
-            self.near = Some(near);
-            return None;
+        let is_any = |near: &BesideFrontiers| self.reachable.reaches_any(near.cells(), &self.exhausted);
+        if !is_here && !is_any(&near) {
+            near.settle(map, is_one);
+            if !is_any(&near) {
+                self.near = Some(near);
+                return None;
+            }
         }
+        let near = RefCell::new(near);
         let is_goal = |cell: Cell| match cell == from {
             true => is_here,
-            false => map.extent().index(cell).is_some_and(|index| near.holds(index) && is_left(index)),
+            false => !self.is_exhausted(map, cell) && near.borrow_mut().holds(map, cell, is_one),
         };
         let path = Search::new(graph, from, Goal::Where(&is_goal)).run();
-        self.near = Some(near);
+        self.near = Some(near.into_inner());
         let &cell = path?.cells.last()?;
         Some(Viewpoint { cell, target: self.target_beside(map, cell)? })
     }
@@ -179,13 +182,9 @@ impl Viewpoints {
     /// Whether the centre of an unexplored cell is in sight and in range of the place of another.
     fn is_seen(&self, map: &ExplorationMap, from: Cell, target: Cell) -> bool {
         let (here, there) = (self.lattice.place(map.extent(), from), map.extent().centre(target));
-        let is_clear = |cell| match cell == target || map.state(cell).is_free() {
-            true => ControlFlow::Continue(()),
-            false => ControlFlow::Break(()),
-        };
         self.field_of_view.is_none_or(|view| view.holds(&(there - here)))
             && (there - here).norm() <= self.range_m
-            && walk_segment(map.extent(), &here, &there, is_clear).is_continue()
+            && map.is_seen_from(&here, target)
     }
 
     /// Of the nearest viewpoints from which a ray meets an unexplored cell, the one with the most

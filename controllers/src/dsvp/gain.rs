@@ -177,11 +177,19 @@ impl GainEstimator {
     /// rays.
     pub(crate) fn first_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell) -> Option<Cell> {
         let rays = self.rays(map);
+        let extent = map.extent();
+        let index = extent.index(viewpoint)?;
         let mut start = 0;
         rays.ends.iter().find_map(|&end| {
             let ray = &rays.cells[start..end as usize];
             start = end as usize;
-            let end = ray.iter().map(|at| viewpoint + at.by).find(|&cell| !map.state(cell).is_free())?;
+            // A ray is straight, so it lies inside the map if its last cell does.
+            let end = if ray.last().is_none_or(|last| extent.contains(viewpoint + last.by)) {
+                ray.iter().find(|at| !map.is_free_at(index.wrapping_add_signed(at.offset as isize)))
+            } else {
+                ray.iter().find(|at| !map.is_free(viewpoint + at.by))
+            };
+            let end = viewpoint + end?.by;
             (map.state(end) == CellState::Unexplored).then_some(end)
         })
     }
