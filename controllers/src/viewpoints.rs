@@ -43,7 +43,7 @@ const OFFERS: usize = 8;
 
 /// Least number of cells that a search for viewpoints looks for; each further one looks for four
 /// times as many.
-const NEAREST_MIN: usize = 64;
+const NEAREST_MIN: usize = 16;
 
 /// Added to the length of a path where gains are compared by length, metres.
 const NEAR_M: f64 = 2.0;
@@ -202,13 +202,19 @@ impl Viewpoints {
             let mut nearest = known.unwrap_or_else(|| Nearest { key, cells: Vec::new(), is_all: false });
             let mut offers: Vec<(f64, Viewpoint)> = Vec::new();
             let mut is_out_of_casts = false;
-            for number in 0.. {
+            let mut number = 0;
+            loop {
                 if number == nearest.cells.len() && !nearest.is_all {
                     let left = near.count(extent, spacing, &self.reachable, &self.exhausted);
-                    let is_left = |cell| !self.is_exhausted(map, cell);
-                    nearest = Nearest::found(ctx, key, (4 * number).max(NEAREST_MIN), &near, (left, &is_left));
+                    let left = left.saturating_sub(offers.len());
+                    let is_offered = |cell| offers.iter().any(|(_, offer)| offer.cell == cell);
+                    let is_left = |cell| !self.is_exhausted(map, cell) && !is_offered(cell);
+                    let count = (4 * nearest.cells.len()).max(NEAREST_MIN);
+                    nearest = Nearest::found(ctx, key, count, &near, (left, &is_left));
+                    number = 0;
                 }
                 let Some(&(cell, length_cells)) = nearest.cells.get(number) else { break };
+                number += 1;
                 let Some(index) = extent.index(cell).filter(|&index| !self.exhausted.contains(index)) else { continue };
                 if casts_left == 0 {
                     is_out_of_casts = true;
@@ -225,7 +231,8 @@ impl Viewpoints {
                     break;
                 }
             }
-            self.nearest = Some(nearest);
+            // Later lists leave out what is on offer.
+            self.nearest = offers.is_empty().then_some(nearest);
             if is_out_of_casts && offers.is_empty() {
                 return Poll::Pending;
             }
@@ -251,8 +258,8 @@ struct Nearest {
 }
 
 impl Nearest {
-    /// The first `count` of the cells near frontiers, or all up to the last of those that are left
-    /// to examine: their number, and which they are.
+    /// The first `count` of the cells near frontiers that are left to examine, or all up to the last
+    /// of them: their number, and which they are.
     fn found(
         ctx: &Ctx<'_>,
         key: (Cell, usize, i32),
@@ -265,9 +272,9 @@ impl Nearest {
         let left = Slot::new(left);
         let is_last = |cell: Cell| {
             let is_on_lattice = [cell.x, cell.y, cell.z].iter().all(|along| along % spacing == 0);
-            if is_on_lattice && near.holds(cell) {
+            if is_on_lattice && near.holds(cell) && is_left(cell) {
                 cells.borrow_mut().push(cell);
-                left.set(left.get() - usize::from(left.get() > 0 && is_left(cell)));
+                left.set(left.get().saturating_sub(1));
             }
             left.get() == 0 || cells.borrow().len() == count
         };

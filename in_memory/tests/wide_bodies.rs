@@ -81,7 +81,7 @@ const OFFICE: &str = "body = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { ra
 fn all_of_an_office_that_can_be_seen_is_seen() {
     let office = office();
     let visible = visible_share(&office, 0.3, Cell::new(3, 3, 3), 4.5);
-    for controller in TEAMS.into_iter().chain(["lvd"]) {
+    for controller in TEAMS.into_iter().chain(["lvd", "lvd-maes3d"]) {
         let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
         let result = result(&office, &keys);
         assert!(result.distance_m.iter().all(|&metres| metres > 1.0), "{controller}: {:?}", result.distance_m);
@@ -90,6 +90,17 @@ fn all_of_an_office_that_can_be_seen_is_seen() {
         let failed = result.counter(CounterName::FailedSearches).unwrap_or(0);
         assert!(failed < 200, "{controller}: {failed} failed searches");
     }
+}
+
+#[test]
+fn sweeps_of_a_wide_body_leave_out_what_it_has_covered() {
+    let mut hall = solid([42, 32, 14], 0.1);
+    fill(&mut hall, [1..41, 1..31, 1..13], Terrain::Free);
+    let keys = "body = { kind = \"aerial\", radius_m = 0.25 }\nlidar = { range_m = 2.0 }\nduration_s = 600.0\n\
+                stop_when_explored = false\nagents = { count = 1, controller = \"boustrophedon\" }\n";
+    let result = result(&hall, keys);
+    // Rows of 3.5 m, of which each fifth has to be swept along either axis: not all 20 x 7 of them.
+    assert!((40.0..250.0).contains(&result.distance_m[0]), "{:?}", result.distance_m);
 }
 
 /// The office with a room behind a passage of one cell that turns twice.
