@@ -122,11 +122,7 @@ impl Boustrophedon {
     ///
     /// # Errors
     /// If a setting is out of range.
-    pub fn new(
-        settings: &mut Settings,
-        (radius_m, cell_m): (f64, f64),
-        rng: ChaCha8Rng,
-    ) -> Result<Self, SettingError> {
+    pub fn new(settings: &mut Settings, (radius_m, cell_m): (f64, f64), rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
         Ok(Self {
             search_time,

@@ -211,7 +211,9 @@ impl GainEstimator {
             let before = found.map_or(count, |(ray, _)| ray);
             for ray in rays.through(frontier - viewpoint).take_while(|&ray| ray < before) {
                 looks += 1;
-                if ray >= first && let Some(cell) = met_by(ray) {
+                if ray >= first
+                    && let Some(cell) = met_by(ray)
+                {
                     found = Some((ray, cell));
                     break;
                 }
