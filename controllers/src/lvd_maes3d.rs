@@ -21,9 +21,8 @@
 //! reference it rests before a body that does not move for
 //! long.
 //!
-//! The reference has no confined bodies. Such a body visits by metres, which are the cells of the
-//! reference: else it would have to come near each of many short cells. It goes as near to a cell as
-//! it can, to no cell again to which it found no path until something near it changes, to no occlusion point
+//! The reference has no confined bodies. Such a body goes as near to a cell as it can, to
+//! no cell again to which it found no path until something near it changes, to no occlusion point
 //! twice, and without a destination to where it sees something unexplored (`viewpoints`).
 //!
 //! Not reproducible: the order of rays on the same circle about the pole (here upwards, then along
@@ -53,9 +52,8 @@ use agent::navigation::{NavigationStatus, SearchTime};
 use agent::observation::{Contact, Observation};
 use agent::path::Neighbours;
 
-/// Cells seen from within this distance are visited: in cells, for a confined body in metres if
-/// that is farther.
-const VISIT_RADIUS: f64 = 3.75;
+/// Cells seen from within this distance are visited, in cells.
+const VISIT_RADIUS_CELLS: f64 = 3.75;
 
 /// Ticks after which an agent without a destination looks again if nothing has changed: 5 s.
 const IDLE_TICKS: u64 = 250;
@@ -120,10 +118,9 @@ impl LvdMaes3d {
     fn visits(&self, ctx: &mut Ctx<'_>) -> bool {
         let extent = ctx.map().extent();
         let own = ctx.cell();
-        let radius_cells = if ctx.is_confined() { VISIT_RADIUS / extent.cell_m().min(1.0) } else { VISIT_RADIUS };
         let cells = self.scan.free().iter().map(|&index| extent.cell_at(index as usize));
         let unvisited: Vec<Cell> = cells.filter(|&cell| ctx.map().state(cell) == CellState::Free).collect();
-        let is_near = |&&cell: &&Cell| f64::from(squared(cell - own)) <= radius_cells * radius_cells;
+        let is_near = |&&cell: &&Cell| f64::from(squared(cell - own)) <= VISIT_RADIUS_CELLS * VISIT_RADIUS_CELLS;
         let near: Vec<Cell> = unvisited.iter().filter(is_near).copied().collect();
         ctx.mark_all_covered(&near);
         !unvisited.is_empty()

@@ -81,7 +81,7 @@ const OFFICE: &str = "body = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { ra
 fn all_of_an_office_that_can_be_seen_is_seen() {
     let office = office();
     let visible = visible_share(&office, 0.3, Cell::new(3, 3, 3), 4.5);
-    for controller in TEAMS.into_iter().chain(["lvd", "lvd-maes3d"]) {
+    for controller in TEAMS.into_iter().chain(["lvd"]) {
         let keys = format!("{OFFICE}agents = {{ count = 2, controller = \"{controller}\" }}\n");
         let result = result(&office, &keys);
         assert!(result.distance_m.iter().all(|&metres| metres > 1.0), "{controller}: {:?}", result.distance_m);
