@@ -8,9 +8,8 @@
 //! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
 //! the nearest of all. Cells that others report as covered are left out.
 //!
-//! A body wider than a cell covers those whose centres are in it, so its lines are as far apart as
-//! it is wide. A confined body cannot be in every free cell: once it knows no other cell to be in,
-//! it goes where it sees something unexplored (`viewpoints.rs`).
+//! A confined body cannot be in every free cell: once it knows no other cell to be in, it goes
+//! where it sees something unexplored (`viewpoints.rs`).
 //!
 //! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
 //! seen.
@@ -22,7 +21,7 @@ use std::task::Poll;
 use nalgebra::Point3;
 use protocol::event_mask::EventMask;
 use rand_chacha::ChaCha8Rng;
-use voxels::{BodyLattice, Cell};
+use voxels::Cell;
 
 use super::blockage::{Blockages, Yield};
 use super::dsvp::obstacles::{self, Obstacles};
@@ -75,54 +74,14 @@ pub struct Boustrophedon {
     abandoned: BTreeSet<Cell>,
     /// Of a confined body, once it knows no other cell to be in.
     viewpoints: Option<Viewpoints>,
-    /// What the body covers.
-    swath: Swath,
-}
-
-/// What a body covers at the place of a cell.
-#[derive(Debug)]
-struct Swath {
-    /// The cells whose centres are in it, relative to that cell; the first one is that cell.
-    cells: Vec<Cell>,
-    /// How many cells apart two lines are that leave nothing out.
-    spacing: u32,
-}
-
-impl Swath {
-    /// That of a body whose radius is that long.
-    fn of(radius_m: f64, cell_m: f64) -> Self {
-        let (radius, at) = (radius_m / cell_m, BodyLattice::of(radius_m, cell_m).offset_cells());
-        // Larger bodies fit nowhere.
-        let reach = radius.clamp(0.0, 16.0).ceil() as i32;
-        let along = -reach..=reach;
-        let (rows, row) = (along.clone().flat_map(|z| along.clone().map(move |y| (y, z))), along.clone());
-        let all = rows.flat_map(|(y, z)| row.clone().map(move |x| Cell::new(x, y, z)));
-        let is_inside = |&Cell { x, y, z }: &Cell| {
-            let apart = [x, y, z].map(|by| f64::from(by) + 0.5 - at);
-            apart.iter().map(|apart| apart * apart).sum::<f64>() <= radius * radius
-        };
-        let home = Cell::default();
-        let others = all.filter(|&by| by != home).filter(is_inside);
-        let spacing = (2.0 * radius + 1e-9).clamp(1.0, 32.0) as u32;
-        Self { cells: std::iter::once(home).chain(others).collect(), spacing }
-    }
-
-    /// Marks what a body covers at the place of a cell, which it has been at.
-    fn cover(&self, ctx: &mut Ctx<'_>, at: Cell) {
-        let cells: Vec<Cell> = self.cells.iter().map(|&by| at + by).collect();
-        // Beside where it is only what it certainly touches.
-        let known = cells.iter().enumerate().filter(|&(by, &cell)| by == 0 || ctx.map().is_free(cell));
-        let known: Vec<Cell> = known.map(|(_, &cell)| cell).collect();
-        ctx.mark_all_covered(&known);
-    }
 }
 
 impl Boustrophedon {
-    /// For a body of `radius_m` metres. Settings: `search_time`, see [`Settings::search_time`].
+    /// Settings: `search_time`, see [`Settings::search_time`].
     ///
     /// # Errors
     /// If a setting is out of range.
-    pub fn new(settings: &mut Settings, (radius_m, cell_m): (f64, f64), rng: ChaCha8Rng) -> Result<Self, SettingError> {
+    pub fn new(settings: &mut Settings, rng: ChaCha8Rng) -> Result<Self, SettingError> {
         let search_time = settings.search_time()?;
         Ok(Self {
             search_time,
@@ -131,22 +90,21 @@ impl Boustrophedon {
             blockages: Blockages::default(),
             abandoned: BTreeSet::new(),
             viewpoints: None,
-            swath: Swath::of(radius_m, cell_m),
         })
     }
 
     /// Marks the cells of the line up to the body as covered, since the controller is not called in
     /// each of them. The body may have been moved elsewhere (`set_entity_state`).
-    fn mark_line_covered(&self, ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
+    fn mark_line_covered(ctx: &mut Ctx<'_>, from: Cell, step: Cell) {
         let here = ctx.cell();
         let line = std::iter::successors(Some(from), |&cell| Some(cell + step)).take(LINE_CELLS_MAX as usize + 1);
         if let Some(passed) = line.clone().position(|cell| cell == here) {
-            line.take(passed).for_each(|cell| self.swath.cover(ctx, cell));
+            line.take(passed).for_each(|cell| ctx.mark_covered(cell));
         }
     }
 
     /// The step and the last cell of the next line, if there is one.
-    fn next_line(&self, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Option<(Cell, Cell)> {
+    fn next_line(ctx: &Ctx<'_>, obstacles: &Obstacles) -> Option<(Cell, Cell)> {
         let here = ctx.cell();
         // Lines lead from place to place.
         if ctx.place(here) != ctx.position() {
@@ -161,19 +119,8 @@ impl Boustrophedon {
                 }
                 end = next;
             }
-            if end == here && cells_max == 1 {
-                end = self.next_beside(ctx, step, obstacles).unwrap_or(here);
-            }
             (end != here).then_some((step, end))
         })
-    }
-
-    /// The first cell of the line beside those that a body wider than a cell has covered from here.
-    fn next_beside(&self, ctx: &Ctx<'_>, step: Cell, obstacles: &Obstacles) -> Option<Cell> {
-        let beside = |by: u32| (0..by).fold(ctx.cell(), |cell, _| cell + step);
-        let is_clear = |cell: &Cell| ctx.is_clear_to(*cell) && !obstacles.occupy(*cell);
-        let clear = (2..=self.swath.spacing).map(beside).take_while(is_clear);
-        clear.filter(|&cell| ctx.map().state(cell) == CellState::Free).last()
     }
 
     /// The uncovered cell with the shortest path through open cells, among those that no agent in
@@ -225,10 +172,7 @@ impl Controller for Boustrophedon {
             return Command::keep(WakeCondition::NEXT_TICK);
         }
         if let Task::Line(from, step) = self.task {
-            self.mark_line_covered(ctx, from, step);
-        }
-        if ctx.is_confined() && ctx.place(ctx.cell()) == ctx.position() {
-            self.swath.cover(ctx, ctx.cell());
+            Self::mark_line_covered(ctx, from, step);
         }
         if observation.events.intersects(EventMask::REVISED) {
             // The way may be closed, and what could not be reached open.
@@ -242,7 +186,7 @@ impl Controller for Boustrophedon {
             return Command::keep(wake);
         }
         let obstacles = Obstacles::of(observation, ctx);
-        if let Some((step, end)) = self.next_line(ctx, &obstacles) {
+        if let Some((step, end)) = Self::next_line(ctx, &obstacles) {
             self.task = Task::Line(ctx.cell(), step);
             let motion = Motion::Path(vec![ctx.place(end)]);
             return Command::new(motion, WakeCondition::TASK_DONE).with_info("ploughs");
@@ -313,7 +257,7 @@ mod tests {
 
     fn controller(search_time: &str) -> Boustrophedon {
         let mut settings = Settings::parse(&[format!("search_time={search_time}")]).unwrap();
-        Boustrophedon::new(&mut settings, (0.4, 1.0), voxels::random_streams::stream(1, 0, "test")).unwrap()
+        Boustrophedon::new(&mut settings, voxels::random_streams::stream(1, 0, "test")).unwrap()
     }
 
     #[test]
@@ -342,18 +286,6 @@ mod tests {
             (command.wake, command.lidar, command.messages.len()),
             (WakeCondition::TASK_DONE, ScanRequest::Keep, 0)
         );
-    }
-
-    #[test]
-    fn lines_of_a_wide_body_are_as_far_apart_as_it_is_wide() {
-        let beside = |radius_m: f64, cell_m: f64| {
-            let Swath { cells, spacing } = Swath::of(radius_m, cell_m);
-            (cells.iter().map(|cell| cell.x).min(), cells.iter().map(|cell| cell.x).max(), spacing)
-        };
-        assert_eq!(beside(0.4, 1.0), (Some(0), Some(0), 1));
-        assert_eq!(beside(0.3, 0.2), (Some(-1), Some(1), 3));
-        assert_eq!(beside(0.4, 0.2), (Some(-2), Some(1), 4), "it moves from corner to corner");
-        assert_eq!(Swath::of(0.3, 0.2).cells.len(), 19);
     }
 
     #[test]

@@ -200,11 +200,7 @@ pub const REGISTRY: &[Registration] = &[
         name: "boustrophedon",
         description: "coverage: sweeps the free space in straight lines until every cell is covered",
         stream: "boustrophedon",
-        construct: &|settings, setup| {
-            let Setup { agent, run_info, rng } = setup;
-            let body = (run_info.bodies.of(agent).radius_m, run_info.extent.cell_m());
-            Ok(Box::new(boustrophedon::Boustrophedon::new(settings, body, rng)?))
-        },
+        construct: &|settings, setup| Ok(Box::new(boustrophedon::Boustrophedon::new(settings, setup.rng)?)),
     },
 ];
 

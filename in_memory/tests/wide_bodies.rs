@@ -92,17 +92,6 @@ fn all_of_an_office_that_can_be_seen_is_seen() {
     }
 }
 
-#[test]
-fn sweeps_of_a_wide_body_leave_out_what_it_has_covered() {
-    let mut hall = solid([42, 32, 14], 0.1);
-    fill(&mut hall, [1..41, 1..31, 1..13], Terrain::Free);
-    let keys = "body = { kind = \"aerial\", radius_m = 0.25 }\nlidar = { range_m = 2.0 }\nduration_s = 600.0\n\
-                stop_when_explored = false\nagents = { count = 1, controller = \"boustrophedon\" }\n";
-    let result = result(&hall, keys);
-    // Rows of 3.5 m, of which each fifth has to be swept along either axis: not all 20 x 7 of them.
-    assert!((40.0..250.0).contains(&result.distance_m[0]), "{:?}", result.distance_m);
-}
-
 /// The office with a room behind a passage of one cell that turns twice.
 fn office_with_a_hidden_room() -> Grid<Terrain> {
     let mut office = office();
