@@ -159,7 +159,7 @@ impl AbstractGraph {
         // A change affects the frontiers of the cells beside it and, if the cell is free, which
         // cells are usable.
         if self.reach > 1 {
-            for (low, high) in map.boxes_changed_since(self.read) {
+            for (low, high) in map.boxes_revealed_since(self.read) {
                 self.for_blocks_near(low, high, 1, |block| add(&mut reviewed, &mut marks, block, REVIEWED));
                 self.for_blocks_near(low, high, self.reach, |block| add(&mut changed, &mut marks, block, CHANGED));
             }

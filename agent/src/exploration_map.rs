@@ -181,6 +181,13 @@ impl ExplorationMap {
         self.extent().index(cell).is_some_and(|index| self.free_cells.contains(index))
     }
 
+    /// Whether the cell with this index, which is inside the map, is known to be free.
+    #[must_use]
+    #[inline]
+    pub fn is_free_at(&self, index: usize) -> bool {
+        self.free_cells.contains(index)
+    }
+
     /// Number of known free cells, covered ones included.
     #[must_use]
     pub fn free(&self) -> usize {
@@ -283,12 +290,23 @@ impl ExplorationMap {
     /// highest cells, and no cell more than three cells from a changed one along an axis: a way to
     /// go through what is near changes that does not look at each of them.
     pub fn boxes_changed_since(&self, position: usize) -> impl Iterator<Item = (Cell, Cell)> + '_ {
-        self.reports(position..self.journal_len()).map(|report| {
-            let corner = self.layout.lowest(report.index).map(u32::cast_signed);
-            let cell = |at: [i32; 3]| Cell::new(corner[0] + at[0], corner[1] + at[1], corner[2] + at[2]);
-            let [low, high] = ends(report.known).map(cell);
-            (low, high)
-        })
+        self.reports(position..self.journal_len()).map(|report| self.box_of(&report))
+    }
+
+    /// Those of the [boxes](Self::boxes_changed_since) that lie in blocks in which a cell has become
+    /// known or another terrain since then, so that not all changes are marks of coverage.
+    pub fn boxes_revealed_since(&self, position: usize) -> impl Iterator<Item = (Cell, Cell)> + '_ {
+        let is_revealed =
+            move |report: &Block| self.blocks.get(report.index).is_some_and(|words| words.revealed as usize > position);
+        self.reports(position..self.journal_len()).filter(is_revealed).map(|report| self.box_of(&report))
+    }
+
+    /// The lowest and the highest cell of the cells of a report.
+    fn box_of(&self, report: &Block) -> (Cell, Cell) {
+        let corner = self.layout.lowest(report.index).map(u32::cast_signed);
+        let cell = |at: [i32; 3]| Cell::new(corner[0] + at[0], corner[1] + at[1], corner[2] + at[2]);
+        let [low, high] = ends(report.known).map(cell);
+        (low, high)
     }
 
     /// The changes from a position of the journal on.
@@ -319,10 +337,17 @@ impl ExplorationMap {
     /// Records a visit to a cell, which makes it free as well. Ignored in walls and outside the
     /// map.
     pub fn note_covered(&mut self, cell: Cell) {
-        if let Some(index) = self.extent().index(cell) {
-            self.learn(self.layout.place_of(index as u32), index, Finding::Covered, OWN);
-            self.update_frontiers();
+        self.note_all_covered(&[cell]);
+    }
+
+    /// Records visits to cells, in this order.
+    pub fn note_all_covered(&mut self, cells: &[Cell]) {
+        for &cell in cells {
+            if let Some(index) = self.extent().index(cell) {
+                self.learn(self.layout.place_of(index as u32), index, Finding::Covered, OWN);
+            }
         }
+        self.update_frontiers();
     }
 
     /// Merges the report of another agent, except where it contradicts the own sensor. Indices
@@ -364,6 +389,7 @@ impl ExplorationMap {
         for number in bits(cells) {
             self.journal.push(Entry::new((report.index, number), report.finding(number), from));
         }
+        self.blocks.note_revealed(report.index, self.journal.len());
         let [free, wall_count, covered_count] = [cells & !wall, wall, covered].map(|cells| cells.count_ones() as usize);
         self.free += free;
         self.wall += wall_count;
@@ -420,6 +446,9 @@ impl ExplorationMap {
         words.covered = words.covered & !bit | only_if(finding == Finding::Covered);
         self.blocks.note_changed(block, only_if(is_new));
         self.journal.push(Entry::new((block, number), finding, from));
+        if !is_visited {
+            self.blocks.note_revealed(block, self.journal.len());
+        }
         self.corrections += u64::from(is_corrected);
         match () {
             () if is_new => {}

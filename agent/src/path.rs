@@ -12,6 +12,7 @@
 //!
 //! This module does not consider other bodies.
 
+mod flood;
 mod graph;
 mod legs;
 mod quickest;

@@ -28,6 +28,9 @@ const RESTS_MAX: u32 = 12;
 /// Most steps aside before bodies that are taken to stay, while the map does not change.
 const STEPS_ASIDE_MAX: u32 = 3;
 
+/// Bodies touch within this multiple of the distance at which they do: their contacts may be noisy.
+const TOUCHING: f64 = 1.1;
+
 /// Most blockages that are remembered.
 const PLACES_MAX: usize = 64;
 
@@ -125,7 +128,13 @@ impl Blockages {
         let near = observation.contacts.iter().filter(|contact| is_near(contact, &here, radius_m, bodies));
         let mut blocking: Vec<(Option<AgentId>, Point3<f64>)> =
             near.map(|contact| (Some(contact.agent), contact.position)).collect();
-        if blocking.is_empty() {
+        // A body without a radio is noticed by a collision with no one that is known to be there.
+        let touches = |contact: &Contact| {
+            let touch_m = radius_m + bodies.of(contact.agent).radius_m;
+            (contact.position - here).norm() < TOUCHING * touch_m
+        };
+        let has_collided = observation.collision.is_some_and(|collision| collision.with_agent);
+        if blocking.is_empty() || has_collided && !observation.contacts.iter().any(touches) {
             blocking.push((None, here));
         }
         let now = observation.tick;

@@ -114,6 +114,11 @@ impl<'a> Ctx<'a> {
         self.map.note_covered(cell);
     }
 
+    /// [`Ctx::mark_covered`] for cells, in this order.
+    pub fn mark_all_covered(&mut self, cells: &[Cell]) {
+        self.map.note_all_covered(cells);
+    }
+
     /// The turn to a heading (0 along x, positive to the left), the shorter way round.
     #[must_use]
     pub fn turn_to(&self, yaw_rad: f64) -> Motion {

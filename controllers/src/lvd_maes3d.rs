@@ -118,17 +118,12 @@ impl LvdMaes3d {
     fn visits(&self, ctx: &mut Ctx<'_>) -> bool {
         let extent = ctx.map().extent();
         let own = ctx.cell();
-        let mut is_any_unvisited = false;
-        for &index in self.scan.free() {
-            let cell = extent.cell_at(index as usize);
-            if ctx.map().state(cell) == CellState::Free {
-                is_any_unvisited = true;
-                if f64::from(squared(cell - own)) <= VISIT_RADIUS_CELLS * VISIT_RADIUS_CELLS {
-                    ctx.mark_covered(cell);
-                }
-            }
-        }
-        is_any_unvisited
+        let cells = self.scan.free().iter().map(|&index| extent.cell_at(index as usize));
+        let unvisited: Vec<Cell> = cells.filter(|&cell| ctx.map().state(cell) == CellState::Free).collect();
+        let is_near = |&&cell: &&Cell| f64::from(squared(cell - own)) <= VISIT_RADIUS_CELLS * VISIT_RADIUS_CELLS;
+        let near: Vec<Cell> = unvisited.iter().filter(is_near).copied().collect();
+        ctx.mark_all_covered(&near);
+        !unvisited.is_empty()
     }
 
     fn nearest_unvisited(&self, ctx: &Ctx<'_>, others: &[Cell]) -> Option<Cell> {

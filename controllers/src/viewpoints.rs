@@ -18,10 +18,9 @@
 mod beside;
 
 use std::cell::{Cell as Slot, RefCell};
-use std::ops::ControlFlow;
 use std::task::Poll;
 
-use voxels::{BodyLattice, Cell, CellSet, Extent, walk_segment};
+use voxels::{BodyLattice, Cell, CellSet, Extent};
 
 use super::Ctx;
 use super::dsvp::gain::{GainEstimator, Likelihood};
@@ -44,7 +43,7 @@ const OFFERS: usize = 8;
 
 /// Least number of cells that a search for viewpoints looks for; each further one looks for four
 /// times as many.
-const NEAREST_MIN: usize = 64;
+const NEAREST_MIN: usize = 16;
 
 /// Added to the length of a path where gains are compared by length, metres.
 const NEAR_M: f64 = 2.0;
@@ -144,21 +143,25 @@ impl Viewpoints {
         let (map, from, graph) = (ctx.map(), ctx.cell(), ctx.graph(Neighbours::TwentySix));
         let near = self.near.take();
         let mut near = near.unwrap_or_else(|| BesideFrontiers::new(map.extent(), self.beside));
-        near.update(map, |cell| graph.is_usable(cell) && self.target_beside(map, cell).is_some());
+        near.update(map);
+        let is_one = |cell: Cell| graph.is_usable(cell) && self.target_beside(map, cell).is_some();
         // The body is there, whether it has room or not.
         let is_here = !self.is_exhausted(map, from) && self.target_beside(map, from).is_some();
-        let is_left = |index: usize| !self.exhausted.contains(index);
-        let is_any = near.iter().any(|index| is_left(index) && self.reachable.contains(index));
-        if !is_here && !is_any {
-            self.near = Some(near);
-            return None;
+        let is_any = |near: &BesideFrontiers| self.reachable.reaches_any(near.cells(), &self.exhausted);
+        if !is_here && !is_any(&near) {
+            near.settle(map, is_one);
+            if !is_any(&near) {
+                self.near = Some(near);
+                return None;
+            }
         }
+        let near = RefCell::new(near);
         let is_goal = |cell: Cell| match cell == from {
             true => is_here,
-            false => map.extent().index(cell).is_some_and(|index| near.holds(index) && is_left(index)),
+            false => !self.is_exhausted(map, cell) && near.borrow_mut().holds(map, cell, is_one),
         };
         let path = Search::new(graph, from, Goal::Where(&is_goal)).run();
-        self.near = Some(near);
+        self.near = Some(near.into_inner());
         let &cell = path?.cells.last()?;
         Some(Viewpoint { cell, target: self.target_beside(map, cell)? })
     }
@@ -179,13 +182,9 @@ impl Viewpoints {
     /// Whether the centre of an unexplored cell is in sight and in range of the place of another.
     fn is_seen(&self, map: &ExplorationMap, from: Cell, target: Cell) -> bool {
         let (here, there) = (self.lattice.place(map.extent(), from), map.extent().centre(target));
-        let is_clear = |cell| match cell == target || map.state(cell).is_free() {
-            true => ControlFlow::Continue(()),
-            false => ControlFlow::Break(()),
-        };
         self.field_of_view.is_none_or(|view| view.holds(&(there - here)))
             && (there - here).norm() <= self.range_m
-            && walk_segment(map.extent(), &here, &there, is_clear).is_continue()
+            && map.is_seen_from(&here, target)
     }
 
     /// Of the nearest viewpoints from which a ray meets an unexplored cell, the one with the most
@@ -203,13 +202,19 @@ impl Viewpoints {
             let mut nearest = known.unwrap_or_else(|| Nearest { key, cells: Vec::new(), is_all: false });
             let mut offers: Vec<(f64, Viewpoint)> = Vec::new();
             let mut is_out_of_casts = false;
-            for number in 0.. {
+            let mut number = 0;
+            loop {
                 if number == nearest.cells.len() && !nearest.is_all {
                     let left = near.count(extent, spacing, &self.reachable, &self.exhausted);
-                    let is_left = |cell| !self.is_exhausted(map, cell);
-                    nearest = Nearest::found(ctx, key, (4 * number).max(NEAREST_MIN), &near, (left, &is_left));
+                    let left = left.saturating_sub(offers.len());
+                    let is_offered = |cell| offers.iter().any(|(_, offer)| offer.cell == cell);
+                    let is_left = |cell| !self.is_exhausted(map, cell) && !is_offered(cell);
+                    let count = (4 * nearest.cells.len()).max(NEAREST_MIN);
+                    nearest = Nearest::found(ctx, key, count, &near, (left, &is_left));
+                    number = 0;
                 }
                 let Some(&(cell, length_cells)) = nearest.cells.get(number) else { break };
+                number += 1;
                 let Some(index) = extent.index(cell).filter(|&index| !self.exhausted.contains(index)) else { continue };
                 if casts_left == 0 {
                     is_out_of_casts = true;
@@ -226,7 +231,8 @@ impl Viewpoints {
                     break;
                 }
             }
-            self.nearest = Some(nearest);
+            // Later lists leave out what is on offer.
+            self.nearest = offers.is_empty().then_some(nearest);
             if is_out_of_casts && offers.is_empty() {
                 return Poll::Pending;
             }
@@ -252,8 +258,8 @@ struct Nearest {
 }
 
 impl Nearest {
-    /// The first `count` of the cells near frontiers, or all up to the last of those that are left
-    /// to examine: their number, and which they are.
+    /// The first `count` of the cells near frontiers that are left to examine, or all up to the last
+    /// of them: their number, and which they are.
     fn found(
         ctx: &Ctx<'_>,
         key: (Cell, usize, i32),
@@ -266,9 +272,9 @@ impl Nearest {
         let left = Slot::new(left);
         let is_last = |cell: Cell| {
             let is_on_lattice = [cell.x, cell.y, cell.z].iter().all(|along| along % spacing == 0);
-            if is_on_lattice && near.holds(cell) {
+            if is_on_lattice && near.holds(cell) && is_left(cell) {
                 cells.borrow_mut().push(cell);
-                left.set(left.get() - usize::from(left.get() > 0 && is_left(cell)));
+                left.set(left.get().saturating_sub(1));
             }
             left.get() == 0 || cells.borrow().len() == count
         };

@@ -65,6 +65,40 @@ impl CellSet {
         }
     }
 
+    /// Those of at most 64 cells from `start` on, one bit each, that are not in it. Cells whose bits
+    /// are not set may lie beyond the last one.
+    #[inline]
+    pub fn missing(&self, start: usize, cells: u64) -> u64 {
+        let (word, shift) = (start / 64, start % 64);
+        let mut known = self.words[word] >> shift;
+        if shift > 0 && cells >> (64 - shift) != 0 {
+            known |= self.words[word + 1] << (64 - shift);
+        }
+        cells & !known
+    }
+
+    /// Adds those of at most 64 cells from `start` on whose bits are set; none may be in it.
+    pub fn insert_missing(&mut self, start: usize, cells: u64) {
+        let (word, shift) = (start / 64, start % 64);
+        self.insert_in_word(word, cells << shift);
+        if shift > 0 {
+            self.insert_in_word(word + 1, cells >> (64 - shift));
+        }
+    }
+
+    fn insert_in_word(&mut self, word: usize, cells: u64) {
+        if cells != 0 {
+            self.words[word] |= cells;
+            self.occupied[word / 64] |= bit(word);
+            self.len += cells.count_ones() as usize;
+        }
+    }
+
+    /// Whether it has a cell that is in another set of as many cells, and not in a third one.
+    pub fn meets(&self, other: &Self, without: &Self) -> bool {
+        bits_of(&self.occupied).any(|word| self.words[word] & other.words[word] & !without.words[word] != 0)
+    }
+
     /// Whether a word has any cell.
     fn is_occupied(&self, word: usize) -> bool {
         self.occupied[word / 64] & bit(word) != 0
@@ -145,6 +179,21 @@ mod tests {
                 let cells = start..start + count as usize;
                 cells.clone().for_each(|cell| set.insert(cell));
                 model.extend(cells);
+            }
+            let other = |step: usize| {
+                let mut other = CellSet::new(9000);
+                (0..9000).step_by(step).for_each(|cell| other.insert(cell));
+                other
+            };
+            let meets = model.iter().any(|cell| cell % 7 == 0 && cell % 2 != 0);
+            prop_assert_eq!(set.meets(&other(7), &other(2)), meets);
+            for start in (0..8900).step_by(101) {
+                let cells = 0x1234_5678_9abc_def1 >> (start % 60);
+                let missing = bits(cells).filter(|&by| !model.contains(&(start + by as usize)));
+                prop_assert!(bits(set.missing(start, cells)).eq(missing));
+                let new_cells = set.missing(start, cells);
+                set.insert_missing(start, new_cells);
+                model.extend(bits(new_cells).map(|by| start + by as usize));
             }
             for start in (0..8900).step_by(97) {
                 let count = start as u32 % 65;

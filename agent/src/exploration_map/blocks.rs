@@ -25,6 +25,8 @@ pub(super) struct Words {
     pub(super) scanned: u64,
     /// The frontiers: free cells with an unexplored face neighbour inside the map.
     pub(super) frontier: u64,
+    /// The length of the journal after the last change that was more than a mark of coverage.
+    pub(super) revealed: u32,
 }
 
 /// The blocks of a map.
@@ -64,6 +66,13 @@ impl Blocks {
             *place = self.words.len() as u32;
         }
         &mut self.words[*place as usize - 1]
+    }
+
+    /// Notes that cells of a block have become known or another terrain, with which the journal has
+    /// so many entries: less than 2^30 on the largest map.
+    #[inline]
+    pub(super) fn note_revealed(&mut self, block: u32, journal_len: usize) {
+        self.of(block).revealed = journal_len as u32;
     }
 
     /// Notes that cells of a block have changed; those of them that were unexplored before also

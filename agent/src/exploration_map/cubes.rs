@@ -15,6 +15,18 @@ impl ExplorationMap {
     /// the map are not.
     #[inline]
     pub fn free_row(&self, first: Cell, count: u32) -> u64 {
+        self.row(first, count, |start, count| self.free_cells.run(start, count))
+    }
+
+    /// Those of such a row that are known to be free and have not been visited.
+    #[inline]
+    pub fn unvisited_row(&self, first: Cell, count: u32) -> u64 {
+        self.row(first, count, |start, count| self.free_cells.run(start, count) & !self.covered_cells.run(start, count))
+    }
+
+    /// The bits of the part of a row inside the map; `run` gets its first cell and their number.
+    #[inline]
+    fn row(&self, first: Cell, count: u32, run: impl Fn(usize, usize) -> u64) -> u64 {
         let [size_x, size_y, size_z] = self.extent().size().map(u32::cast_signed);
         if !(0..size_y).contains(&first.y) || !(0..size_z).contains(&first.z) {
             return 0;
@@ -24,7 +36,7 @@ impl ExplorationMap {
             return 0;
         }
         let start = (first.z * size_y + first.y) * size_x + low;
-        self.free_cells.run(start as usize, (high - low) as usize) << (low - first.x)
+        run(start as usize, (high - low) as usize) << (low - first.x)
     }
 
     /// The frontiers in such a cube.

@@ -28,7 +28,19 @@ impl ExplorationMap {
         end.is_continue()
     }
 
-    /// The same for the segment between the centres of two cells.
+    /// Whether the straight segment from a point (metres, frame `map`) to the centre of a cell
+    /// crosses only cells known to be free before that one.
+    pub fn is_seen_from(&self, from: &Point3<f64>, target: Cell) -> bool {
+        let end = walk_segment(self.extent(), from, &self.extent().centre(target), |cell| {
+            match cell == target || self.is_free(cell) {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            }
+        });
+        end.is_continue()
+    }
+
+    /// [`ExplorationMap::is_free_between`] for the segment between the centres of two cells.
     pub fn is_in_sight(&self, one: Cell, other: Cell) -> bool {
         self.is_free_between(&self.extent().centre(one), &self.extent().centre(other))
     }

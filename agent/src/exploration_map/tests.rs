@@ -405,3 +405,21 @@ proptest! {
         prop_assert!(map.frontiers_near(cell, reach).eq(frontiers.filter(is_near)));
     }
 }
+
+#[test]
+fn marks_of_coverage_reveal_nothing() {
+    let mut map = ExplorationMap::new(Extent::new([40, 5, 5], 1.0).unwrap());
+    let cell = |x: i32| Cell::new(x, 2, 2);
+    let index = |map: &ExplorationMap, x: i32| map.extent().index(cell(x)).unwrap() as u32;
+    let free: Vec<u32> = (0..30).map(|x| index(&map, x)).collect();
+    map.note_free(&free);
+    let read = map.journal_len();
+    for x in [1, 9, 33] {
+        map.note_covered(cell(x));
+    }
+    assert_eq!(map.boxes_changed_since(read).count(), 3);
+    assert_eq!(map.boxes_revealed_since(read).collect::<Vec<_>>(), [(cell(33), cell(33))], "it was unexplored");
+    map.note_wall(&[index(&map, 9), index(&map, 39)]);
+    let revealed: Vec<_> = map.boxes_revealed_since(read).collect();
+    assert_eq!(revealed, [9, 33, 9, 39].map(|x| (cell(x), cell(x))), "a scan overrides a visit");
+}

@@ -115,6 +115,11 @@ impl Moves {
         self.footprint.footing()
     }
 
+    /// What the body touches.
+    pub(super) fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+
     pub(super) fn radius_m(&self) -> f64 {
         self.radius_m
     }
@@ -248,6 +253,11 @@ impl<'a> Graph<'a> {
     pub(crate) fn resting_in(&self, corner: Cell, side: i32, cells: u128) -> u128 {
         let Some(footing) = self.moves.footing() else { return cells };
         those_of_cube(corner, side, cells, |cell| footing.stands(self.map, cell))
+    }
+
+    /// The distance in cells within which a change of the map can open or block a step from a cell.
+    pub(super) fn step_reach_cells(&self) -> i32 {
+        self.ground_reach_cells().unwrap_or(self.moves.footprint.reach())
     }
 
     /// The distance in cells within which a change of the map can make a cell usable or unusable

@@ -2,12 +2,13 @@
 //!
 //! Such a body sees many cells that it cannot come near: a search to one of them would expand
 //! everything else first, again and again. What can be reached only grows while cells become known
-//! to be free, so an update costs as much as what has changed. A wall where a cell was taken to be
-//! free may cut off cells that stay in the set: a search says so.
+//! to be free, so an update is a flood (`flood`) that costs as much as what has changed. A wall
+//! where a cell was taken to be free may cut off cells that stay in the set: a search says so.
 
 use voxels::{Cell, CellSet};
 
 use super::Graph;
+use super::flood::flood;
 
 /// The reachable cells of one body.
 #[derive(Debug, Default)]
@@ -35,62 +36,21 @@ impl Reachable {
             return;
         }
         let known = self.cells.take().filter(|cells| cells.contains(start));
-        let mut open = Vec::new();
-        let of_ground = graph.ground_reach_cells();
-        let mut resting = self.resting.take().filter(|_| known.is_some());
-        if of_ground.is_some() && resting.is_none() {
-            let mut first = CellSet::new(extent.volume());
-            first.insert(start);
-            resting = Some(first);
-        }
-        let mut cells = if let Some(cells) = known {
-            // Cells whose steps may have been blocked by one that was unexplored.
-            let mut opened = CellSet::new(extent.volume());
-            if let Some(by) = of_ground {
-                // Walls that have become known carry it.
-                for (low, high) in map.boxes_changed_since(read) {
-                    let along = |low: i32, high: i32| low - by..=high + by;
-                    for (z, y) in along(low.z, high.z).flat_map(|z| along(low.y, high.y).map(move |y| (z, y))) {
-                        let row = along(low.x, high.x).filter_map(|x| extent.index(Cell::new(x, y, z)));
-                        row.filter(|&index| cells.contains(index)).for_each(|index| opened.insert(index));
-                    }
-                }
-            } else {
-                for (changed, _) in map.cells_changed_since(read).filter(|&(cell, _)| map.state(cell).is_free()) {
-                    for index in graph.cells_near(changed).filter_map(|cell| extent.index(cell)) {
-                        if cells.contains(index) {
-                            opened.insert(index);
-                        }
-                    }
-                }
-            }
-            open.extend(opened.iter().map(|index| extent.cell_at(index)));
-            if let Some(resting) = &mut resting {
-                // The floor that has become known may be higher than the one below it.
-                let can_rest = |&index: &usize| graph.can_rest(extent.cell_at(index));
-                opened.iter().filter(can_rest).for_each(|index| resting.insert(index));
-            }
-            // What the body touches there does not block its first step.
-            open.push(from);
-            cells
-        } else {
+        let is_known = known.is_some();
+        let only_start = || {
             let mut cells = CellSet::new(extent.volume());
             cells.insert(start);
-            open.push(from);
             cells
         };
-        let mut steps = graph.steps();
-        while let Some(cell) = open.pop() {
-            for next in steps.next_to(cell, cell == from) {
-                if let Some(index) = extent.index(next).filter(|&index| !cells.contains(index)) {
-                    cells.insert(index);
-                    if let Some(resting) = resting.as_mut().filter(|_| graph.can_rest(next)) {
-                        resting.insert(index);
-                    }
-                    open.push(next);
-                }
-            }
-        }
+        let resting = self.resting.take().filter(|_| is_known);
+        let mut resting = graph.moves().are_on_ground().then(|| resting.unwrap_or_else(only_start));
+        let mut cells = known.unwrap_or_else(only_start);
+        // Near what has been revealed, steps may be open that were blocked by what was unexplored.
+        let by = graph.step_reach_cells();
+        let reach = Cell::new(by, by, by);
+        let revealed = is_known.then(|| map.boxes_revealed_since(read)).into_iter().flatten();
+        let boxes = revealed.map(|(low, high)| (low - reach, high + reach));
+        flood(graph, from, boxes, &mut cells, resting.as_mut());
         (self.cells, self.resting) = (Some(cells), resting);
     }
 
@@ -108,6 +68,11 @@ impl Reachable {
     /// Those of at most 64 cells from an index on that could be reached, one bit each.
     pub fn run(&self, first: usize, count: u32) -> u64 {
         self.goals().map_or(0, |cells| cells.run(first, count))
+    }
+
+    /// Whether one of some cells could be reached that is not among others.
+    pub fn reaches_any(&self, cells: &CellSet, without: &CellSet) -> bool {
+        self.goals().is_some_and(|goals| goals.meets(cells, without))
     }
 
     /// The cells that it could reach, and rest in.
@@ -131,7 +96,7 @@ mod tests {
 
         #[test]
         fn cells_are_reachable_if_a_search_finds_a_path(
-            radius_m in 0.1..0.5_f64,
+            radius_m in 0.05..0.5_f64,
             boxes in prop::collection::vec((0..12_i32, 0..8_i32, 0..6_i32, 2..7_i32), 1..10),
         ) {
             let extent = Extent::new([14, 10, 8], 0.2).unwrap();

@@ -31,7 +31,7 @@ type OfBlock = [u8; ROWS * ROW_BYTES];
 
 /// A run of cells along x, relative to the cell of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Span {
+pub(super) struct Span {
     y: i32,
     z: i32,
     low: i32,
@@ -95,6 +95,23 @@ impl Footprint {
     /// The footing of a ground body.
     pub(super) fn footing(&self) -> Option<&Footing> {
         self.footing.as_ref()
+    }
+
+    /// Cells along each axis that matter for the steps from a cell.
+    pub(super) fn reach(&self) -> i32 {
+        self.reach
+    }
+
+    /// For each step where it leads, and what the body touches on the way alone.
+    pub(super) fn steps(&self) -> &[(Cell, Vec<Span>)] {
+        &self.steps
+    }
+
+    /// Room in a block of cells and around it.
+    pub(super) fn around(&self, map: &ExplorationMap, corner: Cell, side: i32) -> Around {
+        let mut around = Around { side, ..Around::default() };
+        around.read(map, self, corner);
+        around
     }
 
     /// Whether the body has room at a cell.
@@ -174,6 +191,40 @@ impl Rows {
     }
 }
 
+/// Room for a body in the rows of a block and in those around it, where steps lead to.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Around {
+    side: i32,
+    rows: Rows,
+    /// From the cell before each row on, one bit for each cell.
+    room: Vec<u64>,
+}
+
+impl Around {
+    fn read(&mut self, map: &ExplorationMap, footprint: &Footprint, corner: Cell) {
+        let Self { side, rows, room } = self;
+        rows.read(map, corner, *side, footprint.reach);
+        let along = -1..=*side;
+        room.clear();
+        for z in along.clone() {
+            room.extend(along.clone().map(|y| footprint.usable(rows, (-1, y, z), side.cast_unsigned() + 2)));
+        }
+    }
+
+    /// The cells of a row with room, from the one before the row on.
+    #[inline]
+    pub(super) fn room(&self, y: i32, z: i32) -> u64 {
+        self.room[((z + 1) * (self.side + 2) + y + 1) as usize]
+    }
+
+    /// Those of some cells of a row from which a step is open, by what the body touches on the way.
+    #[inline]
+    pub(super) fn open(&self, cells: u64, (y, z): (i32, i32), on_the_way: &[Span]) -> u64 {
+        let free = |open: u64, span: &Span| if open == 0 { 0 } else { open & self.rows.all_free((0, y, z), span) };
+        on_the_way.iter().fold(cells, free)
+    }
+}
+
 /// The steps of a body from the cells of the blocks that were asked for.
 ///
 /// It takes 2 KiB for each of them: a quarter of what a search notes of their cells.
@@ -184,9 +235,7 @@ pub(super) struct BlockSteps {
     /// The blocks of the list.
     listed: Vec<u32>,
     steps: Vec<OfBlock>,
-    rows: Rows,
-    /// Room in the rows of a block and in those beside it.
-    usable: Vec<u64>,
+    around: Around,
 }
 
 thread_local! {
@@ -235,26 +284,19 @@ impl BlockSteps {
     }
 
     fn fill(&mut self, map: &ExplorationMap, footprint: &Footprint, corner: Cell) -> OfBlock {
-        let Self { rows, usable, .. } = self;
+        let Self { around, .. } = self;
         let mut steps = [0; ROWS * ROW_BYTES];
-        rows.read(map, corner, SIDE, footprint.reach);
-        // One more at each end, where steps lead to.
-        let around = -1..=SIDE;
-        usable.clear();
-        for z in around.clone() {
-            usable.extend(around.clone().map(|y| footprint.usable(rows, (-1, y, z), SIDE.cast_unsigned() + 2)));
-        }
-        let room = |y: i32, z: i32| usable[((z + 1) * (SIDE + 2) + y + 1) as usize];
+        around.side = SIDE;
+        around.read(map, footprint, corner);
         for (y, z) in (0..SIDE).flat_map(|z| (0..SIDE).map(move |y| (y, z))) {
-            let here = room(y, z) >> 1 & low_bits(SIDE.cast_unsigned());
+            let here = around.room(y, z) >> 1 & low_bits(SIDE.cast_unsigned());
             if here == 0 {
                 continue;
             }
             let row = (z * SIDE + y) as usize * ROW_BYTES;
             for (byte, (by, on_the_way)) in steps[row..row + ROW_BYTES].iter_mut().zip(&footprint.steps) {
-                let ends = here & room(y + by.y, z + by.z) >> (1 + by.x);
-                let free = |open: u64, span: &Span| if open == 0 { 0 } else { open & rows.all_free((0, y, z), span) };
-                *byte = on_the_way.iter().fold(ends, free) as u8;
+                let ends = here & around.room(y + by.y, z + by.z) >> (1 + by.x);
+                *byte = around.open(ends, (y, z), on_the_way) as u8;
                 if let Some(footing) = &footprint.footing {
                     for x in 0..SIDE {
                         let from = corner + Cell::new(x, y, z);

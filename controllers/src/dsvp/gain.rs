@@ -52,6 +52,9 @@ impl Likelihood {
 /// A ray is not followed once it is less probable than this that its cells are free.
 const CERTAIN_MIN: u32 = 3;
 
+/// One of so many rays is always looked at by [`GainEstimator::first_unexplored`].
+const FIRST: u32 = 16;
+
 /// Estimates the gain of viewpoints.
 #[derive(Debug, Clone)]
 pub(crate) struct GainEstimator {
@@ -175,15 +178,52 @@ impl GainEstimator {
 
     /// The first unexplored cell that a ray from the centre of a cell meets, in the order of the
     /// rays.
+    ///
+    /// What a ray meets first lies behind a frontier. So of a viewpoint from which the first rays
+    /// meet nothing, only those that pass a frontier are looked at.
     pub(crate) fn first_unexplored(&mut self, map: &ExplorationMap, viewpoint: Cell) -> Option<Cell> {
         let rays = self.rays(map);
-        let mut start = 0;
-        rays.ends.iter().find_map(|&end| {
-            let ray = &rays.cells[start..end as usize];
-            start = end as usize;
-            let end = ray.iter().map(|at| viewpoint + at.by).find(|&cell| !map.state(cell).is_free())?;
+        let extent = map.extent();
+        let index = extent.index(viewpoint)?;
+        let met_by = |ray: u32| {
+            let ray = rays.ray(ray);
+            // A ray is straight, so it lies inside the map if its last cell does.
+            let end = if ray.last().is_none_or(|last| extent.contains(viewpoint + last.by)) {
+                ray.iter().find(|at| !map.is_free_at(index.wrapping_add_signed(at.offset as isize)))
+            } else {
+                ray.iter().find(|at| !map.is_free(viewpoint + at.by))
+            };
+            let end = viewpoint + end?.by;
             (map.state(end) == CellState::Unexplored).then_some(end)
-        })
+        };
+        let count = rays.ends.len() as u32;
+        let is_before_ray = map.is_frontier(viewpoint) || !map.is_free(viewpoint);
+        let first = if is_before_ray { count } else { count / FIRST };
+        if let Some(found) = (0..first).find_map(met_by) {
+            return Some(found);
+        }
+        if first == count {
+            return None;
+        }
+        let mut found: Option<(u32, Cell)> = None;
+        let mut looks = 0;
+        for frontier in map.frontiers_near(viewpoint, rays.reach()) {
+            let before = found.map_or(count, |(ray, _)| ray);
+            for ray in rays.through(frontier - viewpoint).take_while(|&ray| ray < before) {
+                looks += 1;
+                if ray >= first
+                    && let Some(cell) = met_by(ray)
+                {
+                    found = Some((ray, cell));
+                    break;
+                }
+            }
+            // There are so many frontiers that all rays cost less.
+            if looks > count {
+                return (first..count).find_map(met_by);
+            }
+        }
+        found.map(|(_, cell)| cell)
     }
 
     /// Appends the unexplored cells that the viewpoint is expected to see, by index, each with the
@@ -303,6 +343,29 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn first_unexplored_cell_is_that_of_a_look_along_all_rays(
+            kinds in prop::collection::vec(0..40, 12 * 11 * 10), unexplored in 0..6, range in 1.0..9.0_f64,
+        ) {
+            let extent = Extent::new([12, 11, 10], 1.0).unwrap();
+            let mut map = ExplorationMap::new(extent);
+            for (index, kind) in (0..).zip(kinds) {
+                match kind {
+                    _ if kind < unexplored => {}
+                    6..9 => map.note_wall(&[index]),
+                    _ => map.note_free(&[index]),
+                }
+            }
+            for from in [BodyLattice::Centres, BodyLattice::Corners] {
+                let mut rays = GainEstimator::new(700, range, 1, ALIKE).from(from);
+                for viewpoint in extent.cells().filter(|cell| (cell.x + 3 * cell.y + 5 * cell.z) % 29 == 0) {
+                    let mut first = None;
+                    rays.each_first_unexplored(&map, viewpoint, |by| first = first.or(Some(viewpoint + by)));
+                    prop_assert_eq!(rays.first_unexplored(&map, viewpoint), first, "{:?}", viewpoint);
+                }
+            }
+        }
+
         #[test]
         fn gain_is_that_of_a_walk_ray_by_ray(
             cells in prop::collection::vec(0..5, 9 * 8 * 7),

@@ -14,9 +14,10 @@ use super::{ATTEMPTS, Dsvp, Plan, by_distance};
 use crate::Ctx;
 use crate::viewpoints::Viewpoints;
 use agent::abstract_graph::{AbstractGraph, Region, RegionId};
+use agent::exploration_map::{CellState, ExplorationMap};
 use agent::observation::Observation;
 use agent::path::{Goal as SearchGoal, Neighbours, Search};
-use voxels::Cell;
+use voxels::{BodyLattice, Cell};
 
 impl<C: Coordination> Dsvp<C> {
     /// The relocation stage: to the nearest frontier, or to the one of least cost beside
@@ -25,6 +26,7 @@ impl<C: Coordination> Dsvp<C> {
         let Self { graph, paths, coordination, .. } = self;
         let here = ctx.cell();
         let cell_m = ctx.map().extent().cell_m();
+        let sight = (ctx.map(), ctx.moves().lattice());
         // The cheapest candidates so far: cost, viewpoint, frontier.
         let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
         paths.begin(graph, here);
@@ -35,12 +37,11 @@ impl<C: Coordination> Dsvp<C> {
             if best.len() == ATTEMPTS && best.last().is_some_and(|&(most, ..)| most <= path_m) {
                 break;
             }
-            let Some((frontier, cell)) = nearest_viewpoint(graph, (id, region), here, &self.abandoned) else {
+            let Some((frontier, cell)) = nearest_viewpoint(graph, sight, (id, region), here, &self.abandoned) else {
                 continue;
             };
             if cell == here {
-                let seen_from_here = |frontier: &&Cell| viewpoint(graph, id, region.centre, **frontier) == here;
-                self.abandoned.extend(region.frontiers.iter().filter(seen_from_here));
+                self.abandoned.extend(seen_from(graph, (id, region), here));
                 continue;
             }
             best.push((path_m + coordination.penalty_m(cell, path_m, observation), cell, frontier));
@@ -107,20 +108,83 @@ impl<C: Coordination> Dsvp<C> {
     }
 }
 
-/// The frontier of a region nearest to a cell, without those left out, and its viewpoint.
+/// The frontier of a region nearest to a cell, without those left out, and its viewpoint. Of a
+/// frontier in which the body cannot rest, what is behind it has to be in sight from there: the
+/// others are for [`crate::viewpoints`].
 pub(super) fn nearest_viewpoint(
     graph: &AbstractGraph,
+    (map, lattice): (&ExplorationMap, BodyLattice),
     (id, region): (RegionId, &Region),
     here: Cell,
     left_out: &BTreeSet<Cell>,
 ) -> Option<(Cell, Cell)> {
     let open = region.frontiers.iter().filter(|frontier| region.has_rest() && !left_out.contains(frontier));
-    let &frontier = open.min_by(|a, b| by_distance(here, a, b))?;
+    let place = lattice.place(map.extent(), region.centre);
+    let is_unexplored = |cell: &Cell| map.extent().contains(*cell) && map.state(*cell) == CellState::Unexplored;
+    let shows = |frontier: Cell| {
+        let behind = frontier.neighbours6().into_iter().filter(is_unexplored);
+        graph.can_rest(id, frontier) || behind.into_iter().any(|cell| map.is_seen_from(&place, cell))
+    };
+    let nearest = |a: &&Cell, b: &&Cell| by_distance(here, a, b);
+    let mut frontier = *open.clone().min_by(nearest)?;
+    if !shows(frontier) {
+        frontier = *open.filter(|&&frontier| shows(frontier)).min_by(nearest)?;
+    }
     Some((frontier, viewpoint(graph, id, region.centre, frontier)))
+}
+
+/// The frontiers of a region whose viewpoint is a cell.
+pub(super) fn seen_from(
+    graph: &AbstractGraph,
+    (id, region): (RegionId, &Region),
+    cell: Cell,
+) -> impl Iterator<Item = Cell> {
+    region.frontiers.iter().copied().filter(move |&frontier| viewpoint(graph, id, region.centre, frontier) == cell)
 }
 
 /// The viewpoint of a frontier: the frontier itself, or the centre of its region if the body cannot
 /// rest there.
-pub(super) fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
+fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Cell) -> Cell {
     if graph.can_rest(region, frontier) { frontier } else { centre }
+}
+
+#[cfg(test)]
+mod tests {
+    use agent::path::{Graph, Moves};
+    use voxels::Extent;
+
+    use super::*;
+
+    /// A room of 3 x 3 x 3 cells, in whose middle alone a body of 1.2 cells has room, and a niche of
+    /// two cells along x. Some cells are unexplored, all others wall.
+    fn room(unexplored: &[Cell]) -> ExplorationMap {
+        let extent = Extent::new([8, 5, 5], 1.0).unwrap();
+        let mut map = ExplorationMap::new(extent);
+        let is_free = |cell: Cell| cell.x < 3 && cell.y < 3 && cell.z < 3 || cell.x < 5 && (cell.y, cell.z) == (1, 1);
+        for cell in extent.cells().filter(|cell| !unexplored.contains(cell)) {
+            let index = [extent.index(cell).unwrap() as u32];
+            if is_free(cell) { map.note_free(&index) } else { map.note_wall(&index) }
+        }
+        map
+    }
+
+    #[test]
+    fn viewpoint_shows_what_is_behind_its_frontier() {
+        let (middle, niche) = (Cell::new(1, 1, 1), Cell::new(4, 1, 1));
+        let (ahead, around_the_corner) = (Cell::new(5, 1, 1), Cell::new(4, 2, 1));
+        let moves = Moves::new(1.2, 1.0, Neighbours::TwentySix);
+        for (unexplored, expected) in
+            [(vec![ahead], Some((niche, middle))), (vec![around_the_corner], None), (vec![], None)]
+        {
+            let map = room(&unexplored);
+            let mut graph = AbstractGraph::new(map.extent(), 1.2);
+            graph.update(Graph::new(&map, &moves));
+            let id = graph.region_of(middle).unwrap();
+            let region = (id, graph.get(id).unwrap());
+            assert_eq!(region.1.frontiers, if unexplored.is_empty() { vec![] } else { vec![niche] });
+            let sight = (&map, moves.lattice());
+            assert_eq!(nearest_viewpoint(&graph, sight, region, middle, &BTreeSet::new()), expected, "{unexplored:?}");
+            assert!(seen_from(&graph, region, middle).eq(region.1.frontiers.iter().copied()));
+        }
+    }
 }

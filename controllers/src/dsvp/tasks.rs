@@ -16,14 +16,14 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 use std::ops::Range;
 
-use voxels::{Cell, CellSet, Extent};
+use voxels::{BodyLattice, Cell, CellSet, Extent};
 
 use super::avoidance::motion_to;
 use super::expectation::{Expectation, Place};
 use super::gain::{GainEstimator, WHOLE};
 use super::goal::Goal;
 use super::obstacles::Obstacles;
-use super::relocation::nearest_viewpoint;
+use super::relocation::{nearest_viewpoint, seen_from};
 use super::{ATTEMPTS, Dsvp, Params, Plan, has_gain_left};
 use crate::Ctx;
 use agent::abstract_graph::{AbstractGraph, PathLengths, Region, RegionId, ShortestPaths};
@@ -98,6 +98,7 @@ impl TaskSearch {
             unproductive.insert(here);
         }
         let cell_m = map.extent().cell_m();
+        let sight = (map, ctx.moves().lattice());
         let mut candidates = Vec::new();
         let mut own_m = BTreeMap::new();
         paths.begin(graph, here);
@@ -105,9 +106,9 @@ impl TaskSearch {
             && paths.has_frontiers_left()
             && let Some((id, region, length)) = paths.next(graph)
         {
-            let Some(candidate) = Candidate::new(graph, id, region, here, abandoned) else { continue };
+            let Some(candidate) = Candidate::new(graph, sight, (id, region), here, abandoned) else { continue };
             if candidate.cell == here {
-                abandoned.insert(candidate.frontier);
+                abandoned.extend(seen_from(graph, (id, region), here));
                 continue;
             }
             candidates.push(candidate);
@@ -184,12 +185,12 @@ impl Candidate {
     /// The candidate of a region, if it has a frontier that is not left out.
     pub(super) fn new(
         graph: &AbstractGraph,
-        id: RegionId,
-        region: &Region,
+        sight: (&ExplorationMap, BodyLattice),
+        (id, region): (RegionId, &Region),
         here: Cell,
         left_out: &BTreeSet<Cell>,
     ) -> Option<Self> {
-        let (frontier, cell) = nearest_viewpoint(graph, (id, region), here, left_out)?;
+        let (frontier, cell) = nearest_viewpoint(graph, sight, (id, region), here, left_out)?;
         Some(Self { region: id, centre: region.centre, frontier, cell })
     }
 }

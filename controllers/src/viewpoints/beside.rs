@@ -1,8 +1,9 @@
 //! The cells near frontiers from which an unexplored cell is in sight, kept up to date with the
 //! map.
 //!
-//! A cell depends on the map within a few cells of it. So an update looks at the blocks near what
-//! has changed, and there at the cells near frontiers alone.
+//! A cell depends on the map within a few cells of it. So after an update only the blocks near what
+//! has changed are looked at, and there the cells near frontiers alone: those blocks that a search
+//! comes to, or all once it matters that there is no such cell.
 
 use voxels::{Cell, CellSet, Extent};
 
@@ -17,6 +18,7 @@ const CHANGES_MAX: usize = 1 << 15;
 /// Such cells of one map.
 #[derive(Debug)]
 pub(super) struct BesideFrontiers {
+    /// Those in blocks that need not be looked at.
     cells: CellSet,
     /// Blocks along each axis.
     size: [i32; 3],
@@ -24,7 +26,7 @@ pub(super) struct BesideFrontiers {
     reach: i32,
     /// Position in the journal of the map up to which changes have been read.
     read: Option<usize>,
-    /// Blocks to look at; empty between updates.
+    /// Blocks to look at.
     changed: CellSet,
     /// Cells examined so far.
     examined: usize,
@@ -38,19 +40,24 @@ impl BesideFrontiers {
         Self { cells, size, reach, read: None, changed, examined: 0 }
     }
 
-    /// Applies the changes of the map since the last update. `is_one` examines a cell near a
-    /// frontier; it may depend on the cells within one more than the reach.
-    pub(super) fn update(&mut self, map: &ExplorationMap, is_one: impl Fn(Cell) -> bool) {
+    /// Notes the changes of the map since the last update.
+    pub(super) fn update(&mut self, map: &ExplorationMap) {
         let read = self.read.replace(map.journal_len());
+        let extent = map.extent();
         match read.filter(|&read| map.journal_len() - read <= CHANGES_MAX) {
-            Some(read) => map.boxes_changed_since(read).for_each(|(low, high)| self.note(low, high)),
+            Some(read) => map.boxes_revealed_since(read).for_each(|(low, high)| self.note(extent, low, high)),
             None => {
                 self.cells.clear();
-                for cell in map.frontiers().map(|index| map.extent().cell_at(index as usize)) {
-                    self.note(cell, cell);
+                for cell in map.frontiers().map(|index| extent.cell_at(index as usize)) {
+                    self.note(extent, cell, cell);
                 }
             }
         }
+    }
+
+    /// Looks at all blocks that have changed. `is_one` examines a cell near a frontier; it may
+    /// depend on the cells within one more than the reach.
+    pub(super) fn settle(&mut self, map: &ExplorationMap, is_one: impl Fn(Cell) -> bool) {
         let changed: Vec<usize> = self.changed.iter().collect();
         self.changed.clear();
         for block in changed {
@@ -58,13 +65,19 @@ impl BesideFrontiers {
         }
     }
 
-    /// The cells, ascending.
-    pub(super) fn iter(&self) -> impl Iterator<Item = usize> + '_ {
-        self.cells.iter()
+    /// The cells known so far: all after [`BesideFrontiers::settle`].
+    pub(super) fn cells(&self) -> &CellSet {
+        &self.cells
     }
 
-    pub(super) fn holds(&self, index: usize) -> bool {
-        self.cells.contains(index)
+    /// Whether a cell of the map is one of them, in a block that is looked at if it has changed.
+    pub(super) fn holds(&mut self, map: &ExplorationMap, cell: Cell, is_one: impl Fn(Cell) -> bool) -> bool {
+        let block = self.number_of([cell.x, cell.y, cell.z].map(|along| along / SIDE));
+        if self.changed.contains(block) {
+            self.changed.remove(block);
+            self.examine(map, block as i32, &is_one);
+        }
+        map.extent().index(cell).is_some_and(|index| self.cells.contains(index))
     }
 
     /// Number of cells examined so far: a measure of the work.
@@ -73,8 +86,12 @@ impl BesideFrontiers {
         self.examined
     }
 
-    /// Notes the blocks with cells that may depend on a box of cells.
-    fn note(&mut self, low: Cell, high: Cell) {
+    fn number_of(&self, [x, y, z]: [i32; 3]) -> usize {
+        ((z * self.size[1] + y) * self.size[0] + x) as usize
+    }
+
+    /// Notes the blocks with cells that may depend on a box of cells; what is known of them is over.
+    fn note(&mut self, extent: Extent, low: Cell, high: Cell) {
         let near = |low: i32, high: i32, blocks: i32| {
             let low = (low - self.reach - 1).max(0) / SIDE;
             let high = ((high + self.reach + 1) / SIDE).min(blocks - 1);
@@ -84,7 +101,26 @@ impl BesideFrontiers {
             [near(low.x, high.x, self.size[0]), near(low.y, high.y, self.size[1]), near(low.z, high.z, self.size[2])];
         for (z, y) in along_z.flat_map(|z| along_y.clone().map(move |y| (z, y))) {
             for x in along_x.clone() {
-                self.changed.insert(((z * self.size[1] + y) * self.size[0] + x) as usize);
+                let block = self.number_of([x, y, z]);
+                if !self.changed.contains(block) {
+                    self.changed.insert(block);
+                    self.forget(extent, Cell::new(x, y, z));
+                }
+            }
+        }
+    }
+
+    /// Removes the cells of the block at these coordinates.
+    fn forget(&mut self, extent: Extent, at: Cell) {
+        let [size_x, size_y, size_z] = extent.size().map(u32::cast_signed);
+        let along = |at: i32, size: i32| SIDE * at..(SIDE * (at + 1)).min(size);
+        let along_x = along(at.x, size_x);
+        for (z, y) in along(at.z, size_z).flat_map(|z| along(at.y, size_y).map(move |y| (z, y))) {
+            let row = (z * size_y + y) * size_x;
+            let mut left = self.cells.run((row + along_x.start) as usize, along_x.len() as u32);
+            while left != 0 {
+                self.cells.remove((row + along_x.start) as usize + left.trailing_zeros() as usize);
+                left &= left - 1;
             }
         }
     }
@@ -139,14 +175,18 @@ mod tests {
         let cell = |x: i32| extent.index(Cell::new(x, 10, 10)).unwrap() as u32;
         map.note_free(&(0..200).map(cell).collect::<Vec<u32>>());
         let mut beside = BesideFrontiers::new(extent, 2);
-        beside.update(&map, |cell| is_one(&map, cell));
+        let settle = |beside: &mut BesideFrontiers, map: &ExplorationMap| {
+            beside.update(map);
+            beside.settle(map, |cell| is_one(map, cell));
+        };
+        settle(&mut beside, &map);
         let all = beside.examined();
         assert_eq!(all, 200 * 5 * 5);
         map.note_free(&[extent.index(Cell::new(100, 11, 10)).unwrap() as u32]);
-        beside.update(&map, |cell| is_one(&map, cell));
+        settle(&mut beside, &map);
         assert!(beside.examined() - all < 30 * 6 * 6, "{}", beside.examined() - all);
         let examined = beside.examined();
-        beside.update(&map, |cell| is_one(&map, cell));
+        settle(&mut beside, &map);
         assert_eq!(beside.examined(), examined, "nothing has changed");
     }
 
@@ -170,10 +210,14 @@ mod tests {
                     }
                 }
                 done = next;
-                beside.update(&map, |cell| is_one(&map, cell));
-                for cell in extent.cells() {
+                beside.update(&map);
+                if done % 3 == 0 {
+                    beside.settle(&map, |cell| is_one(&map, cell));
+                }
+                // Some of the blocks are looked at after a later change.
+                for cell in extent.cells().filter(|cell| cell.x % 16 < 8 || done % 2 == 0) {
                     let is_near = map.frontiers_near(cell, reach).next().is_some();
-                    let is_held = beside.holds(extent.index(cell).unwrap());
+                    let is_held = beside.holds(&map, cell, |cell| is_one(&map, cell));
                     prop_assert_eq!(is_held, is_near && is_one(&map, cell), "{:?}", cell);
                 }
             }

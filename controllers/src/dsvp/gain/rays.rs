@@ -6,7 +6,7 @@
 //! Invariant: every cell lies within [`Pattern::reach`] of the viewpoint along each axis.
 
 use std::ops::ControlFlow;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use agent::observation::FieldOfView;
 use voxels::{BodyLattice, Cell, Extent, lattice, walk};
@@ -22,6 +22,8 @@ pub(super) struct Rays {
     pub(super) ends: Vec<u32>,
     /// Cells of the cube around the viewpoint.
     pub(super) cube_cells: usize,
+    /// See [`Rays::through`].
+    through: OnceLock<Vec<(u32, u32)>>,
 }
 
 /// Directions spread evenly ([`lattice`]), and the length of rays.
@@ -103,7 +105,32 @@ impl Rays {
             });
             ends.push(cells.len() as u32);
         }
-        Self { pattern, map_size, cells, ends, cube_cells: cube.volume() }
+        Self { pattern, map_size, cells, ends, cube_cells: cube.volume(), through: OnceLock::new() }
+    }
+
+    /// Half the side of the cube that contains all rays, cells.
+    pub(super) fn reach(&self) -> i32 {
+        self.pattern.reach()
+    }
+
+    /// The cells of a ray.
+    pub(super) fn ray(&self, number: u32) -> &[RayCell] {
+        let start = number.checked_sub(1).map_or(0, |before| self.ends[before as usize]);
+        &self.cells[start as usize..self.ends[number as usize] as usize]
+    }
+
+    /// The numbers of the rays that pass a cell of the cube, relative to the viewpoint, ascending.
+    pub(super) fn through(&self, by: Cell) -> impl Iterator<Item = u32> + '_ {
+        let through = self.through.get_or_init(|| {
+            let rays = (0..self.ends.len() as u32).flat_map(|ray| self.ray(ray).iter().map(move |at| (at.place, ray)));
+            let mut through: Vec<(u32, u32)> = rays.collect();
+            through.sort_unstable();
+            through
+        });
+        let reach = self.reach();
+        let place = self.pattern.cube().index(by + Cell::new(reach, reach, reach)).unwrap_or(usize::MAX);
+        let first = through.partition_point(|&(at, _)| (at as usize) < place);
+        through[first..].iter().take_while(move |&&(at, _)| at as usize == place).map(|&(_, ray)| ray)
     }
 }
 

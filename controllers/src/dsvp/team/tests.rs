@@ -14,7 +14,7 @@ use agent::observation::Contact;
 use agent::path::{Graph, Moves, Neighbours};
 use msgs::ids::AgentId;
 use std::collections::BTreeSet;
-use voxels::{Cell, Extent};
+use voxels::{BodyLattice, Cell, Extent};
 
 const RANGE_CELLS: f64 = 5.0;
 
@@ -27,7 +27,7 @@ fn candidates(map: &ExplorationMap, here: Cell) -> (AbstractGraph, Vec<Candidate
     let mut found = Vec::new();
     paths.begin(&graph, here);
     while let Some((id, region, _)) = paths.next(&graph) {
-        found.extend(Candidate::new(&graph, id, region, here, &BTreeSet::new()));
+        found.extend(Candidate::new(&graph, (map, BodyLattice::Centres), (id, region), here, &BTreeSet::new()));
     }
     (graph, found)
 }
