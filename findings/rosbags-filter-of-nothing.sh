@@ -41,7 +41,7 @@ for kind in ("ros1", "sqlite3", "mcap"):
     with record(kind, "drive", (10, 20, 30)) as reader:
         topics = [c.topic for c, *_ in reader.messages(connections=[c for c in reader.connections if c.topic == "/scan"])]
         found[kind] = topics, reader.duration
-    print(f"{kind}: messages of /scan {topics}, from 10 to 30 ns a duration of {reader.duration} ns")
+    print(f"{kind}: messages of /scan {topics}, from 10 to 30 ns a duration of {found[kind][1]} ns")
 with record("mcap", "none", ()) as reader:
     found["start"] = reader.start_time
 print("without messages it starts at", found["start"])
