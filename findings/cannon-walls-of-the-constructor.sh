@@ -6,8 +6,8 @@
 # examples, make a wall for bodies and for rays alike.
 # Seen: the box that rays are tested with is computed in the constructor, at the origin, and a body
 # that never moves does not compute it again, not in a hundred steps either: a ray at the wall's
-# middle finds nothing, while a ball bounces off it. With `position` in the constructor, or the shape
-# added by `addShape`, the ray finds the wall at 4 m.
+# middle finds nothing, while a ball bounces off it. With `position` in the constructor, or the
+# shape added by `addShape`, the ray finds the wall at 4 m.
 # So: give `position` to the constructor, or call `body.updateAABB()` after each change of place of
 # a body without mass; a LiDAR that is simulated with such rays sees a robot and not the walls.
 set -eu

@@ -4,9 +4,9 @@
 #
 # Expected: `logrank_test` and `survdiff` of the same times, none tied, none censored, differ in the
 # digits.
-# Seen: chi-square is 7.34 by survdiff and 4.27 by coin. coin takes the variance over permutations of
-# the groups, survdiff the hypergeometric one of each event. By all 70 permutations p is 0.029. Tied
-# times add a choice: 4.38, 4.80 or 4.97 by `ties.method`, against 6.94.
+# Seen: chi-square is 7.34 by survdiff and 4.27 by coin. coin takes the variance over permutations
+# of the groups, survdiff the hypergeometric one of each event. By all 70 permutations p is 0.029.
+# Tied times add a choice: 4.38, 4.80 or 4.97 by `ties.method`, against 6.94.
 # So: with few runs take `distribution = "exact"` and name the package; p values of log-rank tests
 # from two papers cannot be compared at n = 4.
 set -eu

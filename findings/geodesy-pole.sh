@@ -4,12 +4,12 @@
 #
 # Expected: `Cartesian.toLatLon` of a point on the axis of rotation is a pole, with the height above
 # the ellipsoid, as pymap3d 3.2.0 and PROJ give it; a point 1 nm beside it hardly differs.
-# Seen: (0, 0, 6356752.314) becomes latitude 0, longitude 0 and height -6378137 m, that is the centre
-# of the earth, and so does every other point of the axis, without an error. One nanometre beside
-# the axis the answer is 90 degrees and 0 m.
-# navpy's `ecef2lla` gives the latitude 90 and a height of -6399594 m.
-# So: tests at the poles and worlds of one's own whose centre is a pole need this case by hand:
-# x = y = 0 means latitude +-90 degrees and height |z| - 6356752.314.
+# Seen: (0, 0, 6356752.314) becomes latitude 0, longitude 0 and height -6378137 m, that is the
+# centre of the earth, and so does every other point of the axis, without an error. One nanometre
+# beside the axis the answer is 90 degrees and 0 m. navpy's `ecef2lla` gives the latitude 90 and a
+# height of -6399594 m.
+# So: tests at the poles and worlds of one's own whose centre is a pole need this case by hand: x =
+# y = 0 means latitude +-90 degrees and height |z| - 6356752.314.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

@@ -3,9 +3,9 @@
 #
 # Expected: `==` of two points with a height, LatLon(48, 11, 500) and LatLon(48, 11, 600), is False,
 # as it is for their Cartesians of the same library.
-# Seen: it is True, and `distanceTo` is 0.0: the height is part of what is printed and converted, not
-# of what is compared. So `point in visited` and removing doubles take a tower's floors for one. The
-# distance of their Cartesians is 100 m.
+# Seen: it is True, and `distanceTo` is 0.0: the height is part of what is printed and converted,
+# not of what is compared. So `point in visited` and removing doubles take a tower's floors for one.
+# The distance of their Cartesians is 100 m.
 # So: compare `latlonheight`, or `toCartesian()`, where height matters.
 set -eu
 dir=$(mktemp -d)

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# rosbags 0.11.9: asked for the messages of a topic that is not recorded, it gives all of all topics.
+# rosbags 0.11.9: asked for the messages of a topic that is not recorded, it gives all of all
+# topics.
 #
 # Expected: `messages(connections=[c for c in reader.connections if c.topic == "/scan"])`, the form
 # of its documentation, yields nothing if there is no /scan. The duration of a recording from 10 s

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# sdformat 12.3.0 (Debian 12): a LiDAR of 1e3 beams has one beam, and noise that is misspelt is none,
-# without an error.
+# sdformat 12.3.0 (Debian 12): a LiDAR of 1e3 beams has one beam, and noise that is misspelt is
+# none, without an error.
 #
 # Expected: text that is no number of the element's type is refused, as three numbers in <pose>, a
 # comma in it, and `<static>yes</static>` are.

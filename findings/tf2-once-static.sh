@@ -14,9 +14,10 @@ set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 cd "$dir"
+mkdir debs root
 apt-get install -qq -y --download-only --no-install-recommends -o Debug::NoLocking=1 -o APT::Sandbox::User=root \
-    -o Dir::Cache::archives="$dir" python3-tf2=0.7.6-1+b2 python3-geometry-msgs python3-rospy >/dev/null 2>&1
-for package in *.deb; do dpkg -x "$package" root; done
+    -o Dir::Cache::archives="$dir/debs" python3-tf2=0.7.6-1+b2 python3-geometry-msgs python3-rospy >/dev/null 2>&1
+find debs -name '*.deb' -exec dpkg -x {} root \;
 library=$dir/root/usr/lib/x86_64-linux-gnu
 export LD_LIBRARY_PATH=$library:$library/blas:$library/lapack PYTHONPATH=$dir/root/usr/lib/python3/dist-packages
 /usr/bin/python3 - 2>"$dir/log" <<'PY'
