@@ -5,9 +5,9 @@
 # Expected: `evo_rpe --delta 10 --delta_unit m` compares poses that are 10 m of ground truth apart,
 # as KITTI's odometry benchmark does.
 # Seen: the pairs are picked along the estimate. Two estimates of a straight drive of 100 m lose a
-# tenth of the way each; one of them also jumps to the left at every second pose. The path of the smooth
-# one is shorter than the drive, that of the other nearly three times as long: the errors per "10 m"
-# are 1.2 m and 0.4 m. With pairs from the reference both are 1.0 m.
+# tenth of the way each; one of them also jumps to the left at every second pose. The path of the
+# smooth one is shorter than the drive, that of the other more than twice as long: the errors per
+# "10 m" are 1.2 m and 0.4 m. With pairs from the reference both are 1.0 m.
 # So: set `--pairs_from_reference` whenever estimators are compared; without it noise pays.
 set -eu
 dir=$(mktemp -d)
