@@ -10,7 +10,8 @@
 //! [`protocol::limits::VIEW_BYTES_MAX`]; every stamp is sim time; a message with a stamp comes
 //! after the transforms of that stamp, to whoever receives both. Frames: `map` is the world,
 //! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` coincides with the body, and
-//! `agent_<id>/odom` with `map`, because poses are known.
+//! `agent_<id>/odom` with `map` where poses are known; where localisation drifts, `agent_<id>/map` is
+//! between them (REP 105).
 //!
 //! Subscribers and wall time are arguments: there is no transport and no clock here.
 
@@ -40,7 +41,7 @@ use crate::world::World;
 use cells::{Unexplored, walls};
 pub use cloud::points;
 pub use message::VisualisationMessage;
-pub use poses::{measured_odometry, odometry};
+pub use poses::{StaticFrames, measured_odometry, odometry};
 use sent_transforms::SentTransforms;
 pub use status::{LiveStatus, RunStatus};
 pub use topic::VisualisationTopic;
@@ -180,9 +181,8 @@ impl VisualisationScheduler {
     ) -> Option<VisualisationMessage> {
         let is_due = subscribers.contains_key(&VisualisationTopic::Transforms)
             && self.live_transforms.insert(world, agent, world.tick());
-        let pose = world.body(agent).pose();
         is_due.then(|| {
-            let transforms = vec![crate::wire::transform(agent, world.tick(), pose)];
+            let transforms = crate::wire::present_transforms(world, agent);
             VisualisationMessage::Transforms(TFMessage { transforms })
         })
     }
@@ -312,8 +312,7 @@ impl PublishState {
             VisualisationTopic::StaticTransforms => push(
                 messages,
                 topic,
-                poses::static_transforms(world.agents(), world.scanner().place_on_body(), world.tick())
-                    .map(VisualisationMessage::Transforms),
+                poses::static_transforms(&StaticFrames::of(world), world.tick()).map(VisualisationMessage::Transforms),
             ),
             VisualisationTopic::Odometry(agent) => {
                 push(messages, topic, [VisualisationMessage::Odometry(Box::new(odometry(world, agent)))])
@@ -416,12 +415,11 @@ fn explored(topic: VisualisationTopic, world: &World) -> VisualisationMessage {
     }
 }
 
-/// The static frames, with LiDARs that are above the centres of the bodies (metres) and look up
-/// (radians), and the walls as of tick 0.
+/// The static frames and the walls as of tick 0.
 #[must_use]
-pub fn static_messages(terrain: &Grid<Terrain>, agents: u32, lidar: (f64, f64)) -> VisualisationMessages {
+pub fn static_messages(terrain: &Grid<Terrain>, frames: &StaticFrames) -> VisualisationMessages {
     let mut messages = Vec::new();
-    let transforms = poses::static_transforms((0..agents).map(AgentId), lidar, Tick::ZERO);
+    let transforms = poses::static_transforms(frames, Tick::ZERO);
     push(&mut messages, VisualisationTopic::StaticTransforms, transforms.map(VisualisationMessage::Transforms));
     let walls = walls(terrain, Tick::ZERO, 0).into_iter();
     push(&mut messages, VisualisationTopic::Map, walls.map(|marker| VisualisationMessage::Marker(Box::new(marker))));

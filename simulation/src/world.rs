@@ -20,6 +20,7 @@ pub mod comms;
 pub mod coverage;
 pub mod energy;
 pub mod lidar;
+pub mod localisation;
 pub mod map_change;
 pub mod noise;
 mod pending_observation;
@@ -52,6 +53,7 @@ use comms::{Comms, ContactTable};
 use coverage::Coverage;
 use energy::{Batteries, EnergyParams};
 use lidar::{CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
+use localisation::{Localisation, OdometryNoise};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
@@ -78,6 +80,8 @@ pub struct WorldParams {
     pub share_period_ticks: u32,
     /// The sensor noise.
     pub noise: SensorNoise,
+    /// The noise of the odometry by which agents localise.
+    pub odometry: OdometryNoise,
     /// The batteries of the bodies; `None`: they need no energy.
     pub energy: Option<EnergyParams>,
     /// The agents that are not in the world at the start, and join later.
@@ -123,6 +127,8 @@ pub struct World {
     totals: Totals,
     /// `None`: bodies need no energy.
     batteries: Option<Batteries>,
+    /// `None`: agents know where they are.
+    localisation: Option<Localisation>,
     /// Where the bodies started, or were put since, by agent.
     starts: Vec<Point3<f64>>,
     /// See [`World::attainable`].
@@ -212,6 +218,7 @@ impl World {
         let spheres = agents.iter().map(AgentState::sphere).collect();
         let bodies = agents.iter().map(|state| (state.body.model(), *state.body.pose()));
         let batteries = params.energy.as_ref().map(|energy| Batteries::full(energy, bodies));
+        let localisation = Localisation::new(&params.odometry, extent, starts);
         Self {
             tick: Tick::ZERO,
             terrain,
@@ -229,6 +236,7 @@ impl World {
             is_deferring: false,
             totals: Totals::default(),
             batteries,
+            localisation,
             starts: starts.iter().map(|pose| pose.position).collect(),
             attainable: OnceLock::new(),
             map_changed_at: None,
@@ -321,6 +329,12 @@ impl World {
         state.drift.measured(&state.body.pose().position, self.terrain.extent())
     }
 
+    /// The measured position of an agent in the map of another one or of itself, metres.
+    fn measured_in_map_of(&self, reader: AgentId, agent: AgentId) -> Point3<f64> {
+        let AgentState { body, drift, .. } = &self.agents[agent.index()];
+        drift.measured(&self.in_map_of(reader, &body.pose().position), self.terrain.extent())
+    }
+
     /// The variance of [`Self::measured_position`] along each axis, m^2: of the drift, spread
     /// evenly within its bound, which it is in the long run.
     #[must_use]
@@ -340,6 +354,7 @@ impl World {
         state.body = Body::at_rest(model, pose);
         state.pending_observation.events |= EventMask::TASK_DONE;
         self.contacts = None;
+        self.localise_anew(agent);
         self.put(agent);
         self.update_position(agent.index());
         Ok(())
@@ -424,10 +439,13 @@ impl World {
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
             let pose = *state.body.pose();
             let Lidar { scanner, noise, .. } = &*self.lidar;
-            let is_of_present_map = |scan: &(Pose, Tick)| self.map_changed_at.is_none_or(|changed| scan.1 >= changed);
-            let last = state.last_scan.filter(is_of_present_map).map(|(last, _)| last);
+            let since = self.map_changed_at.unwrap_or(Tick::ZERO).max(self.block_since(index));
+            let state = &mut self.agents[index];
+            let last = state.last_scan.filter(|scan| scan.1 >= since).map(|(last, _)| last);
             state.last_scan = Some((pose, tick));
-            match NotCast::of_scan(scanner, noise.affects_scans(), last.as_ref(), &pose) {
+            let not_cast = NotCast::of_scan(scanner, noise.affects_scans(), last.as_ref(), &pose);
+            self.note_scan(index);
+            match not_cast {
                 Some(reason) => self.totals.scans.add(&CastCount::without(1, reason)),
                 None => {
                     self.totals.scans.add(&CastCount::of(1));
@@ -462,16 +480,20 @@ impl World {
     pub fn observe(&mut self, agent: AgentId, kind: RequestKind) -> Observation {
         let change_of_contacts = self.change_of_contacts(agent);
         let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
-        let contacts =
-            contacts.into_iter().map(|agent| Contact { agent, position: self.measured_position(agent) }).collect();
-        let position = self.measured_position(agent);
         self.collect_scans(agent.index());
-        let Lidar { scanner, noise, .. } = &*self.lidar;
-        let state = &mut self.agents[agent.index()];
+        let pending_observation = &mut self.agents[agent.index()].pending_observation;
         let delta = match kind {
-            RequestKind::Scheduled => state.pending_observation.commit(),
-            RequestKind::Polled => state.pending_observation.speculate(),
+            RequestKind::Scheduled => pending_observation.commit(),
+            RequestKind::Polled => pending_observation.speculate(),
         };
+        let map_frames = self.map_frames(agent, &contacts, &delta.messages);
+        let reported = |other| Contact { agent: other, position: self.measured_in_map_of(agent, other) };
+        let contacts = contacts.into_iter().map(reported).collect();
+        let position = self.measured_in_map_of(agent, agent);
+        let reported = |&(id, position)| Relay { id, position: self.in_map_of(agent, &position) };
+        let reported_relays = relays.iter().map(reported).collect();
+        let Lidar { scanner, noise, .. } = &*self.lidar;
+        let state = &self.agents[agent.index()];
         let events = delta.events | change_of_contacts;
         let mut observation = Observation {
             tick: self.tick,
@@ -483,8 +505,9 @@ impl World {
             collision: state.body.collision(),
             events,
             contacts,
-            relays: relays.iter().map(|&(id, position)| Relay { id, position }).collect(),
+            relays: reported_relays,
             messages: delta.messages,
+            map_frames,
             scan_tick: state.last_scan.map(|(_, tick)| tick),
             seen: Cells { free: delta.free, wall: delta.wall },
             view: None,
@@ -495,15 +518,18 @@ impl World {
         if state.want_view
             && let Some((pose, tick)) = &state.last_scan
             && self.map_changed_at.is_none_or(|changed| *tick >= changed)
+            && *tick >= self.block_since(agent.index())
         {
-            let memory = &state.sensor.state().memory;
+            let sensor = state.sensor.state();
+            let memory = &sensor.memory;
             let view = match noise.affects_scans() {
                 true => scanner.view_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick }),
                 false => scanner.view(memory, pose),
             };
-            observation.view = Some(Cells { free: view.free, wall: view.wall });
+            drop(sensor);
+            observation.view = Some(self.cells_in_map_of(agent, Cells { free: view.free, wall: view.wall }));
         }
-        observation.energy = self.energy(agent).map(|energy| Box::new(energy.clone()));
+        observation.energy = self.energy_in_map_of(agent).map(Box::new);
         if kind == RequestKind::Scheduled {
             let state = &mut self.agents[agent.index()];
             state.reported_relays = relays;
@@ -520,11 +546,12 @@ impl World {
         for (agent, command) in commands {
             let next_tick = self.tick.after(1);
             let is_refused = self.refuses(agent, &command.motion);
+            let motion = self.in_world(agent, command.motion);
             let state = &mut self.agents[agent.index()];
             state.want_view = command.want_view;
-            if command.motion != Motion::Keep && !is_refused {
+            if motion != Motion::Keep && !is_refused {
                 self.with_task.push(agent.index());
-                state.body.set_task(command.motion);
+                state.body.set_task(motion);
             }
             match (command.lidar, self.params.schedule) {
                 (ScanRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
@@ -544,6 +571,7 @@ impl World {
         }
         self.move_bodies();
         self.drain();
+        self.localise();
         self.agents.iter_mut().for_each(|state| state.drift.advance(&self.params.noise));
         self.tick = self.tick.after(1);
     }

@@ -36,6 +36,7 @@ fn params() -> WorldParams {
         comms: within(f64::INFINITY),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
         energy: None,
         late: Default::default(),
     }

@@ -13,6 +13,7 @@ use voxels::Grid;
 use super::super::body::{Motion, Pose};
 use super::super::comms::{Comms, ContactModel};
 use super::super::lidar::{Pattern, Scanner};
+use super::super::localisation::OdometryNoise;
 use super::super::noise::SensorNoise;
 use super::super::{RequestKind, ScanSchedule, WorldParams};
 use super::*;
@@ -37,6 +38,7 @@ fn params(rays: u32) -> WorldParams {
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
         energy: None,
         late: Default::default(),
     }

@@ -11,6 +11,7 @@ use super::*;
 use crate::world::body::Pose;
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
+use crate::world::localisation::OdometryNoise;
 use crate::world::noise::SensorNoise;
 use crate::world::{RequestKind, ScanSchedule, WorldParams};
 
@@ -50,6 +51,7 @@ fn params(comms: Comms) -> WorldParams {
         comms,
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
         energy: None,
         late: Default::default(),
     }
