@@ -70,7 +70,8 @@ fn look_ahead_and_threads_do_not_change_the_run() {
 fn errors_grow_with_the_noise() {
     let ring = ring();
     let error_m = |scale: f64| {
-        let noise = format!("localisation = {{ position_noise_m = {}, position_bias = {} }}", 0.05 * scale, 0.02 * scale);
+        let noise =
+            format!("localisation = {{ position_noise_m = {}, position_bias = {} }}", 0.05 * scale, 0.02 * scale);
         let result = result(&ring, &keys("rbw", &noise));
         let cells = count(&result, CounterName::MapCells);
         let off = [CounterName::MapCellsOffBy1, CounterName::MapCellsOffBy2, CounterName::MapCellsOffByMore];

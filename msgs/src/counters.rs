@@ -79,6 +79,7 @@ counters! {
     MapCellsOffBy2 = "map_cells_off_by_2", "cells", "Those that are off by 2 cells.";
     MapCellsOffByMore = "map_cells_off_by_more", "cells", "Those that are off by more than 2 cells.";
     MapBlocks = "map_blocks", "blocks", "Blocks of their maps that agents have begun after their first, if localisation drifts.";
+    LoopClosures = "loop_closures", "closures", "Loops that agents have closed, if localisation drifts.";
     Interventions = "interventions", "changes", "Changes of the world by services, if there were any.";
     MapChanges = "map_changes", "changes", "Changes of the map by events and requests, if there were any.";
     RefusedOtherRun = "refused_other_run", "messages", "Refused: of another run.";

@@ -30,7 +30,8 @@ impl MapFrame {
 
     /// The data of the message of the server.
     pub(crate) fn to_data(frames: &[Self]) -> SharedBytes {
-        let frames = frames.iter().map(|frame| maes_msgs::Contact { agent: frame.agent.0, position: point(&frame.origin) });
+        let frames =
+            frames.iter().map(|frame| maes_msgs::Contact { agent: frame.agent.0, position: point(&frame.origin) });
         SharedBytes::from(cdr::encode(&maes_msgs::MapFrames { frames: frames.collect() }))
     }
 
@@ -77,9 +78,8 @@ mod tests {
     #[test]
     fn impossible_frames_are_refused() {
         let frame = |agent, x| MapFrame { agent: AgentId(agent), origin: Point3::new(x, 0.0, 0.0) };
-        let refused = |frames: &[MapFrame]| {
-            MapFrame::from_data(&MapFrame::to_data(frames), Tick(3), 5).unwrap_err().to_string()
-        };
+        let refused =
+            |frames: &[MapFrame]| MapFrame::from_data(&MapFrame::to_data(frames), Tick(3), 5).unwrap_err().to_string();
         assert!(refused(&[frame(5, 1.0)]).ends_with("expected agents of the run, 0 to 4, each once, ascending"));
         assert!(refused(&[frame(1, 1.0), frame(1, 1.0)]).contains("map_frames = 2"));
         assert!(refused(&[frame(1, f64::NAN)]).contains("expected numbers below 1e9"));

@@ -145,8 +145,7 @@ impl Observation {
         messages.extend(self.messages);
         let mut map_frames = self.map_frames;
         let is_listed = |frame: &MapFrame| map_frames.iter().any(|later| later.agent == frame.agent);
-        let only_earlier: Vec<MapFrame> =
-            earlier.map_frames.into_iter().filter(|frame| !is_listed(frame)).collect();
+        let only_earlier: Vec<MapFrame> = earlier.map_frames.into_iter().filter(|frame| !is_listed(frame)).collect();
         map_frames.extend(only_earlier);
         map_frames.sort_by_key(|frame| frame.agent);
         Self {

@@ -53,7 +53,7 @@ use comms::{Comms, ContactTable};
 use coverage::Coverage;
 use energy::{Batteries, EnergyParams};
 use lidar::{CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
-use localisation::{Localisation, OdometryNoise};
+use localisation::{Localisation, LoopClosures, OdometryNoise};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
@@ -82,6 +82,8 @@ pub struct WorldParams {
     pub noise: SensorNoise,
     /// The noise of the odometry by which agents localise.
     pub odometry: OdometryNoise,
+    /// When agents whose localisation drifts close loops; `None`: never.
+    pub closures: Option<LoopClosures>,
     /// The batteries of the bodies; `None`: they need no energy.
     pub energy: Option<EnergyParams>,
     /// The agents that are not in the world at the start, and join later.

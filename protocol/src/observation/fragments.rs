@@ -14,7 +14,8 @@ use msgs::{cdr, geometry_msgs};
 use nalgebra::Vector3;
 
 use super::{
-    AgentMessage, Cells, Collision, Contact, Energy, FieldOfView, MapFrame, Observation, Peer, Pose, Relay, RunInfo, Surface,
+    AgentMessage, Cells, Collision, Contact, Energy, FieldOfView, MapFrame, Observation, Peer, Pose, Relay, RunInfo,
+    Surface,
 };
 use crate::event_mask::EventMask;
 use crate::geometry::{header, point, point_of, vector};

@@ -547,7 +547,7 @@ impl<'a> Engine<'a> {
             counters.extend([used, Counter::new(CounterName::RanEmpty, ran_empty)]);
             counters.extend(home_at.map(|tick| Counter::new(CounterName::TickHome, tick.0)));
         }
-        if let Some(DriftTotals { position_error_m, map_errors, blocks }) = self.world.drift_totals() {
+        if let Some(DriftTotals { position_error_m, map_errors, blocks, closures }) = self.world.drift_totals() {
             counters.extend([
                 Counter::new(CounterName::PositionError, (position_error_m * 1e6).round() as u64),
                 Counter::new(CounterName::MapCells, map_errors.cells()),
@@ -555,6 +555,7 @@ impl<'a> Engine<'a> {
                 Counter::new(CounterName::MapCellsOffBy2, map_errors.off_by_2),
                 Counter::new(CounterName::MapCellsOffByMore, map_errors.off_by_more),
                 Counter::new(CounterName::MapBlocks, blocks),
+                Counter::new(CounterName::LoopClosures, closures),
             ]);
         }
         counters.extend((self.interventions > 0).then(|| Counter::new(CounterName::Interventions, self.interventions)));

@@ -7,10 +7,10 @@ use msgs::geometry_msgs::{
 use msgs::ids::{AgentId, Tick};
 use msgs::nav_msgs::{Odometry, Path};
 use msgs::std_msgs::ColorRGBA;
+use msgs::std_msgs::Header;
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics::TRANSFORMS_MAX;
 use msgs::visualization_msgs::Marker;
-use msgs::std_msgs::Header;
 use nalgebra::{Point3, SMatrix};
 use protocol::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 

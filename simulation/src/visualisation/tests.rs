@@ -39,6 +39,7 @@ fn world() -> World {
         share_period_ticks: 0,
         noise: SensorNoise::default(),
         odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: BTreeSet::new(),
     };

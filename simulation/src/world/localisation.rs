@@ -21,6 +21,7 @@
 //! scenario and the true motion alone.
 
 mod belief;
+mod closure;
 mod odometry;
 #[cfg(test)]
 mod tests;
@@ -31,16 +32,19 @@ use fixedbitset::FixedBitSet;
 use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, SMatrix, Vector3};
 use protocol::event_mask::EventMask;
+use protocol::kinematics::turned;
 use protocol::map_frame::MapFrame;
 use protocol::observation::{AgentMessage, Cells, Peer};
 use voxels::{Extent, Terrain};
 
 use super::body::{Motion, Pose};
 use super::{AgentState, PendingObservation, Presence, ScanSchedule, World};
-use belief::Belief;
 pub use belief::MapErrors;
-use odometry::Odometry;
+use belief::{Belief, Entered};
+pub use closure::LoopClosures;
+use closure::Loops;
 pub use odometry::OdometryNoise;
+use odometry::{Measured, Odometry};
 
 /// How far odometry drifts from a block along an axis before the next one begins, cells. Half a
 /// cell would be nearest; with more, noise does not lead to and fro between two blocks.
@@ -60,9 +64,12 @@ pub(super) struct Localisation {
 #[derive(Debug)]
 struct AgentLocalisation {
     odometry: Odometry,
-    /// What the agent has corrected of the position of its odometry, metres.
-    correction_m: Vector3<f64>,
+    /// The error of the position by odometry with all corrections, metres, which the block follows.
+    drift_m: Vector3<f64>,
+    /// What the agent has corrected of the heading of its odometry, radians.
+    heading_correction_rad: f64,
     belief: Belief,
+    loops: Loops,
     /// The tick of the first scans of the present block.
     block_since: Tick,
     /// The frames at the last scan.
@@ -96,6 +103,8 @@ pub struct DriftTotals {
     pub map_errors: MapErrors,
     /// Number of blocks that agents have begun after their first.
     pub blocks: u64,
+    /// Number of loops that agents have closed.
+    pub closures: u64,
 }
 
 impl Localisation {
@@ -114,8 +123,10 @@ impl Localisation {
                     covariance: odometry.covariance(),
                 },
                 odometry,
-                correction_m: Vector3::zeros(),
+                drift_m: Vector3::zeros(),
+                heading_correction_rad: 0.0,
                 belief: Belief::new(extent),
+                loops: Loops::default(),
                 block_since: Tick::ZERO,
                 seen: FixedBitSet::with_capacity(extent.volume()),
                 squared_errors_m2: 0.0,
@@ -152,7 +163,7 @@ impl AgentLocalisation {
     /// body.
     fn next_block(&mut self, position: &Point3<f64>, radius_m: f64, extent: Extent) -> Option<[i32; 3]> {
         let cell_m = extent.cell_m();
-        let drifted_m = self.odometry.position_error_m() + self.correction_m;
+        let drifted_m = self.drift_m;
         let present = self.belief.offset();
         let mut next = present;
         let has_drifted = (drifted_m / cell_m - Vector3::from(present.map(f64::from))).amax() > DRIFT_CELLS;
@@ -167,7 +178,7 @@ impl AgentLocalisation {
             let allowed = next[axis].clamp(low, high);
             if allowed != next[axis] {
                 next[axis] = allowed;
-                self.correction_m[axis] += f64::from(allowed) * cell_m - drifted_m[axis];
+                self.drift_m[axis] = f64::from(allowed) * cell_m;
             }
         }
         (next != present).then_some(next)
@@ -202,6 +213,7 @@ impl World {
             position_error_m: libm::sqrt(squared_m2 / samples.max(1) as f64),
             map_errors: agents.iter().map(|agent| agent.belief.errors()).sum(),
             blocks: agents.iter().map(|agent| agent.belief.blocks_begun()).sum(),
+            closures: agents.iter().map(|agent| agent.loops.closed).sum(),
         })
     }
 
@@ -283,7 +295,10 @@ impl World {
                 continue;
             }
             let AgentState { body, .. } = state;
-            own.odometry.measure(&localisation.noise, body.pose());
+            if let Some(Measured { motion_m, believed_m }) = own.odometry.measure(&localisation.noise, body.pose()) {
+                own.drift_m += turned(&believed_m, own.heading_correction_rad) - motion_m;
+                own.loops.travelled_m += motion_m.norm();
+            }
             if own.belief.has_room()
                 && let Some(offset) = own.next_block(&body.pose().position, body.model().radius_m, extent)
             {
@@ -293,8 +308,9 @@ impl World {
         for (index, offset) in next_blocks {
             self.begin_block(index, offset);
         }
-        let Some(localisation) = &mut self.localisation else { return };
         if next_tick.0.is_multiple_of(SAMPLE_TICKS) {
+            self.close_loops();
+            let Some(localisation) = &mut self.localisation else { return };
             let in_world = localisation.agents.iter_mut().zip(&self.agents);
             in_world.filter(|(_, state)| state.presence.is_in_world()).for_each(|(own, _)| own.sample());
         }
@@ -315,6 +331,7 @@ impl World {
         let Some(localisation) = &mut self.localisation else { return };
         let own = &mut localisation.agents[index];
         own.belief.begin_block(offset);
+        own.loops.begin_block(own.belief.present());
         own.block_since = next_tick;
     }
 
@@ -347,13 +364,20 @@ impl Localisation {
     pub(super) fn enter(&mut self, index: usize, free: &[u32], wall: &[u32], pending: &mut PendingObservation) {
         let belief = &mut self.agents[index].belief;
         let (free, wall) = (belief.enter(free, Terrain::Free), belief.enter(wall, Terrain::Wall));
-        // Of a cell that is pending in another state, the agent learns the last one alone.
+        pending.enter(free, wall);
+    }
+}
+
+impl PendingObservation {
+    /// Adds cells that have become free or wall on the map of the agent. Of a cell that is pending
+    /// in another state, it learns the last one alone.
+    fn enter(&mut self, free: Entered, wall: Entered) {
         let mut revised = [free.revised, wall.revised].concat();
         if !revised.is_empty() {
             revised.sort_unstable();
-            pending.forget(&revised);
+            self.forget(&revised);
         }
-        pending.free.extend(free.new);
-        pending.wall.extend(wall.new);
+        self.free.extend(free.new);
+        self.wall.extend(wall.new);
     }
 }

@@ -37,6 +37,7 @@ fn params() -> WorldParams {
         share_period_ticks: 0,
         noise: SensorNoise::default(),
         odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: Default::default(),
     }

@@ -416,6 +416,10 @@ pub const TABLES: [Table; 25] = [
             "standard deviation of the heading after a turn of 1 rad; it grows with the root of the angle", "ours"),
         key("turn_bias", Number(""), Is("0.0"), between(0.0, 0.5),
             "standard deviation over the agents of the bias of the turns that odometry measures", "ours"),
+        key("closure_range_m", Number("m"), Is("0.0"), between(0.0, 1e3),
+            "distance of a place seen before, or of an agent in contact, up to which it closes a loop; 0: none does", "ours"),
+        key("closure_gain_m", Number("m"), Is("20.0"), between(0.0, 1e9),
+            "least length of odometry that a closure saves", "ours"),
     ]),
     Table::new("energy", &[
         key("capacity_j", Number("J"), Unset("required without `endurance_s`"), above(0.0, 1e12),

@@ -45,6 +45,7 @@ fn world(energy: EnergyParams, kind: BodyKind, start: Point3<f64>) -> World {
         share_period_ticks: 0,
         noise: SensorNoise::default(),
         odometry: OdometryNoise::default(),
+        closures: None,
         energy: Some(energy),
         late: BTreeSet::new(),
     };

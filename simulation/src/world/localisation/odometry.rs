@@ -67,6 +67,15 @@ pub(super) struct Odometry {
     covariance: SMatrix<f64, VARIABLES, VARIABLES>,
 }
 
+/// A motion, as it was and as it was measured.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured {
+    /// The true one, metres, frame `map`.
+    pub(super) motion_m: Vector3<f64>,
+    /// The measured one, metres, frame of the odometry.
+    pub(super) believed_m: Vector3<f64>,
+}
+
 impl OdometryNoise {
     /// Whether odometry has no errors.
     #[must_use]
@@ -99,20 +108,13 @@ impl Odometry {
         covariance[(POSITION_BIAS, POSITION_BIAS)] = noise.position_bias.powi(2);
         covariance[(HEADING_BIAS, HEADING_BIAS)] = noise.heading_bias_rad_per_m.powi(2);
         covariance[(TURN_BIAS, TURN_BIAS)] = noise.turn_bias.powi(2);
-        Self {
-            rng,
-            biases,
-            measured_to: start,
-            position_error_m: Vector3::zeros(),
-            heading_error_rad: 0.0,
-            covariance,
-        }
+        Self { rng, biases, measured_to: start, position_error_m: Vector3::zeros(), heading_error_rad: 0.0, covariance }
     }
 
-    /// Measures the motion of the body to its present true pose.
-    pub(super) fn measure(&mut self, noise: &OdometryNoise, pose: &Pose) {
+    /// Measures the motion of the body to its present true pose; `None` if it is at rest.
+    pub(super) fn measure(&mut self, noise: &OdometryNoise, pose: &Pose) -> Option<Measured> {
         if *pose == self.measured_to {
-            return;
+            return None;
         }
         let motion_m = pose.position - self.measured_to.position;
         let (distance_m, turn_rad) = (motion_m.norm(), wrapped(pose.yaw_rad - self.measured_to.yaw_rad));
@@ -127,6 +129,7 @@ impl Odometry {
         self.position_error_m += believed_m - motion_m;
         self.heading_error_rad += self.biases.heading_rad_per_m * distance_m + self.biases.turn * turn_rad + noise_rad;
         self.propagate(&motion_m, turn_rad, [position_variance, heading_variance]);
+        Some(Measured { motion_m, believed_m })
     }
 
     fn propagate(&mut self, motion_m: &Vector3<f64>, turn_rad: f64, [position_variance, heading_variance]: [f64; 2]) {
@@ -150,9 +153,9 @@ impl Odometry {
         self.measured_to = pose;
     }
 
-    /// The error of the position, metres.
-    pub(super) fn position_error_m(&self) -> Vector3<f64> {
-        self.position_error_m
+    /// The error of the heading, radians, turns not wrapped.
+    pub(super) fn heading_error_rad(&self) -> f64 {
+        self.heading_error_rad
     }
 
     /// The pose by odometry alone, in the frame in which the agent started.
@@ -206,7 +209,7 @@ mod tests {
         let mut seen = SMatrix::<f64, 4, 4>::zeros();
         for agent in 0..AGENTS {
             let odometry = after_the_way(&NOISE, agent);
-            let [x, y, z]: [f64; 3] = odometry.position_error_m().into();
+            let [x, y, z]: [f64; 3] = odometry.position_error_m.into();
             let errors = nalgebra::Vector4::new(x, y, z, odometry.heading_error_rad);
             seen += errors * errors.transpose() / f64::from(AGENTS);
         }
@@ -244,12 +247,12 @@ mod tests {
         let exact = OdometryNoise::default();
         assert!(exact.is_exact() && !NOISE.is_exact());
         let odometry = after_the_way(&exact, 0);
-        assert!(odometry.position_error_m().norm() < 1e-12 && odometry.heading_error_rad == 0.0);
+        assert!(odometry.position_error_m.norm() < 1e-12 && odometry.heading_error_rad == 0.0);
         let mut odometry = after_the_way(&NOISE, 0);
-        let before = odometry.position_error_m();
+        let before = odometry.position_error_m;
         let put = Pose { position: Point3::new(1.0, 1.0, 1.0), yaw_rad: 0.0 };
         odometry.put(put);
-        odometry.measure(&NOISE, &put);
-        assert_eq!(odometry.position_error_m(), before);
+        assert!(odometry.measure(&NOISE, &put).is_none());
+        assert_eq!(odometry.position_error_m, before);
     }
 }

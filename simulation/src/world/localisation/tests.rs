@@ -35,6 +35,7 @@ fn params(odometry: OdometryNoise) -> WorldParams {
         share_period_ticks: 0,
         noise: SensorNoise::default(),
         odometry,
+        closures: None,
         energy: None,
         late: Default::default(),
     }
@@ -180,6 +181,57 @@ fn body_that_is_put_elsewhere_does_not_drift_by_that() {
     assert_eq!(world.frames(A).unwrap().odometry, at(50.5, 2.5));
 }
 
+/// A ring of passages of 3 x 3 cells around a solid block.
+fn ring() -> Grid<Terrain> {
+    let mut ring = Grid::new(Extent::new([24, 24, 5], 1.0).unwrap(), Terrain::Free);
+    voxels::close_shell(&mut ring, 1);
+    for (x, y, z) in (4..20).flat_map(|x| (4..20).flat_map(move |y| (1..4).map(move |z| (x, y, z)))) {
+        ring.set(Cell::new(x, y, z), Terrain::Wall);
+    }
+    ring
+}
+
+#[test]
+fn seeing_the_start_again_closes_the_loop_and_moves_the_blocks() {
+    let round = [at(21.5, 2.5), at(21.5, 21.5), at(2.5, 21.5), at(2.5, 2.5)].map(|corner| corner.position);
+    let after = |closures: Option<LoopClosures>| {
+        let params =
+            WorldParams { closures, ..params(OdometryNoise { heading_bias_rad_per_m: 0.004, ..biased(0.05) }) };
+        let mut world = World::new(ring(), params, &[at(2.5, 2.5)]);
+        let mut map: BTreeMap<u32, Terrain> = BTreeMap::new();
+        go(&mut world, A, Motion::Path(round.to_vec()), |_, observation| {
+            map.extend(observation.seen.free.iter().map(|&cell| (cell, Terrain::Free)));
+            map.extend(observation.seen.wall.iter().map(|&cell| (cell, Terrain::Wall)));
+        });
+        let last = world.observe(A, RequestKind::Scheduled).seen;
+        map.extend(last.free.iter().map(|&cell| (cell, Terrain::Free)));
+        map.extend(last.wall.iter().map(|&cell| (cell, Terrain::Wall)));
+        // The agent has been told what the world takes it to know.
+        let told = map.len() as u64;
+        assert_eq!(told, world.drift_totals().unwrap().map_errors.cells());
+        (offset(&world, A), world.drift_totals().unwrap())
+    };
+    let (open, without) = after(None);
+    assert!(open != Vector3::zeros() && without.closures == 0, "{open}");
+    let (closed, with) = after(Some(LoopClosures { range_m: 2.0, gain_min_m: 20.0 }));
+    assert_eq!((closed, with.closures), (Vector3::zeros(), 1));
+    let right = |totals: &DriftTotals| totals.map_errors.right as f64 / totals.map_errors.cells() as f64;
+    assert!(right(&with) > right(&without), "{with:?} {without:?}");
+    assert!(with.position_error_m <= without.position_error_m);
+}
+
+#[test]
+fn meeting_an_agent_that_knows_better_corrects_the_other() {
+    let closures = Some(LoopClosures { range_m: 3.0, gain_min_m: 20.0 });
+    let params = WorldParams { closures, ..params(biased(0.05)) };
+    let mut world = World::new(hall(), params, &[at(2.5, 2.5), at(42.5, 3.5)]);
+    go(&mut world, A, to(36.5, 2.5), |_, _| {});
+    assert_ne!(offset(&world, A), Vector3::zeros());
+    go(&mut world, A, to(41.0, 2.5), |_, _| {});
+    assert_eq!((offset(&world, A), offset(&world, B)), (Vector3::zeros(), Vector3::zeros()));
+    assert_eq!(world.drift_totals().unwrap().closures, 1);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
@@ -188,10 +240,12 @@ proptest! {
         seed in 0_u64..1000,
         position_noise_m in 0.0..0.6,
         turn_noise_rad in 0.0..0.2,
+        closure_range_m in prop::option::of(1.0..6.0),
         goals in prop::collection::vec((1.5..58.5, 1.5..10.5), 1..6),
     ) {
         let odometry = OdometryNoise { position_noise_m, turn_noise_rad, seed, ..OdometryNoise::default() };
-        let mut drifting = World::new(hall(), params(odometry), &[at(2.5, 2.5), at(2.5, 8.5)]);
+        let closures = closure_range_m.map(|range_m| LoopClosures { range_m, gain_min_m: 10.0 });
+        let mut drifting = World::new(hall(), WorldParams { closures, ..params(odometry) }, &[at(2.5, 2.5), at(2.5, 8.5)]);
         let extent = drifting.terrain().extent();
         let [low, high] = [1.0, 59.0].map(|along| along - 1e-9);
         for (x, y) in goals {

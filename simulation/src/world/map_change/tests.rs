@@ -39,6 +39,7 @@ fn params(rays: u32) -> WorldParams {
         share_period_ticks: 0,
         noise: SensorNoise::default(),
         odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: Default::default(),
     }

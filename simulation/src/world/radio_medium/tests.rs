@@ -52,6 +52,7 @@ fn params(comms: Comms) -> WorldParams {
         share_period_ticks: 0,
         noise: SensorNoise::default(),
         odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: Default::default(),
     }
