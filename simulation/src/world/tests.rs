@@ -8,6 +8,7 @@ use voxels::Extent;
 
 use super::body::Motion;
 use protocol::agent_message::{AgentMessage, Peer};
+use protocol::observation::RequestKind;
 use protocol::wake_condition::WakeCondition;
 
 use super::comms::ContactModel;

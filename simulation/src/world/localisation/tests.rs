@@ -236,7 +236,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn nobody_leaves_the_map_and_nothing_true_is_lost(
+    fn believed_positions_stay_in_the_map_and_cells_have_one_state(
         seed in 0_u64..1000,
         position_noise_m in 0.0..0.6,
         turn_noise_rad in 0.0..0.2,

@@ -6,6 +6,7 @@ use msgs::ids::Tick;
 use proptest::prelude::*;
 use protocol::body_model::BodyModel;
 use protocol::command::Command;
+use protocol::observation::RequestKind;
 use protocol::scan_request::ScanRequest;
 use protocol::wake_condition::WakeCondition;
 use voxels::Grid;
@@ -15,7 +16,7 @@ use super::super::comms::{Comms, ContactModel};
 use super::super::lidar::{Pattern, Scanner};
 use super::super::localisation::OdometryNoise;
 use super::super::noise::SensorNoise;
-use super::super::{RequestKind, ScanSchedule, WorldParams};
+use super::super::{ScanSchedule, WorldParams};
 use super::*;
 use crate::workers::Workers;
 
