@@ -3,6 +3,7 @@
 use crate::support::processes::{Process, signal};
 use crate::support::recordings::counter;
 use crate::support::runs::{Site, scenario, text};
+use crate::support::{python, root};
 
 #[test]
 fn drift_is_the_same_over_ros_verified_forked_and_resumed() {
@@ -24,4 +25,24 @@ fn drift_is_the_same_over_ros_verified_forked_and_resumed() {
     let verified = Process::start(site.binary("maes").args(["verify", "run.mcap", "--controllers"])).ended();
     assert_eq!(verified.with_code(0).digest(), whole.digest());
     site.assert_fork_is_same("100", &whole.digest());
+}
+
+/// The absolute trajectory error that evo computes of a recording is that of the result.
+#[test]
+#[ignore = "installs evo, with 26 packages"]
+fn evo_computes_the_position_error_of_the_result() {
+    let site = Site::new();
+    let scenario = scenario("drift.toml");
+    let arguments = ["run", text(&scenario), "--agents", "1", "--transport", "memory", "--record", "run.mcap"];
+    Process::start(site.binary("maes").args(arguments)).ended().with_code(0);
+    let micrometres = counter(&site.recording("run.mcap").result(), "position_error_micrometres");
+
+    let interpreter = python::for_trajectories();
+    let script = root().join("examples/python/trajectories.py");
+    Process::start(site.command(interpreter).arg(script).arg("run.mcap")).ended().with_code(0);
+    let mut evo = site.command(interpreter.with_file_name("evo_ape"));
+    let said = Process::start(evo.args(["tum", "agent_0_true.tum", "agent_0_map.tum"])).ended().with_code(0);
+    let rmse = said.stdout.lines().find_map(|line| line.trim().strip_prefix("rmse")).expect("evo says the rmse");
+    let rmse_m: f64 = rmse.trim().parse().expect("a number");
+    assert!(micrometres > 0 && (rmse_m - micrometres as f64 / 1e6).abs() < 2e-6, "{rmse_m} m, {micrometres} um");
 }

@@ -61,8 +61,8 @@
 //! changes no map, but it can keep others from sending what they take to be known, and as they take
 //! it over and pass it on, that of a liar can silence a team.
 //!
-//! **Frames.** The maps of agents whose localisation drifts are displaced against each other by whole
-//! cells. Cells that are received are entered where the sender's map is on the own one
+//! **Frames.** The maps of agents whose localisation drifts are displaced against each other by
+//! whole cells. Cells that are received are entered where the sender's map is on the own one
 //! ([`Sharing::set_frames`]).
 //!
 //! Invariants: the cost of an exchange is proportional to the changes; messages depend only on the

@@ -75,8 +75,7 @@ impl Delta {
         with_delta(extent, reports, Self::clone)
     }
 
-    /// The same about cells that are elsewhere in the map, by so many cells along each axis; without
-    /// those that leave it.
+    /// The delta moved by so many cells along each axis, without the cells that leave the map.
     #[must_use]
     pub fn moved(&self, extent: Extent, by: [i32; 3]) -> Self {
         let moved = |(cell, finding)| {
