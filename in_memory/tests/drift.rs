@@ -22,7 +22,8 @@ fn ring() -> Grid<Terrain> {
 }
 
 /// Some cells after a round.
-const NOISE: &str = "localisation = { position_noise_m = 0.05, position_bias = 0.02, heading_bias_rad_per_m = 0.001 }";
+const NOISE: &str = "localisation = { position_noise_m = 0.15, position_bias = 0.03, heading_bias_rad_per_m = 0.001, \
+                     closure_range_m = 3.0 }";
 
 fn keys(controller: &str, more: &str) -> String {
     format!(
