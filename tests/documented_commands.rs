@@ -40,12 +40,13 @@ const NOT_EXECUTED: [&str; 2] = ["cargo", "pip"];
 
 /// Why a block is checked only: a word of its language, what it needs, and the files that test
 /// it or do the same.
-const WHY: [(&str, &str, &[&str]); 12] = [
+const WHY: [(&str, &str, &[&str]); 13] = [
     ("build", "compiles for minutes", &["tests/installation.rs", "launch_scripts/release.sh", ".ci/run"]),
     ("cluster", "a workload manager", &["tests/clusters.rs"]),
     ("colcon", "ROS 2 with colcon", &["tests/ros_package.rs", "tests/external_agents.rs"]),
     ("controller", "changed sources, compiled", &["tests/own_programs.rs", "controllers/src/lib.rs"]),
     ("docker", "a container runtime", &["launch_scripts/check_image.py"]),
+    ("evo", "evo from PyPI", &["tests/drift.rs"]),
     ("hosts", "root, and hosts or network namespaces", &["tests/hosts.rs"]),
     ("hours", "hours, or results of hours", &["tests/experiments.rs", "report/tests/report.rs"]),
     ("long-tests", "is a test of its own that takes long", &["launch_scripts/long_tests.sh"]),

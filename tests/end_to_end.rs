@@ -26,6 +26,8 @@ mod agent_replacement;
 /// Bad scenarios, maps, recordings and arguments: one line of error with the place, exit code 2, no
 /// file.
 mod bad_input;
+/// Localisation that drifts: the same bytes over ROS 2 and in memory, verified, forked and resumed.
+mod drift;
 /// Batteries: the same bytes over ROS 2 and in memory, forked and resumed.
 mod energy;
 /// Plans of many runs, and their reports.

@@ -61,6 +61,10 @@
 //! changes no map, but it can keep others from sending what they take to be known, and as they take
 //! it over and pass it on, that of a liar can silence a team.
 //!
+//! **Frames.** The maps of agents whose localisation drifts are displaced against each other by
+//! whole cells. Cells that are received are entered where the sender's map is on the own one
+//! ([`Sharing::set_frames`]).
+//!
 //! Invariants: the cost of an exchange is proportional to the changes; messages depend only on the
 //! journal, on ids, and on the messages received; a rejected message changes nothing but counters.
 //!
@@ -90,7 +94,7 @@ use protocol::message_type::MessageType;
 
 use crate::command::AgentMessage;
 use crate::exploration_map::{CHANGES_MAX, ExplorationMap};
-use crate::observation::Contact;
+use crate::observation::{Contact, MapFrame};
 use agent_set::AgentSet;
 use decoded::{Content, Summary, Update};
 use knowledge::Knowledge;
@@ -124,6 +128,8 @@ pub struct Sharing {
     /// Number of summaries sent.
     summaries_sent: u32,
     provenances: Vec<Provenance>,
+    /// Where the maps of others are, as far as they are elsewhere.
+    frames: Vec<MapFrame>,
     totals: Totals,
 }
 
@@ -190,6 +196,7 @@ impl Sharing {
             relay_role: RelayRole::No,
             summaries_sent: 0,
             provenances: Vec::new(),
+            frames: Vec::new(),
             totals: Totals::default(),
         }
     }
@@ -197,6 +204,12 @@ impl Sharing {
     /// Changes the period; exchanges that are due by the new one follow with the next command.
     pub fn set_period(&mut self, period_ticks: u32) {
         self.period = period_ticks.into();
+    }
+
+    /// Sets where the maps of the senders of the next messages are on the own one.
+    pub fn set_frames(&mut self, frames: &[MapFrame]) {
+        self.frames.clear();
+        self.frames.extend_from_slice(frames);
     }
 
     /// Running totals.
@@ -268,7 +281,10 @@ impl Sharing {
                 sender.updates_received += 1;
                 self.totals.cells_taken += cells;
                 let start = map.journal_len();
-                map.merge(delta, from);
+                match self.frames.iter().find(|frame| frame.agent == from) {
+                    Some(frame) => map.merge(&delta.moved(map.extent(), frame.offset(map.extent())), from),
+                    None => map.merge(delta, from),
+                }
                 let positions = start..map.journal_len();
                 let deltas = positions.len();
                 self.remember(Provenance { positions, from, until: *until });

@@ -267,6 +267,7 @@ impl Agent {
         if self.map.state(planned).is_free() {
             self.map.note_covered(planned);
         }
+        self.sharing.set_frames(&observation.map_frames);
         self.sharing.incoming(&mut self.map, &observation.messages);
         observation.messages.retain(|message| !message.is_from_agent(MessageType::Map));
         Ok(())

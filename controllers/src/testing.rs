@@ -56,6 +56,7 @@ pub(crate) fn idle() -> Observation {
         view: None,
         energy: None,
         field_of_view: None,
+        map_frames: Vec::new(),
         change: None,
     }
 }

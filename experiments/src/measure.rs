@@ -52,6 +52,10 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
     let stages = stages.until(Tick(result.tick));
     let free_cells = count(CounterName::FreeCells);
     let energy_j = counters.get(&CounterName::EnergyUsed).map(|&millijoules| millijoules as f64 / 1e3);
+    let of_map_cells = |name| {
+        let cells = counters.get(&CounterName::MapCells)?;
+        ratio(count(name) as f64, *cells as f64)
+    };
     let redundancy = redundancy(&result.explored_by, result.explored);
     let known = seen_again.map(|cells| ratio(cells as f64, free_cells as f64 * result.explored).unwrap_or(0.0));
     let row = RunRow {
@@ -84,6 +88,10 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         energy_per_cell_j: energy_j.and_then(|energy_j| ratio(energy_j, result.explored * free_cells as f64)),
         ran_empty: counters.get(&CounterName::RanEmpty).copied(),
         t_home_s: counters.get(&CounterName::TickHome).map(|&tick| seconds(tick)),
+        position_error_m: counters.get(&CounterName::PositionError).map(|&micrometres| micrometres as f64 / 1e6),
+        map_off_by_1: of_map_cells(CounterName::MapCellsOffBy1),
+        map_off_by_2: of_map_cells(CounterName::MapCellsOffBy2),
+        map_off_by_more: of_map_cells(CounterName::MapCellsOffByMore),
         redundancy,
         redundancy_known: known,
         redundancy_unknown: known.map(|known| (redundancy - known).max(0.0)),

@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 
 use protocol::body_model::BodyKind;
 use sim_server::setup::{self, SetupError};
-use simulation::scenario::{AgentsSection, CommunicationSection, Scenario, SensorSection};
+use simulation::scenario::{AgentsSection, CommunicationSection, LocalisationSection, Scenario, SensorSection};
 
 use crate::rows::{Marks, OracleRow};
 
@@ -71,6 +71,7 @@ fn known(scenario: &Scenario) -> Scenario {
     };
     (known.stop_when_explored, known.stop_when_covered, known.stop_when_back) = (true, false, false);
     known.energy = None;
+    known.localisation = LocalisationSection::default();
     known.sensor = SensorSection { range_sigma_m: scenario.sensor.range_sigma_m, ..SensorSection::default() };
     known
 }

@@ -156,6 +156,17 @@ row! {
         t_home_s: Option<f64> =
             "Sim time to the first tick in which the whole team rests in its bases and has seen 99 % of \
              the free cells, s.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        position_error_m: Option<f64> =
+            "Root mean square of the distance between believed and true positions (ATE), over agents and \
+             time, m; missing if localisation is exact.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        map_off_by_1: Option<f64> =
+            "Share of the cells on the maps of agents, from their own sensors, that are off by 1 cell.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        map_off_by_2: Option<f64> = "Share that is off by 2 cells.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        map_off_by_more: Option<f64> = "Share that is off by more than 2 cells.";
         redundancy: f64 =
             "Cells seen by each agent itself, summed over the agents, divided by the cells seen by \
              the team, minus 1.";

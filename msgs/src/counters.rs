@@ -73,6 +73,13 @@ counters! {
     EnergyUsed = "energy_used_millijoules", "mJ", "Energy that all bodies have drawn, if they need any.";
     RanEmpty = "ran_empty", "times", "How often a body has run out of energy, if bodies need any.";
     TickHome = "tick_home_permille_990", "tick", "First tick in which the whole team rests in its bases and has seen 990 thousandths of the free cells.";
+    PositionError = "position_error_micrometres", "um", "Root mean square of the distance between believed and true positions, over agents and every 10 ticks, if localisation drifts.";
+    MapCells = "map_cells", "cells", "Cells that the own sensors of agents have entered on their maps, summed over the agents, if localisation drifts.";
+    MapCellsOffBy1 = "map_cells_off_by_1", "cells", "Those that are off by 1 cell.";
+    MapCellsOffBy2 = "map_cells_off_by_2", "cells", "Those that are off by 2 cells.";
+    MapCellsOffByMore = "map_cells_off_by_more", "cells", "Those that are off by more than 2 cells.";
+    MapBlocks = "map_blocks", "blocks", "Blocks of their maps that agents have begun after their first, if localisation drifts.";
+    LoopClosures = "loop_closures", "closures", "Loops that agents have closed, if localisation drifts.";
     Interventions = "interventions", "changes", "Changes of the world by services, if there were any.";
     MapChanges = "map_changes", "changes", "Changes of the map by events and requests, if there were any.";
     RefusedOtherRun = "refused_other_run", "messages", "Refused: of another run.";

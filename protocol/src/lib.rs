@@ -33,6 +33,7 @@ pub mod geometry;
 pub mod kinematics;
 pub mod limits;
 pub mod lockstep;
+pub mod map_frame;
 pub mod map_views;
 pub mod message_type;
 pub mod motion;

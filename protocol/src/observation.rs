@@ -12,6 +12,7 @@ pub use crate::agent_message::{AgentMessage, Peer};
 pub use crate::energy::Energy;
 use crate::event_mask::EventMask;
 pub use crate::field_of_view::FieldOfView;
+pub use crate::map_frame::MapFrame;
 use crate::relay_id::RelayId;
 pub use crate::run_info::RunInfo;
 
@@ -105,6 +106,9 @@ pub struct Observation {
     pub view: Option<Cells>,
     /// The energy of the body, if bodies need any: a message of [`Peer::Server`].
     pub energy: Option<Box<Energy>>,
+    /// Where the maps of others are on the own one, as far as they are elsewhere: those of agents in
+    /// contact or with messages here, ascending; a message of [`Peer::Server`].
+    pub map_frames: Vec<MapFrame>,
     /// What the LiDAR sees of its surroundings, if that is not all around: a message of
     /// [`Peer::Server`].
     pub field_of_view: Option<FieldOfView>,
@@ -139,7 +143,13 @@ impl Observation {
         };
         let mut messages = earlier.messages;
         messages.extend(self.messages);
+        let mut map_frames = self.map_frames;
+        let is_listed = |frame: &MapFrame| map_frames.iter().any(|later| later.agent == frame.agent);
+        let only_earlier: Vec<MapFrame> = earlier.map_frames.into_iter().filter(|frame| !is_listed(frame)).collect();
+        map_frames.extend(only_earlier);
+        map_frames.sort_by_key(|frame| frame.agent);
         Self {
+            map_frames,
             events: earlier.events | self.events,
             messages,
             change: self.change.or(earlier.change),

@@ -386,6 +386,7 @@ impl Explorer {
         self.map.note_free(&observation.seen.free);
         self.map.note_wall(&observation.seen.wall);
         self.map.note_covered(run_info.extent.cell_of(&observation.pose.position));
+        self.sharing.set_frames(&observation.map_frames);
         self.sharing.incoming(&mut self.map, &observation.messages);
         observation.messages.retain(|message| !message.is_from_agent(MessageType::Map));
         self.observation = Some(observation);

@@ -449,6 +449,8 @@ fn params(scenario: &Scenario) -> WorldParams {
         comms: scenario.communication.comms(scenario.seed),
         share_period_ticks: scenario.agents.share_period_ticks,
         noise: scenario.sensor.errors(scenario.seed),
+        odometry: scenario.localisation.noise(scenario.seed),
+        closures: scenario.localisation.closures(),
         energy: scenario.energy.as_ref().map(EnergySection::params),
         late: scenario.late_agents(),
     }

@@ -2,7 +2,8 @@
 //!
 //! The link of a tick is the BLAKE3 hash of the previous link, the interventions before the tick,
 //! its messages (committed observations and commands, as CDR, in the order of the agents), and the
-//! state of the world at its end, bit by bit: tick, bodies with their energy if they need any,
+//! state of the world at its end, bit by bit: tick, bodies with their energy if they need any
+//! and what they believe if localisation drifts,
 //! coverage, and relays if there are any.
 //!
 //! The session decides which messages are committed.
@@ -17,7 +18,7 @@ use msgs::ids::Tick;
 use crate::workers::Workers;
 use crate::world::{ExploredShares, Presence, World};
 use links::{Links, Piece};
-use protocol::observation::Surface;
+use protocol::observation::{Pose, Surface};
 
 /// The digest up to and including a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,6 +123,12 @@ impl Chain {
             let (presence, is_on_air) = (world.presence(agent), world.is_on_air(agent));
             if presence != Presence::Active || !is_on_air {
                 bytes.extend_from_slice(&[presence as u8, u8::from(is_on_air)]);
+            }
+            if let Some(frames) = world.frames(agent) {
+                let Pose { position, yaw_rad } = frames.odometry;
+                for number in position.iter().chain(frames.map_offset_m.iter()).chain([&yaw_rad]) {
+                    bytes.extend_from_slice(&number.to_bits().to_le_bytes());
+                }
             }
             if let Some(energy) = world.energy(agent) {
                 bytes.extend_from_slice(&energy.left_j.to_bits().to_le_bytes());

@@ -149,6 +149,9 @@ mod tests {
                       bodies = [{ agents = [0], kind = \"aerial\" }]\n\
                       event = [{ kind = \"leave\", at_s = 0.5, agent = 0 }]\n\
                       sensor = { range_sigma_m = 0.1, missed_returns = 0.1, pose_bound_m = 1.0, pose_step_m = 0.1 }\n\
+                      localisation = { position_noise_m = 0.1, position_bias = 0.1, heading_noise_rad = 0.1, \
+                      heading_bias_rad_per_m = 0.1, turn_noise_rad = 0.1, turn_bias = 0.1, closure_range_m = 1.0, \
+                      closure_gain_m = 9.0 }\n\
                       [communication]\nloss = 0.1\nbytes_per_s = 1e5\nqueue_bytes = 200000\nmodel = \"attenuated\"\n\
                       attenuation = { wall_exponent = 5.0 }\nrelays = { per_agent = 3 }";
         let import = "fill = \"shell\", inside = \"free\", unknown = \"free\", up = \"y\", scale = 0.001, margin_cells = 2, \

@@ -15,6 +15,7 @@ mod energy;
 pub mod events;
 pub mod keys;
 mod lidar;
+mod localisation;
 mod mix;
 mod origin;
 mod radio;
@@ -40,6 +41,7 @@ pub use bodies::BodyEntry;
 pub use energy::EnergySection;
 pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use lidar::{GridKeys, LidarPattern, LidarSchedule, LidarSection};
+pub use localisation::LocalisationSection;
 pub use mix::{ControllerChoice, MixEntry};
 pub use origin::Origins;
 pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
@@ -118,6 +120,9 @@ pub struct Scenario {
     /// Sensor noise.
     #[serde(default, skip_serializing_if = "radio::is_default")]
     pub sensor: SensorSection,
+    /// Noise and biases of odometry.
+    #[serde(default, skip_serializing_if = "radio::is_default")]
+    pub localisation: LocalisationSection,
     /// Batteries and bases; `None`: bodies need no energy.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub energy: Option<EnergySection>,

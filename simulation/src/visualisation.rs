@@ -11,7 +11,8 @@
 //! after the transforms of that stamp, to whoever receives both. Frames: `map` is the world,
 //! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` is where its sensor is mounted,
 //! `agent_<id>/camera_optical_frame` the frame of the images of a camera, and `agent_<id>/odom`
-//! coincides with `map`, because poses are known.
+//! coincides with `map` where poses are known; where localisation drifts, `agent_<id>/map` is
+//! between them (REP 105).
 //!
 //! Subscribers and wall time are arguments: there is no transport and no clock here.
 
@@ -39,12 +40,11 @@ use voxels::{Grid, Terrain};
 
 use crate::scenario::{RecordedView, ViewsSection};
 use crate::world::World;
-use crate::world::lidar::PlaceOnBody;
 
 use cells::{Unexplored, walls};
 pub use cloud::points;
 pub use message::VisualisationMessage;
-pub use poses::{measured_odometry, odometry};
+pub use poses::{StaticFrames, measured_odometry, odometry};
 use sent_transforms::SentTransforms;
 pub use status::{LiveStatus, RunStatus};
 pub use topic::{Equipment, VisualisationTopic};
@@ -190,9 +190,8 @@ impl VisualisationScheduler {
     ) -> Option<VisualisationMessage> {
         let is_due = subscribers.contains_key(&VisualisationTopic::Transforms)
             && self.live_transforms.insert(world, agent, world.tick());
-        let pose = world.body(agent).pose();
         is_due.then(|| {
-            let transforms = vec![crate::wire::transform(agent, world.tick(), pose)];
+            let transforms = crate::wire::present_transforms(world, agent);
             VisualisationMessage::Transforms(TFMessage { transforms })
         })
     }
@@ -329,8 +328,7 @@ impl PublishState {
             VisualisationTopic::StaticTransforms => push(
                 messages,
                 topic,
-                poses::static_transforms(world.agents(), world.scanner().place_on_body(), world.tick())
-                    .map(VisualisationMessage::Transforms),
+                poses::static_transforms(&StaticFrames::of(world), world.tick()).map(VisualisationMessage::Transforms),
             ),
             VisualisationTopic::Odometry(agent) => {
                 push(messages, topic, [VisualisationMessage::Odometry(Box::new(odometry(world, agent)))])
@@ -447,11 +445,11 @@ fn explored(topic: VisualisationTopic, world: &World) -> VisualisationMessage {
     }
 }
 
-/// The static frames, with LiDARs in this place on the bodies, and the walls as of tick 0.
+/// The static frames and the walls as of tick 0.
 #[must_use]
-pub fn static_messages(terrain: &Grid<Terrain>, agents: u32, lidar: PlaceOnBody) -> VisualisationMessages {
+pub fn static_messages(terrain: &Grid<Terrain>, frames: &StaticFrames) -> VisualisationMessages {
     let mut messages = Vec::new();
-    let transforms = poses::static_transforms((0..agents).map(AgentId), lidar, Tick::ZERO);
+    let transforms = poses::static_transforms(frames, Tick::ZERO);
     push(&mut messages, VisualisationTopic::StaticTransforms, transforms.map(VisualisationMessage::Transforms));
     let walls = walls(terrain, Tick::ZERO, 0).into_iter();
     push(&mut messages, VisualisationTopic::Map, walls.map(|marker| VisualisationMessage::Marker(Box::new(marker))));

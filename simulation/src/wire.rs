@@ -11,6 +11,7 @@ use msgs::maes_msgs;
 use nalgebra::Point3;
 use protocol::body_model::BodyModel;
 pub use protocol::geometry::{MAP_FRAME, header, point, vector};
+use protocol::kinematics::{turned, wrapped};
 use protocol::limits::RECORDED_PROTOCOL;
 use protocol::observation::Pose;
 use protocol::run_info::OF_BODY;
@@ -18,6 +19,7 @@ use voxels::{Cell, Extent, Terrain};
 
 use crate::scenario::{AgentsSection, Scenario};
 use crate::world::World;
+use crate::world::localisation::Frames;
 use crate::world::map_change::CellBox;
 
 /// The part of a scenario that agents may know, as it is recorded; the caller sets the version of
@@ -130,25 +132,46 @@ pub fn progress(world: &mut World) -> maes_msgs::Progress {
 /// The poses of all bodies as transforms from `map` to `agent_<id>/base_link`.
 #[must_use]
 pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
-    let transforms = world
-        .agents()
-        .filter(|&agent| world.presence(agent).is_in_world())
-        .map(|agent| transform(agent, world.tick(), world.body(agent).pose()))
-        .collect();
-    msgs::tf2_msgs::TFMessage { transforms }
+    let in_world = world.agents().filter(|&agent| world.presence(agent).is_in_world());
+    msgs::tf2_msgs::TFMessage { transforms: in_world.flat_map(|agent| present_transforms(world, agent)).collect() }
 }
 
-/// The pose of a body at a tick as a transform from `map` to `agent_<id>/base_link`.
+/// The present pose of a body as transforms from `map` to `agent_<id>/base_link`.
 #[must_use]
-pub fn transform(agent: AgentId, tick: Tick, pose: &Pose) -> geometry_msgs::TransformStamped {
-    geometry_msgs::TransformStamped {
-        header: header(tick),
-        child_frame_id: body_frame(agent),
+pub fn present_transforms(world: &World, agent: AgentId) -> Vec<geometry_msgs::TransformStamped> {
+    transforms_of(agent, world.tick(), world.body(agent).pose(), world.frames(agent).as_ref())
+}
+
+/// The pose of a body at a tick as transforms from `map` to `agent_<id>/base_link`: one, or, if
+/// localisation drifts, those by way of the agent's map and of its odometry (REP 105).
+#[must_use]
+pub fn transforms_of(
+    agent: AgentId,
+    tick: Tick,
+    pose: &Pose,
+    frames: Option<&Frames>,
+) -> Vec<geometry_msgs::TransformStamped> {
+    let transform = |parent: String, child: String, pose: &Pose| geometry_msgs::TransformStamped {
+        header: msgs::std_msgs::Header { frame_id: parent, ..header(tick) },
+        child_frame_id: child,
         transform: geometry_msgs::Transform {
             translation: vector(&pose.position.coords),
             rotation: rotation(pose.yaw_rad),
         },
-    }
+    };
+    let Some(Frames { map_offset_m, odometry, .. }) = frames else {
+        return vec![transform(MAP_FRAME.to_owned(), body_frame(agent), pose)];
+    };
+    let map = Pose { position: Point3::from(-map_offset_m), yaw_rad: 0.0 };
+    let yaw_rad = wrapped(pose.yaw_rad - odometry.yaw_rad);
+    let believed = pose.position + map_offset_m;
+    let odom = Pose { position: believed - turned(&odometry.position.coords, yaw_rad), yaw_rad };
+    let [map_frame, odom_frame] = ["map", "odom"].map(|name| format!("agent_{agent}/{name}"));
+    vec![
+        transform(MAP_FRAME.to_owned(), map_frame.clone(), &map),
+        transform(map_frame, odom_frame.clone(), &odom),
+        transform(odom_frame, body_frame(agent), odometry),
+    ]
 }
 
 /// The frame of an agent's body: x forward, y left, z up, the origin in its centre.

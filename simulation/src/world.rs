@@ -20,8 +20,10 @@ pub mod comms;
 pub mod coverage;
 pub mod energy;
 pub mod lidar;
+pub mod localisation;
 pub mod map_change;
 pub mod noise;
+mod observe;
 mod pending_observation;
 mod presence;
 mod radio_medium;
@@ -38,7 +40,6 @@ use nalgebra::Point3;
 use protocol::body_model::BodyModel;
 use protocol::command::Command;
 use protocol::event_mask::EventMask;
-use protocol::observation::{Cells, Contact, Observation, Relay, RequestKind};
 use protocol::relay_id::RelayId;
 use protocol::scan_request::ScanRequest;
 use voxels::{Cell, Grid, OpenSpace, Terrain};
@@ -51,7 +52,8 @@ use collision::{Obstacles, Sphere};
 use comms::{Comms, ContactTable};
 use coverage::Coverage;
 use energy::{Batteries, EnergyParams};
-use lidar::{Bodies, CastCount, NoisyScan, NotCast, Scanner, SensorMemory};
+use lidar::{Bodies, CastCount, NotCast, Scanner, SensorMemory};
+use localisation::{Localisation, LoopClosures, OdometryNoise};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
@@ -78,6 +80,10 @@ pub struct WorldParams {
     pub share_period_ticks: u32,
     /// The sensor noise.
     pub noise: SensorNoise,
+    /// The noise of the odometry by which agents localise.
+    pub odometry: OdometryNoise,
+    /// When agents whose localisation drifts close loops; `None`: never.
+    pub closures: Option<LoopClosures>,
     /// The batteries of the bodies; `None`: they need no energy.
     pub energy: Option<EnergyParams>,
     /// The agents that are not in the world at the start, and join later.
@@ -123,6 +129,8 @@ pub struct World {
     totals: Totals,
     /// `None`: bodies need no energy.
     batteries: Option<Batteries>,
+    /// `None`: agents know where they are.
+    localisation: Option<Localisation>,
     /// Where the bodies started, or were put since, by agent.
     starts: Vec<Point3<f64>>,
     /// See [`World::attainable`].
@@ -215,6 +223,7 @@ impl World {
         let spheres = agents.iter().map(AgentState::sphere).collect();
         let bodies = agents.iter().map(|state| (state.body.model(), *state.body.pose()));
         let batteries = params.energy.as_ref().map(|energy| Batteries::full(energy, bodies));
+        let localisation = Localisation::new(&params.odometry, extent, starts);
         Self {
             tick: Tick::ZERO,
             terrain,
@@ -232,6 +241,7 @@ impl World {
             is_deferring: false,
             totals: Totals::default(),
             batteries,
+            localisation,
             starts: starts.iter().map(|pose| pose.position).collect(),
             attainable: OnceLock::new(),
             map_changed_at: None,
@@ -316,21 +326,6 @@ impl World {
         &self.agents[agent.index()].body
     }
 
-    /// The position that an agent measures for itself, and reports to agents in contact: metres,
-    /// frame `map`. It is the true one unless the sensor noise has a pose drift.
-    #[must_use]
-    pub fn measured_position(&self, agent: AgentId) -> Point3<f64> {
-        let state = &self.agents[agent.index()];
-        state.drift.measured(&state.body.pose().position, self.terrain.extent())
-    }
-
-    /// The variance of [`Self::measured_position`] along each axis, m^2: of the drift, spread
-    /// evenly within its bound, which it is in the long run.
-    #[must_use]
-    pub fn measured_variance_m2(&self) -> f64 {
-        self.lidar.noise.pose_bound_m.powi(2) / 3.0
-    }
-
     /// Moves a body to a pose, at rest, and ends its task with [`EventMask::TASK_DONE`]. A ground
     /// body is put on the floor below.
     ///
@@ -343,6 +338,7 @@ impl World {
         state.body = Body::at_rest(model, pose);
         state.pending_observation.events |= EventMask::TASK_DONE;
         self.contacts = None;
+        self.localise_anew(agent);
         self.put(agent);
         self.update_position(agent.index());
         Ok(())
@@ -411,14 +407,17 @@ impl World {
             }
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
             let pose = *state.body.pose();
-            let scanner = &self.lidar.scanner;
+            let Lidar { scanner, .. } = &*self.lidar;
+            let since = self.map_changed_at.unwrap_or(Tick::ZERO).max(self.block_since(index));
+            let state = &mut self.agents[index];
             if scanner.sees_agents() {
                 state.last_bodies = Bodies::others(&self.spheres, index);
             }
-            let is_of_present_map = |scan: &(Pose, Tick)| self.map_changed_at.is_none_or(|changed| scan.1 >= changed);
-            let last = state.last_scan.filter(is_of_present_map).map(|(last, _)| last);
+            let last = state.last_scan.filter(|scan| scan.1 >= since).map(|(last, _)| last);
             state.last_scan = Some((pose, tick));
-            match NotCast::of_scan(scanner, self.lidar.scans_differ(), last.as_ref(), &pose) {
+            let not_cast = NotCast::of_scan(scanner, self.lidar.scans_differ(), last.as_ref(), &pose);
+            self.note_scan(index);
+            match not_cast {
                 Some(reason) => self.totals.scans.add(&CastCount::without(1, reason)),
                 None => {
                     self.totals.scans.add(&CastCount::of(1));
@@ -448,61 +447,6 @@ impl World {
         events & (asked | EventMask::REVISED)
     }
 
-    /// The observation of an agent in this tick. [`RequestKind::Scheduled`] marks its content as
-    /// delivered.
-    pub fn observe(&mut self, agent: AgentId, kind: RequestKind) -> Observation {
-        let change_of_contacts = self.change_of_contacts(agent);
-        let (contacts, relays) = (self.contacts_of(agent), self.relays_of(agent));
-        let contacts =
-            contacts.into_iter().map(|agent| Contact { agent, position: self.measured_position(agent) }).collect();
-        let position = self.measured_position(agent);
-        self.collect_scans(agent.index());
-        let Lidar { scanner, noise, .. } = &*self.lidar;
-        let state = &mut self.agents[agent.index()];
-        let delta = match kind {
-            RequestKind::Scheduled => state.pending_observation.commit(),
-            RequestKind::Polled => state.pending_observation.speculate(),
-        };
-        let events = delta.events | change_of_contacts;
-        let mut observation = Observation {
-            tick: self.tick,
-            agent,
-            pose: Pose { position, ..*state.body.pose() },
-            velocity_in_map_m_s: state.body.velocity_in_map_m_s(),
-            yaw_rate_rad_s: state.body.yaw_rate_rad_s(),
-            is_active: state.body.is_active(),
-            collision: state.body.collision(),
-            events,
-            contacts,
-            relays: relays.iter().map(|&(id, position)| Relay { id, position }).collect(),
-            messages: delta.messages,
-            scan_tick: state.last_scan.map(|(_, tick)| tick),
-            seen: Cells { free: delta.free, wall: delta.wall },
-            view: None,
-            energy: None,
-            field_of_view: scanner.field_of_view(),
-            change: None,
-        };
-        if state.want_view
-            && let Some((pose, tick)) = &state.last_scan
-            && self.map_changed_at.is_none_or(|changed| *tick >= changed)
-        {
-            let (memory, bodies) = (&state.sensor.state().memory, &state.last_bodies);
-            let view = match noise.affects_scans() {
-                true => scanner.view_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick, bodies }),
-                false => scanner.view_past(memory, pose, bodies),
-            };
-            observation.view = Some(Cells { free: view.free, wall: view.wall });
-        }
-        observation.energy = self.energy(agent).map(|energy| Box::new(energy.clone()));
-        if kind == RequestKind::Scheduled {
-            let state = &mut self.agents[agent.index()];
-            state.reported_relays = relays;
-            self.note_reported_contacts(agent);
-        }
-        observation
-    }
-
     /// Phases communicate and move, and the end of the tick. Agents without a command continue
     /// their tasks.
     pub fn step(&mut self, commands: BTreeMap<AgentId, Command>) {
@@ -511,11 +455,12 @@ impl World {
         for (agent, command) in commands {
             let next_tick = self.tick.after(1);
             let is_refused = self.refuses(agent, &command.motion);
+            let motion = self.in_world(agent, command.motion);
             let state = &mut self.agents[agent.index()];
             state.want_view = command.want_view;
-            if command.motion != Motion::Keep && !is_refused {
+            if motion != Motion::Keep && !is_refused {
                 self.with_task.push(agent.index());
-                state.body.set_task(command.motion);
+                state.body.set_task(motion);
             }
             match (command.lidar, self.params.schedule) {
                 (ScanRequest::Keep, _) | (_, ScanSchedule::TakeTurns) => {}
@@ -535,6 +480,7 @@ impl World {
         }
         self.move_bodies();
         self.drain();
+        self.localise();
         self.agents.iter_mut().for_each(|state| state.drift.advance(&self.params.noise));
         self.tick = self.tick.after(1);
     }

@@ -52,7 +52,7 @@ fn cases() -> Vec<Case> {
         }
         maes_msgs {
             AgentMessage Base Body CellRuns Command Contact Counter Digest Energy FieldOfView Intervention Join JoinReply Lidar MapChange
-            Motion Observation Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation
+            MapFrames Motion Observation Progress Radio Result ScanRequest Scenario SignedCommand SignedJoin SignedObservation
             WakeCondition
         }
         nav_msgs { MapMetaData OccupancyGrid Odometry Path }

@@ -45,6 +45,12 @@ pub(crate) fn for_map_tools() -> &'static Path {
     PYTHON.get_or_init(|| environment("map_tools"))
 }
 
+/// The interpreter with evo.
+pub(crate) fn for_trajectories() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("evo"))
+}
+
 /// The interpreter with SIERRA.
 pub(crate) fn for_sierra() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();

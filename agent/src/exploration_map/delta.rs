@@ -9,7 +9,7 @@
 
 use std::cell::RefCell;
 
-use voxels::{Extent, bits};
+use voxels::{Cell, Extent, bits};
 
 use super::blocks::FACES;
 use super::{Change, Finding};
@@ -73,6 +73,17 @@ impl Delta {
             Block::of_cell(index, number, finding)
         });
         with_delta(extent, reports, Self::clone)
+    }
+
+    /// The delta moved by so many cells along each axis, without the cells that leave the map.
+    #[must_use]
+    pub fn moved(&self, extent: Extent, by: [i32; 3]) -> Self {
+        let moved = |(cell, finding)| {
+            let Cell { x, y, z } = extent.cell_at(cell as usize);
+            let cell = extent.index(Cell::new(x + by[0], y + by[1], z + by[2]))? as u32;
+            Some(Change { cell, finding, from: None })
+        };
+        Self::of(extent, self.findings(extent).filter_map(moved))
     }
 
     /// Number of reported cells.
@@ -275,6 +286,25 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn moved_delta_reports_the_same_elsewhere() {
+        let extent = Extent::new([6, 5, 4], 1.0).unwrap();
+        let index = |x, y, z| extent.index(Cell::new(x, y, z)).unwrap() as u32;
+        let change = |cell, finding| Change { cell, finding, from: None };
+        let delta = Delta::of(
+            extent,
+            [
+                change(index(3, 1, 2), Finding::Wall),
+                change(index(4, 1, 2), Finding::Covered),
+                change(index(5, 1, 2), Finding::Free),
+                change(index(0, 0, 0), Finding::Free),
+            ],
+        );
+        let moved: BTreeMap<u32, Finding> = delta.moved(extent, [1, -1, 1]).findings(extent).collect();
+        assert_eq!(moved, [(index(4, 0, 3), Finding::Wall), (index(5, 0, 3), Finding::Covered)].into());
+        assert_eq!(delta.moved(extent, [0; 3]), delta);
+    }
 
     #[test]
     fn last_change_of_a_cell_wins() {

@@ -120,6 +120,7 @@ prop_compose! {
             view,
             energy: None,
             field_of_view: None,
+            map_frames: Vec::new(),
             change: None,
         }
     }

@@ -14,7 +14,8 @@ use msgs::{cdr, geometry_msgs};
 use nalgebra::Vector3;
 
 use super::{
-    AgentMessage, Cells, Collision, Contact, Energy, FieldOfView, Observation, Peer, Pose, Relay, RunInfo, Surface,
+    AgentMessage, Cells, Collision, Contact, Energy, FieldOfView, MapFrame, Observation, Peer, Pose, Relay, RunInfo,
+    Surface,
 };
 use crate::event_mask::EventMask;
 use crate::geometry::{header, point, point_of, vector};
@@ -80,7 +81,10 @@ pub fn split(observation: Observation, phase: u8) -> Vec<Part> {
     let energy = observation.energy.map(|energy| of_server(maes_msgs::AgentMessage::ENERGY, energy.to_data()));
     let field_of_view =
         observation.field_of_view.map(|view| of_server(maes_msgs::AgentMessage::FIELD_OF_VIEW, view.to_data()));
-    for message in energy.into_iter().chain(field_of_view).chain(observation.messages) {
+    let frames = &observation.map_frames;
+    let map_frames =
+        (!frames.is_empty()).then(|| of_server(maes_msgs::AgentMessage::MAP_FRAMES, MapFrame::to_data(frames)));
+    for message in energy.into_iter().chain(field_of_view).chain(map_frames).chain(observation.messages) {
         parts.make_room(AGENT_MESSAGE_BYTES_BARE + message.data.len());
         parts.filling.messages.push(message.into());
     }
@@ -246,6 +250,7 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
         view: first.has_view.then(Cells::default),
         energy: None,
         field_of_view: None,
+        map_frames: Vec::new(),
         change: None,
     };
     for contact in &first.contacts {
@@ -282,8 +287,11 @@ fn assemble(mut parts: impl Iterator<Item = Part>, run_info_before: &RunInfo) ->
                     maes_msgs::AgentMessage::FIELD_OF_VIEW => {
                         observation.field_of_view = Some(FieldOfView::from_data(&data, tick)?);
                     }
+                    maes_msgs::AgentMessage::MAP_FRAMES => {
+                        observation.map_frames = MapFrame::from_data(&data, tick, run_info_before.agents)?;
+                    }
                     kind => {
-                        let allowed = "SCENARIO, ENERGY or FIELD_OF_VIEW from the server".to_owned();
+                        let allowed = "SCENARIO, ENERGY, FIELD_OF_VIEW or MAP_FRAMES from the server".to_owned();
                         let value = format!("kind {kind}");
                         return Err(WireError::Value { tick, field: "messages", value, allowed });
                     }

@@ -12,7 +12,7 @@ use super::ScheduledMessage;
 use crate::map;
 use crate::{Channel, End, Message, Recording, SCENARIO_ATTACHMENT};
 use simulation::scenario::Scenario;
-use simulation::visualisation;
+use simulation::visualisation::{self, StaticFrames};
 
 /// Longest sim time without a message that is played; a longer gap is skipped. A recording has a
 /// digest in every second.
@@ -367,5 +367,10 @@ fn static_messages(
 ) -> anyhow::Result<visualisation::VisualisationMessages> {
     let scenario = scenario?;
     let map = map::read(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("the recording has no map"))?;
-    Ok(visualisation::static_messages(&map, scenario.agents.count, scenario.lidar.place_on_body()))
+    let frames = StaticFrames {
+        agents: scenario.agents.count,
+        lidar: scenario.lidar.place_on_body(),
+        has_drift: !scenario.localisation.noise(scenario.seed).is_exact(),
+    };
+    Ok(visualisation::static_messages(&map, &frames))
 }

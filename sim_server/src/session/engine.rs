@@ -35,6 +35,7 @@ use simulation::wire::{self, Change, MapChangeCause};
 use simulation::workers::Workers;
 use simulation::world::body::Pose;
 use simulation::world::energy::EnergyTotals;
+use simulation::world::localisation::DriftTotals;
 use simulation::world::map_change::{CellBox, MapChange};
 use simulation::world::{Presence, World};
 use voxels::Terrain;
@@ -545,6 +546,17 @@ impl<'a> Engine<'a> {
             let used = Counter::new(CounterName::EnergyUsed, (used_j * 1e3).round() as u64);
             counters.extend([used, Counter::new(CounterName::RanEmpty, ran_empty)]);
             counters.extend(home_at.map(|tick| Counter::new(CounterName::TickHome, tick.0)));
+        }
+        if let Some(DriftTotals { position_error_m, map_errors, blocks, closures }) = self.world.drift_totals() {
+            counters.extend([
+                Counter::new(CounterName::PositionError, (position_error_m * 1e6).round() as u64),
+                Counter::new(CounterName::MapCells, map_errors.cells()),
+                Counter::new(CounterName::MapCellsOffBy1, map_errors.off_by_1),
+                Counter::new(CounterName::MapCellsOffBy2, map_errors.off_by_2),
+                Counter::new(CounterName::MapCellsOffByMore, map_errors.off_by_more),
+                Counter::new(CounterName::MapBlocks, blocks),
+                Counter::new(CounterName::LoopClosures, closures),
+            ]);
         }
         counters.extend((self.interventions > 0).then(|| Counter::new(CounterName::Interventions, self.interventions)));
         counters.extend((map_changes > 0).then(|| Counter::new(CounterName::MapChanges, map_changes)));

@@ -7,10 +7,11 @@ use msgs::geometry_msgs::{
 use msgs::ids::{AgentId, Tick};
 use msgs::nav_msgs::{Odometry, Path};
 use msgs::std_msgs::ColorRGBA;
+use msgs::std_msgs::Header;
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics::TRANSFORMS_MAX;
 use msgs::visualization_msgs::Marker;
-use nalgebra::Point3;
+use nalgebra::{Point3, SMatrix};
 use protocol::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 
 use crate::wire::{MAP_FRAME, body_frame, header, lidar_frame, optical_frame, point, rotation, vector};
@@ -33,21 +34,34 @@ const LINE_CELLS: f64 = 0.1;
 /// Its colour.
 const LINE_COLOUR: ColorRGBA = ColorRGBA { r: 0.1, g: 0.8, b: 0.2, a: 0.9 };
 
+/// What decides the frames that do not move.
+#[derive(Debug, Clone, Copy)]
+pub struct StaticFrames {
+    /// Number of agents.
+    pub agents: u32,
+    /// Where the LiDARs are on the bodies.
+    pub lidar: PlaceOnBody,
+    /// Whether localisation drifts; otherwise the frame of each odometry is the map.
+    pub has_drift: bool,
+}
+
+impl StaticFrames {
+    pub(super) fn of(world: &World) -> Self {
+        let mut agents = world.agents();
+        let has_drift = agents.next().is_some_and(|agent| world.frames(agent).is_some());
+        Self { agents: world.agents().count() as u32, lidar: world.scanner().place_on_body(), has_drift }
+    }
+}
+
 /// The poses of all bodies, in messages of bounded size.
 pub(super) fn transforms(world: &World) -> impl Iterator<Item = TFMessage> + use<> {
     in_parts(crate::wire::transforms(world).transforms)
 }
 
-/// The frame of each LiDAR, the optical frame of each camera, and the frame of each odometry, which
-/// is the map.
-pub(super) fn static_transforms<A>(
-    agents: A,
-    lidar: PlaceOnBody,
-    tick: Tick,
-) -> impl Iterator<Item = TFMessage> + use<A>
-where
-    A: Iterator<Item = AgentId>,
-{
+/// The frames of these agents that do not move at a tick: of the LiDAR, of the images of a camera,
+/// and of odometry, where it is the map.
+pub(super) fn static_transforms(frames: &StaticFrames, tick: Tick) -> impl Iterator<Item = TFMessage> + use<> {
+    let StaticFrames { agents, lidar, has_drift } = *frames;
     let (sin, cos) = libm::sincos(-0.5 * lidar.pitch_rad);
     let on_body = Transform {
         translation: Vector3 { z: lidar.height_m, ..Vector3::default() },
@@ -56,53 +70,73 @@ where
     // x to the right, y down, z ahead.
     let optical = Transform { rotation: Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 }, ..Transform::default() };
     let frame = move |frame_id: String, child_frame_id: String, transform| {
-        let header = msgs::std_msgs::Header { frame_id, ..header(tick) };
+        let header = Header { frame_id, ..header(tick) };
         TransformStamped { header, child_frame_id, transform }
     };
     let of_agent = move |agent| {
         let on_body = frame(body_frame(agent), lidar_frame(agent), on_body);
         let optical = lidar.is_camera.then(|| frame(lidar_frame(agent), optical_frame(agent), optical));
-        let odometry = frame(MAP_FRAME.to_owned(), format!("agent_{agent}/odom"), Transform::default());
-        [Some(on_body), optical, Some(odometry)].into_iter().flatten()
+        let odometry =
+            (!has_drift).then(|| frame(MAP_FRAME.to_owned(), format!("agent_{agent}/odom"), Transform::default()));
+        [Some(on_body), optical, odometry].into_iter().flatten()
     };
-    in_parts(agents.flat_map(of_agent).collect())
+    in_parts((0..agents).map(AgentId).flat_map(of_agent).collect())
 }
 
-/// Transforms in messages of bounded size.
+/// Transforms in messages of bounded size. Those of a body stay together.
 pub(super) fn in_parts(transforms: Vec<TransformStamped>) -> impl Iterator<Item = TFMessage> {
-    let parts: Vec<TFMessage> =
-        transforms.chunks(TRANSFORMS_MAX).map(|part| TFMessage { transforms: part.to_vec() }).collect();
+    let mut parts: Vec<TFMessage> = Vec::new();
+    for of_body in transforms.chunk_by(|parent, child| parent.child_frame_id == child.header.frame_id) {
+        match parts.last_mut() {
+            Some(part) if part.transforms.len() + of_body.len() <= TRANSFORMS_MAX => {
+                part.transforms.extend_from_slice(of_body);
+            }
+            _ => parts.push(TFMessage { transforms: of_body.to_vec() }),
+        }
+    }
     parts.into_iter()
 }
 
-/// The true pose of an agent at the start of this tick (metres, frame `map`), and its velocity in
-/// the last fixed update (m/s and rad/s, frame of the body). Both are exact, which the covariances
-/// say with 1e-9 (m^2, rad^2) on their diagonals: zeros would mean that they are not known.
+/// The pose of an agent by odometry at the start of this tick (metres), and its velocity in the last
+/// fixed update (m/s and rad/s, frame of the body). What is exact has covariances of 1e-9 (m^2,
+/// rad^2) on their diagonals: zeros would mean that they are not known. The frame of the pose is
+/// `map`, in which it is exact, or, if localisation drifts, `agent_<id>/odom`.
 #[must_use]
 pub fn odometry(world: &World, agent: AgentId) -> Odometry {
     let body = world.body(agent);
-    let pose = body.pose();
+    let exact = covariance(EXACT_VARIANCE);
+    let (header, pose, covariance_of_pose) = match world.frames(agent) {
+        None => (header(world.tick()), *body.pose(), exact.clone()),
+        Some(frames) => {
+            let header = Header { frame_id: format!("agent_{agent}/odom"), ..header(world.tick()) };
+            (header, frames.odometry, drifted_covariance(&frames.covariance))
+        }
+    };
     Odometry {
-        header: header(world.tick()),
+        header,
         child_frame_id: body_frame(agent),
         pose: PoseWithCovariance {
             pose: Pose { position: point(&pose.position), orientation: rotation(pose.yaw_rad) },
-            covariance: covariance(EXACT_VARIANCE),
+            covariance: covariance_of_pose,
         },
         twist: TwistWithCovariance {
             twist: Twist {
                 linear: vector(&body.velocity_in_body_m_s()),
                 angular: Vector3 { z: body.yaw_rate_rad_s(), ..Vector3::default() },
             },
-            covariance: covariance(EXACT_VARIANCE),
+            covariance: exact,
         },
     }
 }
 
-/// The same with the position that the agent measures for itself, and the variance of that.
+/// The same with the position that the agent measures for itself, and the variance of that; a
+/// position that drifts has no other error.
 #[must_use]
 pub fn measured_odometry(world: &World, agent: AgentId) -> Odometry {
     let mut odometry = odometry(world, agent);
+    if world.frames(agent).is_some() {
+        return odometry;
+    }
     odometry.pose.pose.position = point(&world.measured_position(agent));
     odometry.pose.covariance = covariance(world.measured_variance_m2().max(EXACT_VARIANCE));
     odometry
@@ -117,6 +151,20 @@ fn covariance(position_variance: f64) -> Covariance {
     let mut covariance = Covariance::default();
     for axis in 0..6 {
         covariance.0[axis * 7] = if axis < 3 { position_variance } else { EXACT_VARIANCE };
+    }
+    covariance
+}
+
+/// The covariance of a pose from that of x, y, z and heading; roll and pitch are exact.
+fn drifted_covariance(drifted: &SMatrix<f64, 4, 4>) -> Covariance {
+    /// The rows of x, y, z and heading among those of x, y, z, roll, pitch and yaw.
+    const ROWS: [usize; 4] = [0, 1, 2, 5];
+    let mut covariance = covariance(EXACT_VARIANCE);
+    for (row, &at_row) in ROWS.iter().enumerate() {
+        for (column, &at_column) in ROWS.iter().enumerate() {
+            let exact = if row == column { EXACT_VARIANCE } else { 0.0 };
+            covariance.0[at_row * 6 + at_column] = drifted[(row, column)] + exact;
+        }
     }
     covariance
 }

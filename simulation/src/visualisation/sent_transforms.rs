@@ -68,17 +68,16 @@ impl SentTransforms {
                 && let Some((pose, scan)) = world.last_scan(agent)
                 && self.insert(world, agent, scan)
             {
-                preceding.entry(scan).or_default().push(wire::transform(agent, scan, &pose));
+                let frames = world.frames_at_last_scan(agent);
+                preceding.entry(scan).or_default().extend(wire::transforms_of(agent, scan, &pose, frames.as_ref()));
             }
         }
         let is_due = messages.iter().any(|(topic, _)| topic.needs_present_transforms());
         if has_all || is_due {
-            let transforms = wire::transforms(world).transforms;
-            let in_world = world.agents().filter(|&agent| world.presence(agent).is_in_world());
-            for (agent, transform) in in_world.zip(transforms) {
+            for agent in world.agents().filter(|&agent| world.presence(agent).is_in_world()) {
                 // Those of a message among these come with it.
                 if self.insert(world, agent, world.tick()) && !has_all {
-                    preceding.entry(world.tick()).or_default().push(transform);
+                    preceding.entry(world.tick()).or_default().extend(wire::present_transforms(world, agent));
                 }
             }
             self.complete_at = Some(world.tick());

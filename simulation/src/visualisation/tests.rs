@@ -14,6 +14,7 @@ use super::*;
 use crate::world::body::{Motion, Pose};
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
+use crate::world::localisation::OdometryNoise;
 use crate::world::noise::SensorNoise;
 use crate::world::{ScanSchedule, WorldParams};
 
@@ -37,6 +38,8 @@ fn world() -> World {
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: BTreeSet::new(),
     };

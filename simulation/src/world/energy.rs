@@ -133,6 +133,17 @@ impl World {
         self.batteries.as_ref().map(|batteries| &batteries.batteries[agent.index()].energy)
     }
 
+    /// The energy of an agent with its bases where they are from it, on its map; `None` if bodies
+    /// need none.
+    pub(super) fn energy_in_map_of(&self, agent: AgentId) -> Option<Energy> {
+        let mut energy = self.energy(agent)?.clone();
+        if self.frames(agent).is_some() {
+            let moved = |base: &Base| Base { position: self.in_map_of(agent, &base.position), ..*base };
+            energy.model.bases = energy.model.bases.iter().map(moved).collect();
+        }
+        Some(energy)
+    }
+
     /// What the batteries have done so far; `None` without any.
     #[must_use]
     pub fn energy_totals(&self) -> Option<EnergyTotals> {

@@ -63,7 +63,7 @@ pub use naive::ScanView;
 pub(super) use noisy::NoisyScan;
 use pattern::Bundle;
 pub use returns::{Measured, MiddleLine, RayReturn};
-pub(super) use revision::change_kinds;
+pub(super) use revision::{ForgottenCells, change_kinds};
 pub(super) use speculation::SpeculativeEngine;
 
 /// The directions of the rays of a scan.

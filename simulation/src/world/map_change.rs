@@ -23,6 +23,7 @@ use nalgebra::{Point3, Vector3};
 use protocol::event_mask::EventMask;
 use voxels::{Cell, Extent, Terrain};
 
+use super::lidar::ForgottenCells;
 use super::{PendingObservation, Presence, World};
 
 /// A box of cells that become wall or free.
@@ -184,11 +185,15 @@ impl World {
         let mut memories: Vec<_> = states.iter_mut().map(|state| state.without_scans_ahead()).collect();
         super::lidar::change_kinds(&mut memories, changed, terrain);
         let mut explored_by = Vec::with_capacity(memories.len());
-        for (memory, state) in memories.into_iter().zip(&mut self.agents) {
-            let forgotten = memory.revise(changed);
-            explored_by.push(forgotten.explored);
-            state.outdated.extend(forgotten.cells);
-            state.pending_observation.forget(changed);
+        let forgotten: Vec<ForgottenCells> = memories.into_iter().map(|memory| memory.revise(changed)).collect();
+        drop(states);
+        for (index, forgotten) in forgotten.into_iter().enumerate() {
+            let (cells, explored) = self.revise_belief(index, changed).unwrap_or_else(|| {
+                self.agents[index].pending_observation.forget(changed);
+                (forgotten.cells, forgotten.explored)
+            });
+            explored_by.push(explored);
+            self.agents[index].outdated.extend(cells);
         }
         explored_by
     }

@@ -53,12 +53,9 @@ impl SensorNoise {
     /// Draws the noise of one return: `None` if it is missed, else the error of its distance,
     /// metres.
     pub(super) fn sample_return(&self, rng: &mut ChaCha8Rng) -> Option<f64> {
-        // All three are always drawn, so that the number of draws per ray does not depend on the
+        // Both are always drawn, so that the number of draws per ray does not depend on the
         // parameters.
-        let [miss, one, other] = [uniform(rng), uniform(rng), uniform(rng)];
-        // Box-Muller transform; 1 - one is never 0.
-        let radius = libm::sqrt(-2.0 * libm::log(1.0 - one));
-        let deviation = radius * libm::cos(std::f64::consts::TAU * other);
+        let (miss, deviation) = (uniform(rng), normal(rng));
         (miss >= self.missed_returns).then_some(deviation * self.range_sigma_m)
     }
 }
@@ -89,15 +86,23 @@ impl Drift {
         if self.offset_m == Vector3::zeros() {
             return *position;
         }
-        let edge = extent.cell_m();
-        let size = extent.size();
-        let mut measured = position + self.offset_m;
-        for axis in 0..3 {
-            // Half a cell below the upper boundary, so that rounding cannot leave the map.
-            measured[axis] = measured[axis].clamp(0.0, (f64::from(size[axis]) - 0.5) * edge);
-        }
-        measured
+        within(&(position + self.offset_m), extent)
     }
+}
+
+/// The nearest point (metres, frame `map`) in the map, at least half a cell below its upper
+/// boundary, so that rounding cannot leave the map.
+pub(super) fn within(point: &Point3<f64>, extent: Extent) -> Point3<f64> {
+    let (edge, size) = (extent.cell_m(), extent.size());
+    Point3::from([0, 1, 2].map(|axis: usize| point[axis].clamp(0.0, (f64::from(size[axis]) - 0.5) * edge)))
+}
+
+/// A number of the normal distribution with mean 0 and variance 1, of two draws.
+pub(super) fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let [one, other] = [uniform(rng), uniform(rng)];
+    // Box-Muller transform; 1 - one is never 0.
+    let radius = libm::sqrt(-2.0 * libm::log(1.0 - one));
+    radius * libm::cos(std::f64::consts::TAU * other)
 }
 
 /// A uniform number in [0, 1).

@@ -65,13 +65,15 @@ impl PendingObservation {
         self.messages.push(message);
     }
 
-    /// Drops what is pending about cells that have changed since; they ascend.
-    pub(super) fn forget(&mut self, changed: &[u32]) {
+    /// Drops what is pending about cells that have changed since, which ascend, and returns them.
+    pub(super) fn forget(&mut self, changed: &[u32]) -> Vec<u32> {
+        let mut dropped = Vec::new();
         for (cells, cursor) in [(&mut self.free, &mut self.cursor.free), (&mut self.wall, &mut self.cursor.wall)] {
             let is_changed = |cell: &u32| changed.binary_search(cell).is_ok();
             *cursor -= cells[..*cursor].iter().filter(|cell| is_changed(cell)).count();
-            cells.retain(|cell| !is_changed(cell));
+            dropped.extend(cells.extract_if(.., |cell| is_changed(cell)));
         }
+        dropped
     }
 
     /// Takes everything that is pending.

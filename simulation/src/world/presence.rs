@@ -79,6 +79,7 @@ impl World {
         let cell = index_of(&self.terrain, state.cell);
         self.coverage.cover(agent, cell);
         self.contacts = None;
+        self.localise_anew(agent);
         self.put(agent);
         true
     }

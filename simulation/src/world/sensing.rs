@@ -89,15 +89,26 @@ impl World {
 
     /// Collects what the scans of an agent have found for its observation.
     pub(super) fn collect_scans(&mut self, index: usize) {
-        let AgentState { sensor, pending_observation, has_results, outdated, .. } = &mut self.agents[index];
+        let Self { agents, localisation, .. } = self;
+        let AgentState { sensor, pending_observation, has_results, outdated, .. } = &mut agents[index];
         if std::mem::take(has_results) {
             let mut found = sensor.found();
             if !outdated.is_empty() {
                 pending_observation.note_revised(outdated, &found.free);
                 pending_observation.note_revised(outdated, &found.wall);
             }
-            pending_observation.free.append(&mut found.free);
-            pending_observation.wall.append(&mut found.wall);
+            match localisation {
+                None => {
+                    pending_observation.free.append(&mut found.free);
+                    pending_observation.wall.append(&mut found.wall);
+                }
+                Some(localisation) => {
+                    let ScanResult { free, wall, .. } = &mut *found;
+                    localisation.enter(index, free, wall, pending_observation);
+                    free.clear();
+                    wall.clear();
+                }
+            }
         }
     }
 
@@ -160,12 +171,13 @@ impl World {
     }
 
     fn count_explored(&mut self, agent: AgentId, new_free: &[u32]) {
-        if !self.lidar.noise.affects_scans() {
+        if !self.lidar.noise.affects_scans() && self.localisation.is_none() {
             return self.coverage.explore(agent, new_free);
         }
         // A wall that noise makes look free is not explored.
         let is_free = |&cell: &u32| self.terrain.as_slice()[cell as usize] == Terrain::Free;
         let truly_free: Vec<u32> = new_free.iter().copied().filter(is_free).collect();
-        self.coverage.explore(agent, &truly_free);
+        let seen_first = self.seen_first(agent, &truly_free);
+        self.coverage.explore(agent, &seen_first);
     }
 }

@@ -9,6 +9,7 @@ use voxels::Extent;
 
 use super::body::Motion;
 use protocol::agent_message::{AgentMessage, Peer};
+use protocol::observation::RequestKind;
 use protocol::wake_condition::WakeCondition;
 
 use super::comms::ContactModel;
@@ -37,6 +38,8 @@ fn params() -> WorldParams {
         comms: within(f64::INFINITY),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: Default::default(),
     }

@@ -229,7 +229,10 @@ export function controllerOfJoin(bytes: Uint8Array): string {
   return reader.string();
 }
 
-/** The poses of agents in a message on `/tf`. */
+/**
+ * The poses of agents in a message on `/tf`: of each one transform, or those by way of its map and
+ * its odometry, one after another.
+ */
 export function poses(bytes: Uint8Array, tick: number): Pose[] {
   const reader = new CdrReader(bytes);
   const found: Pose[] = [];
@@ -239,11 +242,26 @@ export function poses(bytes: Uint8Array, tick: number): Pose[] {
     const position = vector(reader);
     const [x, y, z, w] = [reader.f64(), reader.f64(), reader.f64(), reader.f64()];
     const yawRad = Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
-    if (agent >= 0 && stampTick === tick) {
+    if (agent < 0 || stampTick !== tick) continue;
+    const parent = found.at(-1);
+    if (parent?.agent === agent) {
+      found[found.length - 1] = composed(parent, { agent, position, yawRad });
+    } else {
       found.push({ agent, position, yawRad });
     }
   }
   return found;
+}
+
+/** A pose in the frame of another one, in the frame of that one. */
+function composed(parent: Pose, { agent, position: [x, y, z], yawRad }: Pose): Pose {
+  const [cos, sin] = [Math.cos(parent.yawRad), Math.sin(parent.yawRad)];
+  const [originX, originY, originZ] = parent.position;
+  return {
+    agent,
+    position: [originX + cos * x - sin * y, originY + sin * x + cos * y, originZ + z],
+    yawRad: parent.yawRad + yawRad,
+  };
 }
 
 /**

@@ -16,6 +16,8 @@ describe("the scenario of a recording", () => {
       lidar = { pattern = "shell", shell_radius_cells = 12 } # an inline table
       [sensor]
       pose_bound_m = inf
+      [localisation]
+      turn_bias = 0.1
       [recording]
       poses_period_ticks = 0`;
     expect(recordedScenario(toml)).toEqual({
@@ -23,6 +25,7 @@ describe("the scenario of a recording", () => {
       lidarPattern: "shell",
       shellRadiusCells: 12,
       poseBoundM: Infinity,
+      hasDrift: true,
       posesPeriodTicks: 0,
     });
   });
@@ -30,7 +33,7 @@ describe("the scenario of a recording", () => {
   it.each(["", "seed = ", "lidar = 3", '[lidar]\npattern = 7\nshell_radius_cells = "many"', "seed = 1.5"])(
     "has null for what is missing or malformed: %j",
     (toml) => {
-      expect(Object.values(recordedScenario(toml))).toEqual([null, null, null, null, null]);
+      expect(Object.values(recordedScenario(toml))).toEqual([null, null, null, null, false, null]);
     },
   );
 });

@@ -13,6 +13,8 @@ export interface RecordedScenario {
   readonly lidarPattern: string | null;
   readonly shellRadiusCells: number | null;
   readonly poseBoundM: number | null;
+  /** Whether the localisation of the agents drifts. */
+  readonly hasDrift: boolean;
   readonly posesPeriodTicks: number | null;
 }
 
@@ -25,6 +27,7 @@ export function recordedScenario(toml: string): RecordedScenario {
     lidarPattern: typeof pattern === "string" ? pattern : null,
     shellRadiusCells: numberIn(root, "lidar", "shell_radius_cells"),
     poseBoundM: numberIn(root, "sensor", "pose_bound_m"),
+    hasDrift: Object.values(tableIn(root, "localisation")).some((value) => Number(value) > 0),
     posesPeriodTicks: numberIn(root, "recording", "poses_period_ticks"),
   };
 }

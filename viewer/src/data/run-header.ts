@@ -69,11 +69,11 @@ function isShell({ lidarPattern }: RecordedScenario): boolean {
 }
 
 /**
- * Whether observed poses are true ones. They are not where the pose has sensor noise; then the true
+ * Whether observed poses are true ones. They are not where the pose has sensor noise or drifts; then the true
  * poses that the server records are used, if it does record them.
  */
 export function areObservedPosesTrue(recorded: RecordedScenario): boolean {
-  const hasNoise = (recorded.poseBoundM ?? 0) > 0;
+  const hasNoise = recorded.hasDrift || (recorded.poseBoundM ?? 0) > 0;
   const hasTruePoses = (recorded.posesPeriodTicks ?? 1) > 0;
   return !hasNoise || !hasTruePoses;
 }

@@ -28,6 +28,19 @@ describe("poses", () => {
     expect(run.track(0).count).toBe(3);
   });
 
+  test("that drift are true by way of all frames", async () => {
+    const run = await runOf([
+      make.chainedPose(0, [
+        [[1, 0, 0], 0],
+        [[1, 1, 0.5], Math.PI / 2],
+        [[1, -1, 1], -Math.PI / 2],
+      ]),
+    ]);
+    const { position, yawRad } = run.agentAt(0, 0);
+    position.forEach((along, axis) => expect(along).toBeCloseTo([3, 2, 1.5][axis]!, 6));
+    expect(yawRad).toBeCloseTo(0, 6);
+  });
+
   test("of observations are included, once per tick", async () => {
     const run = await runOf([
       make.poses(0, [POSITION]),

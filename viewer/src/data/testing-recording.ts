@@ -261,6 +261,20 @@ export function poses(tick: number, positions: readonly Vec3[], yawRad = 0): Rec
   return { topic: "/tf", tick, bytes: writer.data };
 }
 
+/** The pose of agent 0 by way of the frames between: each is in the one before it. */
+export function chainedPose(tick: number, frames: readonly (readonly [Vec3, number])[]): RecordedMessage {
+  const writer = new CdrWriter().sequenceLength(frames.length);
+  frames.forEach(([position, yawRad], number) => {
+    vector(header(writer, tick).string(`agent_0/frame_${number}`), position);
+    writer
+      .float64(0)
+      .float64(0)
+      .float64(Math.sin(yawRad / 2))
+      .float64(Math.cos(yawRad / 2));
+  });
+  return { topic: "/tf", tick, bytes: writer.data };
+}
+
 export function placed(agent: number, tick: number, position: Vec3): RecordedMessage {
   const writer = header(new CdrWriter(), tick).uint64(BigInt(tick)).uint8(0).uint32(agent);
   vector(writer, position).float64(0);

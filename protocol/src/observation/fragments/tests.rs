@@ -106,6 +106,7 @@ fn observation() -> Observation {
         view: None,
         energy: None,
         field_of_view: None,
+        map_frames: Vec::new(),
         change: None,
     }
 }
@@ -172,7 +173,8 @@ fn field_of_view_is_a_message_of_the_server() {
     let (horizontal_rad, lowest_rad, highest_rad, spacing_rad, min_range_m) = (1.4, -0.5, 0.5, 0.02, 0.3);
     let view = FieldOfView { horizontal_rad, lowest_rad, highest_rad, spacing_rad, min_range_m };
     let (agent, contacts) = (AgentId(0), Vec::new());
-    let expected = Observation { agent, contacts, field_of_view: Some(view), ..observation() };
+    let map_frames = vec![MapFrame { agent: AgentId(0), origin: Point3::new(1.0, 0.0, -2.0) }];
+    let expected = Observation { agent, contacts, field_of_view: Some(view), map_frames, ..observation() };
     let [part] = &split(expected.clone(), Part::RUNNING)[..] else { panic!("it is small") };
     assert_eq!(part.messages[0].kind, maes_msgs::AgentMessage::FIELD_OF_VIEW);
     let reassembled = FragmentReassembler::default().take(part.clone(), &run());

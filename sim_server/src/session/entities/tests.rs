@@ -7,6 +7,7 @@ use voxels::{Grid, Terrain};
 use super::*;
 use simulation::world::comms::{Comms, ContactModel};
 use simulation::world::lidar::{Pattern, Scanner};
+use simulation::world::localisation::OdometryNoise;
 use simulation::world::noise::SensorNoise;
 use simulation::world::{ScanSchedule, WorldParams};
 
@@ -25,6 +26,8 @@ fn world() -> World {
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: Default::default(),
     };

@@ -33,7 +33,7 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 24] = [
+pub const TABLES: [Table; 25] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
@@ -403,6 +403,25 @@ pub const TABLES: [Table; 24] = [
             "greatest error of the measured position along each axis", "MAES"),
         key("pose_step_m", Number("m"), Unset("a tenth of the bound"), between(0.0, 1e6),
             "greatest change of that error along each axis in a tick", "MAES"),
+    ]),
+    Table::new("localisation", &[
+        key("position_noise_m", Number("m"), Is("0.0"), between(0.0, 1e3),
+            "standard deviation of the position by odometry along each axis after 1 m; it grows with the root of the distance",
+            "ours").see("drift.md"),
+        key("position_bias", Number(""), Is("0.0"), between(0.0, 0.5),
+            "standard deviation over the agents of the bias of the distances that odometry measures", "ours"),
+        key("heading_noise_rad", Number("rad"), Is("0.0"), between(0.0, 1.0),
+            "standard deviation of the heading by odometry after 1 m; it grows with the root of the distance", "ours"),
+        key("heading_bias_rad_per_m", Number("rad/m"), Is("0.0"), between(0.0, 1.0),
+            "standard deviation over the agents of the bias of the heading", "ours"),
+        key("turn_noise_rad", Number("rad"), Is("0.0"), between(0.0, 1.0),
+            "standard deviation of the heading after a turn of 1 rad; it grows with the root of the angle", "ours"),
+        key("turn_bias", Number(""), Is("0.0"), between(0.0, 0.5),
+            "standard deviation over the agents of the bias of the turns that odometry measures", "ours"),
+        key("closure_range_m", Number("m"), Is("0.0"), between(0.0, 1e3),
+            "distance of a place seen before, or of an agent in contact, up to which it closes a loop; 0: none does", "ours"),
+        key("closure_gain_m", Number("m"), Is("20.0"), between(0.0, 1e9),
+            "least length of odometry that a closure saves", "ours"),
     ]),
     Table::new("energy", &[
         key("capacity_j", Number("J"), Unset("required without `endurance_s`"), above(0.0, 1e12),

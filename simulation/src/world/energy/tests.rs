@@ -11,6 +11,7 @@ use voxels::{Extent, Grid, Terrain};
 use super::*;
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
+use crate::world::localisation::OdometryNoise;
 use crate::world::noise::SensorNoise;
 use crate::world::{ScanSchedule, WorldParams};
 
@@ -43,6 +44,8 @@ fn world(energy: EnergyParams, kind: BodyKind, start: Point3<f64>) -> World {
         comms: Comms::perfect(ContactModel::Global),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
+        closures: None,
         energy: Some(energy),
         late: BTreeSet::new(),
     };

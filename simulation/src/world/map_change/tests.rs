@@ -6,6 +6,7 @@ use msgs::ids::Tick;
 use proptest::prelude::*;
 use protocol::body_model::BodyModel;
 use protocol::command::Command;
+use protocol::observation::RequestKind;
 use protocol::scan_request::ScanRequest;
 use protocol::wake_condition::WakeCondition;
 use voxels::Grid;
@@ -13,8 +14,9 @@ use voxels::Grid;
 use super::super::body::{Motion, Pose};
 use super::super::comms::{Comms, ContactModel};
 use super::super::lidar::{Pattern, Scanner};
+use super::super::localisation::OdometryNoise;
 use super::super::noise::SensorNoise;
-use super::super::{RequestKind, ScanSchedule, WorldParams};
+use super::super::{ScanSchedule, WorldParams};
 use super::*;
 use crate::workers::Workers;
 
@@ -37,6 +39,8 @@ fn params(rays: u32) -> WorldParams {
         comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: Default::default(),
     }

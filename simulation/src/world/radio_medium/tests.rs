@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use protocol::body_model::BodyModel;
 use protocol::event_mask::EventMask;
 use protocol::observation::Relay;
+use protocol::observation::RequestKind;
 use protocol::wake_condition::WakeCondition;
 use voxels::{Extent, Grid, Terrain};
 
@@ -11,8 +12,9 @@ use super::*;
 use crate::world::body::Pose;
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Pattern, Scanner};
+use crate::world::localisation::OdometryNoise;
 use crate::world::noise::SensorNoise;
-use crate::world::{RequestKind, ScanSchedule, WorldParams};
+use crate::world::{ScanSchedule, WorldParams};
 
 const A: AgentId = AgentId(0);
 const B: AgentId = AgentId(1);
@@ -50,6 +52,8 @@ fn params(comms: Comms) -> WorldParams {
         comms,
         share_period_ticks: 0,
         noise: SensorNoise::default(),
+        odometry: OdometryNoise::default(),
+        closures: None,
         energy: None,
         late: Default::default(),
     }

@@ -183,6 +183,14 @@ impl Sensor {
         state
     }
 
+    /// Forgets what has been seen, once all scans are cast.
+    pub(in crate::world) fn forget_all(&self) {
+        let mut state = self.state();
+        let memory = state.without_scans_ahead();
+        *memory = memory.unused();
+        self.0.schedule().expected = None;
+    }
+
     /// The results of all scans.
     pub(super) fn found(&self) -> MutexGuard<'_, ScanResult> {
         if !self.0.is_done() {
