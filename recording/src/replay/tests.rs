@@ -19,7 +19,7 @@ use super::*;
 use crate::Recording;
 use crate::SCENARIO_ATTACHMENT;
 use crate::recorder::{Document, Recorder};
-use simulation::visualisation::{self, VisualisationMessage, VisualisationTopic};
+use simulation::visualisation::{self, StaticFrames, VisualisationMessage, VisualisationTopic};
 use simulation::world::lidar::PlaceOnBody;
 
 const SCENARIO: &str = "seed = 1\nduration_s = 100.0\nmap = { kind = \"spheres\", size = 5 }\nagents = { count = 2 }\n";
@@ -110,14 +110,15 @@ fn missing_static_messages_are_made() {
     let recording = recording(&[passing(0)]);
     let (opening, _) = played(&recording, &PlaybackOptions::default());
     let terrain = voxels::Grid::from_text(MAP).unwrap();
-    let made: Vec<(Topic, Vec<u8>)> = visualisation::static_messages(&terrain, 2, PlaceOnBody::default())
+    let frames = StaticFrames { agents: 2, lidar: PlaceOnBody::default(), has_drift: false };
+    let made: Vec<(Topic, Vec<u8>)> = visualisation::static_messages(&terrain, &frames)
         .into_iter()
         .map(|(view, picture)| (view.topic(), cdr::encode(&picture)))
         .collect();
     assert!(made.iter().any(|(topic, _)| *topic == topics::map()), "there are walls");
     assert_eq!(opening.into_iter().map(|(topic, _, bytes)| (topic, bytes)).collect::<Vec<_>>(), made);
 
-    let walls = visualisation::static_messages(&terrain, 2, PlaceOnBody::default())
+    let walls = visualisation::static_messages(&terrain, &frames)
         .into_iter()
         .find(|(view, _)| *view == VisualisationTopic::Map)
         .unwrap()

@@ -10,6 +10,7 @@ use voxels::{Cell, Extent, Grid, Terrain, walk};
 use super::*;
 use crate::world::comms::{Comms, ContactModel};
 use crate::world::lidar::{Mount, Pattern, Scanner};
+use crate::world::localisation::OdometryNoise;
 use crate::world::noise::SensorNoise;
 use crate::world::{ScanSchedule, WorldParams};
 
@@ -39,6 +40,8 @@ fn scanned(grid: RayGrid, range_m: f64, mount: Mount, noise: SensorNoise) -> Wor
         share_period_ticks: 0,
         noise,
         energy: None,
+        odometry: OdometryNoise::default(),
+        closures: None,
         late: BTreeSet::new(),
     };
     let mut world = World::new(hall(), params, &[POSE]);
