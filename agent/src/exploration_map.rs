@@ -293,8 +293,8 @@ impl ExplorationMap {
         self.reports(position..self.journal_len()).map(|report| self.box_of(&report))
     }
 
-    /// Those of the [boxes](Self::boxes_changed_since) that lie in blocks in which a cell has become
-    /// known or another terrain since then, so that not all changes are marks of coverage.
+    /// Those of the [boxes](Self::boxes_changed_since) that lie in blocks in which a cell has
+    /// become known or another terrain since then, so that not all changes are marks of coverage.
     pub fn boxes_revealed_since(&self, position: usize) -> impl Iterator<Item = (Cell, Cell)> + '_ {
         let is_revealed =
             move |report: &Block| self.blocks.get(report.index).is_some_and(|words| words.revealed as usize > position);

@@ -258,8 +258,8 @@ struct Nearest {
 }
 
 impl Nearest {
-    /// The first `count` of the cells near frontiers that are left to examine, or all up to the last
-    /// of them: their number, and which they are.
+    /// The first `count` of the cells near frontiers that are left to examine, or all up to the
+    /// last of them: their number, and which they are.
     fn found(
         ctx: &Ctx<'_>,
         key: (Cell, usize, i32),

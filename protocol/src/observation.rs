@@ -106,8 +106,8 @@ pub struct Observation {
     pub view: Option<Cells>,
     /// The energy of the body, if bodies need any: a message of [`Peer::Server`].
     pub energy: Option<Box<Energy>>,
-    /// Where the maps of others are on the own one, as far as they are elsewhere: those of agents in
-    /// contact or with messages here, ascending; a message of [`Peer::Server`].
+    /// Where the maps of others are on the own one, as far as they are elsewhere: those of agents
+    /// in contact or with messages here, ascending; a message of [`Peer::Server`].
     pub map_frames: Vec<MapFrame>,
     /// What the LiDAR sees of its surroundings, if that is not all around: a message of
     /// [`Peer::Server`].

@@ -1,8 +1,8 @@
-//! Memory that the system refuses: a process that cannot go on without it says so, and ends with the
-//! exit code of a system failure, where it would be aborted.
+//! Memory that the system refuses: a process that cannot go on without it says so, and ends with
+//! the exit code of a system failure, where it would be aborted.
 //!
-//! Code that asks whether there is room (`try_reserve`) still gets its answer: refusals are noted by
-//! the allocator, and reported only when the process is aborted.
+//! Code that asks whether there is room (`try_reserve`) still gets its answer: refusals are noted
+//! by the allocator, and reported only when the process is aborted.
 
 use std::io;
 
@@ -88,7 +88,8 @@ mod noting {
             }
         };
         #[expect(unsafe_code, reason = "handlers of signals may do little")]
-        // SAFETY: it reads an atomic, writes to a stream whose lock the same thread may hold, and ends the process.
+        // SAFETY: it reads an atomic, writes to a stream whose lock the same thread may hold, and
+        // ends the process.
         unsafe { signal_hook::low_level::register(signal_hook::consts::SIGABRT, handler) }.map(drop)
     }
 }

@@ -65,8 +65,8 @@ impl CellSet {
         }
     }
 
-    /// Those of at most 64 cells from `start` on, one bit each, that are not in it. Cells whose bits
-    /// are not set may lie beyond the last one.
+    /// Those of at most 64 cells from `start` on, one bit each, that are not in it. Cells whose
+    /// bits are not set may lie beyond the last one.
     #[inline]
     pub fn missing(&self, start: usize, cells: u64) -> u64 {
         let (word, shift) = (start / 64, start % 64);

@@ -155,8 +155,8 @@ mod tests {
 
     use super::*;
 
-    /// A room of 3 x 3 x 3 cells, in whose middle alone a body of 1.2 cells has room, and a niche of
-    /// two cells along x. Some cells are unexplored, all others wall.
+    /// A room of 3 x 3 x 3 cells, in whose middle alone a body of 1.2 cells has room, and a niche
+    /// of two cells along x. Some cells are unexplored, all others wall.
     fn room(unexplored: &[Cell]) -> ExplorationMap {
         let extent = Extent::new([8, 5, 5], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);

@@ -90,7 +90,7 @@ impl BesideFrontiers {
         ((z * self.size[1] + y) * self.size[0] + x) as usize
     }
 
-    /// Notes the blocks with cells that may depend on a box of cells; what is known of them is over.
+    /// Notes the blocks with cells that may depend on a box; what is known of them is over.
     fn note(&mut self, extent: Extent, low: Cell, high: Cell) {
         let near = |low: i32, high: i32, blocks: i32| {
             let low = (low - self.reach - 1).max(0) / SIDE;

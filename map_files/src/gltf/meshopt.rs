@@ -1,6 +1,6 @@
-//! Buffer views compressed by `EXT_meshopt_compression` and `KHR_meshopt_compression` of glTF, whose
-//! specifications have the formats: versions 0 and 1 of attributes and of triangles, and sequences
-//! of indices.
+//! Buffer views compressed by `EXT_meshopt_compression` and `KHR_meshopt_compression` of glTF,
+//! whose specifications have the formats: versions 0 and 1 of attributes and of triangles, and
+//! sequences of indices.
 //!
 //! Looked at: the crate meshopt builds the whole of meshoptimizer in C++; what is needed is here.
 //!

@@ -520,7 +520,8 @@ fn surfaces_of_ground_plans_end_at_their_edges() {
     let options =
         ImportOptions { margin_cells: Some(1), fill: Some(crate::options::Fill::Shell), ..ImportOptions::default() };
     let imported = ImportSpec { options, ..of(&world(&body), &[]) }.read().unwrap();
-    // Four layers of nine by nine cells less the yard of three by three, of which the two in the middle are hollow.
+    // Four layers of nine by nine cells less the yard of three by three, of which the two in the
+    // middle are hollow.
     let hollow = 2 * (7 * 7 - 5 * 5);
     assert_eq!(measured(&imported).1, 4 * (9 * 9 - 3 * 3) - hollow);
 }

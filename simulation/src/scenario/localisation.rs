@@ -1,5 +1,5 @@
-//! The table `[localisation]`: noise and biases of odometry. The default is none, and agents know where
-//! they are.
+//! The table `[localisation]`: noise and biases of odometry. The default is none, and agents know
+//! where they are.
 
 use serde::{Deserialize, Serialize};
 

@@ -97,10 +97,10 @@ pub(super) fn in_parts(transforms: Vec<TransformStamped>) -> impl Iterator<Item 
     parts.into_iter()
 }
 
-/// The pose of an agent by odometry at the start of this tick (metres), and its velocity in the last
-/// fixed update (m/s and rad/s, frame of the body). What is exact has covariances of 1e-9 (m^2,
-/// rad^2) on their diagonals: zeros would mean that they are not known. The frame of the pose is
-/// `map`, in which it is exact, or, if localisation drifts, `agent_<id>/odom`.
+/// The pose of an agent by odometry at the start of this tick (metres), and its velocity in the
+/// last fixed update (m/s and rad/s, frame of the body). What is exact has covariances of 1e-9
+/// (m^2, rad^2) on their diagonals: zeros would mean that they are not known. The frame of the pose
+/// is `map`, in which it is exact, or, if localisation drifts, `agent_<id>/odom`.
 #[must_use]
 pub fn odometry(world: &World, agent: AgentId) -> Odometry {
     let body = world.body(agent);
