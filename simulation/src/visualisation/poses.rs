@@ -106,7 +106,7 @@ pub fn odometry(world: &World, agent: AgentId) -> Odometry {
     let body = world.body(agent);
     let exact = covariance(EXACT_VARIANCE);
     let (header, pose, covariance_of_pose) = match world.frames(agent) {
-        None => (header(world.tick()), *body.pose(), exact.clone()),
+        None => (header(world.tick()), *body.pose(), exact),
         Some(frames) => {
             let header = Header { frame_id: format!("agent_{agent}/odom"), ..header(world.tick()) };
             (header, frames.odometry, drifted_covariance(&frames.covariance))
