@@ -3,7 +3,8 @@
 #
 #   launch_scripts/long_tests.sh [WORD...]      default: all; with words, those that have one in their name
 #
-# All browser tests of the page, the notebooks and the API pages of the Python package, plans over
+# All browser tests of the page, movies, the example in C++, plans of own programs, the notebooks
+# and the API pages of the Python package, plans over
 # Dask, Ray and submitit, SIERRA, exported maps in trimesh, Open3D, pyoctomap and PCL, the viewer
 # Rerun without a window, which needs a driver for Vulkan (Debian: mesa-vulkan-drivers), and what
 # `cargo install` installs; without words also runs over Zenoh, every code block of the documents

@@ -63,6 +63,7 @@ fn examples_move_on_the_default_map() {
 }
 
 #[test]
+#[ignore = "builds a C++ node, which takes minutes"]
 fn cpp_example_moves() {
     let site = Site::new();
     let agent = cpp_example(&site, "0");

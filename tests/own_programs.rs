@@ -162,6 +162,7 @@ fn rows(folder: &Path) -> Vec<String> {
 }
 
 #[test]
+#[ignore = "takes minutes"]
 fn plan_compares_programs_with_a_built_in_controller() {
     python::prepare_ros();
     let site = Site::new();

@@ -315,6 +315,7 @@ fn rerun_without_the_packages() {
 
 /// Points, frames, grids and bodies have their own types in Rerun, every other message its fields.
 #[test]
+#[ignore = "takes minutes"]
 fn rerun_shows_all_topics() {
     let site = Site::new();
     let (file, shown) = (site.path("run.mcap"), site.path("run.rrd"));

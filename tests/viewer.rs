@@ -134,6 +134,7 @@ fn pictures_of_maps_are_reproducible() {
 }
 
 #[test]
+#[ignore = "takes minutes"]
 fn movies_have_all_frames() {
     prepare();
     let site = Site::new();

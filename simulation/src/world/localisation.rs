@@ -1,10 +1,10 @@
 //! Localisation that drifts: where the agents believe to be, and where their scans enter their
 //! maps.
 //!
-//! **Blocks.** Odometry has an error ([`odometry`]). An agent corrects it within the *block* of its
+//! **Blocks.** Odometry has an error (`odometry`). An agent corrects it within the *block* of its
 //! map that it is building, as scan matching does in a submap: there, what it sees is where it
 //! believes it to be. So the frame of a block is that of the true map, moved by a whole number of
-//! cells. Once odometry has drifted from a block by [`DRIFT_CELLS`] along an axis, the next
+//! cells. Once odometry has drifted from a block by `DRIFT_CELLS` along an axis, the next
 //! block begins: the sensor enters all it sees anew, which overrides what earlier blocks have
 //! there. The grid of a block stays aligned with the axes: an error of the heading turns the way
 //! that odometry measures, and not the cells of a block.
