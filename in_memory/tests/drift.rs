@@ -1,5 +1,5 @@
-//! Complete runs with localisation that drifts: every controller goes on, whatever its map says,
-//! and the figures are those of the noise.
+//! Complete runs with localisation that drifts: every controller explores on a displaced map, and
+//! the figures are those of the noise.
 
 mod support;
 

@@ -274,9 +274,8 @@ impl<'a> Reader<'a> {
                 "model" => model.models.push(self.model(child, folder)?),
                 "include" => {
                     let included = self.include(child, folder)?;
-                    let is_merged = child.attribute("merge").is_some_and(|value| matches!(value, "true" | "1"));
                     match included {
-                        Some(included) if is_merged => model.merge(included)?,
+                        Some(included) if xml::is_true(child, "merge") => model.merge(included)?,
                         included => model.models.extend(included),
                     }
                 }

@@ -47,6 +47,11 @@ pub(super) fn child<'a, 'i>(parent: Node<'a, 'i>, name: &'static str) -> Option<
     children(parent, name).next()
 }
 
+/// Whether an attribute is there and says yes.
+pub(super) fn is_true(element: Node<'_, '_>, attribute: &'static str) -> bool {
+    element.attribute(attribute).is_some_and(|value| matches!(value.trim(), "true" | "1"))
+}
+
 /// The numbers in the text of an element, between spaces.
 ///
 /// # Errors

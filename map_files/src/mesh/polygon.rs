@@ -8,6 +8,7 @@
 use earcut::Earcut;
 use earcut::utils3d::project3d_to_2d;
 
+use super::super::frame::Bounds;
 use super::normal;
 
 /// Most corners of a polygon that is cut: the work may grow with their square.
@@ -28,9 +29,7 @@ pub(in super::super) fn triangles(corners: &[[f64; 3]], holes: &[u32]) -> Option
         return None;
     }
     // Lengths around 1, as far as they go: the projection takes areas below 1e-30 for none.
-    let [low, high] = [f64::min as fn(f64, f64) -> f64, f64::max].map(|extreme| {
-        corners.iter().copied().reduce(|a, b| [0, 1, 2].map(|axis| extreme(a[axis], b[axis]))).unwrap_or_default()
-    });
+    let Bounds { low, high } = Bounds::of(corners.iter().copied())?;
     let span = (0..3).map(|axis| high[axis] - low[axis]).fold(f64::MIN_POSITIVE, f64::max);
     let scaled: Vec<[f64; 3]> =
         corners.iter().map(|corner| [0, 1, 2].map(|axis| (corner[axis] - low[axis]) / span)).collect();

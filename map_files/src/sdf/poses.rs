@@ -89,7 +89,7 @@ impl Pose {
         let given = match (numbers.len(), pose.attribute("rotation_format")) {
             (0, _) => Isometry3::identity(),
             (6, None | Some("euler_rpy")) if is_finite => {
-                let is_degrees = pose.attribute("degrees").is_some_and(|value| matches!(value.trim(), "true" | "1"));
+                let is_degrees = xml::is_true(pose, "degrees");
                 let angle = |number: f64| if is_degrees { number.to_radians() } else { number };
                 let turn = turn_rpy([numbers[3], numbers[4], numbers[5]].map(angle));
                 Isometry3::from_parts(place(&numbers), turn)

@@ -86,13 +86,11 @@ impl Header {
     /// If this names the columns of the row and they are not known.
     pub(super) fn layout(&self, row: &[u8]) -> Result<Layout, String> {
         let &Self { columns, known, separator, count, are_words, .. } = self;
-        let all = if row.contains(&b'"') {
-            quoted(row, separator).len()
-        } else if let Some(separator) = separator.filter(|separator| row.contains(separator)) {
-            row.split(|&byte| byte == separator).count()
-        } else {
-            words(row, b",;").count()
+        let fields_of_row: Vec<&[u8]> = match separator.filter(|separator| row.contains(separator)) {
+            Some(separator) => row.split(|&byte| byte == separator).map(<[u8]>::trim_ascii).collect(),
+            None => words(row, b",;").collect(),
         };
+        let all = if row.contains(&b'"') { quoted(row, separator).len() } else { fields_of_row.len() };
         let ends_empty = separator.is_some_and(|separator| row.ends_with(&[separator]));
         let fields = all - usize::from(ends_empty);
         // A sentence may contain these letters, too.
@@ -100,10 +98,6 @@ impl Header {
         // R and pandas write the names or the numbers of rows, and no name of their column.
         let is_quoted = row.first() == Some(&b'"') && row.iter().filter(|&&b| b == b'"').count() == 2;
         let is_number = |field: &[u8]| !field.is_empty() && field.iter().all(u8::is_ascii_digit);
-        let fields_of_row: Vec<&[u8]> = match separator.filter(|separator| row.contains(separator)) {
-            Some(separator) => row.split(|&byte| byte == separator).map(<[u8]>::trim_ascii).collect(),
-            None => words(row, b",;").collect(),
-        };
         let [begins_with_number, all_are_numbers] = match fields_of_row.as_slice() {
             [first, rest @ ..] => [is_number(first), rest.iter().take(3).all(|field| is_number(field))],
             [] => [false; 2],

@@ -148,7 +148,7 @@ impl Odometry {
         self.covariance[(HEADING, HEADING)] += heading_variance;
     }
 
-    /// Takes note that the body was put at a pose, which its odometry is told.
+    /// Goes on from a pose at which the body was put, without measuring that as a motion.
     pub(super) fn put(&mut self, pose: Pose) {
         self.measured_to = pose;
     }
