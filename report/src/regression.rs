@@ -124,17 +124,12 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
         let fields: BTreeMap<String, String> =
             header.iter().zip(&record).map(|(name, field)| (name.to_owned(), field.to_owned())).collect();
         let place = Place(&file, index as u64 + 2);
-        let axes = fields.iter().filter_map(|(name, value)| Some((name.strip_prefix("axis.")?, value)));
-        let map = fields.get("axis.map.file").map_or("", String::as_str);
-        let names: Vec<&str> = axes.filter(|(key, _)| *key != "map.file").map(|(_, value)| &**value).collect();
-        let variant = match names.as_slice() {
-            [] => fields.get("controller").cloned().unwrap_or_default(),
-            names => names.join(", "),
-        };
-        let seed = number(&fields, "seed", &place)?;
+        let axes = fields.iter().filter_map(|(name, value)| Some((name.strip_prefix("axis.")?, value.as_str())));
+        let controller = fields.get("controller").map_or("", String::as_str);
+        let (variant, key) = names(axes.collect(), controller, number(&fields, "seed", &place)?);
         let digest = fields.get("digest").cloned().unwrap_or_default();
         let row = Row { value: measure.value(&fields, &place)?, outcome: Outcome::Digest(digest) };
-        runs.entry(variant).or_default().insert(key(seed, map), row);
+        runs.entry(variant).or_default().insert(key, row);
     }
     if path.is_dir() && path.join("runs").is_dir() {
         add_failures(&mut runs, path)?;
@@ -145,19 +140,22 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
 /// Adds the failed runs of a folder, which have seen nothing until the end of their time.
 fn add_failures(runs: &mut Runs, folder: &Path) -> Result<(), RegressionError> {
     for failed in Store::open(folder)?.failures()? {
-        let map = failed.axes.get("map.file").map_or("", String::as_str);
-        let names: Vec<&str> =
-            failed.axes.iter().filter(|(key, _)| *key != "map.file").map(|(_, value)| &**value).collect();
-        let variant = if names.is_empty() { failed.controller.clone() } else { names.join(", ") };
+        let axes = failed.axes.iter().map(|(key, value)| (key.as_str(), value.as_str()));
+        let (variant, key) = names(axes.collect(), &failed.controller, failed.seed as f64);
         let row = Row { value: ticks(failed.duration_s), outcome: Outcome::Failed(failed.reason.clone()) };
-        runs.entry(variant).or_default().insert(key(failed.seed as f64, map), row);
+        runs.entry(variant).or_default().insert(key, row);
     }
     Ok(())
 }
 
-/// What a run is found by among those of its variant.
-fn key(seed: f64, map: &str) -> String {
-    format!("seed {seed} {map}").trim_end().to_owned()
+/// The variant of a run, by its axes, and what the run is found by among those of its variant.
+fn names(mut axes: BTreeMap<&str, &str>, controller: &str, seed: f64) -> (String, String) {
+    let map = axes.remove("map.file").unwrap_or_default();
+    let variant = match axes.is_empty() {
+        true => controller.to_owned(),
+        false => axes.into_values().collect::<Vec<_>>().join(", "),
+    };
+    (variant, format!("seed {seed} {map}").trim_end().to_owned())
 }
 
 /// How a variant has changed.

@@ -43,8 +43,7 @@ pub(super) fn verdicts(study: &Study) -> Result<Vec<Verdicts>, StatisticsError> 
             second,
         };
         let mut verdicts: Vec<Verdict> = family.iter().zip(seconds).map(verdict).collect();
-        verdicts.extend(without_survivors(study, condition, compared));
-        verdicts.extend(without_common_maps(study, condition));
+        verdicts.extend(without_pairs(study, condition, compared));
         if !verdicts.is_empty() {
             all.push(Verdicts { panel: study.condition_name(condition), verdicts });
         }
@@ -52,34 +51,25 @@ pub(super) fn verdicts(study: &Study) -> Result<Vec<Verdicts>, StatisticsError> 
     Ok(all)
 }
 
-/// The verdicts on pairs of variants of which no two runs have a value.
-fn without_survivors(study: &Study, condition: &Condition, compared: Compared) -> Vec<Verdict> {
+/// The verdicts on pairs of variants of which no two runs have a value, or none are on the same map
+/// with the same seed.
+fn without_pairs(study: &Study, condition: &Condition, compared: Compared) -> Vec<Verdict> {
     let variants = 0..study.variants.len();
     let pairs = variants.clone().flat_map(|a| (a + 1..variants.end).map(move |b| (a, b)));
+    let has_runs = |variant: usize| !study.cell(condition, variant).is_empty();
     pairs
-        .filter(|&(a, b)| compared.pairs(study, condition, a, b).a.is_empty())
+        .filter(|&(a, b)| compared.pairs(study, condition, a, b).a.is_empty() && has_runs(a) && has_runs(b))
         .filter_map(|(a, b)| {
             let blocks = study.pairs(condition, a, b);
-            let of = if blocks.a.len() == blocks.maps { "map" } else { "pair" };
-            let failures = failures(study, [a, b], failed(&blocks), &plural(blocks.a.len(), of))?;
-            let sentence = format!("{} No pair of runs is left.", not_compared(study, [a, b], &failures, compared));
+            let sentence = if blocks.a.is_empty() {
+                let [a, b] = [a, b].map(|variant| &study.variants[variant]);
+                format!("No verdict on {a} and {b}: they have no map and seed in common; run the plan to its end.")
+            } else {
+                let of = if blocks.a.len() == blocks.maps { "map" } else { "pair" };
+                let failures = failures(study, [a, b], failed(&blocks), &plural(blocks.a.len(), of))?;
+                format!("{} No pair of runs is left.", not_compared(study, [a, b], &failures, compared))
+            };
             Some(Verdict { sentence, second: None })
-        })
-        .collect()
-}
-
-/// The pairs of variants that have runs, and none on the same map with the same seed.
-fn without_common_maps(study: &Study, condition: &Condition) -> Vec<Verdict> {
-    let has_runs = |variant: &usize| !study.cell(condition, *variant).is_empty();
-    let variants: Vec<usize> = (0..study.variants.len()).filter(has_runs).collect();
-    let pairs = variants.iter().enumerate().flat_map(|(at, &a)| variants[at + 1..].iter().map(move |&b| (a, b)));
-    pairs
-        .filter(|&(a, b)| study.pairs(condition, a, b).a.is_empty())
-        .map(|(a, b)| {
-            let [a, b] = [a, b].map(|variant| &study.variants[variant]);
-            let sentence =
-                format!("No verdict on {a} and {b}: they have no map and seed in common; run the plan to its end.");
-            Verdict { sentence, second: None }
         })
         .collect()
 }
