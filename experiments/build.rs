@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// What a run is made by, from the folder of the workspace. What only looks at runs is not among
 /// it.
-const SOURCES: [&str; 17] = [
+const SOURCES: [&str; 19] = [
     "Cargo.lock",
     "voxels/src",
     "mapgen/src",
@@ -14,6 +14,8 @@ const SOURCES: [&str; 17] = [
     "msgs/src",
     "system/src",
     "ros_node/src",
+    "protocol/src",
+    "world/src",
     "simulation/src",
     "transport/src",
     "recording/src",

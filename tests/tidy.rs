@@ -13,7 +13,7 @@ use crate::support::binaries::cargo;
 use crate::support::{python, root};
 
 /// The folders of the crates whose code is delivered, each below those that use it.
-pub(crate) const CRATES: [&str; 22] = [
+pub(crate) const CRATES: [&str; 23] = [
     "voxels",
     "msgs",
     "protocol",
@@ -21,6 +21,7 @@ pub(crate) const CRATES: [&str; 22] = [
     "ros_node",
     "mapgen",
     "map_files",
+    "world",
     "simulation",
     "transport",
     "recording",
@@ -39,7 +40,7 @@ pub(crate) const CRATES: [&str; 22] = [
 ];
 
 /// The crates of this workspace that each may name, as the code map in ARCHITECTURE.md draws them.
-const USES: [(&str, &[&str]); 22] = [
+const USES: [(&str, &[&str]); 23] = [
     ("voxels", &[]),
     ("msgs", &[]),
     ("protocol", &["msgs", "voxels"]),
@@ -47,9 +48,10 @@ const USES: [(&str, &[&str]); 22] = [
     ("ros_node", &["msgs", "protocol", "system"]),
     ("mapgen", &["voxels"]),
     ("map_files", &["mapgen", "voxels"]),
-    ("simulation", &["mapgen", "msgs", "protocol", "voxels"]),
+    ("world", &["mapgen", "msgs", "protocol", "voxels"]),
+    ("simulation", &["mapgen", "msgs", "protocol", "voxels", "world"]),
     ("transport", &["msgs", "protocol", "simulation", "system"]),
-    ("recording", &["map_files", "msgs", "simulation", "system", "transport", "voxels"]),
+    ("recording", &["map_files", "msgs", "simulation", "system", "transport", "voxels", "world"]),
     ("foxglove_server", &["msgs", "recording", "simulation", "system", "transport"]),
     (
         "sim_server",
@@ -65,6 +67,7 @@ const USES: [(&str, &[&str]); 22] = [
             "system",
             "transport",
             "voxels",
+            "world",
         ],
     ),
     ("agent", &["msgs", "protocol", "voxels"]),
@@ -72,7 +75,18 @@ const USES: [(&str, &[&str]); 22] = [
     ("agent_node", &["agent", "controllers", "msgs", "protocol", "ros_node", "system", "voxels"]),
     (
         "in_memory",
-        &["agent", "agent_node", "msgs", "protocol", "recording", "sim_server", "simulation", "system", "transport"],
+        &[
+            "agent",
+            "agent_node",
+            "msgs",
+            "protocol",
+            "recording",
+            "sim_server",
+            "simulation",
+            "system",
+            "transport",
+            "world",
+        ],
     ),
     ("supervisor", &["protocol", "simulation", "system"]),
     ("statistics", &["voxels"]),
@@ -92,6 +106,7 @@ const USES: [(&str, &[&str]); 22] = [
             "supervisor",
             "system",
             "voxels",
+            "world",
         ],
     ),
     ("report", &["agent_node", "experiments", "msgs", "statistics"]),
@@ -132,6 +147,7 @@ const USES: [(&str, &[&str]); 22] = [
             "supervisor",
             "system",
             "voxels",
+            "world",
         ],
     ),
 ];
@@ -215,7 +231,7 @@ fn dependencies_point_one_way() {
 
 #[test]
 fn pure_core_links_no_decoder() {
-    for of in ["mapgen", "protocol", "simulation"] {
+    for of in ["mapgen", "protocol", "world", "simulation"] {
         let linked = dependencies(of, &[]);
         for decoder in ["png", "laz", "serde_json", "mcap", "map_files"] {
             assert!(!linked.contains(decoder), "{of} links {decoder}");
@@ -238,7 +254,8 @@ fn only_binaries_depend_on_the_ros_client() {
         assert!(knows(binary, &[]), "{binary} talks ROS 2");
         assert!(!knows(binary, &["--no-default-features"]), "the feature `ros` of {binary} can be left out");
     }
-    let pure = ["voxels", "msgs", "protocol", "mapgen", "map_files", "simulation", "transport", "recording", "agent"];
+    let pure =
+        ["voxels", "msgs", "protocol", "mapgen", "map_files", "world", "simulation", "transport", "recording", "agent"];
     for pure in pure.into_iter().chain(["controllers"]) {
         assert!(!knows(pure, &[]), "{pure} has no ROS client");
     }
@@ -274,6 +291,7 @@ fn pure_modules_use_no_system_interface() {
         ("mapgen", &[""]),
         ("map_files", &[""]),
         ("statistics", &[""]),
+        ("world", &[""]),
         ("simulation", &[""]),
         ("transport", &["control"]),
         ("recording", &["bag", "comparison", "difference", "map", "playback", "replay"]),

@@ -7,9 +7,9 @@ use nalgebra::Point3;
 use protocol::body_model::BodyModel;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use simulation::world::body::{Body, Motion, Pose};
-use simulation::world::collision::Obstacles;
 use voxels::Extent;
+use world::body::{Body, Motion, Pose};
+use world::collision::Obstacles;
 
 /// The edge of the open space, cells.
 const SIZE: u32 = 40;

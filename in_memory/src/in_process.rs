@@ -16,9 +16,9 @@ use sim_server::session::{Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{ControllerChoice, Origins, Scenario};
 use simulation::wire;
-use simulation::workers::Workers;
-use simulation::world::World;
 use thiserror::Error;
+use world::World;
+use world::workers::Workers;
 
 #[cfg(unix)]
 use crate::own_program::{self, OwnProgram, OwnProgramError};

@@ -17,8 +17,8 @@ use agent_node::transport::{Inbound, ServerTransport};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{Command, JoinReply, Observation, Progress, Scenario};
 use protocol::signed::{JoinRequest, Signed};
-use simulation::workers::{TaskQueue, Workers};
 use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
+use world::workers::{TaskQueue, Workers};
 
 use super::{AgentsEnd, ServerEnd};
 use crate::Course;

@@ -10,7 +10,7 @@ use in_memory::in_process::{AgentOptions, InProcessError, ThreadLayout, run};
 use msgs::ids::AgentId;
 use sim_server::session::{NullObserver, RunObserver};
 use simulation::scenario::Scenario;
-use simulation::world::World;
+use world::World;
 
 fn scenario(agents: &str) -> Scenario {
     let text = format!(

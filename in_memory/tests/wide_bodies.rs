@@ -6,10 +6,10 @@ mod support;
 use msgs::counters::CounterName;
 use msgs::maes_msgs::Result as RunResult;
 use proptest::prelude::*;
-use simulation::world::body::Pose;
-use simulation::world::lidar::{Pattern, Scanner, SensorMemory};
 use support::{fill, result, solid};
 use voxels::{Cell, CellSet, Clearance, Grid, Terrain};
+use world::body::Pose;
+use world::lidar::{Pattern, Scanner, SensorMemory};
 
 /// Controllers that see all that can be seen, if no other agent is in the way.
 const PLANNERS: [&str; 12] = [

@@ -1,7 +1,7 @@
 //! Worlds that are stepped by hand: each step takes an action for every agent, and advances a fixed
 //! number of ticks.
 //!
-//! It is the world of a run (`simulation::world`) with the agents' own maps, sharing and navigation
+//! It is the world of a run (`world`) with the agents' own maps, sharing and navigation
 //! (`agent_node`); what agents observe and command passes through the messages of the protocol, so
 //! that it has the same checks and bounds. The decisions come from outside, all in the same tick.
 //!
@@ -26,9 +26,9 @@ use protocol::observation::fragments::{self, FragmentReassembler};
 use sim_server::setup;
 use simulation::scenario::{Origins, Scenario};
 use simulation::wire;
-use simulation::workers::Workers;
-use simulation::world::World;
 use voxels::{Cell, Terrain};
+use world::World;
+use world::workers::Workers;
 
 use crate::frontiers::NearFrontiers;
 

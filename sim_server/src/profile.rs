@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use msgs::ids::{AgentId, Tick};
 use serde_json::{Value, json};
-use simulation::world::World;
+use world::World;
 
 use crate::session::{Phase, PhaseTimes, RunObserver};
 use system::wall_clock::now;

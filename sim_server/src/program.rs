@@ -33,13 +33,13 @@ use ros_node::join_secret;
 use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
-use simulation::world::World;
 use system::memory;
 use system::os;
 use system::program::AGENTS_OF_START;
 use system::results;
 use system::summary::Summary;
 use transport::Transport;
+use world::World;
 
 /// Runs cannot be observed.
 #[cfg(not(feature = "view"))]

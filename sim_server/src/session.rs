@@ -46,10 +46,10 @@ use simulation::digest::Digest;
 pub use simulation::end_reason::EndReason;
 use simulation::scenario::{OnAgentLoss, Scenario, StopRule};
 use simulation::wire;
-use simulation::world::World;
 use system::wall_clock::nanoseconds;
 use transport::control::{Request, Reset, SimulationControl};
 use transport::{Level, Transport};
+use world::World;
 
 use agents::{Agents, Awaited, WaitContext};
 use engine::Engine;

@@ -18,8 +18,8 @@ use recording::recorder::{self, Document, RecordError, RecorderQueue, RunRecorde
 use recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, map};
 use simulation::digest::Digest;
 use simulation::scenario::{EnergySection, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
-use simulation::world::spawn::{Site, SpawnError};
-use simulation::world::{ScanSchedule, World, WorldParams};
+use world::spawn::{Site, SpawnError};
+use world::{ScanSchedule, World, WorldParams};
 
 mod scenario_file;
 

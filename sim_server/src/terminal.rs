@@ -20,9 +20,9 @@ use msgs::printable;
 use crate::session::{Outcome, RunObserver};
 use protocol::lockstep::listed;
 use simulation::scenario::{Scenario, StopRule};
-use simulation::world::World;
 use system::progress_bar::{self, TimeLeft};
 use system::wall_clock::now;
+use world::World;
 
 /// Minimum wall time between two plain progress lines.
 const LINE_PERIOD: Duration = Duration::from_secs(5);

@@ -9,16 +9,18 @@
 //! The session decides which messages are committed.
 
 mod links;
+#[cfg(test)]
+mod tests;
 
 use std::fmt;
 use std::sync::Arc;
 
 use msgs::ids::Tick;
 
-use crate::workers::Workers;
-use crate::world::{ExploredShares, Presence, World};
 use links::{Links, Piece};
 use protocol::observation::{Pose, Surface};
+use world::workers::Workers;
+use world::{ExploredShares, Presence, World};
 
 /// The digest up to and including a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -33,7 +33,7 @@ use protocol::limits::BODIES_MAX;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::world::spawn::SpawnSpec;
+use world::spawn::SpawnSpec;
 
 use changes::{Change, Refusal};
 

@@ -39,7 +39,7 @@ use protocol::map_views;
 use voxels::{Grid, Terrain};
 
 use crate::scenario::{RecordedView, ViewsSection};
-use crate::world::World;
+use world::World;
 
 use cells::{Unexplored, walls};
 pub use cloud::points;

@@ -18,9 +18,9 @@ use protocol::run_info::OF_BODY;
 use voxels::{Cell, Extent, Terrain};
 
 use crate::scenario::{AgentsSection, Scenario};
-use crate::world::World;
-use crate::world::localisation::Frames;
-use crate::world::map_change::CellBox;
+use world::World;
+use world::localisation::Frames;
+use world::map_change::CellBox;
 
 /// The part of a scenario that agents may know, as it is recorded; the caller sets the version of
 /// the protocol and the number of the run.

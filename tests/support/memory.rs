@@ -22,8 +22,8 @@ use recording::playback::Playback;
 use sim_server::session::{self, JoinPolicy, Mode, Outcome, RunConfig, RunError, RunObserver};
 use sim_server::setup;
 use simulation::scenario::Scenario;
-use simulation::world::World;
 use transport::Transport;
+use world::World;
 
 use super::{HANG, bounded};
 

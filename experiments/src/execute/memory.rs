@@ -7,8 +7,8 @@ use agent_node::controllers::Registry;
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
 use sim_server::session::{EndReason, Phase, RunObserver};
-use simulation::world::World;
 use system::wall_clock;
+use world::World;
 
 use super::{RunFailure, machine};
 use crate::measure::{self, Trace};

@@ -18,9 +18,9 @@
 //! other bodies are left out.
 
 use nalgebra::Point3;
-use simulation::world::World;
-use simulation::world::lidar::Scanner;
 use voxels::{Cell, Grid, Terrain};
+use world::World;
+use world::lidar::Scanner;
 
 use crate::rows::Marks;
 use msgs::ids::Tick;

@@ -24,10 +24,10 @@ use nalgebra::Point3;
 use protocol::command::{Command, WakeCondition};
 use protocol::motion::Motion;
 use protocol::scan_request::ScanRequest;
-use simulation::workers::Workers;
-use simulation::world::World;
-use simulation::world::lidar::Scanner;
 use voxels::{Cell, Terrain};
+use world::World;
+use world::lidar::Scanner;
+use world::workers::Workers;
 
 use super::tours::{self, Costs};
 use super::viewpoints::{self, Viewpoint, Views};

@@ -12,9 +12,9 @@ use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use nalgebra::Point3;
 use rayon::prelude::*;
-use simulation::world::body::Pose;
-use simulation::world::lidar::{Scanner, SensorMemory};
 use voxels::{BodyLattice, Cell, Extent, Grid, Terrain};
+use world::body::Pose;
+use world::lidar::{Scanner, SensorMemory};
 
 /// A cell to scan from.
 #[derive(Debug, Clone, PartialEq, Eq)]

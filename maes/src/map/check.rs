@@ -7,10 +7,10 @@ use std::io::Write;
 
 use mapgen::repair;
 use protocol::body_model::{BodyKind, BodyModel};
-use simulation::world::attainable::{Attainable, Bodies, standing_parts};
-use simulation::world::lidar::{Pattern, Scanner};
-use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
+use world::attainable::{Attainable, Bodies, standing_parts};
+use world::lidar::{Pattern, Scanner};
+use world::spawn::{Site, SpawnSpec};
 
 use super::reach::{Reach, radius_max_m};
 use super::{CheckArgs, MapCliError, Report, by, import, picture};

@@ -14,9 +14,9 @@ use nalgebra::Point3;
 use protocol::body_model::BodyModel;
 use serde::Serialize;
 use sim_server::setup;
-use simulation::world::spawn::{Site, SpawnSpec};
 use voxels::clearance::REACH_CELLS;
 use voxels::{BodyLattice, Cell, Clearance, Grid, Terrain, line_of_sight};
+use world::spawn::{Site, SpawnSpec};
 
 use crate::map::reach::{Reach, radius_max_m};
 

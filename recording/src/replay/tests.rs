@@ -20,7 +20,7 @@ use crate::Recording;
 use crate::SCENARIO_ATTACHMENT;
 use crate::recorder::{Document, Recorder};
 use simulation::visualisation::{self, StaticFrames, VisualisationMessage, VisualisationTopic};
-use simulation::world::lidar::PlaceOnBody;
+use world::lidar::PlaceOnBody;
 
 const SCENARIO: &str = "seed = 1\nduration_s = 100.0\nmap = { kind = \"spheres\", size = 5 }\nagents = { count = 2 }\n";
 const MAP: &str = "###\n###\n###\n\n###\n#.#\n###\n\n###\n###\n###\n";

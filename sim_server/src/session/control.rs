@@ -20,9 +20,9 @@ use super::agents::POLL_PERIOD;
 use super::entities::{self, Team};
 use super::{RunError, Session};
 use nalgebra::Point3;
-use simulation::world::map_change::MapChange;
 use transport::control::Request;
 use voxels::Terrain;
+use world::map_change::MapChange;
 
 /// Most requests that are answered between two ticks, so that a flood does not stop the clock.
 const REQUESTS_MAX: usize = 32;

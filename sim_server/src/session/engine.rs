@@ -32,13 +32,13 @@ use recording::playback::RecordedTick;
 use simulation::digest::{Chain, Digest};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent, StopRule};
 use simulation::wire::{self, Change, MapChangeCause};
-use simulation::workers::Workers;
-use simulation::world::body::Pose;
-use simulation::world::energy::EnergyTotals;
-use simulation::world::localisation::DriftTotals;
-use simulation::world::map_change::{CellBox, MapChange};
-use simulation::world::{Presence, World};
 use voxels::Terrain;
+use world::body::Pose;
+use world::energy::EnergyTotals;
+use world::localisation::DriftTotals;
+use world::map_change::{CellBox, MapChange};
+use world::workers::Workers;
+use world::{Presence, World};
 
 mod completion;
 

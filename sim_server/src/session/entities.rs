@@ -18,8 +18,8 @@ use regex_lite::{Regex, RegexBuilder};
 use serde::Serialize;
 
 use simulation::wire;
-use simulation::world::body::Pose;
-use simulation::world::{World, collision};
+use world::body::Pose;
+use world::{World, collision};
 
 /// Maximum bytes of a regular expression, and of its compiled form.
 const FILTER_BYTES_MAX: usize = 1024;

@@ -6,7 +6,7 @@ use std::time::Duration;
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{JoinReply, Observation, Scenario};
 use protocol::signed::Signed;
-use simulation::world::World;
+use world::World;
 
 use super::RunObserver;
 use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};

@@ -13,9 +13,9 @@ use simulation::scenario::{PointsField, RecordedView, Scenario};
 use simulation::visualisation::{
     self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
 };
-use simulation::world::World;
 use system::wall_clock::nanoseconds;
 use transport::Transport;
+use world::World;
 
 /// The visualisation topics of a run, and its wall clock.
 pub(super) struct Observers {

@@ -19,8 +19,8 @@ use recording::playback::{Ending, Playback, RecordedIntervention, RecordedTick};
 use simulation::digest::Digest;
 use simulation::scenario::OnAgentLoss;
 use simulation::wire::{self, Change};
-use simulation::world::Presence;
 use transport::Level;
+use world::Presence;
 
 /// What a recording says of the present tick.
 enum NextTick {

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::Digest;
-use crate::workers::Workers;
+use world::workers::Workers;
 
 /// With so many pieces that no helper has hashed, a caller hashes them.
 const WAITING_MAX: usize = 64;

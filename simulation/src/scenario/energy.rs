@@ -5,7 +5,7 @@ use protocol::limits::BASES_MAX;
 use serde::{Deserialize, Serialize};
 
 use super::{Checker, Scenario, ScenarioError};
-use crate::world::energy::{Capacity, EnergyParams};
+use world::energy::{Capacity, EnergyParams};
 
 /// `[energy]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

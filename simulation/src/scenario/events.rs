@@ -20,7 +20,7 @@ use voxels::Terrain;
 
 use super::changes::{self, Change, Refusal};
 use super::{Checker, Origins, Override, Scenario, ScenarioError, keys, one_line};
-use crate::world::map_change::{MapChange, Proximity};
+use world::map_change::{MapChange, Proximity};
 
 /// Largest number of events.
 pub const EVENTS_MAX: usize = 10_000;

@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use super::radio::is_default;
 use super::{Checker, Scenario, ScenarioError};
-use crate::world::lidar::{Mount, Pattern, PlaceOnBody, Projection, RayGrid, Scanner};
+use world::lidar::{Mount, Pattern, PlaceOnBody, Projection, RayGrid, Scanner};
 
 /// The patterns with rows and columns.
 const GRIDS: [LidarPattern; 2] = [LidarPattern::Ring, LidarPattern::Frustum];

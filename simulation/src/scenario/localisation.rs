@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::radio::is_default;
-use crate::world::localisation::{LoopClosures, OdometryNoise};
+use world::localisation::{LoopClosures, OdometryNoise};
 
 /// `[localisation]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -5,7 +5,7 @@ use msgs::maes_msgs;
 use serde::{Deserialize, Serialize};
 
 use super::{Checker, ScenarioError};
-use crate::world::comms::{Comms, ContactModel, PathLoss};
+use world::comms::{Comms, ContactModel, PathLoss};
 
 /// Default capacity of a send queue.
 const QUEUE_BYTES: u64 = 1 << 20;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::radio::is_default;
-use crate::world::noise::SensorNoise;
+use world::noise::SensorNoise;
 
 /// `[sensor]`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

@@ -5,7 +5,7 @@ use msgs::sensor_msgs::BatteryState;
 use msgs::std_msgs::Header;
 
 use crate::wire::header;
-use crate::world::World;
+use world::World;
 
 /// The battery of an agent; `None` if bodies need no energy. What a battery of joules does not have
 /// (a voltage, a current, a charge in ampere hours, a temperature) is NaN.

@@ -8,9 +8,9 @@ use protocol::map_views::{self, ExtraField};
 
 use crate::scenario::PointsField;
 use crate::wire::{body_frame, header};
-use crate::world::World;
-use crate::world::body::Pose;
-use crate::world::lidar::{Measured, RayGrid, RayReturn, Scanner};
+use world::World;
+use world::body::Pose;
+use world::lidar::{Measured, RayGrid, RayReturn, Scanner};
 
 /// The intensity of a wall that a ray meets at a right angle: that of a matt white surface, as
 /// LiDARs that are calibrated to reflectivities report it.
@@ -74,7 +74,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::world::lidar::{Pattern, Projection};
+    use world::lidar::{Pattern, Projection};
 
     /// A level ring of three lines.
     fn ring_of_three(pitch_rad: f64) -> Scanner {

@@ -7,8 +7,8 @@ use msgs::std_msgs;
 use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
 use crate::wire::{body_frame, lidar_frame, optical_frame};
-use crate::world::World;
-use crate::world::lidar::PlaceOnBody;
+use world::World;
+use world::lidar::PlaceOnBody;
 
 /// One robot of all agents: the link `map`, and on it for each agent a sphere
 /// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` where it is mounted, and the optical

@@ -15,9 +15,9 @@ use nalgebra::{Point3, SMatrix};
 use protocol::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 
 use crate::wire::{MAP_FRAME, body_frame, header, lidar_frame, optical_frame, point, rotation, vector};
-use crate::world::World;
-use crate::world::body::Pose as BodyPose;
-use crate::world::lidar::PlaceOnBody;
+use world::World;
+use world::body::Pose as BodyPose;
+use world::lidar::PlaceOnBody;
 
 /// Bytes on the wire of a pose with a header, with padding.
 const POSE_BYTES: usize = 72;

@@ -10,9 +10,9 @@ use msgs::std_msgs::Header;
 use protocol::map_views::CONTENT_BYTES_MAX;
 
 use crate::wire::{header, lidar_frame, optical_frame};
-use crate::world::World;
-use crate::world::body::Pose;
-use crate::world::lidar::{Measured, MiddleLine, Projection, RayGrid, RayReturn};
+use world::World;
+use world::body::Pose;
+use world::lidar::{Measured, MiddleLine, Projection, RayGrid, RayReturn};
 
 /// Bytes of a pixel.
 const PIXEL_BYTES: u32 = 4;

@@ -13,7 +13,7 @@ use msgs::ids::{AgentId, Tick};
 
 use super::{VisualisationMessage, VisualisationMessages, VisualisationTopic, poses};
 use crate::wire;
-use crate::world::World;
+use world::World;
 
 /// Stamps of the transforms that one side has.
 #[derive(Debug)]

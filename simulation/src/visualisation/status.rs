@@ -7,7 +7,7 @@ use msgs::ids::AgentId;
 use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
 use crate::wire::header;
-use crate::world::{Presence, World};
+use world::{Presence, World};
 
 /// Bytes on the wire of a string beside its characters, with padding.
 const TEXT_BYTES_BARE: usize = 12;

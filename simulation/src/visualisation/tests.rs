@@ -11,12 +11,12 @@ use protocol::limits::VIEW_BYTES_MAX;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
-use crate::world::body::{Motion, Pose};
-use crate::world::comms::{Comms, ContactModel};
-use crate::world::lidar::{Pattern, Scanner};
-use crate::world::localisation::OdometryNoise;
-use crate::world::noise::SensorNoise;
-use crate::world::{ScanSchedule, WorldParams};
+use world::body::{Motion, Pose};
+use world::comms::{Comms, ContactModel};
+use world::lidar::{Pattern, Scanner};
+use world::localisation::OdometryNoise;
+use world::noise::SensorNoise;
+use world::{ScanSchedule, WorldParams};
 
 /// A tunnel of 1 x 1 x 8 free cells of 1 m along x, from (1, 1, 1) to (8, 1, 1).
 fn tunnel() -> Grid<Terrain> {
@@ -48,7 +48,7 @@ fn world() -> World {
 }
 
 fn step(world: &mut World, actions: impl IntoIterator<Item = (u32, Motion)>) {
-    world.sense(&crate::workers::Workers::new(1).unwrap());
+    world.sense(&world::workers::Workers::new(1).unwrap());
     let action = |motion| Command::new(motion, WakeCondition::NEXT_TICK);
     world.step(actions.into_iter().map(|(agent, motion)| (AgentId(agent), action(motion))).collect());
 }
@@ -157,7 +157,7 @@ fn cloud_has_the_stamp_of_its_scan() {
     let cloud = super::points(&world, AgentId(0), &[]).unwrap();
     assert_eq!((cloud.header.stamp, cloud.header.frame_id.as_str()), (Tick(0).into(), "agent_0/base_link"));
     let returns = world.returns(AgentId(0), world.scanner());
-    let hits: Vec<_> = returns.iter().filter_map(crate::world::lidar::RayReturn::point).collect();
+    let hits: Vec<_> = returns.iter().filter_map(world::lidar::RayReturn::point).collect();
     // Walls are half a metre away on five sides.
     assert!(hits.len() > 800 && hits.iter().all(|hit| (hit - Point3::new(1.5, 1.5, 1.5)).norm() < 1.0 + 1e-9));
     assert_eq!(cloud.width as usize, hits.len());

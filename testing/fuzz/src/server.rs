@@ -26,8 +26,8 @@ use protocol::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::{JoinPolicy, RunConfig, RunObserver};
 use sim_server::setup;
 use simulation::scenario::Scenario;
-use simulation::world::World;
 use transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
+use world::World;
 
 use crate::hostile_messages::{self, Known};
 

@@ -5,11 +5,11 @@ use protocol::body_model::BodyModel;
 use voxels::{Grid, Terrain};
 
 use super::*;
-use simulation::world::comms::{Comms, ContactModel};
-use simulation::world::lidar::{Pattern, Scanner};
-use simulation::world::localisation::OdometryNoise;
-use simulation::world::noise::SensorNoise;
-use simulation::world::{ScanSchedule, WorldParams};
+use world::comms::{Comms, ContactModel};
+use world::lidar::{Pattern, Scanner};
+use world::localisation::OdometryNoise;
+use world::noise::SensorNoise;
+use world::{ScanSchedule, WorldParams};
 
 const RADIUS_M: f64 = 0.4;
 

@@ -8,11 +8,11 @@ use protocol::limits::VIEW_BYTES_MAX;
 use voxels::{Cell, Extent, Grid, Terrain, walk};
 
 use super::*;
-use crate::world::comms::{Comms, ContactModel};
-use crate::world::lidar::{Mount, Pattern, Scanner};
-use crate::world::localisation::OdometryNoise;
-use crate::world::noise::SensorNoise;
-use crate::world::{ScanSchedule, WorldParams};
+use world::comms::{Comms, ContactModel};
+use world::lidar::{Mount, Pattern, Scanner};
+use world::localisation::OdometryNoise;
+use world::noise::SensorNoise;
+use world::{ScanSchedule, WorldParams};
 
 /// A hall of 38 x 30 x 10 free cells of half a metre with a pillar and a beam, closed all around.
 fn hall() -> Grid<Terrain> {
@@ -45,7 +45,7 @@ fn scanned(grid: RayGrid, range_m: f64, mount: Mount, noise: SensorNoise) -> Wor
         late: BTreeSet::new(),
     };
     let mut world = World::new(hall(), params, &[POSE]);
-    world.sense(&crate::workers::Workers::new(1).unwrap());
+    world.sense(&world::workers::Workers::new(1).unwrap());
     world.step(BTreeMap::new());
     world
 }
