@@ -102,7 +102,7 @@ impl Units {
         if bounds.spans_more_than(1.0) || self.is_of_file(spec) {
             return Ok(());
         }
-        Err(self.too_small(bounds, format!("less than a cell of {} m", self.cell_m)))
+        Err(self.too_small(bounds, format!("no more than a cell of {} m", self.cell_m)))
     }
 
     /// Refuses a small map with one free cell or none, of a file within bounds.

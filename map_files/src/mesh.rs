@@ -44,6 +44,10 @@ type Triangle = [[f64; 3]; 3];
 /// Largest number of triangles of a mesh; each takes about 200 bytes while it is read.
 pub(super) const TRIANGLES_MAX: usize = 1 << 22;
 
+/// What surfaces between solids that touch do, as meshes of several volumes have them.
+const INTERFACES: &str = "as where solids touch and share a surface: what is inside cannot be told; export the union \
+                          of the solids (fuse, instead of fragments)";
+
 /// Most openings that a report names.
 const OPENINGS_SHOWN: usize = 3;
 
@@ -252,7 +256,7 @@ pub(super) fn map_up(
     }
     let mut work = WorkBudget::new(spec);
     let doubled = doubled::drop_backs(&mut triangles, &mut work)?;
-    let Orientation { turned, parts, openings } = orientation::orient(&mut triangles, &mut work)?;
+    let Orientation { turned, parts, openings, rims } = orientation::orient(&mut triangles, &mut work)?;
     let text = format!(
         "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
         mesh.triangles.len()
@@ -291,6 +295,10 @@ pub(super) fn map_up(
         let text = format!("solid: {filled} cells inside become {kind}, {decided} cells decided by winding number");
         notes.push(Note::new("fill", text));
         notes.extend(note_of_openings(Some(votes.holes), &openings, &frame));
+        if rims > 0 {
+            let text = format!("three faces or more meet at {rims} edges, {INTERFACES}");
+            notes.push(Note::warning("interfaces", text));
+        }
     } else {
         notes.extend(note_of_openings(None, &openings, &frame));
     }

@@ -277,8 +277,21 @@ impl Keys {
             Ground::Occupied
         } else if occupied < self.free_thresh || (self.mode == Mode::Raw && occupied == 0.0) {
             Ground::Free
+        } else if self.mode == Mode::Scale {
+            self.between_thresholds(occupied)
         } else {
             Ground::Unknown
+        }
+    }
+
+    /// What the map server makes of an occupancy between the thresholds in mode `scale`: whole
+    /// percent of the way, of which the first and the last are free and occupied.
+    fn between_thresholds(&self, occupied: f64) -> Ground {
+        let share = (occupied - self.free_thresh) / (self.occupied_thresh - self.free_thresh);
+        match libm::rint(share * 100.0) {
+            0.0 => Ground::Free,
+            100.0 => Ground::Occupied,
+            _ => Ground::Unknown,
         }
     }
 

@@ -10,11 +10,12 @@
 //! meanwhile: the server waits for them.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::io;
+use std::fs::File;
+use std::io::{self, Seek as _, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use anyhow::Context;
 use msgs::ids::{AgentId, Tick};
 use serde_json::{Value, json};
 use world::World;
@@ -137,13 +138,25 @@ impl Profile {
         json!({ "traceEvents": events, "displayTimeUnit": "ms", "otherData": other })
     }
 
-    /// Writes [`Profile::trace`] to a file.
+    /// Writes [`Profile::trace`] to a file of [`create_trace`], in place of that of a run before.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn write_trace(&self, decisions: &[Decision], file: &Path) -> io::Result<()> {
-        fs::write(file, self.trace(decisions).to_string() + "\n")
+    pub fn write_trace(&self, decisions: &[Decision], mut file: &File) -> io::Result<()> {
+        file.set_len(0)?;
+        file.rewind()?;
+        file.write_all((self.trace(decisions).to_string() + "\n").as_bytes())
     }
+}
+
+/// Creates the file of a trace before the run, so that a name nobody can write to costs no result;
+/// an empty name is no file.
+///
+/// # Errors
+/// If it cannot be created; the error names the flag and the file.
+pub fn create_trace(name: &Path) -> anyhow::Result<Option<File>> {
+    let is_file = !name.as_os_str().is_empty();
+    is_file.then(|| File::create(name).with_context(|| format!("--profile {}", name.display()))).transpose()
 }
 
 impl RunObserver for Profiled<'_> {

@@ -15,7 +15,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering;
 
 use crate::cli::{Cli, Command as CliCommand, RunArgs};
-use crate::profile::{Profile, Profiled};
+use crate::profile::{Profile, Profiled, create_trace};
 use crate::ros::RosTransport;
 use crate::session::{self, JoinPolicy, Mode, Outcome, RecordingSinks, RunConfig, RunError};
 use crate::terminal::{self, Terminal};
@@ -154,14 +154,23 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     };
     let recorded = resumed.as_ref().map(|resumed| resumed.file.as_path());
     let source = args.scenario.as_deref().or(recorded).unwrap_or(Path::new(""));
-    let (summary, profile) = (args.summary.as_deref(), args.profile.as_deref());
+    let trace = args.profile.as_deref().map(create_trace).transpose()?.flatten();
+    let (summary, is_profiled) = (args.summary.as_deref(), args.profile.is_some());
     let policy = join_policy(args)?;
     if let Some(agent) = policy.third_party.iter().find(|agent| agent.0 >= scenario.agents.count) {
         let last = scenario.agents.count - 1;
         anyhow::bail!("--external {agent}: agent {agent} is not in the run: ids are 0 to {last}");
     }
     let name = source.display().to_string();
-    let job = Job { name, scenario: &scenario, resumed: resumed.as_ref(), summary, profile, policy };
+    let job = Job {
+        name,
+        scenario: &scenario,
+        resumed: resumed.as_ref(),
+        summary,
+        is_profiled,
+        trace: trace.as_ref(),
+        policy,
+    };
     // An error in the world is reported before anything is opened.
     let made = job.make()?;
     let (stop, guard) = stop_and_guard(scenario.agents.count)?;
@@ -260,8 +269,10 @@ struct Job<'a> {
     resumed: Option<&'a Resumed>,
     /// Where the summary of its result is written.
     summary: Option<&'a Path>,
-    /// Where the trace of its profile is written; empty: nowhere. `None`: it is not profiled.
-    profile: Option<&'a Path>,
+    /// Whether it is profiled.
+    is_profiled: bool,
+    /// The file of the trace of its profile.
+    trace: Option<&'a File>,
     /// Which processes may join.
     policy: JoinPolicy,
 }
@@ -348,7 +359,7 @@ impl<'a> Job<'a> {
         }
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
         let config = config.map(|config| config.with_policy(self.policy.clone()));
-        let mut profile = self.profile.map(|_| Profile::default());
+        let mut profile = self.is_profiled.then(Profile::default);
         let mut ended = config.and_then(|config| {
             let mut observer = Profiled { inner: terminal, profile: profile.as_mut() };
             session::run(config, world, &mut *link, records, &mut observer, stop)
@@ -359,7 +370,7 @@ impl<'a> Job<'a> {
             ended = match self.records(&world, viewing) {
                 Ok(records) => {
                     let config = RunConfig::after_reset(scenario, start).with_policy(self.policy.clone());
-                    profile = self.profile.map(|_| Profile::default());
+                    profile = self.is_profiled.then(Profile::default);
                     let mut observer = Profiled { inner: terminal, profile: profile.as_mut() };
                     session::run(config, world, &mut *link, records, &mut observer, stop)
                 }
@@ -368,13 +379,10 @@ impl<'a> Job<'a> {
         }
         ending();
         terminal.clear();
-        if let (Some(profile), Some(file)) = (&profile, self.profile) {
+        let mut traced = Ok(());
+        if let Some(profile) = &profile {
             terminal.say(&profile.table("", &[]));
-            if !file.as_os_str().is_empty()
-                && let Err(error) = profile.write_trace(&[], file)
-            {
-                return failed(&format!("--profile {}: {error}", file.display()));
-            }
+            traced = self.trace.map_or(Ok(()), |file| profile.write_trace(&[], file));
         }
         Ok(match ended {
             Ok(outcome) => {
@@ -387,6 +395,9 @@ impl<'a> Job<'a> {
                     && let Err(error) = summary(&outcome).write(file)
                 {
                     return failed(&format!("--summary {}: {error}", file.display()));
+                }
+                if let Err(error) = traced {
+                    return failed(&format!("--profile: {error}"));
                 }
                 exit::of_outcome(&outcome)
             }

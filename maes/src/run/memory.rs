@@ -12,7 +12,7 @@ use anyhow::Context;
 use in_memory::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 use recording::Recording;
 use sim_server::exit;
-use sim_server::profile::{Decision, Profile, Profiled};
+use sim_server::profile::{Decision, Profile, Profiled, create_trace};
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
 use system::wall_clock;
@@ -47,6 +47,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     };
     let decision_times = (args.decision_times || args.profile.is_some()).then(|| DecisionTimes::new(wall_clock::now));
     let mut profile = args.profile.as_ref().map(|_| Profile::default());
+    let trace = args.profile.as_deref().map(create_trace).transpose()?.flatten();
     let options = AgentOptions {
         threads,
         chaos_delay,
@@ -67,15 +68,16 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     if let Some(times) = decision_times.as_ref().filter(|_| args.decision_times) {
         say(&summary(&times.sorted()));
     }
-    if let (Some(profile), Some(times), Some(file)) = (&profile, &decision_times, &args.profile) {
+    let mut traced = Ok(());
+    if let (Some(profile), Some(times)) = (&profile, &decision_times) {
         let decisions: Vec<Decision> = times
             .all()
             .into_iter()
             .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
             .collect();
         say(&profile.table(&scenario.agents.controllers_label(), &decisions));
-        if !file.as_os_str().is_empty() {
-            profile.write_trace(&decisions, file).with_context(|| format!("--profile {}", file.display()))?;
+        if let Some(file) = &trace {
+            traced = profile.write_trace(&decisions, file).context("--profile");
         }
     }
     let outcome = finished
@@ -89,6 +91,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     let text = terminal::result_text(&outcome);
     terminal.keep(&text);
     print(&text);
+    traced?;
     Ok(exit::of_outcome(&outcome))
 }
 

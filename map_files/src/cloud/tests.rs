@@ -80,7 +80,7 @@ fn a_cloud_without_an_extent_is_refused() {
     );
     assert_eq!(
         refuse(&[[0.0; 3], [0.04, 0.05, 0.0]]),
-        "the file spans 0.04000 m x 0.05000 m x 0 m, with scale = 1: less than a cell of 0.1 m; choose shorter cells \
+        "the file spans 0.04000 m x 0.05000 m x 0 m, with scale = 1: no more than a cell of 0.1 m; choose shorter cells \
          (--cell-m), or give the unit of the file (--scale)"
     );
 }

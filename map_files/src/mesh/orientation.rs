@@ -45,6 +45,9 @@ pub(super) struct Orientation {
     pub(super) parts: usize,
     /// Openings, the largest first.
     pub(super) openings: Vec<Opening>,
+    /// Edges at which an odd number of triangles meet, three or more: the rims of surfaces between
+    /// solids.
+    pub(super) rims: usize,
 }
 
 /// Turns triangles so that they face outwards together.
@@ -69,7 +72,9 @@ pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Resul
         let corners = self::corners(triangles, work)?;
         openings(triangles, &corners, &self::edges(&corners))
     };
-    Ok(Orientation { turned, parts: parts.len(), openings })
+    let meeting = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(<[Edge]>::len);
+    let rims = meeting.filter(|triangles| triangles % 2 == 1 && *triangles > 1).count();
+    Ok(Orientation { turned, parts: parts.len(), openings, rims })
 }
 
 /// The number of the place of each corner, by triangle: that of the first corner there.

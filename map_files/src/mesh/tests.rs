@@ -157,8 +157,22 @@ fn span_is_that_of_the_file_whatever_the_cells() {
     for cell_m in [7.0, 1e3, 1e5, 1e6, 1e9] {
         let spec = ImportSpec { cell_m: Some(cell_m), ..ImportSpec::new("a.obj", Vec::new()) };
         let error = map(&spec, &cuboid([0.0; 3], [6.0, 4.0, 3.0]), Vec::new()).unwrap_err().to_string();
-        assert!(error.starts_with("the file spans 6.000 m x 4.000 m x 3.000 m, with scale = 1: less"), "{error}");
+        assert!(error.starts_with("the file spans 6.000 m x 4.000 m x 3.000 m, with scale = 1: no more"), "{error}");
     }
+}
+
+/// Meshes of several volumes have the surface between two of them once.
+#[test]
+fn surfaces_between_solids_are_named() {
+    let mut mesh = cuboid([0.0; 3], [3.0; 3]);
+    let mut other = cuboid([3.0, 0.0, 0.0], [6.0, 3.0, 3.0]);
+    // The first two triangles are the side that touches.
+    mesh.triangles.extend(other.triangles.drain(2..));
+    let imported = read(&mesh, options(Fill::Solid, Kind::Wall));
+    let told = note(&imported, "interfaces").unwrap();
+    assert!(told.starts_with("three faces or more meet at 4 edges"), "{told}");
+    let alone = read(&cuboid([0.0; 3], [3.0; 3]), options(Fill::Solid, Kind::Wall));
+    assert_eq!(note(&alone, "interfaces"), None);
 }
 
 #[test]

@@ -161,6 +161,25 @@ fn grey_of_map_saver_is_unknown_whatever_the_thresholds() {
     assert!(read("raw").starts_with("0 occupied, 12 free, 24 unknown"), "{}", read("raw"));
 }
 
+/// What lies between the thresholds is rounded to whole percent of the way between them, as nav2
+/// does, and its ends are free and occupied.
+#[test]
+fn scale_mode_rounds_to_whole_percent() {
+    let counts = |thresholds: &str, greys: &[u8]| {
+        let keys = "image: m\nresolution: 1\norigin: [0, 0, 0]\nnegate: 0\nmode: scale\n";
+        let greys_text = greys.iter().map(u8::to_string).collect::<Vec<_>>().join(" ");
+        let picture = format!("P2 {} 1 255 {greys_text}", greys.len());
+        let imported = yaml(&format!("{keys}{thresholds}"), picture.as_bytes()).read().unwrap();
+        imported.notes[0].text.split(" unknown").next().unwrap().to_owned()
+    };
+    let wide = "free_thresh: 0.0\noccupied_thresh: 0.65\n";
+    assert_eq!(counts(wide, &[255]), "0 occupied, 1 free, 0");
+    // 0.6, 98.9 and 99.5 percent of the way.
+    assert_eq!(counts(wide, &[255, 254, 91, 90, 0]), "2 occupied, 1 free, 2");
+    // The grey of unknown cells is 0.02 percent of the way.
+    assert_eq!(counts("free_thresh: 0.196\noccupied_thresh: 0.65\n", &[205, 203]), "0 occupied, 1 free, 1");
+}
+
 /// JPEG makes other greys of that of unknown cells, and of free and occupied cells beside each
 /// other.
 #[test]
@@ -213,7 +232,7 @@ fn transparent_pixels_are_those_of_the_map_server() {
     };
     // Occupancies of 0.003, 0.253, 0.75, 1, grey, grey, 0.46, 0.741 and 0.876.
     assert_eq!(read(""), "4 occupied, 1 free, 4 unknown");
-    assert_eq!(read("mode: scale\n"), "2 occupied, 1 free, 6 unknown");
+    assert_eq!(read("mode: scale\n"), "2 occupied, 2 free, 5 unknown");
     assert_eq!(read("mode: raw\n"), "1 occupied, 4 free, 4 unknown");
 }
 

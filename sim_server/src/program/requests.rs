@@ -17,6 +17,7 @@ use system::program::AGENTS_OF_START;
 use super::{Job, failed, join_policy, open_viewing, say_ready, stop_and_guard, tell_address};
 use crate::cli::RunArgs;
 use crate::exit;
+use crate::profile::create_trace;
 use crate::requested_run::{RequestedRun, RequestedRuns, RunFolders};
 use crate::terminal::Terminal;
 
@@ -68,7 +69,8 @@ pub(super) fn serve_requests(
     let maps = args.map_dir.clone().or_else(scenarios_folder);
     let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
     let policy = join_policy(args)?;
-    let (summary, profile) = (args.summary.as_deref(), args.profile.as_deref());
+    let trace = args.profile.as_deref().map(create_trace).transpose()?.flatten();
+    let (summary, is_profiled) = (args.summary.as_deref(), args.profile.is_some());
     // The recording of a run is not written again.
     let unrecorded = |scenario: &Scenario| {
         let mut scenario = scenario.clone();
@@ -98,7 +100,15 @@ pub(super) fn serve_requests(
                 continue;
             }
         };
-        let job = Job { name: name.to_owned(), scenario: &scenario, resumed, summary, profile, policy: policy.clone() };
+        let job = Job {
+            name: name.to_owned(),
+            scenario: &scenario,
+            resumed,
+            summary,
+            is_profiled,
+            trace: trace.as_ref(),
+            policy: policy.clone(),
+        };
         let begun = job.make().and_then(|made| job.begin(made, env, Some(viewing)));
         let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, team, &scenario).map(|()| begun)) {
             Ok(begun) => begun,
