@@ -108,14 +108,14 @@ pub(crate) struct InfoArgs {
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
     /// Draw one layer of cells, for instance z=25.
-    #[arg(long, value_name = "AXIS=K", value_parser = slices::parse)]
+    #[arg(long, value_name = "AXIS=K", value_parser = slices::parse, conflicts_with = "slices")]
     pub(crate) slice: Option<Slice>,
     /// Draw so many layers side by side, scaled to the terminal; 0: none [default: 3 on a terminal,
     /// else 0].
     #[arg(long, value_name = "N")]
     pub(crate) slices: Option<u32>,
     /// Write layers as a picture; only with one map file.
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", value_parser = crate::recordings::png)]
     pub(crate) png: Option<PathBuf>,
     /// Length of a cell's edge in metres [default: that of the file, or 1].
     #[arg(long, value_name = "M")]

@@ -2,7 +2,7 @@
 //! has named before there were data.
 //!
 //! The better of the two comes first, with the size of the effect and its interval; then the number
-//! of observations, and then the p-value. A second line has the log-rank test stratified by map,
+//! of observations, and then the p-value. A second line has the log-rank test stratified by pair,
 //! which asks another question: who is first, whatever the distance.
 
 use super::estimates::Estimate;
@@ -110,7 +110,7 @@ fn second_lines(
         let chance = p.map_or_else(|| "too few for a test".to_owned(), probability);
         (first_a + first_b > 0).then(|| {
             format!(
-                "Secondary, log-rank test stratified by map: {first} reaches {} % first or alone in {first_a} of {} pairs, \
+                "Secondary, log-rank test stratified by pair: {first} reaches {} % first or alone in {first_a} of {} pairs, \
                  {second} in {first_b}; {chance}. It asks who is first, not by how much.",
                 milestone.percent, comparison.blocks
             )

@@ -3,17 +3,19 @@
 //! The map is repaired as a run repairs it. What a body sees from the places that it reaches
 //! ([`super::reach`]) no team of such bodies can exceed.
 
+use std::f64::consts::FRAC_PI_4;
 use std::io::Write;
 
 use mapgen::repair;
 use protocol::body_model::{BodyKind, BodyModel};
+use voxels::clearance::REACH_CELLS;
 use voxels::{Clearance, Components, Extent, Grid, Passage, Terrain, close_shell, free_components};
 use world::attainable::{Attainable, Bodies, standing_parts};
 use world::lidar::{Pattern, Scanner};
 use world::spawn::{Site, SpawnSpec};
 
 use super::reach::{Reach, radius_max_m};
-use super::{CheckArgs, MapCliError, Report, by, import, picture};
+use super::{BodyChoice, CheckArgs, MapCliError, Report, by, import, picture};
 
 /// Share of the free cells that a part behind a passage has at least.
 const PART: f64 = 0.01;
@@ -35,18 +37,8 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
     let spec = import(&args.file, &args.import, args.cell_m)?;
     let imported = spec.read()?;
     let extent = imported.terrain.extent();
-    let most_m = radius_max_m(extent.cell_m());
-    let kind = BodyModel::of(args.body.into());
-    let radius_m = args.radius_m.unwrap_or(kind.radius_m.min(most_m));
-    let model = BodyModel {
-        radius_m,
-        step_max_m: args.step_max_m.unwrap_or(kind.step_max_m),
-        slope_max_rad: args.slope_max_rad.unwrap_or(kind.slope_max_rad),
-        ..kind
-    };
-    if !(radius_m > 0.0 && radius_m <= most_m) {
-        return Err(MapCliError::Radius { radius_m, most_m });
-    }
+    let model = body_model(args, extent.cell_m())?;
+    let radius_m = model.radius_m;
     let mut advice = Vec::new();
     let mut report = Report::new(out);
     report.line("file", args.file.display())?;
@@ -123,6 +115,37 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
         return Ok(());
     }
     Err(MapCliError::NoStart { file: args.file.clone(), agents: args.agents, radius_m })
+}
+
+/// The body that the flags describe.
+///
+/// # Errors
+/// [`MapCliError::OutOfRange`] or [`MapCliError::NotForBody`].
+fn body_model(args: &CheckArgs, cell_m: f64) -> Result<BodyModel, MapCliError> {
+    let kind = BodyModel::of(args.body.into());
+    let most_m = radius_max_m(cell_m);
+    let within_reach = format!("{most_m} m, {REACH_CELLS} cells");
+    let climbs = [
+        ("--step-max-m", args.step_max_m, most_m, format!("0 to {within_reach}")),
+        ("--slope-max-rad", args.slope_max_rad, FRAC_PI_4, format!("0 to {FRAC_PI_4} rad")),
+    ];
+    for (flag, value, most, allowed) in climbs {
+        let Some(value) = value else { continue };
+        if args.body != BodyChoice::Ground {
+            return Err(MapCliError::NotForBody { flag });
+        }
+        if !(0.0..=most).contains(&value) {
+            return Err(MapCliError::OutOfRange { flag, value, allowed });
+        }
+    }
+    let radius_m = args.radius_m.unwrap_or(kind.radius_m.min(most_m));
+    if !(radius_m > 0.0 && radius_m <= most_m) {
+        let allowed = format!("above 0 to {within_reach}");
+        return Err(MapCliError::OutOfRange { flag: "--radius-m", value: radius_m, allowed });
+    }
+    let step_max_m = args.step_max_m.unwrap_or(kind.step_max_m);
+    let slope_max_rad = args.slope_max_rad.unwrap_or(kind.slope_max_rad);
+    Ok(BodyModel { radius_m, step_max_m, slope_max_rad, ..kind })
 }
 
 /// Reports where a ground body stands and what it reaches; returns a cell of the largest part.

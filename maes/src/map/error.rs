@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 use voxels::ExtentError;
-use voxels::clearance::REACH_CELLS;
 
 use map_files::{FormatError, ImportError};
 use mapgen::MapError;
@@ -96,13 +95,21 @@ pub(crate) enum MapCliError {
         /// The last layer of the map.
         last: u32,
     },
-    /// A radius that no body can have, or for which distances are not known.
-    #[error("--radius-m {radius_m}: allowed is above 0 to {most_m} m, {REACH_CELLS} cells")]
-    Radius {
-        /// The requested radius, metres.
-        radius_m: f64,
-        /// The largest one, metres.
-        most_m: f64,
+    /// A property that no body can have, or for which distances are not known.
+    #[error("{flag} {value}: allowed is {allowed}")]
+    OutOfRange {
+        /// The flag.
+        flag: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range with its unit.
+        allowed: String,
+    },
+    /// A property of ground bodies, of another one.
+    #[error("{flag}: only with --body ground")]
+    NotForBody {
+        /// The flag.
+        flag: &'static str,
     },
     /// A map in which the team has no room, which has been described.
     #[error("{}: {agents} agents of radius {radius_m} m find no starts; see the advice above", .file.display())]

@@ -212,6 +212,16 @@ fn bad_input_is_one_line_and_writes_nothing() {
         ),
         ("convert @good.txt @a.obj --origin 1,2,0", "a.obj: --origin is an option for yaml files"),
         ("check @good.txt --radius-m 17", "--radius-m 17: allowed is above 0 to 16 m, 16 cells"),
+        ("check @good.txt --step-max-m 0.2", "--step-max-m: only with --body ground"),
+        ("check @good.txt --body ground --step-max-m=-5", "--step-max-m -5: allowed is 0 to 16 m, 16 cells"),
+        (
+            "check @good.txt --body ground --slope-max-rad 2",
+            "--slope-max-rad 2: allowed is 0 to 0.7853981633974483 rad",
+        ),
+        (
+            "check @good.txt --body ground --slope-max-rad nan",
+            "--slope-max-rad NaN: allowed is 0 to 0.7853981633974483 rad",
+        ),
         ("info @good.txt @bad.txt --png @a.png", "--png a.png: a picture is of one map, there are 2"),
     ] {
         assert_eq!(scratch.map(line), Err(expected.to_owned()), "{line}");
