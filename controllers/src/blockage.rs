@@ -72,6 +72,8 @@ pub(crate) struct Blockages {
     /// Steps aside before bodies that are taken to stay.
     steps_aside: u32,
     waiting: Option<Waiting>,
+    /// Whether it leaves no way.
+    only_rests: bool,
 }
 
 /// A body that has not moved between blockages.
@@ -136,6 +138,11 @@ pub(crate) enum Yield {
 }
 
 impl Blockages {
+    /// Those of an agent that leaves no way, but rests: its controller would draw it back at once.
+    pub(crate) fn with_rests_alone() -> Self {
+        Self { only_rests: true, ..Self::default() }
+    }
+
     /// [`Blockages::note`] for controllers that find no path around a body but by steps aside,
     /// which come before the rests.
     pub(crate) fn note_between_steps(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Yield> {
@@ -266,7 +273,7 @@ impl Blockages {
     /// is its turn and there is room anywhere.
     fn leaves_way(&mut self, staying: &[usize], observation: &Observation, ctx: &Ctx<'_>) -> Option<Command> {
         let before = self.standing[staying[0]];
-        let agent = before.agent?;
+        let agent = before.agent.filter(|_| !self.only_rests)?;
         let is_shut_in = room::is_shut_in((agent, before.at), observation, ctx);
         self.standing[staying[0]].is_shut_in = is_shut_in;
         let later = if agent < ctx.agent() { 0 } else { LATER };
