@@ -143,8 +143,8 @@ impl Boustrophedon {
     /// with the lowest id continues first, so that two agents do not meet again and again.
     fn give_way(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         self.task = Task::None;
-        if let Some(Yield::Rest(rest)) = self.blockages.note_between_steps(observation, ctx) {
-            return rest.command();
+        if let Some(Yield::Rest(command)) = self.blockages.note_between_steps(observation, ctx) {
+            return command;
         }
         let is_near = |contact: &&Contact| {
             obstacles::is_near(contact, &ctx.position(), ctx.body().radius_m, &ctx.run_info().bodies)
@@ -186,8 +186,8 @@ impl Controller for Boustrophedon {
         if self.task != Task::None && observation.events.intersects(EventMask::COLLISION) {
             return self.give_way(observation, ctx);
         }
-        if let Some(wake) = self.blockages.still_rests(observation, ctx) {
-            return Command::keep(wake);
+        if let Some(command) = self.blockages.still_waits(observation, ctx) {
+            return command;
         }
         let obstacles = Obstacles::of(observation, ctx);
         if let Some((step, end)) = Self::next_line(ctx, &obstacles) {

@@ -22,7 +22,7 @@
 //! Invariants: it moves only through cells known to be free; it never waits indefinitely while it
 //! knows a reachable frontier or the last position of another agent.
 
-mod avoidance;
+pub(crate) mod avoidance;
 mod baselines;
 mod coordination;
 mod division;
@@ -51,7 +51,7 @@ use msgs::ids::Tick;
 use nalgebra::Vector3;
 use protocol::event_mask::EventMask;
 use rand::RngExt;
-use rand::seq::SliceRandom;
+use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use voxels::{BodyLattice, Cell};
 
@@ -93,6 +93,9 @@ const ATTEMPTS: usize = 3;
 
 /// Greatest length of an evasive path, cells.
 const EVASION_CELLS_MAX: f64 = 15.0;
+
+/// The same before a body that is not in contact and stays where it is.
+const SHORT_EVASION_CELLS_MAX: f64 = 5.0;
 
 /// The planner of one agent, with its way to coordinate.
 #[derive(Debug)]
@@ -309,10 +312,11 @@ impl<C: Coordination> Dsvp<C> {
     /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
     /// other for ever; rests if one of them has not moved for long.
     fn resolve_blockage(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Command {
-        if let Some(rest) = self.blockages.note(observation, ctx) {
+        if let Some(command) = self.blockages.note(observation, ctx) {
             self.goal = None;
+            self.driving = None;
             self.is_resting = true;
-            return Command::new(hold(observation), rest.wake).with_stage(Stage::Waiting).with_info(rest.info);
+            return command;
         }
         if self.rng.random_bool(0.5)
             && let Some((goal, motion)) = self.evade(ctx, obstacles)
@@ -325,23 +329,36 @@ impl<C: Coordination> Dsvp<C> {
         Command::new(hold(observation), WakeCondition::at(until)).with_stage(Stage::Waiting).with_info("gives way")
     }
 
-    /// To a random region nearby.
+    /// To a random region nearby. A body that was stopped between places may be too near to others
+    /// for any path that begins at the place of its cell: it goes to that of a cell beside it.
     fn evade(&mut self, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Option<(Goal, Motion)> {
-        let Self { graph, paths, .. } = self;
+        let Self { graph, paths, blockages, .. } = self;
         let here = ctx.cell();
         paths.begin(graph, here);
         let mut reached = Vec::new();
+        let cells_max = if blockages.is_by_unknown() { SHORT_EVASION_CELLS_MAX } else { EVASION_CELLS_MAX };
         while let Some((_, region, length)) = paths.next(graph)
-            && length <= EVASION_CELLS_MAX
+            && length <= cells_max
         {
             reached.push(region.centre);
         }
         reached.retain(|&cell| cell != here && !obstacles.occupy(cell));
         reached.shuffle(&mut self.rng);
-        reached.into_iter().take(ATTEMPTS).find_map(|cell| {
+        let far = reached.into_iter().take(ATTEMPTS).find_map(|cell| {
             let motion = motion_to(ctx, graph, paths, cell, obstacles, self.params.waypoints)?;
-            Some((Goal::Evasion { cell }, motion))
-        })
+            Some((cell, motion))
+        });
+        let (cell, motion) = far.or_else(|| {
+            if ctx.position() == ctx.place(here) {
+                return None;
+            }
+            let is_clear =
+                |cell: &Cell| !obstacles.block(&ctx.position(), &ctx.place(*cell)) && !obstacles.occupy(*cell);
+            let beside: Vec<Cell> = ctx.clear_neighbours().into_iter().filter(is_clear).collect();
+            let &cell = beside.choose(&mut self.rng)?;
+            Some((cell, Motion::Path(vec![ctx.place(cell)])))
+        })?;
+        Some((Goal::Evasion { cell }, motion))
     }
 }
 
@@ -382,6 +399,11 @@ impl<C: Coordination> Dsvp<C> {
             self.abandoned.clear();
             self.unproductive.clear();
         }
+        if self.is_resting
+            && let Some(command) = self.blockages.still_waits(observation, ctx)
+        {
+            return command;
+        }
         if observation.is_active {
             if !self.is_goal_valid(observation, ctx) {
                 return self.plan(observation, ctx);
@@ -396,11 +418,6 @@ impl<C: Coordination> Dsvp<C> {
             return if has_met { self.coordination.with_messages(keep, observation) } else { keep };
         }
         self.driving = None;
-        if self.is_resting
-            && let Some(wake) = self.blockages.still_rests(observation, ctx)
-        {
-            return Command::keep(wake);
-        }
         if let Some(until) = self.waits_until
             && now < until
         {

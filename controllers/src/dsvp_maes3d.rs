@@ -345,12 +345,13 @@ impl Controller for DsvpMaes3d {
             self.run_into = (ctx.cell(), times);
         }
         let evades = has_run_into_agent && (ctx.is_confined() || self.run_into.1 > RUN_INTO_MAX);
-        let rest = if observation.is_active { None } else { self.blockages.still_rests(observation, ctx) };
+        let rest = self.blockages.still_waits(observation, ctx);
         let standing = if has_run_into_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
-        let command = if let Some(wake) = rest {
-            Command::keep(wake)
-        } else if let Some(Yield::Rest(rest)) = standing {
-            rest.command()
+        let command = if let Some(command) = rest {
+            command
+        } else if let Some(Yield::Rest(command)) = standing {
+            self.legs.end();
+            command
         } else if evades {
             collision_recovery::step_aside(&mut self.rng, ctx)
         } else if let Some(motion) = next_leg {

@@ -202,7 +202,7 @@ impl Lvd {
             refused: Vec::new(),
             wide: None,
             waits_until: Tick::ZERO,
-            blockages: Blockages::default(),
+            blockages: Blockages::with_rests_alone(),
             has_asked_for_view: false,
             last_info: String::new(),
         })
@@ -300,8 +300,8 @@ impl Lvd {
         let destination = self.destination.take();
         let standing = self.blockages.note_between_steps(observation, ctx);
         let is_standing = standing.is_some();
-        if let Some(Yield::Rest(rest)) = standing {
-            return rest.command();
+        if let Some(Yield::Rest(command)) = standing {
+            return command;
         }
         if let Some((goal, purpose)) = destination.filter(|_| !is_standing) {
             self.refuse(purpose.aim(goal), observation.tick);
@@ -418,11 +418,11 @@ impl Controller for Lvd {
             self.scan.load(ctx.map().extent(), view);
         }
         sights::mark_visited(ctx, self.visit_radius_m);
+        if let Some(command) = self.blockages.still_waits(observation, ctx) {
+            return command;
+        }
         if observation.is_active {
             return self.while_active(observation, ctx);
-        }
-        if let Some(wake) = self.blockages.still_rests(observation, ctx) {
-            return Command::keep(wake);
         }
         if now < self.waits_until {
             return Command::keep(WakeCondition::at(self.waits_until));

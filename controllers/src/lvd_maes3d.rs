@@ -347,17 +347,16 @@ impl Controller for LvdMaes3d {
         }
         if observation.events.intersects(EventMask::COLLISION)
             && observation.collision.is_some_and(|collision| collision.with_agent)
-            && let Some(rest) = self.blockages.note(observation, ctx)
+            && let Some(command) = self.blockages.note(observation, ctx)
         {
-            return rest.command().with_view_request();
+            self.legs.end();
+            return command.with_view_request();
         }
         if observation.collision.is_some() {
             self.legs.end();
         }
-        if !observation.is_active
-            && let Some(wake) = self.blockages.still_rests(observation, ctx)
-        {
-            return looks_again(wake);
+        if let Some(command) = self.blockages.still_waits(observation, ctx) {
+            return command.with_view_request();
         }
         let is_between_legs = !observation.is_active && self.legs.is_any_left();
         let is_idle = !observation.is_active && !is_between_legs && {

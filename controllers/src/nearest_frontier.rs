@@ -178,14 +178,12 @@ impl Controller for NearestFrontier {
             let has_met_agent = observation.collision.is_some_and(|collision| collision.with_agent);
             let standing = if has_met_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
             return match standing {
-                Some(Yield::Rest(rest)) => rest.command(),
+                Some(Yield::Rest(command)) => command,
                 _ => collision_recovery::step_aside(&mut self.rng, ctx),
             };
         }
-        if !observation.is_active
-            && let Some(wake) = self.blockages.still_rests(observation, ctx)
-        {
-            return Command::keep(wake);
+        if let Some(command) = self.blockages.still_waits(observation, ctx) {
+            return command;
         }
         if ctx.needs_viewpoints() {
             return self.go_to_viewpoint(observation, ctx);

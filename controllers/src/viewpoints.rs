@@ -29,8 +29,10 @@ use agent::observation::{FieldOfView, RunInfo};
 use agent::path::{Goal, Neighbours, Reachable, Search};
 use beside::BesideFrontiers;
 
-/// Rays of a viewpoint: as many as those of the LiDAR of MAES3D, in the same directions.
+/// Rays of a viewpoint: as many as those of the LiDAR of MAES3D, in the same directions. So many are
+/// in a band of elevations as well, unless it is less than this share of the sphere.
 const RAYS: u32 = 5124;
+const OF_SPHERE_MIN: f64 = 0.125;
 
 /// Longest ray, cells; it bounds the memory of the rays.
 const RANGE_CELLS_MAX: f64 = 100.0;
@@ -94,7 +96,10 @@ impl Viewpoints {
         let extent = run_info.extent;
         let lattice = BodyLattice::of(radius_m, extent.cell_m());
         let range_cells = (run_info.lidar_range_m / extent.cell_m()).min(RANGE_CELLS_MAX);
-        let mut rays = GainEstimator::new(RAYS, range_cells, 1, Likelihood::new(1.0)).from(lattice);
+        let of_sphere =
+            run_info.field_of_view.map_or(1.0, |view| (libm::sin(view.highest_rad) - libm::sin(view.lowest_rad)) / 2.0);
+        let count = (f64::from(RAYS) / of_sphere.max(OF_SPHERE_MIN)) as u32;
+        let mut rays = GainEstimator::new(count, range_cells, 1, Likelihood::new(1.0)).from(lattice);
         rays.limit_to(run_info.field_of_view.as_ref());
         let beside = (radius_m / extent.cell_m() + 0.5).ceil() as i32 + 1;
         Self {

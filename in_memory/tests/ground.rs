@@ -50,6 +50,18 @@ fn wheels_stay_below_the_stairs() {
     }
 }
 
+#[test]
+fn ring_lidars_on_ground_bodies_do_not_go_to_and_fro() {
+    let rooms = rooms();
+    for controller in ["nearest-frontier", "dsvp", "dsvp-team", "hungarian", "rendezvous", "racer", "c2-explorer"] {
+        let lidar = "lidar = { preset = \"vlp-16\", columns = 360, range_m = 20.0, mount_height_m = 0.1 }";
+        let keys = keys(controller, LEGS).replace("lidar = { range_m = 8.0 }", lidar).replace("count = 2", "count = 1");
+        let result = result(&rooms, &keys.replace(", [5.5, 5.5, 1.5]", ""));
+        let distance_m = result.distance_m[0];
+        assert!(distance_m < 200.0 && result.explored > 0.89, "{controller}: {distance_m} m, {}", result.explored);
+    }
+}
+
 /// The least share that a body sees of a map in this many seconds.
 fn explored(map: &str, body: &str, duration_s: f64) -> f64 {
     use in_memory::in_process::{AgentOptions, run};

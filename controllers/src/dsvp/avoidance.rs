@@ -49,7 +49,7 @@ pub(super) fn hold(observation: &Observation) -> Motion {
 }
 
 /// Length of a motion along waypoints from `from`, metres; 0 for other motions.
-pub(super) fn path_length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
+pub(crate) fn path_length_m(from: &Point3<f64>, motion: &Motion) -> f64 {
     let Motion::Path(waypoints) = motion else { return 0.0 };
     legs_m(from, waypoints)
 }
@@ -70,7 +70,7 @@ pub(super) fn motion_to(
 
 /// The motion along a path that avoids the other agents, if possible on the wanted waypoints; else
 /// as few legs as possible, after as few single steps as needed to get clear of them.
-pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
+pub(crate) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
     let map = ctx.map();
     let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);
     if let Some(motion) = ctx.recentring() {
@@ -82,7 +82,10 @@ pub(super) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, wa
         let by_steps = path.cells[1..=steps].iter().map(|&cell| ctx.place(cell));
         Motion::Path(by_steps.chain(straighten(&rest, map, ctx.moves())).take(PATH_POINTS_MAX).collect())
     };
-    let steps_max = CLEARING_STEPS_MAX.min(path.cells.len() - 1);
+    // A single step is clear of walls from place to place, and not from between them.
+    let is_begun_clear =
+        path.cells.len() > 1 && (ctx.position() == ctx.place(path.cells[0]) || ctx.is_clear_to(path.cells[1]));
+    let steps_max = if is_begun_clear { CLEARING_STEPS_MAX.min(path.cells.len() - 1) } else { 0 };
     let quicker = match (waypoints, &straight) {
         (Waypoints::Quickest | Waypoints::Passed, Motion::Path(fewest)) => {
             quicker(path, fewest, map, ctx.body(), (&ctx.position(), ctx.yaw_rad())).map(Motion::Path)

@@ -55,6 +55,11 @@ impl<C: Coordination> Dsvp<C> {
                 self.direction = vector(end - here).try_normalize(0.0);
                 Plan::Go(Goal::Viewpoint { cell: end, gain: branch.gain }, motion)
             }
+            // No body blocks the path: there is none.
+            None if obstacles.is_empty() => {
+                unproductive.insert(end);
+                Plan::Pending
+            }
             None => Plan::Blocked,
         }
     }

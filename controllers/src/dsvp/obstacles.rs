@@ -12,11 +12,11 @@ use agent::observation::{Contact, Observation};
 
 /// Distance between body centres below which a path is blocked, as a multiple of the distance at
 /// which the bodies touch.
-const CLEARANCE: f64 = 1.025;
+pub(crate) const CLEARANCE: f64 = 1.025;
 
 /// Bodies beyond this distance will have moved on before one gets there, as a multiple of the
 /// distance at which the bodies touch.
-const NEAR: f64 = 6.0;
+pub(crate) const NEAR: f64 = 6.0;
 
 /// The bodies nearby.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 use std::task::Poll;
 
+use nalgebra::Point3;
 use rand::seq::IndexedRandom;
 
 use super::avoidance::{motion_along, motion_to};
@@ -15,7 +16,7 @@ use crate::Ctx;
 use crate::viewpoints::Viewpoints;
 use agent::abstract_graph::{AbstractGraph, Region, RegionId};
 use agent::exploration_map::{CellState, ExplorationMap};
-use agent::observation::Observation;
+use agent::observation::{FieldOfView, Observation};
 use agent::path::{Goal as SearchGoal, Neighbours, Search};
 use voxels::{BodyLattice, Cell};
 
@@ -26,7 +27,7 @@ impl<C: Coordination> Dsvp<C> {
         let Self { graph, paths, coordination, .. } = self;
         let here = ctx.cell();
         let cell_m = ctx.map().extent().cell_m();
-        let sight = (ctx.map(), ctx.moves().lattice());
+        let sight = Sight::of(ctx);
         // The cheapest candidates so far: cost, viewpoint, frontier.
         let mut best: Vec<(f64, Cell, Cell)> = Vec::new();
         paths.begin(graph, here);
@@ -53,7 +54,15 @@ impl<C: Coordination> Dsvp<C> {
                 return Plan::Go(Goal::Frontier { cell, frontier }, motion);
             }
         }
-        if best.is_empty() { Plan::Nothing } else { Plan::Blocked }
+        if best.is_empty() {
+            return Plan::Nothing;
+        }
+        // No body blocks the paths: there are none.
+        if obstacles.is_empty() {
+            self.abandoned.extend(best.into_iter().map(|(_, _, frontier)| frontier));
+            return Plan::Pending;
+        }
+        Plan::Blocked
     }
 
     /// The last stage of a body that needs viewpoints: to the nearest place from which it sees
@@ -77,6 +86,10 @@ impl<C: Coordination> Dsvp<C> {
         let path = Search::new(moves, here, SearchGoal::Cell(viewpoint.cell)).within(&is_open).run();
         match path.and_then(|path| motion_along(ctx, &path, obstacles, self.params.waypoints)) {
             Some(motion) => Plan::Go(Goal::Sight { cell: viewpoint.cell, target: viewpoint.target }, motion),
+            None if obstacles.is_empty() => {
+                viewpoints.visit(extent, viewpoint.cell);
+                Plan::Pending
+            }
             None => Plan::Blocked,
         }
     }
@@ -104,7 +117,34 @@ impl<C: Coordination> Dsvp<C> {
                 return Plan::Go(goal, motion);
             }
         }
-        Plan::Blocked
+        if obstacles.is_empty() { Plan::Nothing } else { Plan::Blocked }
+    }
+}
+
+/// What an agent sees from a place.
+#[derive(Clone, Copy)]
+pub(super) struct Sight<'a> {
+    map: &'a ExplorationMap,
+    lattice: BodyLattice,
+    /// What its LiDAR sees with some heading; `None`: everything.
+    view: Option<&'a FieldOfView>,
+}
+
+impl<'a> Sight<'a> {
+    pub(super) fn of(ctx: &'a Ctx<'_>) -> Self {
+        Self { map: ctx.map(), lattice: ctx.moves().lattice(), view: ctx.run_info().field_of_view.as_ref() }
+    }
+
+    /// That of a body at the centres of cells which sees everything.
+    #[cfg(test)]
+    pub(super) fn everywhere(map: &'a ExplorationMap) -> Self {
+        Self { map, lattice: BodyLattice::Centres, view: None }
+    }
+
+    /// Whether the centre of a cell is in sight from a place (metres, frame `map`).
+    fn shows(&self, place: &Point3<f64>, cell: Cell) -> bool {
+        let offset = self.map.extent().centre(cell) - place;
+        self.view.is_none_or(|view| view.holds(&offset)) && self.map.is_seen_from(place, cell)
     }
 }
 
@@ -113,17 +153,21 @@ impl<C: Coordination> Dsvp<C> {
 /// others are for [`crate::viewpoints`].
 pub(super) fn nearest_viewpoint(
     graph: &AbstractGraph,
-    (map, lattice): (&ExplorationMap, BodyLattice),
+    sight: Sight<'_>,
     (id, region): (RegionId, &Region),
     here: Cell,
     left_out: &BTreeSet<Cell>,
 ) -> Option<(Cell, Cell)> {
     let open = region.frontiers.iter().filter(|frontier| region.has_rest() && !left_out.contains(frontier));
-    let place = lattice.place(map.extent(), region.centre);
+    let map = sight.map;
     let is_unexplored = |cell: &Cell| map.extent().contains(*cell) && map.state(*cell) == CellState::Unexplored;
     let shows = |frontier: Cell| {
-        let behind = frontier.neighbours6().into_iter().filter(is_unexplored);
-        graph.can_rest(id, frontier) || behind.into_iter().any(|cell| map.is_seen_from(&place, cell))
+        let can_rest = graph.can_rest(id, frontier);
+        if can_rest && sight.view.is_none() {
+            return true;
+        }
+        let place = sight.lattice.place(map.extent(), if can_rest { frontier } else { region.centre });
+        frontier.neighbours6().into_iter().filter(is_unexplored).any(|behind| sight.shows(&place, behind))
     };
     let nearest = |a: &&Cell, b: &&Cell| by_distance(here, a, b);
     let mut frontier = *open.clone().min_by(nearest)?;
@@ -182,7 +226,7 @@ mod tests {
             let id = graph.region_of(middle).unwrap();
             let region = (id, graph.get(id).unwrap());
             assert_eq!(region.1.frontiers, if unexplored.is_empty() { vec![] } else { vec![niche] });
-            let sight = (&map, moves.lattice());
+            let sight = Sight { map: &map, lattice: moves.lattice(), view: None };
             assert_eq!(nearest_viewpoint(&graph, sight, region, middle, &BTreeSet::new()), expected, "{unexplored:?}");
             assert!(seen_from(&graph, region, middle).eq(region.1.frontiers.iter().copied()));
         }

@@ -16,14 +16,14 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 use std::ops::Range;
 
-use voxels::{BodyLattice, Cell, CellSet, Extent};
+use voxels::{Cell, CellSet, Extent};
 
 use super::avoidance::motion_to;
 use super::expectation::{Expectation, Place};
 use super::gain::{GainEstimator, WHOLE};
 use super::goal::Goal;
 use super::obstacles::Obstacles;
-use super::relocation::{nearest_viewpoint, seen_from};
+use super::relocation::{Sight, nearest_viewpoint, seen_from};
 use super::{ATTEMPTS, Dsvp, Params, Plan, has_gain_left};
 use crate::Ctx;
 use agent::abstract_graph::{AbstractGraph, PathLengths, Region, RegionId, ShortestPaths};
@@ -98,7 +98,7 @@ impl TaskSearch {
             unproductive.insert(here);
         }
         let cell_m = map.extent().cell_m();
-        let sight = (map, ctx.moves().lattice());
+        let sight = Sight::of(ctx);
         let mut candidates = Vec::new();
         let mut own_m = BTreeMap::new();
         paths.begin(graph, here);
@@ -127,10 +127,17 @@ impl TaskSearch {
         ctx: &mut Ctx<'_>,
         obstacles: &Obstacles,
     ) -> Plan {
+        let mut tried = Vec::new();
         for task in tasks.into_iter().take(ATTEMPTS) {
+            tried.push(task.frontier);
             if let Some(motion) = motion_to(ctx, at.graph, at.paths, task.cell, obstacles, at.params.waypoints) {
                 return Plan::Go(self.goal(task, at, ctx), motion);
             }
+        }
+        // No body blocks the paths: there are none.
+        if obstacles.is_empty() && !tried.is_empty() {
+            at.abandoned.extend(tried);
+            return Plan::Pending;
         }
         Plan::Blocked
     }
@@ -185,7 +192,7 @@ impl Candidate {
     /// The candidate of a region, if it has a frontier that is not left out.
     pub(super) fn new(
         graph: &AbstractGraph,
-        sight: (&ExplorationMap, BodyLattice),
+        sight: Sight<'_>,
         (id, region): (RegionId, &Region),
         here: Cell,
         left_out: &BTreeSet<Cell>,

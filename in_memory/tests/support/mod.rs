@@ -26,7 +26,8 @@ pub(crate) fn fill(terrain: &mut Grid<Terrain>, [x, y, z]: [Range<i32>; 3], to: 
     }
 }
 
-/// The result of a scenario on a map; `keys` are lines of the scenario.
+/// The result of a scenario on a map; `keys` are lines of the scenario. The seed is 1 unless the
+/// first of them has another one.
 pub(crate) fn result(terrain: &Grid<Terrain>, keys: &str) -> RunResult {
     result_with(terrain, keys, "execution = { threads = 1 }")
 }
@@ -37,7 +38,8 @@ pub(crate) fn result_with(terrain: &Grid<Terrain>, keys: &str, execution: &str) 
     let file = folder.path().join("map.txt");
     let text = format!("cell_m = {}\n{}", terrain.extent().cell_m(), terrain.to_text());
     std::fs::write(&file, text).expect("a map file");
-    let scenario = format!("seed = 1\nmap = {{ kind = \"file\", file = {file:?} }}\n{execution}\n{keys}");
+    let seed = if keys.starts_with("seed = ") { "" } else { "seed = 1\n" };
+    let scenario = format!("{seed}map = {{ kind = \"file\", file = {file:?} }}\n{execution}\n{keys}");
     let scenario = Scenario::parse("the test's scenario", &scenario, &[]).expect("a legal scenario");
     let options = AgentOptions { threads: ThreadLayout::Together, ..AgentOptions::default() };
     let completed = run(&scenario, &options, &mut NullObserver, &AtomicBool::new(false)).expect("the run has a result");

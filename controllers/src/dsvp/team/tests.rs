@@ -2,6 +2,7 @@ use nalgebra::Point3;
 use proptest::prelude::*;
 
 use super::super::gain::{GainEstimator, Likelihood};
+use super::super::relocation::Sight;
 use super::super::tasks::{Candidate, Viewpoints};
 use super::super::with_team;
 use super::*;
@@ -14,7 +15,7 @@ use agent::observation::Contact;
 use agent::path::{Graph, Moves, Neighbours};
 use msgs::ids::AgentId;
 use std::collections::BTreeSet;
-use voxels::{BodyLattice, Cell, Extent};
+use voxels::{Cell, Extent};
 
 const RANGE_CELLS: f64 = 5.0;
 
@@ -27,7 +28,7 @@ fn candidates(map: &ExplorationMap, here: Cell) -> (AbstractGraph, Vec<Candidate
     let mut found = Vec::new();
     paths.begin(&graph, here);
     while let Some((id, region, _)) = paths.next(&graph) {
-        found.extend(Candidate::new(&graph, (map, BodyLattice::Centres), (id, region), here, &BTreeSet::new()));
+        found.extend(Candidate::new(&graph, Sight::everywhere(map), (id, region), here, &BTreeSet::new()));
     }
     (graph, found)
 }

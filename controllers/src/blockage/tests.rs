@@ -1,0 +1,111 @@
+use voxels::Cell;
+
+use super::*;
+use crate::testing::{World, flat};
+
+/// A room, and a lane as wide as one body with something unexplored at its end.
+const LANE: &str = "\
+    ############\n\
+    #....#######\n\
+    #..........?\n\
+    #....#######\n\
+    ############\n";
+
+const LOWER: AgentId = AgentId(0);
+const HIGHER: AgentId = AgentId(2);
+
+/// Agent 1 in a cell, in contact with another one in the middle of a cell.
+fn meeting(map: &str, here: Cell, agent: AgentId, there: Cell) -> World {
+    let mut world = World::known(map, here);
+    let position = world.map.extent().centre(there);
+    world.observation.contacts.push(Contact { agent, position });
+    world
+}
+
+/// What it does at a blockage after another 10 s.
+fn note(blockages: &mut Blockages, world: &mut World) -> Option<Command> {
+    world.wait(500);
+    let observation = world.observation.clone();
+    blockages.note(&observation, &world.ctx())
+}
+
+/// Where it goes at the first of some blockages at which it leaves the way, and the number of that
+/// blockage.
+fn leaves(world: &mut World, blockages: usize) -> Option<(usize, Cell)> {
+    let mut state = Blockages::default();
+    let command = |number| Some((number, note(&mut state, world)?.motion));
+    let motions: Vec<(usize, Motion)> = (1..=blockages).filter_map(command).collect();
+    let extent = world.map.extent();
+    motions.into_iter().find_map(|(number, motion)| match motion {
+        Motion::Path(waypoints) => Some((number, extent.cell_of(waypoints.last()?))),
+        _ => None,
+    })
+}
+
+#[test]
+fn nobody_is_waited_for_who_is_not_there() {
+    let mut world = World::known(LANE, flat(7, 2));
+    let mut blockages = Blockages::default();
+    assert!((0..20).all(|_| note(&mut blockages, &mut world).is_none()));
+}
+
+#[test]
+fn a_body_is_shut_in_that_reaches_no_frontier() {
+    for (here, there, expected) in [((4, 2), (3, 2), true), ((6, 2), (7, 2), false), ((2, 2), (3, 2), false)] {
+        let (here, there) = (flat(here.0, here.1), flat(there.0, there.1));
+        let mut world = meeting(LANE, here, LOWER, there);
+        let (observation, at) = (world.observation.clone(), world.map.extent().centre(there));
+        assert_eq!(room::is_shut_in((LOWER, at), &observation, &world.ctx()), expected, "{here:?} {there:?}");
+    }
+}
+
+#[test]
+fn the_mouth_of_a_lane_is_left_for_a_place_beside_it() {
+    let mut world = meeting(LANE, flat(4, 2), LOWER, flat(3, 2));
+    let (_, to) = leaves(&mut world, 4).unwrap();
+    assert!([flat(4, 1), flat(4, 3)].contains(&to), "{to:?}");
+}
+
+#[test]
+fn a_lane_is_left_for_the_room_before_it() {
+    // Nothing is unexplored, so the other one wants to come out.
+    let mut world = meeting(&LANE.replace('?', "#"), flat(7, 2), LOWER, flat(8, 2));
+    let (_, to) = leaves(&mut world, 4).unwrap();
+    assert!(to.x <= 4 && to.y != 2, "{to:?}");
+    // Not if a third one is behind it, and not towards the other one.
+    let behind = Contact { agent: HIGHER, position: world.map.extent().centre(flat(6, 2)) };
+    world.observation.contacts.push(behind);
+    assert_eq!(leaves(&mut world, 20), None);
+}
+
+#[test]
+fn the_higher_id_leaves_first() {
+    let numbers = [LOWER, HIGHER].map(|other| leaves(&mut meeting(LANE, flat(4, 2), other, flat(3, 2)), 20).unwrap().0);
+    assert_eq!(numbers, [4, 4 + LATER as usize]);
+    // One with a frontier before it is no reason to go far.
+    let far = |other| leaves(&mut meeting(LANE, flat(8, 2), other, flat(9, 2)), 10);
+    assert_eq!([far(LOWER), far(HIGHER)], [None; 2]);
+}
+
+#[test]
+fn it_stays_away_until_the_other_one_has_passed_or_for_a_time() {
+    for passes in [true, false] {
+        let mut world = meeting(LANE, flat(4, 2), LOWER, flat(3, 2));
+        let mut blockages = Blockages::default();
+        assert_eq!((0..3).filter_map(|_| note(&mut blockages, &mut world)).count(), 0);
+        assert!(matches!(note(&mut blockages, &mut world).unwrap().motion, Motion::Path(_)));
+        world.put(flat(4, 1));
+        let still = |world: &mut World, blockages: &mut Blockages| {
+            world.wait(500);
+            let observation = world.observation.clone();
+            blockages.still_waits(&observation, &world.ctx()).is_some()
+        };
+        assert!(still(&mut world, &mut blockages) && still(&mut world, &mut blockages));
+        if passes {
+            world.observation.contacts[0].position = world.map.extent().centre(flat(10, 2));
+            assert!(!still(&mut world, &mut blockages));
+        } else {
+            assert_eq!((0..10).filter(|_| still(&mut world, &mut blockages)).count(), 1);
+        }
+    }
+}
