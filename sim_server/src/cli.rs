@@ -2,7 +2,9 @@
 //!
 //! This module only declares; it opens nothing and runs nothing.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
@@ -147,11 +149,17 @@ fn fork_time(text: &str) -> Result<Tick, String> {
 /// declaration of that key.
 #[derive(Debug, Args, Default)]
 pub struct KeyArgs {
-    #[arg(long, value_name = "N", allow_negative_numbers = true, help = meaning("agents.count"))]
+    #[arg(long, value_name = "N", value_parser = of_key::<u32>("agents.count"), allow_negative_numbers = true, help = meaning("agents.count"))]
     pub agents: Option<u32>,
     #[arg(long, value_name = "NAME", help = meaning("agents.controller"))]
     pub controller: Option<String>,
-    #[arg(long, value_name = "TICKS", allow_negative_numbers = true, help = meaning("agents.share_period_ticks"))]
+    #[arg(
+        long,
+        value_name = "TICKS",
+        value_parser = of_key::<u32>("agents.share_period_ticks"),
+        allow_negative_numbers = true,
+        help = meaning("agents.share_period_ticks")
+    )]
     pub share_period: Option<u32>,
     /// map.kind and map.file: spheres, noise, building, mine, scene, or a map file (docs/maps.md)
     #[arg(long, value_name = "spheres|noise|building|mine|scene|FILE")]
@@ -159,7 +167,7 @@ pub struct KeyArgs {
     /// map.size: cells along each axis, for example 100 or 100x80x30
     #[arg(long, value_name = "S|XxYxZ", value_parser = size, allow_negative_numbers = true)]
     pub size: Option<toml::Value>,
-    #[arg(long, value_name = "K", allow_negative_numbers = true, help = meaning("seed"))]
+    #[arg(long, value_name = "K", value_parser = of_key::<u64>("seed"), allow_negative_numbers = true, help = meaning("seed"))]
     pub seed: Option<u64>,
     #[arg(long, value_name = "TIME", value_parser = time_s, allow_negative_numbers = true, help = timed("duration_s"))]
     pub duration: Option<f64>,
@@ -171,7 +179,13 @@ pub struct KeyArgs {
     pub record_topics: Vec<String>,
     #[arg(long, value_name = "X|max", value_parser = rtf, allow_negative_numbers = true, help = meaning("execution.rtf"))]
     pub rtf: Option<toml::Value>,
-    #[arg(long, value_name = "N", allow_negative_numbers = true, help = meaning("execution.threads"))]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = of_key::<u32>("execution.threads"),
+        allow_negative_numbers = true,
+        help = meaning("execution.threads")
+    )]
     pub threads: Option<u32>,
     #[arg(long, value_name = "true|false", help = meaning("execution.look_ahead"))]
     pub look_ahead: Option<bool>,
@@ -198,6 +212,15 @@ pub struct KeyArgs {
     /// Any key of the scenario, for example lidar.range_m=20; may be repeated (docs/scenario.md)
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub set: Vec<(String, toml::Value)>,
+}
+
+/// The parser of a flag that sets a key with a whole number: its errors say what the key allows,
+/// and not what the type of the number does.
+pub fn of_key<T: FromStr>(key: &'static str) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync {
+    move |text| {
+        let known = keys::find(key).expect("a flag sets a key of the scenario");
+        text.parse().map_err(|_| known.expected())
+    }
 }
 
 /// Path and meaning of a key, as the help of its flag.
@@ -312,6 +335,18 @@ pub fn time_s(text: &str) -> Result<f64, String> {
         _ => None,
     };
     number(text).or(with_unit).or_else(clock).ok_or_else(|| EXPECTED.to_owned())
+}
+
+/// The parser of a flag with a whole number in a range: its errors say which.
+pub fn whole<T: FromStr>(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync {
+    move |text| {
+        let is_in_range = text.parse::<u64>().is_ok_and(|number| range.contains(&number));
+        let number = is_in_range.then(|| text.parse().ok()).flatten();
+        number.ok_or_else(|| match (range.start(), range.end()) {
+            (low, &u64::MAX) => format!("expected a whole number from {low}"),
+            (low, high) => format!("expected a whole number from {low} to {high}"),
+        })
+    }
 }
 
 fn size(text: &str) -> Result<toml::Value, String> {

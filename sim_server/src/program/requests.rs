@@ -98,7 +98,8 @@ pub(super) fn serve_requests(
                 continue;
             }
         };
-        let job = Job { name: name.to_owned(), scenario: &scenario, resumed, summary, profile, policy: policy.clone() };
+        let (of_job, policy) = (name.to_owned(), policy.clone());
+        let job = Job { name: of_job, map: None, scenario: &scenario, resumed, summary, profile, policy };
         let begun = job.make().and_then(|made| job.begin(made, env, Some(viewing)));
         let begun = match begun.and_then(|begun| tell_agents(args, runs + 1, team, &scenario).map(|()| begun)) {
             Ok(begun) => begun,
