@@ -213,8 +213,8 @@ fn incomplete(store: &Store, world: &str, study: &Study, viewer: Option<&str>) -
     text
 }
 
-/// How to look at a run: in the page beside, or with a command, if it was recorded; else the command
-/// that executes it.
+/// How to look at a run: in the page beside, or with a command, if it was recorded; else the
+/// command that executes it.
 fn look(store: &Store, world: &str, id: &str, viewer: Option<&str>) -> String {
     // Of other letters, an id of a stranger's file is no part of a link.
     let is_plain = !id.is_empty() && id.bytes().all(|byte| byte.is_ascii_alphanumeric());

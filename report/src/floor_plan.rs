@@ -49,8 +49,8 @@ impl FloorPlan {
         self.side_m
     }
 
-    /// The squares along x and along y from the first to the last one that is open, with one more on
-    /// each side; the whole map if none is.
+    /// The squares along x and along y from the first to the last one that is open, with one more
+    /// on each side; the whole map if none is.
     pub(super) fn open_part(&self) -> [RangeInclusive<usize>; 2] {
         let is_open = |(index, free): (usize, &u32)| (*free > 0).then(|| [index % self.size[0], index / self.size[0]]);
         let open: Vec<[usize; 2]> = self.free.iter().enumerate().filter_map(is_open).collect();

@@ -2,14 +2,15 @@
 //!
 //! This module only declares; it opens nothing and runs nothing.
 
-use std::ops::RangeInclusive;
+mod numbers;
+
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
+pub use numbers::{of_key, whole};
 use recording::location::recording_at;
 use recording::recorder::bag_folder;
 use simulation::scenario::{MapKind, Override, keys};
@@ -214,15 +215,6 @@ pub struct KeyArgs {
     pub set: Vec<(String, toml::Value)>,
 }
 
-/// The parser of a flag that sets a key with a whole number: its errors say what the key allows,
-/// and not what the type of the number does.
-pub fn of_key<T: FromStr>(key: &'static str) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync {
-    move |text| {
-        let known = keys::find(key).expect("a flag sets a key of the scenario");
-        text.parse().map_err(|_| known.expected())
-    }
-}
-
 /// Path and meaning of a key, as the help of its flag.
 fn meaning(key: &str) -> String {
     let known = keys::find(key).expect("a flag sets a key of the scenario");
@@ -335,18 +327,6 @@ pub fn time_s(text: &str) -> Result<f64, String> {
         _ => None,
     };
     number(text).or(with_unit).or_else(clock).ok_or_else(|| EXPECTED.to_owned())
-}
-
-/// The parser of a flag with a whole number in a range: its errors say which.
-pub fn whole<T: FromStr>(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync {
-    move |text| {
-        let is_in_range = text.parse::<u64>().is_ok_and(|number| range.contains(&number));
-        let number = is_in_range.then(|| text.parse().ok()).flatten();
-        number.ok_or_else(|| match (range.start(), range.end()) {
-            (low, &u64::MAX) => format!("expected a whole number from {low}"),
-            (low, high) => format!("expected a whole number from {low} to {high}"),
-        })
-    }
 }
 
 fn size(text: &str) -> Result<toml::Value, String> {

@@ -214,7 +214,7 @@ mod tests {
         let mut coverage = Coverage::new(extent.volume(), 3, 1);
         assert_eq!(coverage.explored_surface_m2(&terrain), 0.0);
         coverage.explore(AgentId(0), &[cell(1)]);
-        // Five of its faces are wall, the sixth one is open, whether what is behind was seen or not.
+        // Five of its faces are wall; the sixth one is open, whether what is behind was seen.
         assert_eq!(coverage.explored_surface_m2(&terrain), 5.0 * 0.25);
         coverage.explore(AgentId(0), &[cell(2), cell(3)]);
         assert_eq!(coverage.explored_surface_m2(&terrain), 14.0 * 0.25);
