@@ -137,6 +137,10 @@ fn maps() {
     let legal = site.file("s.toml", LEGAL);
     let refuse = |map: &str, words: &[&str]| assert_no_run(&site, &legal, &["--map", map], words);
     refuse("nowhere.m3dm", &["nowhere.m3dm: No such file"]);
+    // The flag is at fault, and not the scenario, which may be the default one.
+    refuse(".", &["error: --map .: a folder without .png files; expected one for each layer of cells"]);
+    site.file("hole.obj", "f 1 2 3\n");
+    refuse("hole.obj", &["error: --map hole.obj: line 1: \"3\" is none of the 0 vertices"]);
 
     let made = site.path("good.m3dm");
     let mut generate = site.binary("maes");

@@ -2,8 +2,8 @@
 //!
 //! All metrics derive from recorded messages: the progress, every ten seconds of sim time, the
 //! stages of the agents, and the result. The row of a run is therefore the same with every
-//! transport. Wall times are not, and the split of the redundancy needs the maps of the agents,
-//! which only runs in this process show.
+//! transport. Wall times are not; the split of the redundancy needs the maps of the agents, and
+//! the surface that of the world, which only runs in this process show.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -32,13 +32,15 @@ pub struct Trace<'a> {
     /// Cells that agents saw with their own sensors and had on their maps before, summed over the
     /// agents; `None` if their maps are not known.
     pub seen_again: Option<u64>,
+    /// Area of the walls around what the team has seen, m^2; `None` if it is not known.
+    pub explored_m2: Option<f64>,
     pub wall: WallRow,
 }
 
 /// The record of a planned run.
 #[must_use]
 pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
-    let Trace { size, cell_m, progress, result, stages, seen_again, wall } = trace;
+    let Trace { size, cell_m, progress, result, stages, seen_again, explored_m2, wall } = trace;
     let scenario = &run.scenario;
     let counters: BTreeMap<CounterName, u64> = result.known_counters().collect();
     let count = |name| counters.get(&name).copied().unwrap_or(0);
@@ -72,6 +74,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         free_cells,
         explored: result.explored,
         explored_m3: Some(result.explored * free_cells as f64 * cell_m.powi(3)),
+        explored_m2,
         attainable: counters.get(&CounterName::AttainablePpm).map(|&millionths| millionths as f64 / 1e6),
         covered: result.covered,
         believed_mean: mean_and_deviation(&result.believed_by).0,

@@ -12,12 +12,15 @@ use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use experiments::benchmark::schedule::Schedule;
 use experiments::benchmark::{self, Entry, RESULT_FILE, SEEDS, Scope};
-use experiments::execute::{Options, Part, Transport};
+use experiments::execute::{Options, Part, Stop, Transport};
+use experiments::store::Store;
+use sim_server::cli::whole;
 use sim_server::exit;
 
 use crate::output::{print, say};
-use crate::plans::{interruptible, over_ros};
+use crate::plans::{interruptible, over_ros, record_runs};
 use crate::progress::ProgressDisplay;
+use crate::view;
 
 /// The benchmarks.
 #[derive(Debug, Subcommand)]
@@ -40,7 +43,7 @@ pub(crate) struct ScheduleArgs {
     /// --seeds 1`
     folder: PathBuf,
     /// Cores, each of which executes one run at a time
-    #[arg(long, value_name = "N", default_value = "100")]
+    #[arg(long, value_name = "N", default_value = "100", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
     cores: NonZero<usize>,
     /// What a run takes beside its measured wall time: the start of a process, and the making of
     /// the map
@@ -67,13 +70,17 @@ pub(crate) struct ExplorationArgs {
     #[arg(long, value_name = "TEXT", conflicts_with = "seeds")]
     phrase: Option<String>,
     /// Only the first N public seeds; no whole result
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=SEEDS as u64))]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>(1..=SEEDS as u64))]
     seeds: Option<u64>,
     /// Only this world, and others in the same way; no whole result
     #[arg(long, value_name = "NAME")]
     world: Vec<String>,
+    /// Record no runs for the page of the entry; else one of each track and the worst of each cause
+    /// are executed again
+    #[arg(long)]
+    no_recordings: bool,
     /// Runs in parallel [default: one for each core; over ROS 2: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
     jobs: Option<NonZero<usize>>,
 }
 
@@ -83,7 +90,7 @@ pub(crate) struct VerifyArgs {
     /// The result file (.json)
     file: PathBuf,
     /// The draw of the tenth [default: at random]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>(0..=u64::MAX))]
     draw: Option<u64>,
     /// The command of the results, if you trust it, one flag for each word: without it no program
     /// is started
@@ -93,7 +100,7 @@ pub(crate) struct VerifyArgs {
     #[arg(long, value_name = "FILE")]
     program: Vec<PathBuf>,
     /// Runs in parallel [default: one for each core; over ROS 2: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
     jobs: Option<NonZero<usize>>,
 }
 
@@ -157,8 +164,18 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
     let options = options(args.jobs, &entry)?;
     let executed = interruptible(|stop| {
         let mut display = ProgressDisplay::default();
-        Ok(benchmark::execute(&entry, &scope, &args.out, &options, &mut display, stop)?)
+        let executed = benchmark::execute(&entry, &scope, &args.out, &options, &mut display, stop)?;
+        if executed.summary.left == 0 && !args.no_recordings && entry.command.is_empty() {
+            for world in &scope.worlds {
+                record_world(&args.out.join(world), options.jobs, stop);
+            }
+        }
+        Ok(executed)
     })?;
+    if executed.summary.left == 0 {
+        let page = report::entry::write(&args.out, &entry, executed.results.as_ref(), beside(&args.out))?;
+        print(&format!("{}", page.display()));
+    }
     let Some(results) = executed.results else {
         say(&format!(
             "{} runs failed, {} left; the same command continues",
@@ -171,6 +188,32 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
     print(&format!("score{part}: {:.2}; build {}", results.score, results.build));
     print(&format!("{}", args.out.join(RESULT_FILE).display()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Records the runs of a world that its page shows; a note says why there are none.
+fn record_world(world: &Path, jobs: NonZero<usize>, stop: &Stop) {
+    let record = || -> anyhow::Result<()> {
+        let mut runs = report::entry::examples(world)?;
+        let store = Store::open(world)?;
+        runs.retain(|id| !store.recording_file(id).exists());
+        runs.extend(report::routes::without_recording(world)?);
+        record_runs(world, runs, jobs, stop)
+    };
+    if let Err(error) = record() {
+        say(&format!("note: no recordings of {}: {error}", world.display()));
+    }
+}
+
+/// Copies the page that shows recordings into the folder of the runs, if one was built; its
+/// address from there.
+fn beside(folder: &Path) -> Option<&'static str> {
+    match view::copy_page(&folder.join("page")) {
+        Ok(is_copied) => is_copied.then_some("page/index.html"),
+        Err(error) => {
+            say(&format!("note: no page for recordings: {error}"));
+            None
+        }
+    }
 }
 
 fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {

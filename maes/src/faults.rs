@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use fault_injection::simulated::{self, SeedReport};
 use fault_injection::{FaultsError, Options, Summary};
-use sim_server::cli::{KeyArgs, recording_path};
+use sim_server::cli::{KeyArgs, recording_path, whole};
 use sim_server::{exit, setup};
 use simulation::scenario::Scenario;
 
@@ -62,19 +62,19 @@ pub(crate) struct FaultsArgs {
     #[arg(long, requires = "simulated", requires = "seed_only")]
     log: bool,
     /// Number of seeds [default: 10; simulated: 10000]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<NonZero<u64>>(1..=u64::MAX))]
     seeds: Option<NonZero<u64>>,
     /// The first seed
-    #[arg(long, value_name = "K", default_value_t = 1)]
+    #[arg(long, value_name = "K", default_value_t = 1, value_parser = whole::<u64>(0..=u64::MAX))]
     first_seed: u64,
     /// Only this seed
-    #[arg(long, value_name = "K", conflicts_with_all = ["seeds", "first_seed"])]
+    #[arg(long, value_name = "K", conflicts_with_all = ["seeds", "first_seed"], value_parser = whole::<u64>(0..=u64::MAX))]
     seed_only: Option<u64>,
     /// Runs in parallel [default: 1; simulated: as many as there are processors]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
     jobs: Option<NonZero<usize>>,
     /// The ROS domain of the first parallel run; the others use the next ones
-    #[arg(long, value_name = "ID", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=101))]
+    #[arg(long, value_name = "ID", default_value_t = 1, value_parser = whole::<u32>(0..=101))]
     first_domain: u32,
     /// Keep all recordings and logs in this folder [default: a temporary one keeps those of
     /// failures]
@@ -101,7 +101,7 @@ enum FaultsCommand {
 #[derive(Debug, Args)]
 struct GarbageArgs {
     /// Size of the team
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_parser = whole::<u32>(1..=1000))]
     agents: u32,
     /// Number of messages
     #[arg(long)]

@@ -26,7 +26,7 @@ use mapgen::{self, Built, ImportOptions, MapReport};
 pub(crate) use error::MapCliError;
 use foxglove_server::capture;
 use output::{Encoding, Output, write_file};
-use sim_server::cli::assignment;
+use sim_server::cli::{assignment, of_key, whole};
 use sim_server::map_file;
 use slices::Slice;
 
@@ -57,23 +57,23 @@ pub(crate) struct GenerateArgs {
     #[arg(long, value_name = "M", default_value_t = 1.0)]
     pub(crate) cell_m: f64,
     /// Seed of the map; without it one is drawn and printed.
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = of_key::<u64>("map.seed"))]
     pub(crate) seed: Option<u64>,
     /// Spheres: share of the volume to free [default: 0.2]. Noise: probability of wall [default:
     /// 0.53].
     #[arg(long, value_name = "SHARE")]
     pub(crate) fill: Option<f64>,
     /// Spheres: smallest radius and radius of tunnels, in cells [default: 3].
-    #[arg(long, value_name = "CELLS")]
+    #[arg(long, value_name = "CELLS", value_parser = of_key::<u32>("map.spheres.radius_min"))]
     pub(crate) radius_min: Option<u32>,
     /// Spheres: largest radius in cells [default: 8].
-    #[arg(long, value_name = "CELLS")]
+    #[arg(long, value_name = "CELLS", value_parser = of_key::<u32>("map.spheres.radius_max"))]
     pub(crate) radius_max: Option<u32>,
     /// Spheres: nearest spheres that each one is joined to [default: 3].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = of_key::<u32>("map.spheres.connections"))]
     pub(crate) connections: Option<u32>,
     /// Smoothing passes [default: 5].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = of_key::<u32>("map.spheres.smoothing"))]
     pub(crate) smoothing: Option<u32>,
     /// Any parameter of the kind of map by its name in a scenario, for instance floors=5; comes
     /// last.
@@ -112,7 +112,7 @@ pub(crate) struct InfoArgs {
     pub(crate) slice: Option<Slice>,
     /// Draw so many layers side by side, scaled to the terminal; 0: none [default: 3 on a terminal,
     /// else 0].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(0..=1024))]
     pub(crate) slices: Option<u32>,
     /// Write layers as a picture; only with one map file.
     #[arg(long, value_name = "FILE.png", value_parser = crate::recordings::png)]
@@ -166,7 +166,7 @@ pub(crate) struct CheckArgs {
     #[arg(long, value_name = "RAD")]
     pub(crate) slope_max_rad: Option<f64>,
     /// Number of agents, as agents.count.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole::<u32>(1..=1000))]
     pub(crate) agents: u32,
     /// Let the page render the repaired map in three dimensions, with labels in metres.
     #[arg(long, value_name = "FILE.png", value_parser = crate::recordings::png)]

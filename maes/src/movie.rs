@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use foxglove_server::capture::{self, CaptureArgs, CaptureTime};
 use recording::Recording;
-use sim_server::cli::time_s;
+use sim_server::cli::{time_s, whole};
 
 use crate::recordings::capture_failed;
 
@@ -28,7 +28,7 @@ pub(crate) struct MovieArgs {
     #[arg(long, value_name = "TIME", value_parser = time_s, default_value_t = 30.0)]
     seconds: f64,
     /// Pictures per second
-    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..=120))]
+    #[arg(long, value_name = "N", default_value_t = 25, value_parser = whole::<u32>(1..=120))]
     fps: u32,
 }
 

@@ -19,9 +19,10 @@ use experiments::execute::{self, ExecuteError, Options, Part, Selection, Stop, S
 use experiments::merge;
 use experiments::plan::{BUILD, Plan};
 use experiments::retained_recordings::Keep;
-use experiments::store::{Store, StoreError};
+use experiments::store::{PLAN, Store, StoreError};
 use report::regression::{self, RegressionMeasure};
-use report::{Heading, ReportError, ReportSummary};
+use report::{Heading, ReportError, ReportSummary, routes};
+use sim_server::cli::whole;
 use sim_server::{exit, setup};
 
 use crate::output::{print, say};
@@ -37,7 +38,7 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Runs in parallel [default: one for each core; over ROS 2: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
     jobs: Option<NonZero<usize>>,
     /// How messages go between a server and its agents
     #[arg(long, value_enum, default_value_t = TransportName::Memory)]
@@ -63,7 +64,7 @@ pub(crate) struct BatchArgs {
     #[command(flatten, next_help_heading = "With --emit")]
     job: JobArgs,
     /// Over ROS 2: the domain of the first parallel run; the others use the next ones
-    #[arg(long, value_name = "ID", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=101))]
+    #[arg(long, value_name = "ID", default_value_t = 1, value_parser = whole::<u32>(0..=101))]
     first_domain: u32,
     /// The script that started a run; has no effect any more
     #[arg(long, value_name = "FILE", hide = true)]
@@ -75,10 +76,10 @@ pub(crate) struct BatchArgs {
 struct JobArgs {
     /// Tasks that share the plan, more than there are workers [default: one for each run, at most
     /// 1000]
-    #[arg(long, value_name = "N", requires = "emit")]
+    #[arg(long, value_name = "N", requires = "emit", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
     parts: Option<NonZero<usize>>,
     /// Most tasks at a time
-    #[arg(long, value_name = "N", requires = "emit")]
+    #[arg(long, value_name = "N", requires = "emit", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
     limit: Option<NonZero<usize>>,
     /// Greatest wall time of a task: minutes, or HH:MM:SS
     #[arg(long, value_name = "TIME", value_parser = time_s, requires = "emit")]
@@ -259,6 +260,10 @@ pub(crate) struct ReportArgs {
     /// The date on the page [default: the days on which the runs were executed]
     #[arg(long, value_name = "TEXT")]
     date: Option<String>,
+    /// Draw only routes that were recorded; else one run of each variant and panel is executed
+    /// again
+    #[arg(long)]
+    no_routes: bool,
 }
 
 fn part(text: &str) -> Result<Part, String> {
@@ -311,7 +316,11 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
     let selection = Selection { only: args.run.iter().cloned().collect::<BTreeSet<_>>(), keep: args.keep.into() };
     let summary = interruptible(|stop| {
         let mut display = ProgressDisplay::default();
-        Ok(execute::execute_selected(&plan, args.out.clone(), &options, &selection, &mut display, stop)?)
+        let summary = execute::execute_selected(&plan, args.out.clone(), &options, &selection, &mut display, stop)?;
+        if args.report && summary.failed + summary.left == 0 {
+            record_routes(&args.out, jobs, stop);
+        }
+        Ok(summary)
     })?;
     let Summary { skipped, done, recorded, failed, left } = summary;
     let recorded = if recorded > 0 { format!(", {recorded} executed again and recorded") } else { String::new() };
@@ -390,8 +399,41 @@ pub(crate) fn compare(args: &CompareArgs) -> anyhow::Result<ExitCode> {
 /// Makes the report of a folder, and its tables of all runs.
 pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
     let heading = Heading { title: args.title.clone(), date: args.date.clone() };
+    if !args.no_routes {
+        let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+        interruptible(|stop| {
+            record_routes(&args.folder, cores, stop);
+            Ok(())
+        })?;
+    }
     write_report(&args.folder, &heading)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Records the runs whose routes a report shows, as far as they are of this build; a note says why
+/// there are none.
+fn record_routes(folder: &Path, jobs: NonZero<usize>, stop: &Stop) {
+    let record = || -> anyhow::Result<()> { record_runs(folder, routes::without_recording(folder)?, jobs, stop) };
+    if let Err(error) = record() {
+        say(&format!("note: no picture of routes: {error}"));
+    }
+}
+
+/// Executes runs of a folder once more, and keeps their recordings.
+pub(crate) fn record_runs(
+    folder: &Path,
+    runs: BTreeSet<String>,
+    jobs: NonZero<usize>,
+    stop: &Stop,
+) -> anyhow::Result<()> {
+    if runs.is_empty() {
+        return Ok(());
+    }
+    let (transport, part) = (Transport::Memory, Part::WHOLE);
+    let options = Options { jobs, transport, part, prune: false, registry: Registry::BUILT_IN };
+    say(&format!("{}: executing {} runs once more, to record them", folder.display(), runs.len()));
+    routes::record(folder, &Plan::load(&folder.join(PLAN))?, runs, &options, &mut (), stop)?;
+    Ok(())
 }
 
 fn write_report(folder: &Path, heading: &Heading) -> anyhow::Result<()> {

@@ -19,7 +19,7 @@ use clap::{ArgMatches, Args, ValueEnum};
 use foxglove_server::PageOrigin;
 use mapgen::MapError;
 use recording::Recording;
-use sim_server::cli::{ForkArgs, KeyArgs, assignment, recording_path, trace_file};
+use sim_server::cli::{ForkArgs, KeyArgs, assignment, recording_path, trace_file, whole};
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Override, Scenario};
 use system::input_file::{self, TEXT_BYTES_MAX};
@@ -101,7 +101,7 @@ pub(crate) struct RunArgs {
     )]
     order: Option<OrderName>,
     /// Longest random delay of an agent before each reply
-    #[arg(long, value_name = "MS", help_heading = "Agents")]
+    #[arg(long, value_name = "MS", help_heading = "Agents", value_parser = whole::<u64>(0..=u64::MAX))]
     chaos_delay_ms: Option<u64>,
     /// Run the agents on the hosts of this file; the server stays here (docs/hosts.md)
     #[arg(long, value_name = "FILE.toml", help_heading = "Agents")]

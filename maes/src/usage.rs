@@ -116,7 +116,17 @@ mod tests {
     fn values_are_refused_in_one_line() {
         for (line, expected) in [
             ("maes run --seed", "--seed needs a value"),
-            ("maes run --agents five", "--agents five: expected a whole number, in digits"),
+            ("maes run --agents five", "--agents five: expected an integer, 1 to 1000"),
+            ("maes run --agents -1", "--agents -1: expected an integer, 1 to 1000"),
+            ("maes run --agents 4294967296", "--agents 4294967296: expected an integer, 1 to 1000"),
+            ("maes run --seed -1", "--seed -1: expected a seed from 0 to 9223372036854775807"),
+            ("maes run --threads x", "--threads x: expected an integer, 0 to 1024"),
+            ("maes batch p.toml --out o --jobs two", "--jobs two: expected a whole number from 1"),
+            ("maes batch p.toml --out o --first-domain x", "--first-domain x: expected a whole number from 0 to 101"),
+            (
+                "maes map generate --size 30 --radius-max big --output a.m3dm",
+                "--radius-max big: expected an integer (cells), 0 to 510",
+            ),
             ("maes rnu", "no command \"rnu\"; did you mean `run`? (`maes --help` lists all)"),
             ("maes vierw a.mcap", "no command \"vierw\"; did you mean `view`? (`maes --help` lists all)"),
             ("maes map generte", "no command \"generte\"; did you mean `generate`? (`maes map --help` lists all)"),

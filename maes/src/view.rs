@@ -193,6 +193,13 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
     }
 }
 
+/// Copies the page into a folder, if one was built or is part of this program; returns whether.
+pub(crate) fn copy_page(folder: &Path) -> anyhow::Result<bool> {
+    let Some(page) = page::built() else { return Ok(false) };
+    export::copy_folder(page.path(), folder)?;
+    Ok(true)
+}
+
 /// Where something is shown, and to whom.
 struct Shown {
     page: PathBuf,

@@ -13,20 +13,20 @@ const SCENARIO: &str = "seed = 1\nduration_s = 5.0\n[map]\nkind = \"spheres\"\ns
 /// Command line, exit code, and what the answer has in it.
 const ANSWERS: &[(&str, u8, &[&str])] = &[
     // Numbers and times.
-    ("run --agents five", 2, &["--agents five: expected a whole number"]),
-    ("run --agents 2.5", 2, &["--agents 2.5: expected a whole number"]),
-    ("run --agents -1", 2, &["--agents -1: expected a whole number"]),
-    ("run --agents 99999999999", 2, &["--agents 99999999999: expected a whole number from 0 to 4294967295"]),
+    ("run --agents five", 2, &["--agents five: expected an integer, 1 to 1000"]),
+    ("run --agents 2.5", 2, &["--agents 2.5: expected an integer, 1 to 1000"]),
+    ("run --agents -1", 2, &["--agents -1: expected an integer, 1 to 1000"]),
+    ("run --agents 99999999999", 2, &["--agents 99999999999: expected an integer, 1 to 1000"]),
     ("run --agents 0", 2, &["--agents 0", "expected 1 to 1000"]),
     ("run --agents 1001", 2, &["--agents 1001", "expected 1 to 1000"]),
     ("run --agents", 2, &["--agents needs a value"]),
-    ("run --seed x", 2, &["--seed x: expected a whole number"]),
-    ("run --seed -1", 2, &["--seed -1: expected a whole number"]),
+    ("run --seed x", 2, &["--seed x: expected a seed from 0 to 9223372036854775807"]),
+    ("run --seed -1", 2, &["--seed -1: expected a seed from 0 to 9223372036854775807"]),
     ("run --duration soon", 2, &["--duration soon: expected a time", "30min", "1:30"]),
     ("run --duration 1:5", 2, &["--duration 1:5: expected a time"]),
     ("run --duration 3days", 2, &["--duration 3days: expected a time"]),
     ("run --duration -5", 2, &["--duration -5", "duration_s", "expected"]),
-    ("run --threads many", 2, &["--threads many: expected a whole number"]),
+    ("run --threads many", 2, &["--threads many: expected an integer, 0 to 1024"]),
     ("run --rtf fast", 2, &["--rtf fast: expected a number or max"]),
     ("run --look-ahead maybe", 2, &["--look-ahead maybe: expected true or false"]),
     ("snapshot a.mcap --at noon --out a.png", 2, &["--at noon: expected a time"]),
@@ -52,6 +52,11 @@ const ANSWERS: &[(&str, u8, &[&str])] = &[
     ("completions tcsh", 2, &["tcsh", "expected bash"]),
     // Maps.
     ("run --map nofile.m3dm", 2, &["nofile.m3dm", "expected spheres, noise, building, mine, scene, or a map file"]),
+    (
+        "run --transport memory --map .",
+        2,
+        &["error: --map .: a folder without .png files; expected one for each layer"],
+    ),
     ("run --map cave", 2, &["cave", "expected spheres, noise, building, mine, scene, or a map file"]),
     (
         "run --size 12",

@@ -39,6 +39,7 @@ fn completed(scenario: &Scenario, done: in_process::CompletedRun) -> PyResult<Py
         result: &result,
         stages: &done.course.stages,
         seen_again: done.course.seen_again,
+        explored_m2: Some(done.outcome.explored_m2),
         wall,
     };
     let record = measure::record(&planned, trace);

@@ -5,7 +5,8 @@
 //! says of it, and [`map`] its map; [`recovery`] repairs a file without an end, [`bag`] makes
 //! the metadata of a rosbag2 folder, and [`location`] finds the recording in one. [`playback`] has
 //! the inputs of a run by tick, and [`replay`] decides which message is due when; [`comparison`]
-//! finds the first message in which two runs differ, and [`difference`] its field.
+//! finds the first message in which two runs differ, and [`difference`] its field; [`routes`] says
+//! where the bodies were.
 //!
 //! This crate knows no session, no agent and no ROS client.
 
@@ -19,6 +20,7 @@ pub mod playback;
 mod reader;
 pub mod recorder;
 pub mod replay;
+pub mod routes;
 
 pub use reader::{
     Channel, End, Follower, MAP_ATTACHMENT, Message, Messages, Recording, RecordingError, SCENARIO_ATTACHMENT,

@@ -6,12 +6,14 @@
 mod boxes;
 mod curves;
 mod pareto;
+pub(super) mod routes;
 mod teams;
 mod traffic;
 
 use std::collections::BTreeSet;
 
-use super::plot::{Drawn, Mark};
+use super::marks::Mark;
+use super::plot::Drawn;
 use super::study::{Condition, Environment, Study};
 use statistics::StatisticsError;
 
@@ -29,13 +31,18 @@ pub(super) struct Figure {
 
 /// The figures without wall time, which are functions of scenario, seed and build.
 pub(super) fn deterministic(study: &Study) -> Result<Vec<Figure>, StatisticsError> {
-    let mut figures = vec![curves::exploration(study)?];
+    let mut figures = vec![exploration(study)?];
     figures.extend(curves::times(study)?);
     figures.extend(boxes::outcome(study)?);
     figures.extend(teams::scaling(study)?);
     figures.extend(traffic::by_kind(study)?);
     figures.extend(pareto::data_against_time(study)?);
     Ok(figures)
+}
+
+/// The explored share over time.
+pub(super) fn exploration(study: &Study) -> Result<Figure, StatisticsError> {
+    curves::exploration(study)
 }
 
 /// The figures of wall time.

@@ -31,6 +31,7 @@ pub(crate) fn run(controller: &str, seed: u64, agents: u32) -> RunRecord {
         free_cells: 1000 + seed,
         explored: 0.9,
         explored_m3: None,
+        explored_m2: None,
         attainable: None,
         covered: 0.09,
         believed_mean: 0.45,

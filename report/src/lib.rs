@@ -6,17 +6,21 @@
 //!
 //! Invariants: the same folder makes the same bytes; no run is excluded because of its outcome. A
 //! run that repeats another one is no observation of its own. An incomplete plan is reported as it
-//! is, with a list of the missing runs.
+//! is, with a list of the missing runs. Nothing is executed, but by [`routes::record_shown`].
 //!
 //! Plots and SVG are our own code: no plotting library guarantees the same bytes across its
 //! versions.
 
+mod causes;
 mod design;
+pub mod entry;
 mod estimates;
 mod evidence;
 mod figures;
 #[cfg(test)]
 pub(crate) mod fixture;
+mod floor_plan;
+mod marks;
 mod measure;
 mod metrics;
 mod outcomes;
@@ -25,6 +29,7 @@ mod pairs;
 mod plot;
 mod png;
 pub mod regression;
+pub mod routes;
 mod study;
 mod svg;
 mod table;
@@ -82,6 +87,10 @@ struct Contents {
     /// The table for a paper.
     summary: Option<Table>,
     figures: Vec<Figure>,
+    /// Of the figures, those that are not folded.
+    shown: usize,
+    /// What to know about them, one sentence each.
+    notes: Vec<String>,
     tables: Vec<Table>,
     pairs: Vec<Table>,
     cost_figures: Vec<Figure>,
@@ -89,11 +98,18 @@ struct Contents {
 }
 
 impl Contents {
-    fn of(study: &Study) -> Result<Self, StatisticsError> {
+    fn of(dir: &Path, study: &Study) -> Result<Self, ReportError> {
+        let (routes, notes) = routes::pictures(dir, study)?;
+        let mut figures = figures::deterministic(study)?;
+        let shown = 1 + usize::from(!routes.is_empty());
+        // Behind the curves of exploration.
+        figures.splice(1..1, routes);
         Ok(Self {
             verdicts: verdicts::verdicts(study)?,
             summary: pairs::summary(study)?,
-            figures: figures::deterministic(study)?,
+            figures,
+            shown,
+            notes,
             tables: outcomes::tables(study)?,
             pairs: pairs::tables(study)?,
             cost_figures: figures::of_wall_time(study)?,
@@ -118,7 +134,7 @@ pub fn write(dir: &Path) -> Result<ReportSummary, ReportError> {
 pub fn write_with(dir: &Path, heading: &Heading) -> Result<ReportSummary, ReportError> {
     let study = Study::read(dir)?;
     let kept = kept(dir, &study)?;
-    let contents = Contents::of(&study)?;
+    let contents = Contents::of(dir, &study)?;
     let report = dir.join("report");
     for folder in ["figures", "tables"] {
         let path = report.join(folder);
@@ -153,7 +169,7 @@ pub fn write_with(dir: &Path, heading: &Heading) -> Result<ReportSummary, Report
         page,
         runs: study.runs.len(),
         lacking: missing,
-        warnings: evidence::warnings(&study),
+        warnings: evidence::warnings(&study).into_iter().chain(contents.notes).collect(),
         verdicts: contents.verdicts.iter().flat_map(said).collect(),
     })
 }

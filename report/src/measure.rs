@@ -108,6 +108,22 @@ impl Compared {
         }
     }
 
+    /// The value of a run for readers, with what it is.
+    pub(super) fn said(self, run: &RunRecord, horizon_s: f64, unit: TimeUnit) -> String {
+        let value = self.values(&[run], horizon_s).first().copied().unwrap_or_default();
+        match self {
+            Self::Time(place) if self.reached(&[run], horizon_s) == 0 => {
+                format!("{} % not reached", MILESTONES[place].percent)
+            }
+            Self::Time(place) => {
+                format!("{} % after {:.1} {}", MILESTONES[place].percent, self.in_unit(value, unit), unit.symbol)
+            }
+            Self::Unseen => format!("area {:.1} %", 100.0 * area(run, horizon_s)),
+            Self::Explored => format!("{value:.1} % explored"),
+            Self::Distance => format!("{value:.0} m"),
+        }
+    }
+
     /// The number of runs that have reached the share whose time is compared.
     pub(super) fn reached(self, runs: &[&RunRecord], horizon_s: f64) -> usize {
         match self {

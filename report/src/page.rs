@@ -10,7 +10,7 @@ use std::fmt::Write;
 use super::Contents;
 use super::evidence;
 use super::figures::Figure;
-use super::plot::{self, Mark};
+use super::marks::{self, Mark};
 use super::study::{Study, agents_name, size_name};
 use super::svg::escape;
 use super::table::Table;
@@ -18,7 +18,7 @@ use super::verdicts::{self, Verdict, Verdicts};
 pub(super) use runs::RetainedRecordings;
 
 /// The style sheet. Neutral colours of the figures follow the background.
-const STYLE: &str = include_str!("page/style.css");
+pub(super) const STYLE: &str = include_str!("page/style.css");
 const SCRIPT: &str = include_str!("page/script.js");
 /// Nothing is loaded, not even from the page's own place.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
@@ -48,7 +48,7 @@ pub(super) fn html(study: &Study, contents: &Contents, heading: &Heading, kept: 
     text.push_str(&table_of_contents(study, contents));
     text.push_str(&verdict_list(study, &contents.verdicts));
     text.extend(contents.summary.iter().map(wide));
-    let (first, further) = contents.figures.split_at(contents.figures.len().min(1));
+    let (first, further) = contents.figures.split_at(contents.figures.len().min(contents.shown));
     text.extend(first.iter().map(figure));
     text.push_str(&section("setup", "What was run"));
     text.push_str(&facts(study));
@@ -237,10 +237,10 @@ fn missing(study: &Study) -> String {
     text
 }
 
-fn figure(figure: &Figure) -> String {
+pub(super) fn figure(figure: &Figure) -> String {
     let Figure { name, title, caption, legend, is_by_variant, drawn } = figure;
     let entry = |(place, (mark, name)): (usize, &(Mark, String))| {
-        let (swatch, name) = (plot::swatch(*mark), escape(name));
+        let (swatch, name) = (marks::swatch(*mark), escape(name));
         if *is_by_variant {
             format!(
                 "<li><button type=\"button\" aria-pressed=\"true\" data-toggles=\"{place}\">{swatch}{name}</button></li>\n"

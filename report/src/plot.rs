@@ -4,104 +4,27 @@
 //! available panel by panel, for a page that arranges panels by its width. This module does not
 //! depend on runs.
 
-use super::svg::{Anchor, Area, GRID, INK, Label, Paint, Pen, SOFT, Section, Svg, text_width};
+use super::marks::{Mark, SAMPLE, draw_mark};
+use super::svg::{Anchor, Area, BOLD, GRID, INK, Label, Pen, SOFT, Section, Svg, text_width};
 
 /// Size of the font of tick labels, pixels.
 pub(super) const SMALL: f64 = 10.5;
 /// Size of the font of axis labels and the legend, pixels.
-const NORMAL: f64 = 11.5;
+pub(super) const NORMAL: f64 = 11.5;
 /// Size of the font of the title of a figure, pixels.
 const LARGE: f64 = 14.0;
 /// Space at the outer edges, pixels.
-const EDGE: f64 = 12.0;
+pub(super) const EDGE: f64 = 12.0;
 /// Space between a frame and its tick labels, pixels.
 const TICK_GAP: f64 = 6.0;
 /// Width of a vertical axis label with its distance to the tick labels, pixels.
 const LABEL: f64 = NORMAL + 10.0;
-/// Width of bold text relative to regular text.
-const BOLD: f64 = 1.12;
 /// Space to the right of a panel for half of its last tick label, pixels.
 const RIGHT_GAP: f64 = 22.0;
 /// Height of a title over a panel, pixels.
 const PANEL_TITLE: f64 = 24.0;
 /// Height of a line of the legend, pixels.
 const LEGEND_LINE: f64 = 20.0;
-/// Length of a line sample in the legend, pixels.
-const SAMPLE: f64 = 34.0;
-
-/// Colours for all types of colour vision (Okabe and Ito, "Color Universal Design", 2008), without
-/// their yellow, which is too light for lines on white; their black follows the background.
-const COLOURS: [Paint; 7] = [
-    Paint { colour: "#0072b2", class: "blue" },
-    Paint { colour: "#d55e00", class: "vermillion" },
-    Paint { colour: "#009e73", class: "green" },
-    Paint { colour: "#cc79a7", class: "" },
-    Paint { colour: "#e69f00", class: "" },
-    Paint { colour: "#56b4e9", class: "" },
-    INK,
-];
-/// Dashes and gaps, pixels. Their number is coprime with that of the colours: 35 styles differ.
-const DASHES: [&str; 5] = ["", "7 3", "2 2.5", "9 3 2 3", "13 4"];
-
-pub(super) fn colour(index: usize) -> Paint {
-    COLOURS[index % COLOURS.len()]
-}
-
-pub(super) fn pen(index: usize) -> Pen {
-    Pen { dash: DASHES[index % DASHES.len()], ..Pen::solid(colour(index), 2.0) }
-}
-
-/// The symbol of a legend entry, for the series of an index.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Mark {
-    /// Its line, with a band around it.
-    Band(usize),
-    /// Its line.
-    Line(usize),
-    /// Its colour.
-    Box(usize),
-    /// Its colour and shape.
-    Point(usize),
-}
-
-/// The symbol of a legend entry as an image of its own, for a page.
-pub(super) fn swatch(mark: Mark) -> String {
-    let place = Area { left: 0.0, top: 0.0, width: SAMPLE, height: 10.0 };
-    let mut svg = Svg::new("");
-    draw_mark(&mut svg, mark, place);
-    format!("<svg aria-hidden=\"true\" width=\"{SAMPLE}\" height=\"10\">\n{}</svg>", svg.take())
-}
-
-fn draw_mark(svg: &mut Svg, mark: Mark, place: Area) {
-    let Area { left, top, width, height } = place;
-    let middle = top + height / 2.0;
-    match mark {
-        Mark::Box(series) => {
-            svg.fill(place, colour(series), 0.35);
-            svg.frame(place, &Pen::solid(colour(series), 1.5));
-        }
-        Mark::Point(series) => draw_point(svg, series, (left + width / 2.0, middle)),
-        Mark::Line(series) => svg.line((left, middle), (left + width, middle), &pen(series)),
-        Mark::Band(series) => {
-            svg.fill(place, colour(series), 0.2);
-            svg.line((left, middle), (left + width, middle), &pen(series));
-        }
-    }
-}
-
-/// Draws the point of a series: discs in all colours, then squares, diamonds and triangles.
-pub(super) fn draw_point(svg: &mut Svg, series: usize, (x, y): (f64, f64)) {
-    let paint = colour(series);
-    let corners: &[(f64, f64)] = match series / COLOURS.len() % 4 {
-        0 => return svg.disc((x, y), 4.0, paint, 1.0),
-        1 => &[(-3.7, -3.7), (3.7, -3.7), (3.7, 3.7), (-3.7, 3.7)],
-        2 => &[(0.0, -5.2), (5.2, 0.0), (0.0, 5.2), (-5.2, 0.0)],
-        _ => &[(0.0, -5.0), (4.8, 3.6), (-4.8, 3.6)],
-    };
-    let corners: Vec<_> = corners.iter().map(|(right, down)| (x + right, y + down)).collect();
-    svg.polygon(&corners, paint, 1.0);
-}
-
 /// An axis of a panel.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Axis {
@@ -253,35 +176,10 @@ impl<'a> Sheet<'a> {
         let mut sheet = Self { svg, layout, panel, head: 0.0, head_text: String::new(), parts: Vec::new(), width: 0.0 };
         let text = text_width(sheet.layout.title, LARGE * BOLD).max(text_width(sheet.layout.note, SMALL));
         sheet.width = (2.0 * EDGE + sheet.outer_label() + columns * sheet.column_width()).max(2.0 * EDGE + text);
-        sheet.head = sheet.draw_head();
+        let Layout { title, note, legend, .. } = sheet.layout;
+        sheet.head = draw_head(&mut sheet.svg, title, note, legend, sheet.width);
         sheet.head_text = sheet.svg.take();
         sheet
-    }
-
-    fn draw_head(&mut self) -> f64 {
-        let mut y = EDGE + LARGE;
-        let title = Label { bold: true, ..Label::new(self.layout.title, LARGE, Anchor::Start) };
-        self.svg.text((EDGE, y), &title);
-        if !self.layout.note.is_empty() {
-            y += SMALL + 7.0;
-            let note = Label { paint: SOFT, ..Label::new(self.layout.note, SMALL, Anchor::Start) };
-            self.svg.text((EDGE, y), &note);
-        }
-        y += 8.0;
-        let mut x = EDGE;
-        for (i, (mark, name)) in self.layout.legend.iter().enumerate() {
-            let width = SAMPLE + 6.0 + text_width(name, NORMAL) + 16.0;
-            if i > 0 && x + width > self.width {
-                x = EDGE;
-                y += LEGEND_LINE;
-            }
-            let middle = y + LEGEND_LINE / 2.0;
-            let place = Area { left: x, top: middle - 5.0, width: SAMPLE, height: 10.0 };
-            draw_mark(&mut self.svg, *mark, place);
-            self.svg.text((x + SAMPLE + 6.0, middle + 4.0), &Label::new(name, NORMAL, Anchor::Start));
-            x += width;
-        }
-        y + if self.layout.legend.is_empty() { 0.0 } else { LEGEND_LINE + 6.0 }
     }
 
     /// Width of a panel with its labels and gaps, without the label of the first column.
@@ -346,9 +244,8 @@ impl<'a> Sheet<'a> {
             data: panel.data(),
         });
         let here = text(here);
-        let title_size = NORMAL.min(NORMAL * (area.width + RIGHT_GAP) / text_width(title, NORMAL * BOLD).max(1.0));
-        let title_label = Label { bold: true, ..Label::new(title, title_size, Anchor::Start) };
-        self.svg.text((area.left, area.top - 8.0), &title_label);
+        let title_label = Label { bold: true, ..Label::new(title, NORMAL, Anchor::Start) };
+        self.svg.text_within((area.left, area.top - 8.0), title_label, area.width + RIGHT_GAP);
         let rule = Pen::solid(GRID, 1.0);
         let tick = Pen::solid(INK, 1.0);
         for (value, label) in &x.ticks {
@@ -413,6 +310,31 @@ impl<'a> Sheet<'a> {
     }
 }
 
+/// Draws title, note and legend at the top of a figure of this width; returns where they end.
+pub(super) fn draw_head(svg: &mut Svg, title: &str, note: &str, legend: &[(Mark, String)], width: f64) -> f64 {
+    let mut y = EDGE + LARGE;
+    svg.text((EDGE, y), &Label { bold: true, ..Label::new(title, LARGE, Anchor::Start) });
+    if !note.is_empty() {
+        y += SMALL + 7.0;
+        svg.text((EDGE, y), &Label { paint: SOFT, ..Label::new(note, SMALL, Anchor::Start) });
+    }
+    y += 8.0;
+    let mut x = EDGE;
+    for (i, (mark, name)) in legend.iter().enumerate() {
+        let entry = SAMPLE + 6.0 + text_width(name, NORMAL) + 16.0;
+        if i > 0 && x + entry > width {
+            x = EDGE;
+            y += LEGEND_LINE;
+        }
+        let middle = y + LEGEND_LINE / 2.0;
+        let place = Area { left: x, top: middle - 5.0, width: SAMPLE, height: 10.0 };
+        draw_mark(svg, *mark, place);
+        svg.text((x + SAMPLE + 6.0, middle + 4.0), &Label::new(name, NORMAL, Anchor::Start));
+        x += entry;
+    }
+    y + if legend.is_empty() { 0.0 } else { LEGEND_LINE + 6.0 }
+}
+
 /// The area and the axes of a panel.
 #[derive(Debug, Clone)]
 pub(super) struct Panel {
@@ -445,6 +367,12 @@ impl Panel {
         let Area { left, top, width, height } = self.area;
         Area { left: left - margin, top: top - margin, width: width + 2.0 * margin, height: height + 2.0 * margin }
     }
+}
+
+/// The greatest 1, 2 or 5 times a power of ten that is not above `length`.
+pub(super) fn round_length(length: f64) -> f64 {
+    let power = libm::exp10(libm::log10(length).floor());
+    [5.0, 2.0, 1.0].iter().map(|factor| factor * power).find(|&round| round <= length * 1.000_001).unwrap_or(power)
 }
 
 /// The least 1, 2 or 5 times a power of ten that is not below `step`.
@@ -492,8 +420,8 @@ mod tests {
     }
 
     #[test]
-    fn thirty_five_styles_differ() {
-        let styles: std::collections::BTreeSet<_> = (0..35).map(|i| (colour(i).colour, pen(i).dash)).collect();
-        assert_eq!(styles.len(), 35);
+    fn lengths_of_scale_bars_are_round() {
+        let lengths = [0.3, 1.0, 4.99, 33.3, 50.0, 700.0].map(round_length);
+        assert_eq!(lengths, [0.2, 1.0, 2.0, 20.0, 50.0, 500.0]);
     }
 }

@@ -16,6 +16,8 @@ pub(super) const SOFT: Paint = Paint { colour: "#5a5a5a", class: "soft" };
 pub(super) const GRID: Paint = Paint { colour: "#e3e3e3", class: "rule" };
 /// Background.
 pub(super) const PAPER: Paint = Paint { colour: "#ffffff", class: "paper" };
+/// Width of bold text relative to regular text.
+pub(super) const BOLD: f64 = 1.12;
 /// Font of all text, beginning with that of the PNG files.
 const FONT: &str = "'DejaVu Sans', Verdana, 'Noto Sans', sans-serif";
 
@@ -228,6 +230,38 @@ impl Svg {
             class(&paint, ""),
             paint.colour,
             escape(text)
+        ));
+    }
+
+    /// A line of text that is made smaller if it is wider than `width`, pixels.
+    pub(super) fn text_within(&mut self, at: (f64, f64), label: Label, width: f64) {
+        let weight = if label.bold { BOLD } else { 1.0 };
+        let size = label.size.min(label.size * width / text_width(label.text, label.size * weight).max(1.0));
+        self.text(at, &Label { size, ..label });
+    }
+
+    /// An area that is bounded by closed lines, `path` (SVG path data), by the even-odd rule. Its
+    /// coordinates are from `origin`, pixels, and `scale` pixels long.
+    pub(super) fn area(
+        &mut self,
+        path: &str,
+        origin: (f64, f64),
+        scale: (f64, f64),
+        paint: Paint,
+        outline: Option<Pen>,
+    ) {
+        // A transformation also scales the width of lines.
+        let pen = outline.map(|pen| Pen { width: pen.width / scale.0.abs(), ..pen }.attributes());
+        self.push(format_args!(
+            "<path transform=\"translate({:.3} {:.3}) scale({:.6} {:.6})\" d=\"{path}\" fill-rule=\"evenodd\"{} \
+             fill=\"{}\"{}/>",
+            origin.0,
+            origin.1,
+            scale.0,
+            scale.1,
+            class(&paint, ""),
+            paint.colour,
+            pen.unwrap_or_default()
         ));
     }
 

@@ -2,12 +2,15 @@
 //!
 //! This module only declares; it opens nothing and runs nothing.
 
+mod numbers;
+
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
+pub use numbers::{of_key, whole};
 use recording::location::recording_at;
 use recording::recorder::bag_folder;
 use simulation::scenario::{MapKind, Override, keys};
@@ -147,11 +150,17 @@ fn fork_time(text: &str) -> Result<Tick, String> {
 /// declaration of that key.
 #[derive(Debug, Args, Default)]
 pub struct KeyArgs {
-    #[arg(long, value_name = "N", allow_negative_numbers = true, help = meaning("agents.count"))]
+    #[arg(long, value_name = "N", value_parser = of_key::<u32>("agents.count"), allow_negative_numbers = true, help = meaning("agents.count"))]
     pub agents: Option<u32>,
     #[arg(long, value_name = "NAME", help = meaning("agents.controller"))]
     pub controller: Option<String>,
-    #[arg(long, value_name = "TICKS", allow_negative_numbers = true, help = meaning("agents.share_period_ticks"))]
+    #[arg(
+        long,
+        value_name = "TICKS",
+        value_parser = of_key::<u32>("agents.share_period_ticks"),
+        allow_negative_numbers = true,
+        help = meaning("agents.share_period_ticks")
+    )]
     pub share_period: Option<u32>,
     /// map.kind and map.file: spheres, noise, building, mine, scene, or a map file (docs/maps.md)
     #[arg(long, value_name = "spheres|noise|building|mine|scene|FILE")]
@@ -159,7 +168,7 @@ pub struct KeyArgs {
     /// map.size: cells along each axis, for example 100 or 100x80x30
     #[arg(long, value_name = "S|XxYxZ", value_parser = size, allow_negative_numbers = true)]
     pub size: Option<toml::Value>,
-    #[arg(long, value_name = "K", allow_negative_numbers = true, help = meaning("seed"))]
+    #[arg(long, value_name = "K", value_parser = of_key::<u64>("seed"), allow_negative_numbers = true, help = meaning("seed"))]
     pub seed: Option<u64>,
     #[arg(long, value_name = "TIME", value_parser = time_s, allow_negative_numbers = true, help = timed("duration_s"))]
     pub duration: Option<f64>,
@@ -171,7 +180,13 @@ pub struct KeyArgs {
     pub record_topics: Vec<String>,
     #[arg(long, value_name = "X|max", value_parser = rtf, allow_negative_numbers = true, help = meaning("execution.rtf"))]
     pub rtf: Option<toml::Value>,
-    #[arg(long, value_name = "N", allow_negative_numbers = true, help = meaning("execution.threads"))]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = of_key::<u32>("execution.threads"),
+        allow_negative_numbers = true,
+        help = meaning("execution.threads")
+    )]
     pub threads: Option<u32>,
     #[arg(long, value_name = "true|false", help = meaning("execution.look_ahead"))]
     pub look_ahead: Option<bool>,

@@ -162,8 +162,10 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
         anyhow::bail!("--external {agent}: agent {agent} is not in the run: ids are 0 to {last}");
     }
     let name = source.display().to_string();
+    let map = args.keys.map.as_deref();
     let job = Job {
         name,
+        map,
         scenario: &scenario,
         resumed: resumed.as_ref(),
         summary,
@@ -265,6 +267,8 @@ fn stays(args: &RunArgs) -> bool {
 struct Job<'a> {
     /// What its scenario is called in errors.
     name: String,
+    /// What `--map` has named.
+    map: Option<&'a str>,
     scenario: &'a Scenario,
     resumed: Option<&'a Resumed>,
     /// Where the summary of its result is written.
@@ -302,7 +306,7 @@ impl<'a> Job<'a> {
             Some(resumed) => setup::rebuild(&resumed.recording, self.scenario),
             None => setup::build(self.scenario),
         };
-        built.map_err(|error| anyhow::anyhow!("{}: {error}", self.name))
+        built.map_err(|error| anyhow::anyhow!("{}", setup::described(&error, self.map, &self.name)))
     }
 
     fn records(&self, world: &World, viewing: Option<&FoxgloveServer>) -> anyhow::Result<RecordingSinks> {

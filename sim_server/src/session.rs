@@ -76,6 +76,9 @@ pub struct Outcome {
     pub digest: Digest,
     /// Wall time of the ticks, without admission.
     pub wall: Duration,
+    /// Area of the walls around what the team has seen, m^2. It follows from the recording and is
+    /// no part of it.
+    pub explored_m2: f64,
     /// Agent processes that have started themselves again because their start stalled. It depends
     /// on the machine, so that it is no part of the result.
     pub restarted: usize,

@@ -370,6 +370,22 @@ pub fn generate_map(scenario: &Scenario) -> Result<GeneratedMap, SetupError> {
     mapgen::generate(&spec, extent, scenario.map_seed()).map_err(map_error(scenario))
 }
 
+/// An error of the making of a world, with what it is about: the flag `--map` with its value, if
+/// that has named the map file at fault, else `scenario`, the name of the scenario.
+#[must_use]
+pub fn described(error: &SetupError, map: Option<&str>, scenario: &str) -> String {
+    let fault = match error {
+        SetupError::Read { source, .. } => Some(source.to_string()),
+        SetupError::Import { source, .. } => Some(source.to_string()),
+        _ => None,
+    };
+    match map.zip(fault) {
+        // The importer names the file as well.
+        Some((map, fault)) => format!("--map {map}: {}", fault.strip_prefix(&format!("{map}: ")).unwrap_or(&fault)),
+        None => format!("{scenario}: {error}"),
+    }
+}
+
 /// Whether a map can be made of a scenario, as far as that is known before it is: its file is one,
 /// and the parameters of a generator fit its size.
 ///

@@ -8,7 +8,7 @@
 
 use fixedbitset::FixedBitSet;
 use msgs::ids::{AgentId, Tick};
-use voxels::{CellSet, Terrain};
+use voxels::{CellSet, FACES, Grid, Terrain, is_wall_at};
 
 /// Explored shares, in thousandths of the free cells, whose ticks are recorded.
 pub const MILESTONES_PERMILLE: [u64; 5] = [500, 900, 990, 999, 1000];
@@ -160,6 +160,19 @@ impl Coverage {
         &self.explored
     }
 
+    /// Area of the walls around what the team has seen, m^2: of the faces between free cells that
+    /// it has seen and cells of wall. `terrain` is the map at present.
+    #[must_use]
+    pub fn explored_surface_m2(&self, terrain: &Grid<Terrain>) -> f64 {
+        let extent = terrain.extent();
+        let faces = |index: usize| {
+            let cell = extent.cell_at(index);
+            FACES.iter().filter(|face| is_wall_at(terrain, cell + **face)).count()
+        };
+        let faces: usize = self.explored.ones().map(faces).sum();
+        faces as f64 * extent.cell_m() * extent.cell_m()
+    }
+
     /// Number of free cells of the map.
     #[must_use]
     pub fn free_cells(&self) -> usize {
@@ -173,6 +186,8 @@ impl Coverage {
 
 #[cfg(test)]
 mod tests {
+    use voxels::{Cell, Extent};
+
     use super::*;
 
     #[test]
@@ -185,5 +200,23 @@ mod tests {
         }
         let reached: Vec<(u64, u64)> = coverage.milestones().map(|(permille, tick)| (permille, tick.0)).collect();
         assert_eq!(reached, [(500, 4), (900, 5), (990, 6), (999, 6), (1000, 6)]);
+    }
+
+    #[test]
+    fn surface_is_that_of_the_walls_around_what_was_seen() {
+        // A lane of three cells of half a metre.
+        let solid = "#####\n#####\n#####\n";
+        let text = format!("{solid}\n#####\n#...#\n#####\n\n{solid}");
+        let walls = Grid::from_text(&text).unwrap().into_vec();
+        let terrain = Grid::from_vec(Extent::new([5, 3, 3], 0.5).unwrap(), walls).unwrap();
+        let extent = terrain.extent();
+        let cell = |x| extent.index(Cell::new(x, 1, 1)).unwrap() as u32;
+        let mut coverage = Coverage::new(extent.volume(), 3, 1);
+        assert_eq!(coverage.explored_surface_m2(&terrain), 0.0);
+        coverage.explore(AgentId(0), &[cell(1)]);
+        // Five of its faces are wall; the sixth one is open, whether what is behind was seen.
+        assert_eq!(coverage.explored_surface_m2(&terrain), 5.0 * 0.25);
+        coverage.explore(AgentId(0), &[cell(2), cell(3)]);
+        assert_eq!(coverage.explored_surface_m2(&terrain), 14.0 * 0.25);
     }
 }

@@ -51,6 +51,7 @@ pub(super) fn carry_out(
         result,
         stages: &completed.course.stages,
         seen_again: completed.course.seen_again,
+        explored_m2: Some(completed.outcome.explored_m2),
         wall,
     };
     Ok(measure::record(run, trace))

@@ -117,7 +117,10 @@ impl Launcher {
         named.into_iter().for_each(|(agent, tick, stage)| stages.enter(agent, tick, stage));
         let (stages, progress, result) = (&stages, &progress, &result);
         let (size, cell_m) = (scenario.size, scenario.cell_m);
-        Ok(measure::record(run, Trace { size, cell_m, progress, result, stages, seen_again: None, wall }))
+        Ok(measure::record(
+            run,
+            Trace { size, cell_m, progress, result, stages, seen_again: None, explored_m2: None, wall },
+        ))
     }
 }
 

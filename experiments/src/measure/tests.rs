@@ -60,6 +60,7 @@ fn metrics_match_hand_calculation() {
             result: &result,
             stages: &stages,
             seen_again: Some(20),
+            explored_m2: Some(12.5),
             wall,
         },
     );
@@ -78,7 +79,7 @@ fn metrics_match_hand_calculation() {
     // first explored cell on.
     assert_eq!((row.contact_share, row.staleness), (2.0 / 3.0, 0.25));
     assert_eq!((row.distance_m, row.distance_max_m, row.refusals, row.free_cells), (8.0, 5.0, 3, 100));
-    assert_eq!(row.explored_m3, Some(100.0 * row.explored / 8.0));
+    assert_eq!((row.explored_m2, row.explored_m3), (Some(12.5), Some(100.0 * row.explored / 8.0)));
     assert_eq!(row.bytes_by_kind, BTreeMap::from([(1, 7)]));
     assert_eq!(series.iter().map(|sample| sample.t_s).collect::<Vec<_>>(), [0.0, 10.0, 20.0, 24.0]);
     let second = AgentSample { explored: 0.25, covered: 0.125, believed: 0.5, distance_m: 2.0 };

@@ -13,6 +13,7 @@ use in_memory::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 use recording::Recording;
 use sim_server::exit;
 use sim_server::profile::{Decision, Profile, Profiled, create_trace};
+use sim_server::setup;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
 use system::wall_clock;
@@ -82,9 +83,10 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     }
     let outcome = finished
         .map_err(|error| match error {
-            InProcessError::Setup(_) | InProcessError::OverRosOnly { .. } => {
-                anyhow::anyhow!("{}: {error}", args.name())
+            InProcessError::Setup(error) => {
+                anyhow::anyhow!("{}", setup::described(&error, args.keys.map.as_deref(), &args.name()))
             }
+            InProcessError::OverRosOnly { .. } => anyhow::anyhow!("{}: {error}", args.name()),
             other => other.into(),
         })?
         .outcome;

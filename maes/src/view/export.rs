@@ -90,7 +90,7 @@ fn with_query(html: &str, query: &str) -> Option<String> {
     Some(format!("{before}\n    <meta name=\"maes-query\" content=\"{content}\" />{after}"))
 }
 
-fn copy_folder(from: &Path, to: &Path) -> Result<(), ExportError> {
+pub(super) fn copy_folder(from: &Path, to: &Path) -> Result<(), ExportError> {
     for entry in fs::read_dir(from).map_err(ExportError::of(from))? {
         let entry = entry.map_err(ExportError::of(from))?;
         let (source, copied) = (entry.path(), to.join(entry.file_name()));

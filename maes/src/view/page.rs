@@ -85,6 +85,13 @@ pub(super) fn folder(named: Option<&Path>) -> Result<PageFolder, PageError> {
     }
 }
 
+/// The page as it was built last; `None` if there is none.
+pub(super) fn built() -> Option<PageFolder> {
+    let of_sources = sources().map(|sources| sources.join("dist")).filter(|page| page.join("index.html").is_file());
+    let beside = || foxglove_server::page(None).ok().flatten();
+    of_sources.or_else(beside).map(PageFolder::from).or_else(|| embedded().ok())
+}
+
 #[cfg(not(feature = "embedded_page"))]
 fn embedded() -> Result<PageFolder, PageError> {
     Err(PageError::NoSources)

@@ -1,8 +1,9 @@
 //! Box plots of the runs of each cell, grouped by team size.
 
 use super::super::estimates::Quartiles;
+use super::super::marks::{Mark, colour};
 use super::super::metrics::{DISTANCE, EXPLORED, Metric, REAL_TIME_FACTOR, REDUNDANCY, STALENESS};
-use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, room_for};
+use super::super::plot::{Axis, Layout, Panel, Sheet, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::{Area, Pen};
 use super::super::table::digits_for;

@@ -1,8 +1,9 @@
 //! Curves over sim time: the explored share, and the share of runs that have reached a milestone.
 
 use super::super::estimates::{Estimate, Times};
+use super::super::marks::{Mark, colour, pen};
 use super::super::metrics::{MILESTONES, Milestone, TimeUnit, explored_at};
-use super::super::plot::{Axis, Drawn, Layout, Mark, Panel, Sheet, colour, pen, room_for};
+use super::super::plot::{Axis, Drawn, Layout, Panel, Sheet, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::Pen;
 use super::{Figure, Panels, legend, runs_note};

@@ -1,8 +1,9 @@
 //! The volume of messages against the time to explore.
 
 use super::super::estimates::{Estimate, Times};
+use super::super::marks::{Mark, colour, draw_point};
 use super::super::metrics::{MILESTONES, Milestone, TimeUnit};
-use super::super::plot::{Axis, Layout, Mark, Panel, Sheet, colour, draw_point, room_for};
+use super::super::plot::{Axis, Layout, Panel, Sheet, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::{Pen, SOFT};
 use super::super::table::digits_for;

@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::super::estimates::{Estimate, RESAMPLES, Times};
+use super::super::marks::{Mark, colour, pen};
 use super::super::metrics::{DISTANCE, EXPLORED, MILESTONES, Metric, TimeUnit};
 use super::super::outcomes::{DECISION_TIMES, decision_us};
-use super::super::plot::{Axis, Drawn, Layout, Mark, Panel, Sheet, colour, pen, room_for};
+use super::super::plot::{Axis, Drawn, Layout, Panel, Sheet, room_for};
 use super::super::study::{Condition, Environment, Study, agents_name};
 use super::super::svg::Pen;
 use super::super::table::digits_for;

@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use agent_node::command::MessageType;
 
 use super::super::estimates::{Estimate, RESAMPLES};
-use super::super::plot::{Axis, Layout, Mark, Panel, SMALL, Sheet, colour, room_for};
+use super::super::marks::{Mark, colour};
+use super::super::plot::{Axis, Layout, Panel, SMALL, Sheet, room_for};
 use super::super::study::{Condition, Study};
 use super::super::svg::{Anchor, Area, INK, Label, Pen, SOFT};
 use super::super::table::digits_for;

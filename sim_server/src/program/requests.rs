@@ -102,6 +102,7 @@ pub(super) fn serve_requests(
         };
         let job = Job {
             name: name.to_owned(),
+            map: None,
             scenario: &scenario,
             resumed,
             summary,

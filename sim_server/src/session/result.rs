@@ -39,6 +39,8 @@ impl Session<'_, '_> {
         }
         let digest = self.engine.digest();
         let progress = self.engine.progress();
+        let world = self.engine.world();
+        let explored_m2 = world.coverage().explored_surface_m2(world.terrain());
         let mut counters = self.engine.counters();
         counters.extend(self.agents.sessions().refusals().map(|(name, value)| Counter::new(name, value)));
         let result = maes_msgs::Result {
@@ -60,7 +62,7 @@ impl Session<'_, '_> {
         self.publish_result(&result, ended_well);
         let restarted = self.agents.sessions().restarted();
         self.log.finish()?;
-        Ok(Outcome { result, digest, wall, restarted })
+        Ok(Outcome { result, digest, wall, explored_m2, restarted })
     }
 
     fn publish_result(&mut self, result: &maes_msgs::Result, ended_well: bool) {
