@@ -5,6 +5,7 @@ use futures_util::FutureExt as _;
 use recording::live_stream::LiveStream;
 
 use super::*;
+use crate::outbox::DATA_BYTES_MAX;
 
 fn scenario() -> Scenario {
     Scenario::parse("default.toml", include_str!("../../../launch_scripts/scenarios/default.toml"), &[]).unwrap()
@@ -69,4 +70,41 @@ fn only_present_readers_of_the_present_run_are_waited_for() {
     // It has read the end of a run that is no longer there.
     hub.reader_has_end(id, &format!("{:016x}", 1));
     assert!(hub.state().readers.is_empty());
+}
+
+/// Bytes that the hub keeps: for late subscribers, and for clients that have not read them yet.
+fn kept_bytes(hub: &Hub) -> usize {
+    let state = hub.state();
+    let latched = state.topics.values().flat_map(|topic| &topic.latched).map(|(bytes, _)| bytes.len()).sum::<usize>();
+    latched + state.clients.values().map(|client| client.outbox.bytes()).sum::<usize>()
+}
+
+#[test]
+fn bytes_kept_do_not_grow_with_the_length_of_a_run() {
+    let (sender, _requests) = sync_channel(1);
+    let hub = Hub::new(sender, false);
+    let (id, outbox) = hub.join();
+    let topics = [msgs::topics::tf(), msgs::topics::map(), msgs::topics::rosout()];
+    hub.start_session(1, &scenario(), topics.clone());
+    let channels: Vec<u64> = hub.state().topics.keys().copied().collect();
+    for (number, channel) in channels.into_iter().enumerate() {
+        let wanted = Subscription { id: u32::try_from(number).unwrap(), channel_id: channel };
+        hub.state().subscribe(id, wanted).unwrap();
+    }
+    replies(&outbox);
+    let mut after = |seconds: std::ops::Range<u64>| {
+        for second in seconds {
+            hub.publish(&topics[0].name, &[1; 30_000], second * 1_000_000_000);
+            hub.publish_latched_at(&topics[1].name, vec![2; 100_000], second * 1_000_000_000);
+            hub.publish_latched_at(&topics[2].name, vec![3; 200], second * 1_000_000_000);
+            hub.broadcast_time(Tick(second * 50));
+        }
+        kept_bytes(&hub)
+    };
+    // A client that reads nothing costs most.
+    let (early, late) = (after(0..1200), after(1200..6000));
+    assert!(early.abs_diff(late) <= 130_200, "{early} bytes after 20 minutes, {late} after 100");
+    assert!(late <= DATA_BYTES_MAX + 1_000_000, "{late} bytes");
+    hub.leave(id);
+    assert!(kept_bytes(&hub) < 1_000_000);
 }
