@@ -5,11 +5,19 @@
 //!
 //! This module reads no file.
 
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread;
+
 use msgs::printable;
-use recording::comparison::Checker;
-use recording::comparison::{Comparison, Difference};
+use recording::comparison::{Checker, Comparison, Difference, is_of_run};
 use recording::difference::Field;
-use recording::{End, MAP_ATTACHMENT, Recording, SCENARIO_ATTACHMENT};
+use recording::{End, MAP_ATTACHMENT, Message, Recording, SCENARIO_ATTACHMENT};
+
+/// Messages that a thread passes on at once, each of at most some 60 kB.
+const BATCH: usize = 64;
+
+/// Batches that wait at most.
+const BATCHES_AHEAD: usize = 4;
 
 /// The comparison of two recordings.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,11 +64,7 @@ pub fn diff(first: &Recording, second: &Recording) -> Verdict {
     if lacks_stages(first) || lacks_stages(second) {
         comparison = comparison.without_stages();
     }
-    let mut messages = second.messages();
-    for message in messages.by_ref() {
-        comparison.take(&message.channel.topic, message.tick(), &message.data);
-    }
-    let second_end = messages.end().cloned().unwrap_or(End::Missing);
+    let second_end = compare_messages(&mut comparison, second);
     let is_first_shorter = comparison.is_closed();
     if !comparison.is_done() {
         comparison.end();
@@ -87,6 +91,36 @@ pub fn diff(first: &Recording, second: &Recording) -> Verdict {
         outcome,
         refusals: comparison.refusals().cloned(),
     }
+}
+
+/// Passes the messages of the second recording to the comparison, which reads the first, up to the
+/// first difference. Returns where they end, as far as they were read. Most of the time goes into
+/// decompression, so each file has a thread.
+fn compare_messages(comparison: &mut Comparison<'_>, second: &Recording) -> End {
+    let read = |batches: SyncSender<Vec<Message>>| {
+        let mut messages = second.messages();
+        loop {
+            let of_run = messages.by_ref().filter(|message| is_of_run(&message.channel.topic));
+            let batch: Vec<Message> = of_run.take(BATCH).collect();
+            if batch.is_empty() || batches.send(batch).is_err() {
+                return messages.end().cloned().unwrap_or(End::Missing);
+            }
+        }
+    };
+    thread::scope(|scope| {
+        let (sender, batches) = sync_channel(BATCHES_AHEAD);
+        let reader = scope.spawn(move || read(sender));
+        for batch in &batches {
+            for message in batch {
+                comparison.take(&message.channel.topic, message.tick(), &message.data);
+            }
+            if comparison.is_done() {
+                break;
+            }
+        }
+        drop(batches);
+        reader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
 }
 
 /// Whether the commands of a recording have no stages: it is of an earlier build.

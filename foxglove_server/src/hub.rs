@@ -15,10 +15,12 @@ use foxglove::websocket::ws_protocol::server::{
     Advertise, Channel, FetchAssetResponse, MessageData, ParameterValues, ServerInfo, Status, Time, Unadvertise,
 };
 use foxglove::websocket::{Parameter, ParameterType, ParameterValue};
+use msgs::cdr;
 use msgs::ids::Tick;
 use msgs::rcl_interfaces::{ParameterType as DeclaredType, ParameterValue as DeclaredValue};
 use msgs::schema;
 use msgs::topics::Topic;
+use msgs::visualization_msgs::Marker;
 use tokio_tungstenite::tungstenite::Message;
 
 use super::outbox::Outbox;
@@ -74,8 +76,16 @@ struct TopicState {
     /// Subscriptions by client.
     subscribers: BTreeMap<u32, u32>,
     arrivals: u64,
-    /// The last messages with their times in ns, for late subscribers: as many as the depth says.
-    latched: VecDeque<(Vec<u8>, u64)>,
+    /// The last messages, for late subscribers: as many as the depth says.
+    latched: VecDeque<LatchedMessage>,
+}
+
+/// A message for late subscribers.
+struct LatchedMessage {
+    bytes: Vec<u8>,
+    time_ns: u64,
+    /// `ns` and `id` of a marker, which a later marker with them replaces.
+    marker: Option<(String, i32)>,
 }
 
 /// A connected client.
@@ -199,19 +209,28 @@ impl Hub {
 
     /// Publishes a message that late subscribers receive as well.
     pub(super) fn publish_latched(&self, topic: &str, bytes: Vec<u8>, tick: Tick) {
-        self.publish_latched_at(topic, bytes, tick.time_ns());
+        self.latch(topic, LatchedMessage { bytes, time_ns: tick.time_ns(), marker: None });
     }
 
-    /// The same with a time in ns.
-    pub(super) fn publish_latched_at(&self, topic: &str, bytes: Vec<u8>, time_ns: u64) {
+    /// Publishes a piece of what is shown in markers, at a time in ns. Late subscribers receive the
+    /// last one of each piece: pieces change as long as a run lasts.
+    pub(super) fn publish_latched_marker(&self, topic: &str, marker: &Marker, time_ns: u64) {
+        let subject = (marker.ns.clone(), marker.id);
+        self.latch(topic, LatchedMessage { bytes: cdr::encode(marker), time_ns, marker: Some(subject) });
+    }
+
+    fn latch(&self, topic: &str, message: LatchedMessage) {
         let mut state = self.state();
         let State { topics, channel_of_topic, clients, .. } = &mut *state;
         if let Some(topic) = channel_of_topic.get(topic).and_then(|channel| topics.get_mut(channel)) {
-            topic.publish(clients, &bytes, time_ns);
+            topic.publish(clients, &message.bytes, message.time_ns);
+            if message.marker.is_some() {
+                topic.latched.retain(|kept| kept.marker != message.marker);
+            }
             if topic.latched.len() >= topic.topic.qos.depth as usize {
                 topic.latched.pop_front();
             }
-            topic.latched.push_back((bytes, time_ns));
+            topic.latched.push_back(message);
         }
     }
 
@@ -388,7 +407,7 @@ impl State {
         client.subscriptions.insert(wanted.id, wanted.channel_id);
         topic.subscribers.insert(id, wanted.id);
         topic.arrivals += 1;
-        for (bytes, time_ns) in &topic.latched {
+        for LatchedMessage { bytes, time_ns, .. } in &topic.latched {
             client.outbox.publish(&MessageData::new(wanted.id, *time_ns, bytes.as_slice()));
         }
         self.revision += 1;

@@ -96,7 +96,7 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
         while let Some((agent, marker)) = self.link.relayed_belief() {
             let time_ns = time_ns(&marker.header.stamp);
             let topic = topics::belief(agent).name;
-            self.foxglove.hub.publish_latched_at(&topic, cdr::encode(&marker), time_ns);
+            self.foxglove.hub.publish_latched_marker(&topic, &marker, time_ns);
         }
     }
 

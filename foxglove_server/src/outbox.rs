@@ -23,9 +23,9 @@ const REPLIES_MAX: usize = 1024;
 const REPLY_BYTES_MAX: usize = 48 << 20;
 
 /// Maximum messages of topics, and their bytes. A single larger message is sent if nothing else
-/// waits.
+/// waits. What a client that pauses costs once, the process keeps.
 const DATA_MAX: usize = 1024;
-const DATA_BYTES_MAX: usize = 16 << 20;
+const DATA_BYTES_MAX: usize = 8 << 20;
 
 /// Maximum service calls of one client that wait for their reply.
 pub(super) const CALLS_MAX: usize = 32;
@@ -104,6 +104,13 @@ impl Outbox {
         }
         drop(lanes);
         self.added.notify_one();
+    }
+
+    /// Bytes of the messages that wait.
+    #[cfg(test)]
+    pub(super) fn bytes(&self) -> usize {
+        let lanes = self.lanes();
+        lanes.replies.bytes + lanes.data.bytes
     }
 
     /// Registers a service call, unless too many wait for their reply.

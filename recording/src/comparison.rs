@@ -15,12 +15,13 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
+use std::sync::LazyLock;
 
 use msgs::cdr;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs::{self, Counter};
 use msgs::tf2_msgs::TFMessage;
-use msgs::topics;
+use msgs::topics::{self, Topic};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -28,6 +29,7 @@ use crate::difference::{self, Field};
 use crate::{End, Message, Messages, Recording};
 use simulation::digest::Digest;
 use simulation::scenario::RecordingSection;
+use simulation::wire::rounded_transform;
 
 /// Field name of a difference between whole messages.
 const WHOLE_MESSAGE: &str = "the message";
@@ -342,16 +344,19 @@ impl MessageKind {
                 _ => None,
             };
         }
-        let of_run = [
-            (topics::tf(), Self::Transforms),
-            (topics::digest(), Self::Digest),
-            (topics::progress(), Self::Progress),
-            (topics::intervention(), Self::Intervention),
-            (topics::map_change(), Self::MapChange),
-            (topics::scenario(), Self::Scenario),
-            (topics::result(), Self::Result),
-        ];
-        of_run.into_iter().find_map(|(known, kind)| (known.name == topic).then_some(kind))
+        // Made once, for this is asked of each message of a file.
+        static OF_SIM: LazyLock<[(Topic, MessageKind); 7]> = LazyLock::new(|| {
+            [
+                (topics::tf(), MessageKind::Transforms),
+                (topics::digest(), MessageKind::Digest),
+                (topics::progress(), MessageKind::Progress),
+                (topics::intervention(), MessageKind::Intervention),
+                (topics::map_change(), MessageKind::MapChange),
+                (topics::scenario(), MessageKind::Scenario),
+                (topics::result(), MessageKind::Result),
+            ]
+        });
+        OF_SIM.iter().find_map(|(known, kind)| (known.name == topic).then_some(*kind))
     }
 
     /// Whether a message of the kind belongs to the run, whose recording has all poses every
@@ -375,7 +380,7 @@ impl MessageKind {
             Self::Progress => decoded(before, now, fields::<maes_msgs::Progress>),
             Self::Digest => decoded(before, now, between_digests),
             Self::Result => decoded(before, now, between_results),
-            Self::Transforms => decoded(before, now, fields::<TFMessage>),
+            Self::Transforms => between_transforms(before, now),
             Self::Intervention => decoded(before, now, fields::<maes_msgs::Intervention>),
             Self::MapChange => decoded(before, now, fields::<maes_msgs::MapChange>),
             Self::Join => decoded(before, now, fields::<maes_msgs::Join>),
@@ -409,6 +414,20 @@ fn fields<M: Serialize>(before: &M, now: &M) -> Option<Field> {
         let name = "the encoding".to_owned();
         Some(Field { name, before: "one".to_owned(), now: "another of the same values".to_owned() })
     })
+}
+
+/// Earlier builds recorded all digits of a transform, and today's those of [`rounded_transform`].
+fn between_transforms(before: &[u8], now: &[u8]) -> Option<Field> {
+    let is_rounded = |fine: &[u8], coarse: &[u8]| {
+        let Ok(mut message) = cdr::decode::<TFMessage>(fine) else { return false };
+        let is_plain = cdr::encode(&message) == fine;
+        message.transforms.iter_mut().for_each(|stamped| stamped.transform = rounded_transform(&stamped.transform));
+        is_plain && cdr::encode(&message) == coarse
+    };
+    if is_rounded(before, now) || is_rounded(now, before) {
+        return None;
+    }
+    decoded(before, now, fields::<TFMessage>)
 }
 
 fn between_digests(before: &maes_msgs::Digest, now: &maes_msgs::Digest) -> Option<Field> {

@@ -2,6 +2,8 @@ use std::sync::mpsc::sync_channel;
 
 use foxglove::websocket::ws_protocol::client::{FetchAsset, SetParameters};
 use futures_util::FutureExt as _;
+use msgs::geometry_msgs::Point;
+use msgs::ids::AgentId;
 use recording::live_stream::LiveStream;
 
 use super::*;
@@ -69,4 +71,43 @@ fn only_present_readers_of_the_present_run_are_waited_for() {
     // It has read the end of a run that is no longer there.
     hub.reader_has_end(id, &format!("{:016x}", 1));
     assert!(hub.state().readers.is_empty());
+}
+
+/// Bytes that the hub keeps: for late subscribers, and for clients that have not read them yet.
+fn kept_bytes(hub: &Hub) -> usize {
+    let state = hub.state();
+    let latched = state.topics.values().flat_map(|topic| &topic.latched).map(|kept| kept.bytes.len()).sum::<usize>();
+    latched + state.clients.values().map(|client| client.outbox.bytes()).sum::<usize>()
+}
+
+#[test]
+fn bytes_kept_do_not_grow_with_the_length_of_a_run() {
+    let (sender, _requests) = sync_channel(1);
+    let hub = Hub::new(sender, false);
+    let (id, outbox) = hub.join();
+    let topics = [msgs::topics::tf(), msgs::topics::belief(AgentId(0)), msgs::topics::progress()];
+    hub.start_session(1, &scenario(), topics.clone());
+    let channels: Vec<u64> = hub.state().topics.keys().copied().collect();
+    for (number, channel) in channels.into_iter().enumerate() {
+        let wanted = Subscription { id: u32::try_from(number).unwrap(), channel_id: channel };
+        hub.state().subscribe(id, wanted).unwrap();
+    }
+    replies(&outbox);
+    let mut after = |seconds: std::ops::Range<u64>| {
+        for second in seconds {
+            hub.publish(&topics[0].name, &[1; 30_000], second * 1_000_000_000);
+            // Seven pieces of a map, each with some thousand cells.
+            let piece = Marker { id: (second % 7) as i32, points: vec![Point::default(); 4000], ..Marker::default() };
+            hub.publish_latched_marker(&topics[1].name, &piece, second * 1_000_000_000);
+            hub.publish_latched(&topics[2].name, vec![3; 200], Tick(second * 50));
+            hub.broadcast_time(Tick(second * 50));
+        }
+        kept_bytes(&hub)
+    };
+    // A client that reads nothing costs most.
+    let (early, late) = (after(0..120), after(120..6000));
+    assert!(early.abs_diff(late) <= 130_000, "{early} bytes after two minutes, {late} after 100");
+    hub.leave(id);
+    let of_pieces = 7 * cdr::encode(&Marker { points: vec![Point::default(); 4000], ..Marker::default() }).len();
+    assert_eq!(kept_bytes(&hub), of_pieces + 200, "the last of each piece, and of the progress");
 }
