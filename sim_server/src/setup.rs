@@ -453,6 +453,7 @@ fn params(scenario: &Scenario) -> WorldParams {
         closures: scenario.localisation.closures(),
         energy: scenario.energy.as_ref().map(EnergySection::params),
         late: scenario.late_agents(),
+        base_stations: scenario.base_stations(),
     }
 }
 

@@ -138,7 +138,7 @@ mod tests {
     fn scenario(rest: &str) -> Scenario {
         let text = format!(
             "seed = 1\nduration_s = 1.0\n{rest}\n[agents]\ncount = 2\ncmd_vel = [1]\nreserve = [1]\ncommand = [\"a\"]\n\
-                    command_ids = [0]\ncommand_signs = false\nset = {{ x = 1 }}\n"
+                    command_ids = [0]\nbase_stations = [0]\ncommand_signs = false\nset = {{ x = 1 }}\n"
         );
         Scenario::parse("s.toml", &text, &[]).unwrap()
     }
@@ -146,6 +146,7 @@ mod tests {
     /// Between them they have every key of a scenario.
     fn maximal_scenarios() -> Vec<Scenario> {
         let common = "execution = { record = \"a\", rtf = 2.0 }\nstop_when_covered = true\nstop_when_back = true\n\
+                      stop_when_known_at_base = true\n\
                       bodies = [{ agents = [0], kind = \"aerial\" }]\n\
                       event = [{ kind = \"leave\", at_s = 0.5, agent = 0 }]\n\
                       sensor = { range_sigma_m = 0.1, missed_returns = 0.1, pose_bound_m = 1.0, pose_step_m = 0.1 }\n\

@@ -8,6 +8,7 @@
 //! The keys are declared in [`keys`]. This module reads no map files and knows no command line;
 //! flags arrive as [`Override`]s of keys.
 
+mod base_stations;
 mod bodies;
 mod changes;
 mod diagnosis;
@@ -74,6 +75,8 @@ pub enum StopRule {
     Covered,
     /// The team has come back to its bases for good.
     Back,
+    /// A base station knows all that the team can see.
+    KnownAtBase,
     /// Nothing.
     Duration,
 }
@@ -98,6 +101,10 @@ pub struct Scenario {
     /// coverage do not end it then.
     #[serde(default, skip_serializing_if = "is_no")]
     pub stop_when_back: bool,
+    /// Whether the run ends once a base station knows all that the team can see; full exploration
+    /// and coverage do not end it then.
+    #[serde(default, skip_serializing_if = "is_no")]
+    pub stop_when_known_at_base: bool,
     /// The terrain.
     pub map: MapSection,
     /// The team.
@@ -269,6 +276,7 @@ impl Scenario {
     pub fn stop_rule(&self) -> StopRule {
         match self {
             Self { stop_when_back: true, .. } => StopRule::Back,
+            Self { stop_when_known_at_base: true, .. } => StopRule::KnownAtBase,
             Self { stop_when_covered: true, .. } => StopRule::Covered,
             Self { stop_when_explored: true, .. } => StopRule::Explored,
             _ => StopRule::Duration,
@@ -314,6 +322,7 @@ impl Scenario {
         self.check_map_source(&checker)?;
         self.agents.check(&checker)?;
         self.agents.check_mix(&checker)?;
+        self.check_base_stations(&checker)?;
         self.check_bodies(&checker)?;
         self.check_lidar(&checker)?;
         self.communication.check(&checker)?;

@@ -3,7 +3,7 @@
 //!
 //! There is no transport here.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
@@ -14,7 +14,7 @@ pub use protocol::geometry::{MAP_FRAME, header, point, vector};
 use protocol::kinematics::{turned, wrapped};
 use protocol::limits::RECORDED_PROTOCOL;
 use protocol::observation::Pose;
-use protocol::run_info::OF_BODY;
+use protocol::run_info::{BASE_STATION, OF_BODY};
 use voxels::{Cell, Extent, Terrain};
 
 use crate::scenario::{AgentsSection, Scenario};
@@ -91,7 +91,12 @@ pub fn announced_settings(agents: &AgentsSection) -> Vec<String> {
         let words = std::iter::once(entry.controller.clone()).chain(settings(&entry.set));
         words.map(|word| format!("@{whose}:{word}")).collect::<Vec<_>>()
     });
-    settings(&agents.set).into_iter().chain(of_others).collect()
+    let stations: BTreeSet<u32> = agents.base_stations.iter().copied().collect();
+    let of_stations = (!stations.is_empty()).then(|| {
+        let ids = id_ranges(&stations.into_iter().collect::<Vec<_>>());
+        format!("@{ids}:{BASE_STATION}")
+    });
+    settings(&agents.set).into_iter().chain(of_others).chain(of_stations).collect()
 }
 
 /// Ascending ids as `0-2,4`.

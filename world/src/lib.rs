@@ -91,6 +91,8 @@ pub struct WorldParams {
     pub energy: Option<EnergyParams>,
     /// The agents that are not in the world at the start, and join later.
     pub late: BTreeSet<AgentId>,
+    /// The agents that are base stations.
+    pub base_stations: BTreeSet<AgentId>,
 }
 
 /// The scan schedule of the LiDARs.
@@ -219,7 +221,8 @@ impl World {
                 reported_relays: Vec::new(),
             })
             .collect();
-        let mut coverage = Coverage::new(extent.volume(), free_cells, agents.len());
+        let mut coverage =
+            Coverage::new(extent.volume(), free_cells, agents.len()).with_base_stations(params.base_stations.clone());
         for (agent, state) in ids().zip(&agents).filter(|(_, state)| state.presence.is_in_world()) {
             coverage.cover(agent, index_of(&terrain, state.cell));
         }
@@ -355,7 +358,7 @@ impl World {
 
     /// Records how many free cells an agent reports to be on its map.
     pub fn note_belief(&mut self, agent: AgentId, known_free: u32) {
-        self.coverage.believe(agent, known_free);
+        self.coverage.believe(agent, known_free, self.tick);
     }
 
     /// Number of pairs of agents in contact in this tick.

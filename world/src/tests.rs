@@ -41,6 +41,7 @@ fn params() -> WorldParams {
         closures: None,
         energy: None,
         late: Default::default(),
+        base_stations: Default::default(),
     }
 }
 

@@ -547,6 +547,8 @@ impl<'a> Engine<'a> {
             counters.extend([used, Counter::new(CounterName::RanEmpty, ran_empty)]);
             counters.extend(home_at.map(|tick| Counter::new(CounterName::TickHome, tick.0)));
         }
+        let known_at_base_since = self.world.coverage().known_at_base_since();
+        counters.extend(known_at_base_since.map(|tick| Counter::new(CounterName::TickKnownAtBase, tick.0)));
         if let Some(DriftTotals { position_error_m, map_errors, blocks, closures }) = self.world.drift_totals() {
             counters.extend([
                 Counter::new(CounterName::PositionError, (position_error_m * 1e6).round() as u64),

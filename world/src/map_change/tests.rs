@@ -43,6 +43,7 @@ fn params(rays: u32) -> WorldParams {
         closures: None,
         energy: None,
         late: Default::default(),
+        base_stations: Default::default(),
     }
 }
 

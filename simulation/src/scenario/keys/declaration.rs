@@ -51,6 +51,10 @@ pub const TABLES: [Table; 25] = [
             "whether the run ends once all agents rest in their bases, and all is explored or they have waited there \
              for 10 s; nothing else but the duration ends it then", "ours").limits("true only with `[energy]`").changeable()
             .see("energy.md"),
+        key("stop_when_known_at_base", Boolean, Is("false"), NONE,
+            "whether the run ends once a base station knows all that the team can see; exploration and coverage do not \
+             end it then", "ours").limits("true only with `agents.base_stations`").changeable()
+            .see("communication.md#base-stations"),
     ]),
     Table::new("map", &[
         key("kind", Word(&["spheres", "noise", "building", "mine", "scene", "file"]), Required, NONE,
@@ -240,6 +244,10 @@ pub const TABLES: [Table; 25] = [
         key("reserve", Ids, Is("[]"), NONE,
             "agents that are not in the world until the service spawn_entity lets them join", "ours")
             .limits("0 to `count` - 1, each once, and without `[[event]]`").see("ros2.md#services"),
+        key("base_stations", Ids, Is("[]"), NONE,
+            "agents that stay at their start, as base stations that need the map", "ours; SubT")
+            .limits("0 to `count` - 1, each once, neither in `cmd_vel` nor in `mix`")
+            .see("communication.md#base-stations"),
         key("command", Texts, Is("[]"), NONE,
             "program of one's own, with its arguments, that runs agents; empty: agent_node", "ours")
             .limits("a program, then its arguments, in which `{id}` is the id of the agent; over memory only without it")
