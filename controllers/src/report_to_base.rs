@@ -3,16 +3,16 @@
 //! A base says how many free cells it knows ([`AtBase::Knows`]). An agent whose own number differs
 //! has news, or lacks some: in contact the exchange of maps makes the two equal. An agent with news
 //! goes back towards the base once it has had them for `report_s`, and for at least four times as
-//! long as the way takes, or as soon as its controller rests, until it is in contact; it waits there
-//! until the base has the map, and goes on.
+//! long as the way takes, or as soon as its controller rests. In contact it waits until the base
+//! has the map, and goes on.
 //!
 //! **Couriers.** On its way it tells all whom it meets ([`AtBase::Courier`]). They share their maps
 //! with it, and put off their own reports by `report_s`: one of those who meet reports for all.
 //! Only the base says what it knows, so news of a courier that never arrives are reported later.
 //!
 //! **Relay chain.** With `relay-chain` an agent leaves a relay where it is about to lose sight of
-//! the base and of all relays, so that contact follows it; once it carries none any more, it reports
-//! as without.
+//! the base and of all relays, so that contact follows it; once it carries none, it reports as
+//! without.
 //!
 //! Invariants: without base stations in the run, or with `to_base = off`, the wrapper is not there;
 //! those of [`Wrapped`].

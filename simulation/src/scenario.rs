@@ -18,6 +18,7 @@ pub mod keys;
 mod lidar;
 mod localisation;
 mod mix;
+mod obstacles;
 mod origin;
 mod radio;
 mod sections;
@@ -44,6 +45,7 @@ pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use lidar::{GridKeys, LidarPattern, LidarSchedule, LidarSection};
 pub use localisation::LocalisationSection;
 pub use mix::{ControllerChoice, MixEntry};
+pub use obstacles::{ObstacleEntry, ObstacleKind, ObstacleRepeat};
 pub use origin::Origins;
 pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
 pub use sections::*;
@@ -142,6 +144,9 @@ pub struct Scenario {
     /// What happens at set times.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub event: Vec<EventEntry>,
+    /// Obstacles that move on given paths.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacle: Vec<ObstacleEntry>,
     /// Visualisation topics.
     #[serde(default)]
     pub views: ViewsSection,
@@ -328,6 +333,7 @@ impl Scenario {
         self.communication.check(&checker)?;
         self.check_energy(&checker)?;
         self.check_views(&checker)?;
+        self.check_obstacles(&checker)?;
         self.check_events(&checker)?;
         if let SpawnSpec::Box { low, high, .. } = &self.spawn {
             let holds = low.iter().zip(high).all(|(low, high)| low.is_finite() && high.is_finite() && low <= high);

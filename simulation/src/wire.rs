@@ -134,11 +134,22 @@ pub fn progress(world: &mut World) -> maes_msgs::Progress {
     }
 }
 
-/// The poses of all bodies as transforms from `map` to `agent_<id>/base_link`.
+/// The poses of all bodies as transforms from `map` to `agent_<id>/base_link`, and those of moving
+/// obstacles.
 #[must_use]
 pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
     let in_world = world.agents().filter(|&agent| world.presence(agent).is_in_world());
-    msgs::tf2_msgs::TFMessage { transforms: in_world.flat_map(|agent| present_transforms(world, agent)).collect() }
+    let of_bodies = in_world.flat_map(|agent| present_transforms(world, agent));
+    msgs::tf2_msgs::TFMessage { transforms: of_bodies.chain(obstacle_transforms(world)).collect() }
+}
+
+/// The present places of the moving obstacles as transforms from `map` to `obstacle_<number>`.
+pub(crate) fn obstacle_transforms(world: &World) -> impl Iterator<Item = geometry_msgs::TransformStamped> {
+    world.moving_obstacles().iter().enumerate().map(|(number, obstacle)| geometry_msgs::TransformStamped {
+        header: header(world.tick()),
+        child_frame_id: obstacle_frame(number),
+        transform: geometry_msgs::Transform { translation: vector(&obstacle.centre.coords), rotation: rotation(0.0) },
+    })
 }
 
 /// The present pose of a body as transforms from `map` to `agent_<id>/base_link`.
@@ -182,6 +193,11 @@ pub fn transforms_of(
 /// The frame of an agent's body: x forward, y left, z up, the origin in its centre.
 pub fn body_frame(agent: AgentId) -> String {
     format!("agent_{agent}/base_link")
+}
+
+/// The frame of a moving obstacle, with the axes of the map and the origin in its centre.
+pub(crate) fn obstacle_frame(number: usize) -> String {
+    format!("obstacle_{number}")
 }
 
 /// The frame of its LiDAR, where that is mounted: x ahead, z up.

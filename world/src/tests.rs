@@ -42,6 +42,7 @@ fn params() -> WorldParams {
         energy: None,
         late: Default::default(),
         base_stations: Default::default(),
+        obstacles: Vec::new(),
     }
 }
 

@@ -353,7 +353,7 @@ impl<'a> Engine<'a> {
         log: &mut SessionLog<'_>,
     ) -> Result<Result<u32, &'static str>, RunError> {
         if terrain == Terrain::Wall && self.world.is_anything_in(cells) {
-            return Ok(Err("a body or a relay is in the box: move it away, or choose other cells"));
+            return Ok(Err("a body, a relay or an obstacle is in the box: move it away, or choose other cells"));
         }
         self.flush_scans();
         let changed = self.world.change_map(cells, terrain);

@@ -184,6 +184,7 @@ pub fn changeable(key: &str) -> Result<(), String> {
         (&["body", "bodies"][..], "the bodies have moved with it"),
         (&["lidar", "sensor"][..], "what the agents know was measured with it"),
         (&["communication.relays.per_agent"][..], "the agents have carried their relays from the start"),
+        (&["obstacle"][..], "obstacles have moved with it"),
         (&["recording", "faults"][..], "it holds for a recording as a whole"),
         (&["execution", "views"][..], "it is no part of the run"),
         (&["event"][..], "events do not change events"),

@@ -49,6 +49,7 @@ fn world(energy: EnergyParams, kind: BodyKind, start: Point3<f64>) -> World {
         energy: Some(energy),
         late: BTreeSet::new(),
         base_stations: Default::default(),
+        obstacles: Vec::new(),
     };
     World::new(terrain, params, &[Pose { position: start, yaw_rad: 0.0 }])
 }

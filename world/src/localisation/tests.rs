@@ -39,6 +39,7 @@ fn params(odometry: OdometryNoise) -> WorldParams {
         energy: None,
         late: Default::default(),
         base_stations: Default::default(),
+        obstacles: Vec::new(),
     }
 }
 

@@ -44,6 +44,7 @@ fn params(rays: u32) -> WorldParams {
         energy: None,
         late: Default::default(),
         base_stations: Default::default(),
+        obstacles: Vec::new(),
     }
 }
 

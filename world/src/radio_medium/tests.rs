@@ -57,6 +57,7 @@ fn params(comms: Comms) -> WorldParams {
         energy: None,
         late: Default::default(),
         base_stations: Default::default(),
+        obstacles: Vec::new(),
     }
 }
 

@@ -33,7 +33,7 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 25] = [
+pub const TABLES: [Table; 26] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
@@ -487,6 +487,23 @@ pub const TABLES: [Table; 25] = [
             .limits("[these keys](what-if.md#what-may-change)"),
         key("parent", Name, Unset("none"), NONE,
             "where a run was forked, the last digest of the recording that was forked", "ours").only_with(&["set"]),
+    ]),
+    Table::new("obstacle", &[
+        key("kind", Word(&["sphere", "box"]), Required, NONE,
+            "its shape; a box lies along the axes", "ours"),
+        key("radius_m", Number("m"), Unset("required for `\"sphere\"`"), POSITIVE,
+            "its radius", "ours").only_with(&["sphere"]),
+        key("size_m", Position("m"), Unset("required for `\"box\"`"), NONE,
+            "its edges", "ours").limits("above 0, up to 1e6").only_with(&["box"]),
+        key("path", Positions("m"), Required, NONE,
+            "points that its centre goes through", "ours")
+            .limits("2 to 100, each apart from the next; clear of walls, and no agent at the first one"),
+        key("speed_m_s", Number("m/s"), Required, POSITIVE,
+            "its speed", "ours").limits("above 0, up to 50 cells in a second"),
+        key("repeat", Word(&["to_and_fro", "loop", "once"]), Is("\"to_and_fro\""), NONE,
+            "what follows the last point: the way back, the first point, or nothing", "ours"),
+        key("start_s", Number("s"), Is("0.0"), between(0.0, 2e8),
+            "sim time at which it begins to move", "ours"),
     ]),
     Table::new("views", &[
         key("max_hz", Number("Hz"), Is("30.0"), between(0.1, 1000.0),
