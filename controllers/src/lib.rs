@@ -11,6 +11,7 @@
 #![warn(missing_docs)]
 
 pub mod auction;
+mod base_station;
 mod blockage;
 pub mod boustrophedon;
 pub mod collision_recovery;
@@ -28,6 +29,7 @@ pub mod rbw;
 pub mod rbw_maes3d;
 mod registry;
 pub mod relays;
+mod report_to_base;
 pub mod settings;
 pub mod stopwatch;
 mod suggestion;
@@ -43,6 +45,7 @@ pub mod zigzag;
 use std::fmt;
 
 use msgs::ids::AgentId;
+use protocol::run_info::BASE_STATION;
 use rand_chacha::ChaCha8Rng;
 
 use agent::command::Command;
@@ -51,6 +54,7 @@ pub use ctx::Ctx;
 use go_home::GoHome;
 use look_around::LookAround;
 pub use registry::{ControllerError, Registry, RegistryError};
+use report_to_base::Reporting;
 use settings::{Setting, SettingError, Settings};
 pub use suggestion::did_you_mean;
 
@@ -170,7 +174,11 @@ pub const REGISTRY: &[Registration] = &[
         name: "dsvp-team",
         description: "viewpoint planner with tours for the whole team over all that is left to see",
         stream: "dsvp",
-        construct: &|settings, setup| Ok(Box::new(dsvp::with_team(settings, setup)?)),
+        construct: &|settings, setup| {
+            let (agent, run_info) = (setup.agent, setup.run_info);
+            let team = Box::new(dsvp::with_team(settings, setup)?);
+            Ok(Reporting::from_settings(settings, agent, run_info)?.around(team))
+        },
     },
     Registration {
         name: "hungarian",
@@ -209,6 +217,15 @@ pub const REGISTRY: &[Registration] = &[
         construct: &|settings, setup| Ok(Box::new(boustrophedon::Boustrophedon::new(settings, setup.rng)?)),
     },
 ];
+
+/// The controller of base stations, which no list offers: a scenario gives it to the agents of
+/// `agents.base_stations`.
+static OF_BASE_STATIONS: Registration = Registration {
+    name: BASE_STATION,
+    description: "base station: stays where it is, gathers the map, and tells how much it has",
+    stream: BASE_STATION,
+    construct: &|_, _| Ok(Box::new(base_station::BaseStation::default())),
+};
 
 /// The names of all built-in controllers, in the order of the registry.
 pub const NAMES: [&str; REGISTRY.len()] = {

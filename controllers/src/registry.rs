@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::settings::{Setting, SettingError};
 use super::suggestion::did_you_mean;
-use super::{Controller, REGISTRY, Registration, Successors};
+use super::{Controller, OF_BASE_STATIONS, REGISTRY, Registration, Successors};
 use crate::stopwatch::DecisionTimes;
 use agent::observation::RunInfo;
 
@@ -64,7 +64,8 @@ impl Registry {
             if name.is_empty() || !name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_".contains(&byte)) {
                 return Err(RegistryError::Name(name));
             }
-            if REGISTRY.iter().chain(&own[..place]).any(|other| other.name == *name) {
+            let mut others = REGISTRY.iter().chain([&OF_BASE_STATIONS]).chain(&own[..place]);
+            if others.any(|other| other.name == *name) {
                 return Err(RegistryError::Twice(name));
             }
         }
@@ -133,7 +134,8 @@ impl Registry {
             let known = self.registrations().map(|registration| registration.name).collect();
             ControllerError::Unknown { name: name.to_owned(), known }
         };
-        let registration = self.registrations().find(|registration| registration.name == name).ok_or_else(unknown)?;
+        let mut registrations = self.registrations().chain([&OF_BASE_STATIONS]);
+        let registration = registrations.find(|registration| registration.name == name).ok_or_else(unknown)?;
         registration
             .build(settings, agent, run_info)
             .map_err(|source| ControllerError::Setting { name: name.to_owned(), source })

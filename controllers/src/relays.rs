@@ -11,7 +11,7 @@ use nalgebra::Point3;
 
 use super::Ctx;
 use super::settings::{SettingError, Settings};
-use agent::observation::Observation;
+use agent::observation::{Contact, Observation};
 
 /// Look-ahead distance along the path, cells.
 const AHEAD_CELLS: f64 = 1.5;
@@ -29,21 +29,44 @@ impl Relays {
     /// # Errors
     /// If the value is neither.
     pub fn new(settings: &mut Settings) -> Result<Self, SettingError> {
-        let is_on = settings.word("relays", &["off", "on"])? == 1;
-        Ok(Self { is_on, left: 0 })
+        Ok(Self::switched(settings.word("relays", &["off", "on"])? == 1))
+    }
+
+    /// Those of an agent that drops relays if `is_on`.
+    #[must_use]
+    pub fn switched(is_on: bool) -> Self {
+        Self { is_on, left: 0 }
+    }
+
+    /// Whether the agent drops relays and has one left.
+    #[must_use]
+    pub fn has_more(&self, ctx: &Ctx<'_>) -> bool {
+        self.is_on && self.left < ctx.run_info().relays_per_agent
     }
 
     /// Whether to drop a relay here before continuing along these waypoints; counts it as dropped.
     pub fn should_drop(&mut self, observation: &Observation, ctx: &Ctx<'_>, path: &[Point3<f64>]) -> bool {
-        if !self.is_on || self.left >= ctx.run_info().relays_per_agent {
+        self.should_drop_within(observation, ctx, path, |_| true)
+    }
+
+    /// [`Relays::should_drop`] to stay connected with relays and those agents in contact alone for
+    /// which `counts` holds.
+    pub fn should_drop_within(
+        &mut self,
+        observation: &Observation,
+        ctx: &Ctx<'_>,
+        path: &[Point3<f64>],
+        counts: impl Fn(&Contact) -> bool,
+    ) -> bool {
+        if !self.has_more(ctx) {
             return false;
         }
         let Observation { contacts, relays, .. } = observation;
-        let others =
-            || contacts.iter().map(|contact| contact.position).chain(relays.iter().map(|relay| relay.position));
+        let of_agents = contacts.iter().filter(|&contact| counts(contact)).map(|contact| contact.position);
+        let others: Vec<Point3<f64>> = of_agents.chain(relays.iter().map(|relay| relay.position)).collect();
         let range_m = ctx.run_info().communication_range_m;
         let is_connected = |from: &Point3<f64>| {
-            others().any(|other| (other - from).norm() <= range_m && ctx.map().is_free_between(from, &other))
+            others.iter().any(|other| (other - from).norm() <= range_m && ctx.map().is_free_between(from, other))
         };
         let here = ctx.position();
         let there = along(&here, path, AHEAD_CELLS * ctx.map().extent().cell_m());
@@ -74,7 +97,7 @@ mod tests {
 
     use super::*;
     use crate::testing::{World, flat};
-    use agent::observation::{Contact, Relay};
+    use agent::observation::Relay;
 
     const BEND: &str = "\
         #######\n\

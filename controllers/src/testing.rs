@@ -130,6 +130,7 @@ impl World {
             communication_range_m: f64::INFINITY,
             relays_per_agent: 2,
             share_period_ticks: 251,
+            base_stations: Vec::new(),
         };
         let pose = Pose { position: extent.centre(start), yaw_rad: 0.0 };
         Self {

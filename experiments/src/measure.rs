@@ -13,6 +13,7 @@ use msgs::ids::Tick;
 use msgs::maes_msgs::{Progress, Result as RunResult};
 use simulation::digest::Digest;
 use simulation::end_reason::EndReason;
+use simulation::scenario::Scenario;
 
 use crate::plan::{BUILD, PlannedRun};
 use crate::rows::{AgentSample, RunRecord, RunRow, SAMPLE_PERIOD_S, Sample, WallRow};
@@ -49,7 +50,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         CounterName::MessageBytesOfType(message_type) => Some((*message_type, bytes)),
         _ => None,
     };
-    let series: Vec<Sample> = progress.iter().map(sample).collect();
+    let series: Vec<Sample> = progress.iter().map(|progress| sample(progress, scenario)).collect();
     let (seen_mean, seen_deviation) = mean_and_deviation(&result.explored_by);
     let stages = stages.until(Tick(result.tick));
     let free_cells = count(CounterName::FreeCells);
@@ -91,6 +92,8 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
         energy_per_cell_j: energy_j.and_then(|energy_j| ratio(energy_j, result.explored * free_cells as f64)),
         ran_empty: counters.get(&CounterName::RanEmpty).copied(),
         t_home_s: counters.get(&CounterName::TickHome).map(|&tick| seconds(tick)),
+        known_at_base: known_at_base(scenario, &result.believed_by),
+        t_base_99_s: counters.get(&CounterName::TickKnownAtBase).map(|&tick| seconds(tick)),
         position_error_m: counters.get(&CounterName::PositionError).map(|&micrometres| micrometres as f64 / 1e6),
         map_off_by_1: of_map_cells(CounterName::MapCellsOffBy1),
         map_off_by_2: of_map_cells(CounterName::MapCellsOffBy2),
@@ -144,12 +147,19 @@ fn seconds(tick: u64) -> f64 {
     Tick(tick).time_s()
 }
 
-fn sample(progress: &Progress) -> Sample {
+/// The share that the base station with most of the map knows; `None` without any.
+fn known_at_base(scenario: &Scenario, believed_by: &[f64]) -> Option<f64> {
+    let stations = scenario.base_stations().into_iter();
+    stations.filter_map(|agent| believed_by.get(agent.index()).copied()).reduce(f64::max)
+}
+
+fn sample(progress: &Progress, scenario: &Scenario) -> Sample {
     Sample {
         t_s: seconds(progress.tick),
         explored: progress.explored,
         covered: progress.covered,
         believed_mean: mean_and_deviation(&progress.believed_by).0,
+        known_at_base: known_at_base(scenario, &progress.believed_by),
         distance_m: progress.distance_m.iter().sum(),
         message_bytes: progress.message_bytes,
         pairs_in_contact: progress.pairs_in_contact,

@@ -67,9 +67,11 @@ fn known(scenario: &Scenario) -> Scenario {
         cmd_vel: Vec::new(),
         mix: Vec::new(),
         reserve: Vec::new(),
+        base_stations: Vec::new(),
         ..known.agents
     };
     (known.stop_when_explored, known.stop_when_covered, known.stop_when_back) = (true, false, false);
+    known.stop_when_known_at_base = false;
     known.energy = None;
     known.localisation = LocalisationSection::default();
     known.sensor = SensorSection { range_sigma_m: scenario.sensor.range_sigma_m, ..SensorSection::default() };

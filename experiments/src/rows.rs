@@ -161,6 +161,12 @@ row! {
             "Sim time to the first tick in which the whole team rests in its bases and has seen 99 % of \
              the free cells, s.";
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        known_at_base: Option<f64> =
+            "Share on the map of a base station at the end; missing without base stations.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        t_base_99_s: Option<f64> =
+            "Sim time since which a base station knows 99 % of the free cells, s.";
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         position_error_m: Option<f64> =
             "Root mean square of the distance between believed and true positions (ATE), over agents and \
              time, m; missing if localisation is exact.";
@@ -282,6 +288,9 @@ pub struct Sample {
     pub covered: f64,
     /// See [`RunRow::believed_mean`].
     pub believed_mean: f64,
+    /// See [`RunRow::known_at_base`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub known_at_base: Option<f64>,
     /// See [`RunRow::distance_m`].
     pub distance_m: f64,
     /// See [`RunRow::message_bytes`].

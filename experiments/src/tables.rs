@@ -67,7 +67,10 @@ pub fn series(records: &[RunRecord]) -> Table {
         column("message_bytes", &samples, |(_, sample)| sample.message_bytes),
         column("pairs_in_contact", &samples, |(_, sample)| sample.pairs_in_contact),
     ];
-    Table { columns: columns.into_iter().flatten().collect() }
+    // Only plans with base stations have this column.
+    let known = column("known_at_base", &samples, |(_, sample)| sample.known_at_base);
+    let known = known.into_iter().filter(|_| samples.iter().any(|(_, sample)| sample.known_at_base.is_some()));
+    Table { columns: columns.into_iter().flatten().chain(known).collect() }
 }
 
 /// One row per agent and sample of each run.

@@ -73,6 +73,7 @@ counters! {
     EnergyUsed = "energy_used_millijoules", "mJ", "Energy that all bodies have drawn, if they need any.";
     RanEmpty = "ran_empty", "times", "How often a body has run out of energy, if bodies need any.";
     TickHome = "tick_home_permille_990", "tick", "First tick in which the whole team rests in its bases and has seen 990 thousandths of the free cells.";
+    TickKnownAtBase = "tick_known_at_base_permille_990", "tick", "First tick since which a base station knows 990 thousandths of the free cells, if there is one.";
     PositionError = "position_error_micrometres", "um", "Root mean square of the distance between believed and true positions, over agents and every 10 ticks, if localisation drifts.";
     MapCells = "map_cells", "cells", "Cells that the own sensors of agents have entered on their maps, summed over the agents, if localisation drifts.";
     MapCellsOffBy1 = "map_cells_off_by_1", "cells", "Those that are off by 1 cell.";

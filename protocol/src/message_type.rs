@@ -17,6 +17,8 @@ pub enum MessageType {
     Meeting = 5,
     /// Who explores which part of the unexplored space.
     Parts = 6,
+    /// How much of the map a base station has, and who is about to bring it more.
+    AtBase = 7,
 }
 
 impl MessageType {
@@ -29,7 +31,7 @@ impl MessageType {
     /// The type of a number; `None` if it is another controller's.
     #[must_use]
     pub fn of(number: u8) -> Option<Self> {
-        [Self::Map, Self::Claims, Self::Finished, Self::Meeting, Self::Parts]
+        [Self::Map, Self::Claims, Self::Finished, Self::Meeting, Self::Parts, Self::AtBase]
             .into_iter()
             .find(|one| one.number() == number)
     }
@@ -42,7 +44,7 @@ mod tests {
     #[test]
     fn number_round_trips() {
         for number in 0..=u8::MAX {
-            let is_ours = [1, 2, 4, 5, 6].contains(&number);
+            let is_ours = [1, 2, 4, 5, 6, 7].contains(&number);
             assert_eq!(MessageType::of(number).map(MessageType::number), is_ours.then_some(number));
         }
     }

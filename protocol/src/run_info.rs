@@ -40,6 +40,9 @@ pub struct RunInfo {
     pub relays_per_agent: u32,
     /// Ticks between map exchanges with agents in contact; 0: agents only receive.
     pub share_period_ticks: u32,
+    /// The base stations: the agents to which the scenario gives the controller [`BASE_STATION`],
+    /// ascending.
+    pub base_stations: Vec<AgentId>,
 }
 
 /// The bodies of a team.
@@ -94,6 +97,7 @@ impl RunInfo {
             communication_range_m: scenario.communication_range_m,
             relays_per_agent: scenario.radio.relays_per_agent,
             share_period_ticks: scenario.share_period_ticks,
+            base_stations: base_stations(scenario)?,
         })
     }
 
@@ -118,6 +122,7 @@ impl RunInfo {
             communication_range_m: f64::INFINITY,
             relays_per_agent: 0,
             share_period_ticks: 0,
+            base_stations: Vec::new(),
         }
     }
 
@@ -131,8 +136,26 @@ impl RunInfo {
     }
 }
 
+/// The controller of base stations.
+pub const BASE_STATION: &str = "base-station";
+
 /// What begins a setting that says what a ground body can do.
 pub const OF_BODY: char = '%';
+
+/// The agents of which a scenario says that they run [`BASE_STATION`].
+fn base_stations(scenario: &maes_msgs::Scenario) -> Result<Vec<AgentId>, WireError> {
+    let is_named = |setting: &String| setting.strip_prefix('@').is_some_and(|of| of.ends_with(BASE_STATION));
+    if !scenario.settings.iter().any(is_named) {
+        return Ok(Vec::new());
+    }
+    let mut stations = Vec::new();
+    for agent in (0..scenario.agents).map(AgentId) {
+        if controller(scenario, agent)?.0 == BASE_STATION {
+            stations.push(agent);
+        }
+    }
+    Ok(stations)
+}
 
 /// The controller of an agent with its settings: those of a mix, whose entries are `@IDS:NAME` and
 /// `@IDS:KEY=VALUE`, or else those of the team.
@@ -249,6 +272,18 @@ mod tests {
                 "{refused}"
             );
         }
+    }
+
+    #[test]
+    fn base_stations_are_those_that_run_their_controller() {
+        let of = |settings: &[&str]| {
+            let settings = settings.iter().map(|&setting| setting.to_owned()).collect();
+            let scenario =
+                maes_msgs::Scenario { agents: 4, controller: "rbw".to_owned(), settings, ..Default::default() };
+            base_stations(&scenario).unwrap()
+        };
+        assert_eq!(of(&["k=1", "@1:lvd", "@0,2:base-station"]), [AgentId(0), AgentId(2)]);
+        assert_eq!(of(&["@1:lvd", "@1:name=base-station"]), []);
     }
 
     #[test]

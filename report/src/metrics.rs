@@ -18,6 +18,9 @@ pub(super) const MILESTONES: [Milestone; 3] = [
     Milestone { percent: "100", time_s: |row| row.t100_s },
 ];
 
+/// 99 % of the free cells on the map of a base station.
+pub(super) const AT_BASE: Milestone = Milestone { percent: "99", time_s: |row| row.t_base_99_s };
+
 /// A metric of a run.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Metric {
@@ -75,6 +78,14 @@ pub(super) const BELIEVED: Metric = Metric {
     title: "on an agent's map",
     unit: "%",
     value: |row| 100.0 * row.believed_mean,
+    of_failed: Some(0.0),
+};
+/// Of runs with base stations.
+pub(super) const KNOWN_AT_BASE: Metric = Metric {
+    key: "known_at_base",
+    title: "known at the base",
+    unit: "%",
+    value: |row| 100.0 * row.known_at_base.unwrap_or(0.0),
     of_failed: Some(0.0),
 };
 pub(super) const COVERED: Metric =

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use super::estimates::{Estimate, Quartiles, RESAMPLES, Times};
 use super::metrics::{
-    AREA, ATTAINED, BELIEVED, COLLISIONS, CONTACT, COVERED, DISTANCE, DISTANCE_MAX, EXPLORED, FAILURES, IMBALANCE,
-    MILESTONES, Metric, REAL_TIME_FACTOR, REDUNDANCY, STALENESS, TRAFFIC, TimeUnit, WALL,
+    AREA, AT_BASE, ATTAINED, BELIEVED, COLLISIONS, CONTACT, COVERED, DISTANCE, DISTANCE_MAX, EXPLORED, FAILURES,
+    IMBALANCE, KNOWN_AT_BASE, MILESTONES, Metric, Milestone, REAL_TIME_FACTOR, REDUNDANCY, STALENESS, TRAFFIC,
+    TimeUnit, WALL,
 };
 use super::study::{Condition, Study};
 use super::table::{Entry, Table, digits_for, mean_entry};
@@ -97,7 +98,8 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
         columns.push(column(&format!("{}, median (quartiles)", metric.label()), metric.key));
     }
     let has_wide_teams = study.runs.iter().any(|run| run.row.attainable.is_some());
-    let further = [has_wide_teams.then_some(ATTAINED), Some(BELIEVED), Some(COVERED)];
+    let at_base = has_base_stations(study).then_some(KNOWN_AT_BASE);
+    let further = [has_wide_teams.then_some(ATTAINED), Some(BELIEVED), at_base, Some(COVERED)];
     for metric in further.iter().flatten() {
         columns.push(column(&format!("{}, mean [95 % CI]", metric.label()), metric.key));
     }
@@ -125,18 +127,21 @@ fn outcome(study: &Study) -> Result<Table, StatisticsError> {
 fn times(study: &Study) -> Result<Table, StatisticsError> {
     let unit = TimeUnit::of(&study.runs);
     let mut columns = cell_columns(study);
-    for milestone in MILESTONES {
-        let (percent, symbol) = (milestone.percent, unit.symbol);
-        columns.push(column(&format!("runs that reach {percent} %"), &format!("reached_{percent}")));
-        columns.push(column(&format!("share that reaches {percent} %"), &format!("success_{percent}")));
-        let title = format!("restricted mean time to {percent} % ({symbol}), [95 % CI]");
-        columns.push(column(&title, &format!("time_{percent}_{symbol}")));
-        let title = format!("median time to {percent} % ({symbol})");
-        columns.push(column(&title, &format!("time_{percent}_{symbol}_median")));
+    let of_team = MILESTONES.map(|milestone| (milestone, "", ""));
+    let at_base = has_base_stations(study).then_some((AT_BASE, " at the base", "base_"));
+    let milestones: Vec<_> = of_team.into_iter().chain(at_base).collect();
+    for (Milestone { percent, .. }, place, prefix) in &milestones {
+        let (share, key, symbol) = (format!("{percent} %{place}"), format!("{prefix}{percent}"), unit.symbol);
+        columns.push(column(&format!("runs that reach {share}"), &format!("reached_{key}")));
+        columns.push(column(&format!("share that reaches {share}"), &format!("success_{key}")));
+        let title = format!("restricted mean time to {share} ({symbol}), [95 % CI]");
+        columns.push(column(&title, &format!("time_{key}_{symbol}")));
+        let title = format!("median time to {share} ({symbol})");
+        columns.push(column(&title, &format!("time_{key}_{symbol}_median")));
     }
     let rows = rows(study, |runs| {
         let mut row = Vec::new();
-        for milestone in MILESTONES {
+        for &(milestone, ..) in &milestones {
             let times = Times::of(runs, milestone);
             row.push(Entry::Share(times.reached(), runs.len()));
             row.push(Entry::Number(Some(times.success()?), 2));
@@ -149,6 +154,10 @@ fn times(study: &Study) -> Result<Table, StatisticsError> {
                    share is right-censored at the duration, as is one that has failed: the restricted mean uses the duration as its time, and \
                    the median (Kaplan-Meier) is missing where fewer than half of the runs reach the share.";
     Ok(Table { name: "times", caption: caption.to_owned(), columns, rows })
+}
+
+fn has_base_stations(study: &Study) -> bool {
+    study.runs.iter().any(|run| run.row.known_at_base.is_some())
 }
 
 fn effort(study: &Study) -> Result<Table, StatisticsError> {

@@ -260,11 +260,12 @@ impl<'c> Session<'c, '_> {
         }
         let rule = self.engine.scenario().stop_rule();
         let is_team_back = self.engine.is_team_back();
-        if matches!(rule, StopRule::Covered | StopRule::Explored) {
+        if matches!(rule, StopRule::Covered | StopRule::Explored | StopRule::KnownAtBase) {
             self.engine.flush_scans();
         }
         let fulfilled = match rule {
             StopRule::Back => is_team_back.then_some(EndReason::AllBack),
+            StopRule::KnownAtBase => self.engine.is_known_at_base().then_some(EndReason::KnownAtBase),
             StopRule::Covered => self.engine.world().coverage().is_covered().then_some(EndReason::Covered),
             StopRule::Explored if self.engine.world().coverage().is_explored() => Some(EndReason::Explored),
             StopRule::Explored => {

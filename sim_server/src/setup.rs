@@ -6,7 +6,7 @@
 use std::num::NonZero;
 use std::path::Path;
 
-use msgs::ids::Tick;
+use msgs::ids::{AgentId, Tick};
 use msgs::{maes_msgs, topics};
 use thiserror::Error;
 use voxels::{Extent, ExtentError, Grid, Terrain, m3dm, packed};
@@ -18,6 +18,8 @@ use recording::recorder::{self, Document, RecordError, RecorderQueue, RunRecorde
 use recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, map};
 use simulation::digest::Digest;
 use simulation::scenario::{EnergySection, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
+use world::collision::Sphere;
+use world::moving_obstacles::Misplaced;
 use world::spawn::{Site, SpawnError};
 use world::{ScanSchedule, World, WorldParams};
 
@@ -122,6 +124,30 @@ pub enum SetupError {
         position: [f64; 3],
         /// What is there.
         found: &'static str,
+    },
+    /// A moving obstacle meets a wall on its path.
+    #[error(
+        "obstacle[{number}].path: from {from:?} m to the next point it meets a wall or the end of the map; expected a path \
+         on which the whole obstacle is in free cells"
+    )]
+    ObstacleInWall {
+        /// Number of the obstacle.
+        number: usize,
+        /// The point before the wall, metres.
+        from: [f64; 3],
+    },
+    /// A moving obstacle begins on an agent.
+    #[error(
+        "obstacle[{number}].path: it begins at {at:?} m, where agent {agent} starts; expected another first point, or \
+         other start poses ([spawn])"
+    )]
+    ObstacleOnAgent {
+        /// Number of the obstacle.
+        number: usize,
+        /// Its first point, metres.
+        at: [f64; 3],
+        /// The agent.
+        agent: AgentId,
     },
     /// An event that changes the map has no cells.
     #[error(
@@ -283,7 +309,11 @@ fn inhabit(map: GeneratedMap, scenario: &Scenario) -> Result<(World, MapReport),
     check_map_changes(scenario, terrain.extent())?;
     check_bases(scenario, &terrain)?;
     let site = Site { terrain: &terrain, entrances: &entrances, seed: scenario.seed };
-    let starts = scenario.spawn.poses(&site, &scenario.bodies_by_agent())?;
+    let bodies = scenario.bodies_by_agent();
+    let starts = scenario.spawn.poses(&site, &bodies)?;
+    let centres = starts.iter().map(|start| start.position);
+    let spheres = centres.zip(&bodies).map(|(centre, body)| Sphere { centre, radius_m: body.radius_m });
+    check_obstacles(scenario, &terrain, &spheres.collect::<Vec<_>>())?;
     Ok((World::new(terrain, params(scenario), &starts), report))
 }
 
@@ -309,6 +339,18 @@ fn check_bases(scenario: &Scenario, terrain: &Grid<Terrain>) -> Result<(), Setup
             None => "outside the map",
         };
         return Err(SetupError::Base { number, position, found });
+    }
+    Ok(())
+}
+
+/// Whether each moving obstacle has room on its path, and at its start.
+fn check_obstacles(scenario: &Scenario, terrain: &Grid<Terrain>, bodies: &[Sphere]) -> Result<(), SetupError> {
+    for (number, obstacle) in scenario.obstacle_models().iter().enumerate() {
+        let point = |point: usize| scenario.obstacle[number].path[point];
+        obstacle.check_place(terrain, bodies).map_err(|misplaced| match misplaced {
+            Misplaced::InWall { point: from } => SetupError::ObstacleInWall { number, from: point(from) },
+            Misplaced::OnAgent(agent) => SetupError::ObstacleOnAgent { number, at: point(0), agent },
+        })?;
     }
     Ok(())
 }
@@ -469,6 +511,8 @@ fn params(scenario: &Scenario) -> WorldParams {
         closures: scenario.localisation.closures(),
         energy: scenario.energy.as_ref().map(EnergySection::params),
         late: scenario.late_agents(),
+        base_stations: scenario.base_stations(),
+        obstacles: scenario.obstacle_models(),
     }
 }
 

@@ -155,19 +155,22 @@ impl RunObserver for Terminal {
         let sim_s = world.tick().time_ns() as f64 * 1e-9;
         let wall_s = now.duration_since(started).as_secs_f64();
         let (explored, covered) = (world.coverage().explored(), world.coverage().covered());
+        let known_at_base = world.coverage().known_at_base();
         let elapsed = world.tick().0 as f64 / self.duration.0.max(1) as f64;
         let done = match self.rule {
             StopRule::Explored => explored / attainable.unwrap_or(1.0),
             StopRule::Covered => covered,
+            StopRule::KnownAtBase => known_at_base.unwrap_or_default() / attainable.unwrap_or(1.0),
             StopRule::Back | StopRule::Duration => 0.0,
         };
         let until_limit = Duration::try_from_secs_f64(wall_s / elapsed * (1.0 - elapsed).max(0.0)).ok();
         let left = [self.time_left.estimate(now, done), until_limit].into_iter().flatten().min();
         let text = format!(
-            "{:5.1} % explored{}{} | {} left | {:.0} x real time | {} of at most {}",
+            "{:5.1} % explored{}{}{} | {} left | {:.0} x real time | {} of at most {}",
             explored * 100.0,
             attainable.map_or_else(String::new, |share| format!(" of {:.1} %", share * 100.0)),
             if self.rule == StopRule::Covered { format!(", {:.1} % covered", covered * 100.0) } else { String::new() },
+            known_at_base.map_or_else(String::new, |share| format!(", {:.1} % known at the base", share * 100.0)),
             left.map_or_else(|| "?".to_owned(), progress_bar::clock),
             if wall_s > 0.0 { sim_s / wall_s } else { 0.0 },
             clock(world.tick()),

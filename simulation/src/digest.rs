@@ -136,6 +136,11 @@ impl Chain {
                 bytes.extend_from_slice(&energy.left_j.to_bits().to_le_bytes());
             }
         }
+        for obstacle in world.moving_obstacles() {
+            for along in obstacle.centre.iter() {
+                bytes.extend_from_slice(&along.to_bits().to_le_bytes());
+            }
+        }
         let explored_at = bytes.len();
         bytes.extend_from_slice(&0_f64.to_bits().to_le_bytes());
         bytes.extend_from_slice(&world.covered().to_bits().to_le_bytes());

@@ -17,6 +17,8 @@ pub enum EndReason {
     Covered,
     /// The team has come back to its bases for good.
     AllBack,
+    /// A base station knows all that the team can see.
+    KnownAtBase,
     /// The duration is over.
     Duration,
     /// The stop flag was set.
@@ -48,7 +50,7 @@ const fn row(reason: EndReason, name: &'static str, meaning: &'static str) -> En
 impl EndReason {
     /// The reasons with a name. In place of a name, the result of a run that has failed has the
     /// text of its error.
-    pub const TABLE: [EndReasonRow; 7] = [
+    pub const TABLE: [EndReasonRow; 8] = [
         row(Self::Explored, "explored", "the team has seen every free cell"),
         row(
             Self::NothingMoreSeen,
@@ -60,6 +62,11 @@ impl EndReason {
             Self::AllBack,
             "all are back",
             "the team is back in its bases for good: it has seen every free cell, or has waited there for 10 s",
+        ),
+        row(
+            Self::KnownAtBase,
+            "the base has the map",
+            "a base station knows every free cell, or all that the team has seen, and nothing more can be seen",
         ),
         row(Self::Duration, "duration", "the duration is over"),
         row(Self::Interrupted, "interrupted", "a signal has ended the run"),
@@ -79,7 +86,10 @@ impl EndReason {
     /// Whether the run has reached the end that its scenario sets.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        matches!(self, Self::Explored | Self::NothingMoreSeen | Self::Covered | Self::AllBack | Self::Duration)
+        matches!(
+            self,
+            Self::Explored | Self::NothingMoreSeen | Self::Covered | Self::AllBack | Self::KnownAtBase | Self::Duration
+        )
     }
 
     /// Whether the run was ended from outside.
@@ -130,8 +140,16 @@ mod tests {
         }
         // What recordings hold.
         let names = EndReason::TABLE.map(|row| row.name);
-        let expected =
-            ["explored", "nothing more can be seen", "covered", "all are back", "duration", "interrupted", "quit"];
+        let expected = [
+            "explored",
+            "nothing more can be seen",
+            "covered",
+            "all are back",
+            "the base has the map",
+            "duration",
+            "interrupted",
+            "quit",
+        ];
         assert_eq!(names, expected);
     }
 

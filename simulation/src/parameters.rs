@@ -81,6 +81,7 @@ fn meaning_of_table(name: &str) -> &'static str {
         "agents.mix" => "agents with other controllers, as an array of tables",
         "bodies" => "bodies of some agents, as an array of tables",
         "event" => "what happens at set times, as an array of tables",
+        "obstacle" => "obstacles that move on given paths, as an array of tables",
         _ => "a setting of the controller",
     }
 }
@@ -138,7 +139,7 @@ mod tests {
     fn scenario(rest: &str) -> Scenario {
         let text = format!(
             "seed = 1\nduration_s = 1.0\n{rest}\n[agents]\ncount = 2\ncmd_vel = [1]\nreserve = [1]\ncommand = [\"a\"]\n\
-                    command_ids = [0]\ncommand_signs = false\nset = {{ x = 1 }}\n"
+                    command_ids = [0]\nbase_stations = [0]\ncommand_signs = false\nset = {{ x = 1 }}\n"
         );
         Scenario::parse("s.toml", &text, &[]).unwrap()
     }
@@ -146,8 +147,11 @@ mod tests {
     /// Between them they have every key of a scenario.
     fn maximal_scenarios() -> Vec<Scenario> {
         let common = "execution = { record = \"a\", rtf = 2.0 }\nstop_when_covered = true\nstop_when_back = true\n\
+                      stop_when_known_at_base = true\n\
                       bodies = [{ agents = [0], kind = \"aerial\" }]\n\
                       event = [{ kind = \"leave\", at_s = 0.5, agent = 0 }]\n\
+                      obstacle = [{ kind = \"sphere\", radius_m = 0.5, path = [[2.0, 2.0, 2.0], [4.0, 2.0, 2.0]], \
+                      speed_m_s = 1.0 }]\n\
                       sensor = { range_sigma_m = 0.1, missed_returns = 0.1, pose_bound_m = 1.0, pose_step_m = 0.1 }\n\
                       localisation = { position_noise_m = 0.1, position_bias = 0.1, heading_noise_rad = 0.1, \
                       heading_bias_rad_per_m = 0.1, turn_noise_rad = 0.1, turn_bias = 0.1, closure_range_m = 1.0, \
@@ -216,7 +220,7 @@ mod tests {
             assert_eq!(is_described, !is_setting, "{name} has no description of its own");
             assert!(
                 is_setting
-                    || ["use_sim_time", "agents.mix", "bodies", "event"].contains(&name.as_str())
+                    || ["use_sim_time", "agents.mix", "bodies", "event", "obstacle"].contains(&name.as_str())
                     || keys::find(&name).is_some()
             );
             assert_eq!(parameter.descriptor.read_only, name != RTF, "{name}");

@@ -8,6 +8,7 @@
 //! The keys are declared in [`keys`]. This module reads no map files and knows no command line;
 //! flags arrive as [`Override`]s of keys.
 
+mod base_stations;
 mod bodies;
 mod changes;
 mod diagnosis;
@@ -17,6 +18,7 @@ pub mod keys;
 mod lidar;
 mod localisation;
 mod mix;
+mod obstacles;
 mod origin;
 mod radio;
 mod sections;
@@ -43,6 +45,7 @@ pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use lidar::{GridKeys, LidarPattern, LidarSchedule, LidarSection};
 pub use localisation::LocalisationSection;
 pub use mix::{ControllerChoice, MixEntry};
+pub use obstacles::{ObstacleEntry, ObstacleKind, ObstacleRepeat};
 pub use origin::Origins;
 pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
 pub use sections::*;
@@ -74,6 +77,8 @@ pub enum StopRule {
     Covered,
     /// The team has come back to its bases for good.
     Back,
+    /// A base station knows all that the team can see.
+    KnownAtBase,
     /// Nothing.
     Duration,
 }
@@ -98,6 +103,10 @@ pub struct Scenario {
     /// coverage do not end it then.
     #[serde(default, skip_serializing_if = "is_no")]
     pub stop_when_back: bool,
+    /// Whether the run ends once a base station knows all that the team can see; full exploration
+    /// and coverage do not end it then.
+    #[serde(default, skip_serializing_if = "is_no")]
+    pub stop_when_known_at_base: bool,
     /// The terrain.
     pub map: MapSection,
     /// The team.
@@ -135,6 +144,9 @@ pub struct Scenario {
     /// What happens at set times.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub event: Vec<EventEntry>,
+    /// Obstacles that move on given paths.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacle: Vec<ObstacleEntry>,
     /// Visualisation topics.
     #[serde(default)]
     pub views: ViewsSection,
@@ -269,6 +281,7 @@ impl Scenario {
     pub fn stop_rule(&self) -> StopRule {
         match self {
             Self { stop_when_back: true, .. } => StopRule::Back,
+            Self { stop_when_known_at_base: true, .. } => StopRule::KnownAtBase,
             Self { stop_when_covered: true, .. } => StopRule::Covered,
             Self { stop_when_explored: true, .. } => StopRule::Explored,
             _ => StopRule::Duration,
@@ -314,11 +327,13 @@ impl Scenario {
         self.check_map_source(&checker)?;
         self.agents.check(&checker)?;
         self.agents.check_mix(&checker)?;
+        self.check_base_stations(&checker)?;
         self.check_bodies(&checker)?;
         self.check_lidar(&checker)?;
         self.communication.check(&checker)?;
         self.check_energy(&checker)?;
         self.check_views(&checker)?;
+        self.check_obstacles(&checker)?;
         self.check_events(&checker)?;
         if let SpawnSpec::Box { low, high, .. } = &self.spawn {
             let holds = low.iter().zip(high).all(|(low, high)| low.is_finite() && high.is_finite() && low <= high);

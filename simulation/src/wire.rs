@@ -3,7 +3,7 @@
 //!
 //! There is no transport here.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
@@ -14,7 +14,7 @@ pub use protocol::geometry::{MAP_FRAME, header, point, vector};
 use protocol::kinematics::{turned, wrapped};
 use protocol::limits::RECORDED_PROTOCOL;
 use protocol::observation::Pose;
-use protocol::run_info::OF_BODY;
+use protocol::run_info::{BASE_STATION, OF_BODY};
 use voxels::{Cell, Extent, Terrain};
 
 use crate::scenario::{AgentsSection, Scenario};
@@ -91,7 +91,12 @@ pub fn announced_settings(agents: &AgentsSection) -> Vec<String> {
         let words = std::iter::once(entry.controller.clone()).chain(settings(&entry.set));
         words.map(|word| format!("@{whose}:{word}")).collect::<Vec<_>>()
     });
-    settings(&agents.set).into_iter().chain(of_others).collect()
+    let stations: BTreeSet<u32> = agents.base_stations.iter().copied().collect();
+    let of_stations = (!stations.is_empty()).then(|| {
+        let ids = id_ranges(&stations.into_iter().collect::<Vec<_>>());
+        format!("@{ids}:{BASE_STATION}")
+    });
+    settings(&agents.set).into_iter().chain(of_others).chain(of_stations).collect()
 }
 
 /// Ascending ids as `0-2,4`.
@@ -129,11 +134,22 @@ pub fn progress(world: &mut World) -> maes_msgs::Progress {
     }
 }
 
-/// The poses of all bodies as transforms from `map` to `agent_<id>/base_link`.
+/// The poses of all bodies as transforms from `map` to `agent_<id>/base_link`, and those of moving
+/// obstacles.
 #[must_use]
 pub fn transforms(world: &World) -> msgs::tf2_msgs::TFMessage {
     let in_world = world.agents().filter(|&agent| world.presence(agent).is_in_world());
-    msgs::tf2_msgs::TFMessage { transforms: in_world.flat_map(|agent| present_transforms(world, agent)).collect() }
+    let of_bodies = in_world.flat_map(|agent| present_transforms(world, agent));
+    msgs::tf2_msgs::TFMessage { transforms: of_bodies.chain(obstacle_transforms(world)).collect() }
+}
+
+/// The present places of the moving obstacles as transforms from `map` to `obstacle_<number>`.
+pub(crate) fn obstacle_transforms(world: &World) -> impl Iterator<Item = geometry_msgs::TransformStamped> {
+    world.moving_obstacles().iter().enumerate().map(|(number, obstacle)| geometry_msgs::TransformStamped {
+        header: header(world.tick()),
+        child_frame_id: obstacle_frame(number),
+        transform: geometry_msgs::Transform { translation: vector(&obstacle.centre.coords), rotation: rotation(0.0) },
+    })
 }
 
 /// The present pose of a body as transforms from `map` to `agent_<id>/base_link`.
@@ -190,6 +206,11 @@ pub fn rounded_transform(transform: &geometry_msgs::Transform) -> geometry_msgs:
 /// The frame of an agent's body: x forward, y left, z up, the origin in its centre.
 pub fn body_frame(agent: AgentId) -> String {
     format!("agent_{agent}/base_link")
+}
+
+/// The frame of a moving obstacle, with the axes of the map and the origin in its centre.
+pub(crate) fn obstacle_frame(number: usize) -> String {
+    format!("obstacle_{number}")
 }
 
 /// The frame of its LiDAR, where that is mounted: x ahead, z up.

@@ -7,9 +7,14 @@
 //!
 //! Everything outside the map is wall.
 
+mod solid;
+
 use nalgebra::{Point3, Vector3};
 use protocol::observation::Surface;
 use voxels::{Cell, Extent, Grid, Terrain};
+
+pub(super) use solid::Crossing;
+pub use solid::{Shape, Solid};
 
 /// Cosine of 45 degrees: a surface whose normal is closer to the vertical is a floor or a ceiling,
 /// and one at 45 degrees a wall (as in MAES3D). The margin holds rounding off: bodies that start at
@@ -44,7 +49,7 @@ pub struct Contact {
     pub time: f64,
     /// Unit normal of the surface at the point of contact, towards the body, frame `map`.
     pub normal: Vector3<f64>,
-    /// Whether the obstacle is another body.
+    /// Whether the obstacle moves: another body, or a moving obstacle.
     pub with_agent: bool,
 }
 
@@ -54,6 +59,7 @@ pub struct Obstacles<'a> {
     terrain: Option<&'a Grid<Terrain>>,
     others: &'a [Sphere],
     itself: usize,
+    solids: &'a [Solid],
 }
 
 /// The sphere that a body occupies.
@@ -69,13 +75,19 @@ impl<'a> Obstacles<'a> {
     /// The terrain and all bodies but the one at index `itself`.
     #[must_use]
     pub fn new(terrain: &'a Grid<Terrain>, bodies: &'a [Sphere], itself: usize) -> Self {
-        Self { terrain: Some(terrain), others: bodies, itself }
+        Self { terrain: Some(terrain), others: bodies, itself, solids: &[] }
+    }
+
+    /// The same and these solids.
+    #[must_use]
+    pub fn and(self, solids: &'a [Solid]) -> Self {
+        Self { solids, ..self }
     }
 
     /// None at all.
     #[must_use]
     pub fn none() -> Self {
-        Self { terrain: None, others: &[], itself: 0 }
+        Self { terrain: None, others: &[], itself: 0, solids: &[] }
     }
 
     /// The terrain, unless nothing is in the way.
@@ -108,8 +120,9 @@ impl<'a> Obstacles<'a> {
                     let cell = Cell::new(x, y, z);
                     if terrain.get(cell).is_none_or(|&terrain| terrain == Terrain::Wall) {
                         let corner = Point3::new(f64::from(x), f64::from(y), f64::from(z));
-                        let cube = Cube { low: corner * extent.cell_m(), edge_m: extent.cell_m() };
-                        consider(cube.first_contact(from, displacement, radius_m));
+                        let edges_m = Vector3::repeat(extent.cell_m());
+                        let cell = AlignedBox { low: corner * extent.cell_m(), edges_m };
+                        consider(cell.first_contact(from, displacement, radius_m));
                     }
                 }
             }
@@ -123,6 +136,9 @@ impl<'a> Obstacles<'a> {
             if index != self.itself && other.is_solid() {
                 consider(other.first_contact(from, displacement, radius_m));
             }
+        }
+        for solid in self.solids {
+            consider(solid.first_contact(from, displacement, radius_m));
         }
         first
     }
@@ -181,13 +197,13 @@ fn first_time_within(a: f64, b: f64, c: f64, limit: f64) -> Option<f64> {
     Some((-b - discriminant.sqrt()) / a)
 }
 
-/// A wall cell.
-struct Cube {
+/// A wall cell, or a solid box along the axes.
+struct AlignedBox {
     low: Point3<f64>,
-    edge_m: f64,
+    edges_m: Vector3<f64>,
 }
 
-impl Cube {
+impl AlignedBox {
     fn first_contact(&self, from: &Point3<f64>, displacement: &Vector3<f64>, radius_m: f64) -> Option<Contact> {
         let limit = radius_m * radius_m;
         // Between the times at which the centre crosses a face's plane, the distance to the slab of
@@ -195,7 +211,7 @@ impl Cube {
         let mut times = [0.0; 8];
         let mut count = 1;
         for axis in 0..3 {
-            for plane in [self.low[axis], self.low[axis] + self.edge_m] {
+            for plane in [self.low[axis], self.low[axis] + self.edges_m[axis]] {
                 let time = (plane - from[axis]) / displacement[axis];
                 if time > 0.0 && time < 1.0 {
                     times[count] = time;
@@ -213,8 +229,8 @@ impl Cube {
             for axis in 0..3 {
                 let side = if middle[axis] < self.low[axis] {
                     self.low[axis]
-                } else if middle[axis] > self.low[axis] + self.edge_m {
-                    self.low[axis] + self.edge_m
+                } else if middle[axis] > self.low[axis] + self.edges_m[axis] {
+                    self.low[axis] + self.edges_m[axis]
                 } else {
                     continue;
                 };
@@ -237,10 +253,10 @@ impl Cube {
         None
     }
 
-    /// Unit vector from the nearest point of the cube to `point`; against the motion if `point` is
+    /// Unit vector from the nearest point of the box to `point`; against the motion if `point` is
     /// inside.
     fn normal_at(&self, point: &Point3<f64>, displacement: &Vector3<f64>) -> Vector3<f64> {
-        let high = self.low + Vector3::repeat(self.edge_m);
+        let high = self.low + self.edges_m;
         let nearest = point.sup(&self.low).inf(&high);
         (point - nearest).try_normalize(0.0).or_else(|| (-displacement).try_normalize(0.0)).unwrap_or_else(Vector3::z)
     }

@@ -6,12 +6,17 @@
 //! removal). If the map changes during a run, all of this holds for the cells that are free at
 //! present, and counts what has been seen and visited since they have been so.
 
+use std::collections::BTreeSet;
+
 use fixedbitset::FixedBitSet;
 use msgs::ids::{AgentId, Tick};
 use voxels::{CellSet, FACES, Grid, Terrain, is_wall_at};
 
 /// Explored shares, in thousandths of the free cells, whose ticks are recorded.
 pub const MILESTONES_PERMILLE: [u64; 5] = [500, 900, 990, 999, 1000];
+
+/// Known share, in thousandths of the free cells, from which on a base station has the map.
+const KNOWN_AT_BASE_PERMILLE: u64 = 990;
 
 /// Explored and covered cells of a run.
 #[derive(Debug, Clone)]
@@ -27,6 +32,9 @@ pub struct Coverage {
     believed_by: Vec<usize>,
     /// Ticks of the milestones reached so far.
     milestones: Vec<Tick>,
+    base_stations: BTreeSet<AgentId>,
+    /// Since when a base station has [`KNOWN_AT_BASE_PERMILLE`] on its map.
+    known_at_base_since: Option<Tick>,
 }
 
 impl Coverage {
@@ -47,7 +55,15 @@ impl Coverage {
             covered_by: (0..agents).map(|_| CellSet::new(volume)).collect(),
             believed_by: vec![0; agents],
             milestones: Vec::new(),
+            base_stations: BTreeSet::new(),
+            known_at_base_since: None,
         }
+    }
+
+    /// The same with these agents as base stations.
+    #[must_use]
+    pub fn with_base_stations(self, base_stations: BTreeSet<AgentId>) -> Self {
+        Self { base_stations, ..self }
     }
 
     /// Records free cells that `agent` has seen for the first time.
@@ -66,8 +82,36 @@ impl Coverage {
 
     /// Records how many free cells `agent` reports to be on its map, clamped to the number there
     /// are.
-    pub fn believe(&mut self, agent: AgentId, known_free: u32) {
+    pub fn believe(&mut self, agent: AgentId, known_free: u32, now: Tick) {
         self.believed_by[agent.index()] = self.free_cells.min(known_free as usize);
+        if self.base_stations.contains(&agent) {
+            self.note_known_at_base(now);
+        }
+    }
+
+    fn note_known_at_base(&mut self, now: Tick) {
+        let has_map = |cells: usize| cells as u64 * 1000 >= self.free_cells as u64 * KNOWN_AT_BASE_PERMILLE;
+        let is_known = self.known_at_base_count().is_some_and(has_map);
+        self.known_at_base_since = is_known.then(|| self.known_at_base_since.unwrap_or(now));
+    }
+
+    /// Free cells on the map of the base station with most of them; `None` without base stations.
+    #[must_use]
+    pub fn known_at_base_count(&self) -> Option<usize> {
+        let of = |agent: &AgentId| self.believed_by[agent.index()].min(self.free_cells);
+        self.base_stations.iter().map(of).max()
+    }
+
+    /// Share of the free cells that a base station knows, 0 ..= 1; `None` without base stations.
+    #[must_use]
+    pub fn known_at_base(&self) -> Option<f64> {
+        self.known_at_base_count().map(|cells| self.share(cells))
+    }
+
+    /// Since when a base station knows 99 % of the free cells; `None` if none does.
+    #[must_use]
+    pub fn known_at_base_since(&self) -> Option<Tick> {
+        self.known_at_base_since
     }
 
     /// Records that cells (by index) have become wall, or free. Of `explored_by`, by agent, so many
@@ -90,6 +134,7 @@ impl Coverage {
         let is_reached = |permille: &&u64| explored * 1000 >= free * **permille;
         self.milestones.truncate(MILESTONES_PERMILLE.iter().take_while(is_reached).count());
         self.note_milestones(now);
+        self.note_known_at_base(now);
     }
 
     /// Records the milestones reached by now.
@@ -189,6 +234,26 @@ mod tests {
     use voxels::{Cell, Extent};
 
     use super::*;
+
+    #[test]
+    fn base_has_the_map_as_long_as_it_knows_99_percent() {
+        let (base, other) = (AgentId(1), AgentId(0));
+        let mut coverage = Coverage::new(2000, 1000, 2).with_base_stations([base].into());
+        coverage.believe(other, 1000, Tick(1));
+        assert_eq!((coverage.known_at_base(), coverage.known_at_base_since()), (Some(0.0), None));
+        coverage.believe(base, 989, Tick(2));
+        assert_eq!((coverage.known_at_base(), coverage.known_at_base_since()), (Some(0.989), None));
+        coverage.believe(base, 995, Tick(3));
+        coverage.believe(base, 1000, Tick(4));
+        assert_eq!(coverage.known_at_base_since(), Some(Tick(3)));
+        // More becomes free than it knows.
+        let opened: Vec<u32> = (1000..1100).collect();
+        coverage.revise(&opened, Terrain::Free, &[0, 0], Tick(5));
+        assert_eq!(coverage.known_at_base_since(), None);
+        coverage.believe(base, 1100, Tick(6));
+        assert_eq!((coverage.known_at_base(), coverage.known_at_base_since()), (Some(1.0), Some(Tick(6))));
+        assert_eq!(Coverage::new(9, 9, 1).known_at_base(), None);
+    }
 
     #[test]
     fn milestones_have_the_tick_they_are_reached_in() {

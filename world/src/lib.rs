@@ -6,9 +6,9 @@
 //! tick. A body collides with the others at their present positions: lower ids have moved already,
 //! higher ids not yet, so two bodies never overlap.
 //!
-//! Invariants: no body leaves free space or overlaps another, ground bodies stand on a floor;
-//! results depend on the arguments alone. Helpers cast scans, each of which writes to the memory of
-//! its own agent.
+//! Invariants: no body leaves free space or overlaps another or a moving obstacle, ground bodies
+//! stand on a floor; results depend on the arguments alone. Helpers cast scans, each of which writes
+//! to the memory of its own agent.
 //!
 //! Invariants of the crate: no ROS, no file, no network, no wall clock and no environment. It does
 //! not decide which agent is due: see [`protocol::lockstep`].
@@ -24,6 +24,7 @@ pub mod energy;
 pub mod lidar;
 pub mod localisation;
 pub mod map_change;
+pub mod moving_obstacles;
 pub mod noise;
 mod observe;
 mod pending_observation;
@@ -57,6 +58,7 @@ use coverage::Coverage;
 use energy::{Batteries, EnergyParams};
 use lidar::{Bodies, CastCount, NotCast, Scanner, SensorMemory};
 use localisation::{Localisation, LoopClosures, OdometryNoise};
+use moving_obstacles::{MovingObstacles, ObstacleModel};
 use noise::{Drift, SensorNoise};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
@@ -91,6 +93,10 @@ pub struct WorldParams {
     pub energy: Option<EnergyParams>,
     /// The agents that are not in the world at the start, and join later.
     pub late: BTreeSet<AgentId>,
+    /// The agents that are base stations.
+    pub base_stations: BTreeSet<AgentId>,
+    /// The moving obstacles.
+    pub obstacles: Vec<ObstacleModel>,
 }
 
 /// The scan schedule of the LiDARs.
@@ -115,6 +121,7 @@ pub struct World {
     lidar: Arc<Lidar>,
     agents: Vec<AgentState>,
     spheres: Vec<Sphere>,
+    moving_obstacles: MovingObstacles,
     /// `None` when more than positions may have changed.
     contacts: Option<ContactTable>,
     /// That of the terrain, once contacts have been asked for.
@@ -186,6 +193,8 @@ impl World {
     #[must_use]
     pub fn new(terrain: Grid<Terrain>, params: WorldParams, starts: &[Pose]) -> Self {
         let memory = SensorMemory::new(&terrain);
+        let scanner = params.scanner.meeting_obstacles(!params.obstacles.is_empty());
+        let params = WorldParams { scanner, ..params };
         let lidar = Arc::new(Lidar::new(params.scanner.clone(), params.noise, starts.len() as u32));
         let extent = terrain.extent();
         // All others see the cells that their bodies are in.
@@ -219,7 +228,8 @@ impl World {
                 reported_relays: Vec::new(),
             })
             .collect();
-        let mut coverage = Coverage::new(extent.volume(), free_cells, agents.len());
+        let mut coverage =
+            Coverage::new(extent.volume(), free_cells, agents.len()).with_base_stations(params.base_stations.clone());
         for (agent, state) in ids().zip(&agents).filter(|(_, state)| state.presence.is_in_world()) {
             coverage.cover(agent, index_of(&terrain, state.cell));
         }
@@ -227,6 +237,7 @@ impl World {
         let bodies = agents.iter().map(|state| (state.body.model(), *state.body.pose()));
         let batteries = params.energy.as_ref().map(|energy| Batteries::full(energy, bodies));
         let localisation = Localisation::new(&params.odometry, extent, starts);
+        let moving_obstacles = MovingObstacles::new(&params.obstacles);
         Self {
             tick: Tick::ZERO,
             terrain,
@@ -235,6 +246,7 @@ impl World {
             radio: RadioMedium::new(agents.len()),
             agents,
             spheres,
+            moving_obstacles,
             contacts: None,
             open_space: None,
             has_present_contacts: false,
@@ -355,7 +367,7 @@ impl World {
 
     /// Records how many free cells an agent reports to be on its map.
     pub fn note_belief(&mut self, agent: AgentId, known_free: u32) {
-        self.coverage.believe(agent, known_free);
+        self.coverage.believe(agent, known_free, self.tick);
     }
 
     /// Number of pairs of agents in contact in this tick.
@@ -413,8 +425,9 @@ impl World {
             let Lidar { scanner, .. } = &*self.lidar;
             let since = self.map_changed_at.unwrap_or(Tick::ZERO).max(self.block_since(index));
             let state = &mut self.agents[index];
-            if scanner.sees_agents() {
-                state.last_bodies = Bodies::others(&self.spheres, index);
+            if scanner.meets_bodies() {
+                let others = if scanner.sees_agents() { &self.spheres[..] } else { &[] };
+                state.last_bodies = Bodies::others(others, index, self.moving_obstacles.solids());
             }
             let last = state.last_scan.filter(|scan| scan.1 >= since).map(|(last, _)| last);
             state.last_scan = Some((pose, tick));
@@ -481,6 +494,7 @@ impl World {
                 }
             }
         }
+        self.move_obstacles();
         self.move_bodies();
         self.drain();
         self.localise();
@@ -491,7 +505,7 @@ impl World {
     fn move_bodies(&mut self) {
         for index in 0..self.agents.len() {
             let state = &mut self.agents[index];
-            let obstacles = Obstacles::new(&self.terrain, &self.spheres, index);
+            let obstacles = Obstacles::new(&self.terrain, &self.spheres, index).and(self.moving_obstacles.solids());
             let moved = state.body.advance(&obstacles, Tick::TICK_S);
             state.distance_m += moved.distance_m;
             if moved.task_done {

@@ -122,6 +122,7 @@ pub struct Scanner {
     cone_cos: Option<f64>,
     mount: Mount,
     sees_agents: bool,
+    meets_obstacles: bool,
 }
 
 /// The rays of a pattern.
@@ -187,7 +188,14 @@ impl Scanner {
     /// opening angle of a cone about the heading, in radians; from 2 pi on all rays are used.
     pub fn new(pattern: Pattern, range_m: f64, fov_rad: f64) -> Self {
         let cone_cos = (fov_rad < TAU).then(|| libm::cos(fov_rad / 2.0));
-        Self { rays: Rays::of(pattern), range_m, cone_cos, mount: Mount::default(), sees_agents: false }
+        Self {
+            rays: Rays::of(pattern),
+            range_m,
+            cone_cos,
+            mount: Mount::default(),
+            sees_agents: false,
+            meets_obstacles: false,
+        }
     }
 
     /// The same LiDAR at another place on its body.
@@ -205,6 +213,17 @@ impl Scanner {
     /// Whether its rays end at the bodies of others.
     pub fn sees_agents(&self) -> bool {
         self.sees_agents
+    }
+
+    /// The same LiDAR in a world with moving obstacles, or without.
+    #[must_use]
+    pub fn meeting_obstacles(self, meets_obstacles: bool) -> Self {
+        Self { meets_obstacles, ..self }
+    }
+
+    /// Whether its rays end at something that moves.
+    pub fn meets_bodies(&self) -> bool {
+        self.sees_agents || self.meets_obstacles
     }
 
     /// What it sees of its surroundings; `None` for a lattice and a shell.

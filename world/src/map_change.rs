@@ -1,9 +1,9 @@
 //! Changes of the true map during a run: the cells of a box become wall or free, by an event of the
 //! scenario or by a request.
 //!
-//! **What holds up a change.** A cell becomes wall only where no body and no relay is: a change of
-//! an event that would enclose one waits, as a whole, until the last has left the cells; a request
-//! is refused. The outermost layer of the map stays wall.
+//! **What holds up a change.** A cell becomes wall only where no body, relay or moving obstacle is:
+//! a change of an event that would enclose one waits, as a whole, until the last has left the cells;
+//! a request is refused. The outermost layer of the map stays wall.
 //!
 //! **Who notices.** No message announces a change. Every sensor forgets the cells that have
 //! changed, so that its next scan that meets one reports it anew (`lidar::SensorMemory::revise`).
@@ -122,13 +122,14 @@ impl World {
         is_triggered && (change.terrain == Terrain::Free || !self.is_anything_in(cells))
     }
 
-    /// Whether a body or a relay is in cells of a box that are free.
+    /// Whether a body, a relay or a moving obstacle is in cells of a box that are free.
     #[must_use]
     pub fn is_anything_in(&self, cells: CellBox) -> bool {
         let extent = self.terrain.extent();
         let is_free = |cell: &Cell| cells.contains(*cell) && self.terrain.get(*cell) == Some(&Terrain::Free);
         let has_relay = self.relays().iter().any(|relay| is_free(&extent.cell_of(&relay.position)));
         has_relay
+            || self.moving_obstacles().iter().any(|obstacle| obstacle.is_in(extent, |cell| is_free(&cell)))
             || self.spheres.iter().filter(|sphere| sphere.is_solid()).any(|sphere| {
                 let reach = Vector3::repeat(sphere.radius_m);
                 let touched = CellBox {

@@ -14,6 +14,7 @@ use nalgebra::Point3;
 use protocol::event_mask::EventMask;
 
 use super::body::{Body, Pose};
+use super::collision::Sphere;
 use super::{ScanSchedule, World, index_of, spawn};
 use protocol::agent_message::{AgentMessage, Peer};
 
@@ -149,6 +150,12 @@ impl World {
     pub(super) fn room(&self, agent: AgentId, position: &Point3<f64>) -> Result<Point3<f64>, &'static str> {
         let bodies = self.spheres.iter().enumerate();
         let others = bodies.filter(|(other, sphere)| *other != agent.index() && sphere.is_solid());
-        spawn::room(&self.terrain, others.map(|(_, sphere)| sphere), position, self.body(agent).model())
+        let model = self.body(agent).model();
+        let position = spawn::room(&self.terrain, others.map(|(_, sphere)| sphere), position, model)?;
+        let body = Sphere { centre: position, radius_m: model.radius_m };
+        match self.moving_obstacles().iter().any(|obstacle| obstacle.overlaps(&body)) {
+            true => Err("a moving obstacle is too near"),
+            false => Ok(position),
+        }
     }
 }

@@ -41,6 +41,8 @@ fn params() -> WorldParams {
         closures: None,
         energy: None,
         late: Default::default(),
+        base_stations: Default::default(),
+        obstacles: Vec::new(),
     }
 }
 

@@ -170,6 +170,7 @@ fn kind_name(kind: u8) -> String {
         Some(MessageType::Finished) => format!("nothing left (kind {kind})"),
         Some(MessageType::Meeting) => format!("meetings (kind {kind})"),
         Some(MessageType::Parts) => format!("parts (kind {kind})"),
+        Some(MessageType::AtBase) => format!("reports to bases (kind {kind})"),
         None => format!("kind {kind}"),
     }
 }

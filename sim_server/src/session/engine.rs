@@ -353,7 +353,7 @@ impl<'a> Engine<'a> {
         log: &mut SessionLog<'_>,
     ) -> Result<Result<u32, &'static str>, RunError> {
         if terrain == Terrain::Wall && self.world.is_anything_in(cells) {
-            return Ok(Err("a body or a relay is in the box: move it away, or choose other cells"));
+            return Ok(Err("a body, a relay or an obstacle is in the box: move it away, or choose other cells"));
         }
         self.flush_scans();
         let changed = self.world.change_map(cells, terrain);
@@ -547,6 +547,8 @@ impl<'a> Engine<'a> {
             counters.extend([used, Counter::new(CounterName::RanEmpty, ran_empty)]);
             counters.extend(home_at.map(|tick| Counter::new(CounterName::TickHome, tick.0)));
         }
+        let known_at_base_since = self.world.coverage().known_at_base_since();
+        counters.extend(known_at_base_since.map(|tick| Counter::new(CounterName::TickKnownAtBase, tick.0)));
         if let Some(DriftTotals { position_error_m, map_errors, blocks, closures }) = self.world.drift_totals() {
             counters.extend([
                 Counter::new(CounterName::PositionError, (position_error_m * 1e6).round() as u64),

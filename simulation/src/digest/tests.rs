@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use msgs::ids::AgentId;
+use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
 use protocol::body_model::BodyModel;
 use protocol::command::Command;
@@ -10,9 +10,11 @@ use protocol::scan_request::ScanRequest;
 use protocol::wake_condition::WakeCondition;
 use voxels::{Grid, Terrain};
 use world::body::{Motion, Pose};
+use world::collision::Shape;
 use world::comms::{Comms, ContactModel};
 use world::lidar::{Pattern, Scanner};
 use world::localisation::OdometryNoise;
+use world::moving_obstacles::{ObstacleModel, Repeat};
 use world::noise::SensorNoise;
 use world::{ScanSchedule, WorldParams};
 
@@ -20,6 +22,10 @@ use super::*;
 
 /// Two rooms with a door (`.` in the middle of the wall), and the bodies of `starts`.
 fn two_rooms(starts: &[Pose], late: &[AgentId]) -> World {
+    two_rooms_with(starts, late, Vec::new())
+}
+
+fn two_rooms_with(starts: &[Pose], late: &[AgentId], obstacles: Vec<ObstacleModel>) -> World {
     let solid = "#########\n#########\n#########\n#########\n#########\n";
     let layer = "#########\n#...#...#\n#.......#\n#...#...#\n#########\n";
     let terrain: Grid<Terrain> = Grid::from_text(&[solid, layer, solid].join("\n")).unwrap();
@@ -35,6 +41,8 @@ fn two_rooms(starts: &[Pose], late: &[AgentId]) -> World {
         closures: None,
         energy: None,
         late: late.iter().copied().collect(),
+        base_stations: Default::default(),
+        obstacles,
     };
     World::new(terrain, params, starts)
 }
@@ -45,6 +53,24 @@ fn at(x: f64, y: f64) -> Pose {
 
 const A: AgentId = AgentId(0);
 const B: AgentId = AgentId(1);
+
+#[test]
+fn moving_obstacles_are_covered() {
+    let workers = Arc::new(Workers::new(1).unwrap());
+    let digest = |x_m: [f64; 2]| {
+        let path = x_m.map(|x| Point3::new(x, 2.5, 1.5)).to_vec();
+        let shape = Shape::Sphere { radius_m: 0.3 };
+        let obstacle = ObstacleModel { shape, path, speed_m_s: 1.0, repeat: Repeat::Once, start: Tick::ZERO };
+        let mut world = two_rooms_with(&[at(1.5, 1.5)], &[], vec![obstacle]);
+        let mut chain = Chain::new("a scenario", &world, Arc::clone(&workers));
+        for _ in 0..20 {
+            world.step(BTreeMap::new());
+            chain.close(&world);
+        }
+        chain.digest()
+    };
+    assert_ne!(digest([3.5, 5.5]), digest([3.5, 2.5]));
+}
 
 #[test]
 fn deferred_scans_change_nothing() {

@@ -176,11 +176,15 @@ pub fn changeable(key: &str) -> Result<(), String> {
     let is_in = |table: &str| key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
     let reasons = [
         (&["seed", "map"][..], "the map and every random number of the past follow from it"),
-        (&["agents.count", "agents.cmd_vel", "agents.reserve", "spawn"][..], "the team is the one of the past"),
+        (
+            &["agents.count", "agents.cmd_vel", "agents.reserve", "agents.base_stations", "spawn"][..],
+            "the team is the one of the past",
+        ),
         (&["agents.command", "agents.command_ids", "agents.command_signs"][..], "programs run for all of a run"),
         (&["body", "bodies"][..], "the bodies have moved with it"),
         (&["lidar", "sensor"][..], "what the agents know was measured with it"),
         (&["communication.relays.per_agent"][..], "the agents have carried their relays from the start"),
+        (&["obstacle"][..], "obstacles have moved with it"),
         (&["recording", "faults"][..], "it holds for a recording as a whole"),
         (&["execution", "views"][..], "it is no part of the run"),
         (&["event"][..], "events do not change events"),

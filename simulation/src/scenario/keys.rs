@@ -201,7 +201,7 @@ impl Table {
     /// Whether it is a list of tables, such as `[[bodies]]`.
     #[must_use]
     pub fn is_list(&self) -> bool {
-        ["agents.mix", "bodies", "event"].contains(&self.path)
+        ["agents.mix", "bodies", "event", "obstacle"].contains(&self.path)
     }
 
     /// The dotted path of a key of this table.

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::base_stations::BASE_STATION_CHOICE;
 use super::{AgentsSection, Checker, ScenarioError};
 
 /// Rounding errors of shares that add up to 1.
@@ -52,7 +53,8 @@ impl AgentsSection {
             None => ControllerChoice { controller: &self.controller, set: &self.set },
         };
         let entries = self.entry_of_each();
-        (0..self.count).map(|agent| choice(entries.get(&agent))).collect()
+        let of = |agent| if self.is_base_station(agent) { BASE_STATION_CHOICE } else { choice(entries.get(&agent)) };
+        (0..self.count).map(of).collect()
     }
 
     /// The different controllers, with their settings, of those agents for which `counts` holds.
@@ -87,11 +89,12 @@ impl AgentsSection {
             };
             format!("{whose} {}{set}", entry.controller)
         };
-        if self.mix.is_empty() {
+        if self.mix.is_empty() && self.base_stations.is_empty() {
             return self.controller.clone();
         }
-        let parts: Vec<String> = self.mix.iter().map(part).collect();
-        let has_others = self.entry_of_each().len() + self.cmd_vel.len() < self.count as usize;
+        let parts: Vec<String> = self.base_stations_label().into_iter().chain(self.mix.iter().map(part)).collect();
+        let elsewhere = self.entry_of_each().len() + self.cmd_vel.len() + self.base_stations.len();
+        let has_others = elsewhere < self.count as usize;
         let others = if has_others { format!(", others {}", self.controller) } else { String::new() };
         parts.join(", ") + &others
     }
@@ -116,7 +119,7 @@ impl AgentsSection {
     }
 
     fn runs_controller(&self, agent: u32) -> bool {
-        self.is_commanded(agent) || !self.cmd_vel.contains(&agent)
+        (self.is_commanded(agent) || !self.cmd_vel.contains(&agent)) && !self.is_base_station(agent)
     }
 
     /// Checks the mix; `count` is checked before.
@@ -149,8 +152,9 @@ impl AgentsSection {
                     let last = self.count - 1;
                     let ids = format!("expected ids of agents, 0 to {last}");
                     checker.require(&of("ids"), agent, agent <= last, &ids)?;
-                    let runs = "expected agents that run a controller, and this one is in agents.cmd_vel";
-                    checker.require(&of("ids"), agent, self.runs_controller(agent), runs)?;
+                    let list = if self.is_base_station(agent) { "agents.base_stations" } else { "agents.cmd_vel" };
+                    let runs = format!("expected agents that run a controller, and this one is in {list}");
+                    checker.require(&of("ids"), agent, self.runs_controller(agent), &runs)?;
                     if let Some(other) = entry_of.insert(agent, number) {
                         let once = format!("expected each agent once, and it is in agents.mix[{other}] already");
                         checker.require(&of("ids"), agent, false, &once)?;

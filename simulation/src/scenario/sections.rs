@@ -133,6 +133,9 @@ pub struct AgentsSection {
     /// Ids of the agents that are not in the world until a service lets them join.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reserve: Vec<u32>,
+    /// Ids of the agents that are base stations.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub base_stations: Vec<u32>,
     /// The program that runs agents, and its arguments; empty: `agent_node`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub command: Vec<String>,

@@ -57,8 +57,13 @@ impl AgentsSection {
 impl AgentsSection {
     /// Checks the lists of ids, and the command.
     pub(super) fn check(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
-        let Self { count, cmd_vel, reserve, command, command_ids, command_signs, .. } = self;
-        let lists = [("agents.cmd_vel", cmd_vel), ("agents.reserve", reserve), ("agents.command_ids", command_ids)];
+        let Self { count, cmd_vel, reserve, base_stations, command, command_ids, command_signs, .. } = self;
+        let lists = [
+            ("agents.cmd_vel", cmd_vel),
+            ("agents.reserve", reserve),
+            ("agents.command_ids", command_ids),
+            ("agents.base_stations", base_stations),
+        ];
         for (key, ids) in lists {
             for (place, &id) in ids.iter().enumerate() {
                 let allowed = format!("expected ids of agents, 0 to {}", count - 1);

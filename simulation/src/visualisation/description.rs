@@ -6,19 +6,24 @@ use msgs::ids::AgentId;
 use msgs::std_msgs;
 use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 
-use crate::wire::{body_frame, lidar_frame, optical_frame};
+use crate::wire::{body_frame, lidar_frame, obstacle_frame, optical_frame};
 use world::World;
+use world::collision::{Shape, Solid};
 use world::lidar::PlaceOnBody;
 
 /// One robot of all agents: the link `map`, and on it for each agent a sphere
 /// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` where it is mounted, and the optical
-/// frame of a camera. Agents that do not fit into a sample are left out.
+/// frame of a camera; and for each moving obstacle a link `obstacle_<number>`. What does not fit
+/// into a sample is left out.
 pub(super) fn robots(world: &World) -> std_msgs::String {
     const END: &str = "</robot>\n";
     let mut data = "<?xml version=\"1.0\"?>\n<robot name=\"maes\">\n  <link name=\"map\"/>\n".to_owned();
-    for agent in world.agents() {
+    let robots = world.agents().map(|agent| {
         let radius_m = world.body(agent).model().radius_m;
-        let one = robot(agent, radius_m, world.scanner().place_on_body());
+        robot(agent, radius_m, world.scanner().place_on_body())
+    });
+    for one in robots.chain(world.moving_obstacles().iter().enumerate().map(|(number, solid)| obstacle(number, solid)))
+    {
         if data.len() + one.len() + END.len() + MESSAGE_BYTES_BARE > VIEW_BYTES_MAX {
             break;
         }
@@ -26,6 +31,22 @@ pub(super) fn robots(world: &World) -> std_msgs::String {
     }
     data += END;
     std_msgs::String { data }
+}
+
+fn obstacle(number: usize, solid: &Solid) -> String {
+    let shape = match solid.shape {
+        Shape::Sphere { radius_m } => format!("<sphere radius=\"{radius_m}\"/>"),
+        Shape::Box { half_m } => {
+            let [x, y, z] = (half_m * 2.0).into();
+            format!("<box size=\"{x} {y} {z}\"/>")
+        }
+    };
+    let (link, shape) = (obstacle_frame(number), format!("<geometry>{shape}</geometry>"));
+    format!(
+        "  <link name=\"{link}\">\n    <visual>{shape}<material name=\"obstacle\"><color rgba=\"0.9 0.4 0.1 1\"/>\
+         </material></visual>\n    <collision>{shape}</collision>\n  </link>\n  <joint name=\"{link}_joint\" \
+         type=\"floating\"><parent link=\"map\"/><child link=\"{link}\"/></joint>\n"
+    )
 }
 
 /// The optical frame in the frame of its camera.

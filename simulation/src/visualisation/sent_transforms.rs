@@ -80,6 +80,9 @@ impl SentTransforms {
                     preceding.entry(world.tick()).or_default().extend(wire::present_transforms(world, agent));
                 }
             }
+            if !has_all && self.complete_at != Some(world.tick()) {
+                preceding.entry(world.tick()).or_default().extend(wire::obstacle_transforms(world));
+            }
             self.complete_at = Some(world.tick());
         }
         let preceding = preceding.into_values().flat_map(poses::in_parts).map(VisualisationMessage::Transforms);

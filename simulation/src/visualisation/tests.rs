@@ -42,6 +42,8 @@ fn world() -> World {
         closures: None,
         energy: None,
         late: BTreeSet::new(),
+        base_stations: Default::default(),
+        obstacles: Vec::new(),
     };
     let pose = |x, yaw_rad| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad };
     World::new(tunnel(), params, &[pose(1.5, FRAC_PI_2), pose(5.5, 0.0)])

@@ -48,6 +48,8 @@ fn world(energy: EnergyParams, kind: BodyKind, start: Point3<f64>) -> World {
         closures: None,
         energy: Some(energy),
         late: BTreeSet::new(),
+        base_stations: Default::default(),
+        obstacles: Vec::new(),
     };
     World::new(terrain, params, &[Pose { position: start, yaw_rad: 0.0 }])
 }

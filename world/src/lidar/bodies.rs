@@ -1,4 +1,4 @@
-//! The bodies of others that the rays of a scan meet.
+//! The bodies of others, and the moving obstacles, that the rays of a scan meet.
 //!
 //! A ray ends at the first body or wall. The cells before a body are seen, those behind it are not,
 //! and the body itself is nothing of the map.
@@ -8,11 +8,11 @@ use std::sync::Arc;
 use nalgebra::{Point3, Vector3};
 
 use super::cast::Start;
-use crate::collision::Sphere;
+use crate::collision::{Crossing, Shape, Solid, Sphere};
 
-/// The bodies of others at the time of a scan; none if rays pass them.
+/// What moves, at the time of a scan; none of it if rays pass it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Bodies(Option<Arc<[Sphere]>>);
+pub(crate) struct Bodies(Option<Arc<[Solid]>>);
 
 /// What the bodies are for one ray.
 #[derive(Debug, Clone, Copy)]
@@ -60,16 +60,22 @@ pub(super) struct BodyHit {
 }
 
 impl Bodies {
-    /// All spheres but that of an agent, and those of agents that are not in the world.
-    pub(crate) fn others(spheres: &[Sphere], index: usize) -> Self {
+    /// All spheres but that of an agent, and those of agents that are not in the world; and the
+    /// moving obstacles.
+    pub(crate) fn others(spheres: &[Sphere], index: usize, obstacles: &[Solid]) -> Self {
         let others = spheres.iter().enumerate().filter(|&(other, sphere)| other != index && sphere.radius_m > 0.0);
-        Self(Some(others.map(|(_, sphere)| *sphere).collect()))
+        let others =
+            others.map(|(_, &Sphere { centre, radius_m })| Solid { centre, shape: Shape::Sphere { radius_m } });
+        Self(Some(others.chain(obstacles.iter().copied()).collect()))
     }
 
     /// The first body on a ray (metres, frame `map`).
     pub(super) fn first_on(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<BodyHit> {
-        let spheres = self.0.as_deref().unwrap_or_default();
-        let hits = spheres.iter().filter_map(|sphere| meet(sphere, origin, direction));
+        let solids = self.0.as_deref().unwrap_or_default();
+        let hits = solids.iter().filter_map(|solid| match solid.shape {
+            Shape::Sphere { radius_m } => meet(&Sphere { centre: solid.centre, radius_m }, origin, direction),
+            Shape::Box { half_m } => meet_box(&solid.centre, &half_m, origin, direction),
+        });
         hits.min_by(|one, other| one.distance.total_cmp(&other.distance))
     }
 }
@@ -88,4 +94,37 @@ fn meet(sphere: &Sphere, origin: &Point3<f64>, direction: &Vector3<f64>) -> Opti
     let depth_m = depth_m2.sqrt();
     let distance_m = along_m - depth_m;
     (distance_m >= 0.0).then(|| BodyHit { distance: distance_m / length, incidence_cos: depth_m / sphere.radius_m })
+}
+
+/// Where a ray enters a box along the axes; `None` if it misses it, or begins in it.
+fn meet_box(
+    centre: &Point3<f64>,
+    half_m: &Vector3<f64>,
+    origin: &Point3<f64>,
+    direction: &Vector3<f64>,
+) -> Option<BodyHit> {
+    let Crossing { enters, axis, .. } = Crossing::of(centre, half_m, origin, direction)?;
+    let incidence_cos = (direction[axis] / direction.norm()).abs();
+    (enters >= 0.0).then_some(BodyHit { distance: enters, incidence_cos })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_enter_boxes_at_the_nearest_side() {
+        let (centre, half_m) = (Point3::new(5.0, 0.0, 0.0), Vector3::new(1.0, 2.0, 3.0));
+        let meet = |origin: [f64; 3], direction: [f64; 3]| {
+            let hit = meet_box(&centre, &half_m, &origin.into(), &direction.into())?;
+            Some((hit.distance, hit.incidence_cos))
+        };
+        assert_eq!(meet([0.0; 3], [1.0, 0.0, 0.0]), Some((4.0, 1.0)));
+        assert_eq!(meet([0.0; 3], [2.0, 0.0, 0.0]), Some((2.0, 1.0)));
+        assert_eq!(meet([0.0; 3], [-1.0, 0.0, 0.0]), None);
+        assert_eq!(meet([0.0, 2.5, 0.0], [1.0, 0.0, 0.0]), None);
+        assert_eq!(meet([5.0, 0.0, 0.0], [1.0, 0.0, 0.0]), None, "it begins inside");
+        assert_eq!(meet([5.0, -6.0, -2.0], [0.0, 0.8, 0.6]), Some((5.0, 0.8)));
+        assert_eq!(meet([5.0, -6.0, 0.0], [0.0, 0.6, 0.8]), None, "above it");
+    }
 }

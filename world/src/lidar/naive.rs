@@ -9,8 +9,8 @@ use super::engine::{CastCount, Engine, NewCells, NotCast};
 use super::{Scanner, SensorMemory};
 use crate::body::Pose;
 
-/// Casts every ray of a scan, and notes where they hit something. The engine of LiDARs that see
-/// agents, too.
+/// Casts every ray of a scan, and notes where they hit something. The engine of LiDARs whose
+/// rays end at what moves, too.
 #[derive(Debug, Default)]
 pub(crate) struct NaiveEngine {
     /// The points where rays of the scans hit walls and bodies, metres, frame `map`.

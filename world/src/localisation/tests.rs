@@ -38,6 +38,8 @@ fn params(odometry: OdometryNoise) -> WorldParams {
         closures: None,
         energy: None,
         late: Default::default(),
+        base_stations: Default::default(),
+        obstacles: Vec::new(),
     }
 }
 

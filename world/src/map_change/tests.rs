@@ -43,6 +43,8 @@ fn params(rays: u32) -> WorldParams {
         closures: None,
         energy: None,
         late: Default::default(),
+        base_stations: Default::default(),
+        obstacles: Vec::new(),
     }
 }
 

@@ -56,6 +56,8 @@ fn params(comms: Comms) -> WorldParams {
         closures: None,
         energy: None,
         late: Default::default(),
+        base_stations: Default::default(),
+        obstacles: Vec::new(),
     }
 }
 

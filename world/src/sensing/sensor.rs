@@ -112,7 +112,7 @@ impl Lidar {
 
     /// Whether two scans from one pose may see different things, by noise or by bodies in the way.
     pub(crate) fn scans_differ(&self) -> bool {
-        self.noise.affects_scans() || self.scanner.sees_agents()
+        self.noise.affects_scans() || self.scanner.meets_bodies()
     }
 
     fn ahead(&self) -> MutexGuard<'_, VecDeque<Weak<SensorCell>>> {
@@ -239,7 +239,7 @@ impl SensorCell {
             let mut naive = NaiveEngine::past(bodies.clone());
             let engine: &mut dyn Engine = if noise.affects_scans() {
                 &mut noisy
-            } else if scanner.sees_agents() {
+            } else if scanner.meets_bodies() {
                 &mut naive
             } else {
                 engine

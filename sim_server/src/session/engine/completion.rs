@@ -29,6 +29,15 @@ impl Engine<'_> {
         !self.world.is_anything_left()
     }
 
+    /// Whether a base station knows every free cell, or all that the team has seen while nothing
+    /// more can be seen. Call [`Engine::settle`] before.
+    pub(in crate::session) fn is_known_at_base(&mut self) -> bool {
+        let coverage = self.world.coverage();
+        let (explored, is_explored) = (coverage.explored_count(), coverage.is_explored());
+        let has_all = coverage.known_at_base_count().is_some_and(|known| known >= explored);
+        has_all && (is_explored || self.can_see_nothing_more())
+    }
+
     /// Whether the whole team has come back to its bases for good: all is explored, or all agents
     /// have waited there, and no event is ahead. Notes the first time with [`EXPLORED_ENOUGH`].
     pub(in crate::session) fn is_team_back(&mut self) -> bool {

@@ -30,6 +30,8 @@ fn world() -> World {
         closures: None,
         energy: None,
         late: Default::default(),
+        base_stations: Default::default(),
+        obstacles: Vec::new(),
     };
     let start = |x| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad: 0.5 };
     World::new(terrain, params, &[start(1.5), start(3.5), start(5.5)])

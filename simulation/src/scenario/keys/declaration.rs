@@ -33,7 +33,7 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 25] = [
+pub const TABLES: [Table; 26] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
@@ -51,6 +51,10 @@ pub const TABLES: [Table; 25] = [
             "whether the run ends once all agents rest in their bases, and all is explored or they have waited there \
              for 10 s; nothing else but the duration ends it then", "ours").limits("true only with `[energy]`").changeable()
             .see("energy.md"),
+        key("stop_when_known_at_base", Boolean, Is("false"), NONE,
+            "whether the run ends once a base station knows all that the team can see; exploration and coverage do not \
+             end it then", "ours").limits("true only with `agents.base_stations`").changeable()
+            .see("communication.md#base-stations"),
     ]),
     Table::new("map", &[
         key("kind", Word(&["spheres", "noise", "building", "mine", "scene", "file"]), Required, NONE,
@@ -240,6 +244,10 @@ pub const TABLES: [Table; 25] = [
         key("reserve", Ids, Is("[]"), NONE,
             "agents that are not in the world until the service spawn_entity lets them join", "ours")
             .limits("0 to `count` - 1, each once, and without `[[event]]`").see("ros2.md#services"),
+        key("base_stations", Ids, Is("[]"), NONE,
+            "agents that stay at their start, as base stations that need the map", "ours; SubT")
+            .limits("0 to `count` - 1, each once, neither in `cmd_vel` nor in `mix`")
+            .see("communication.md#base-stations"),
         key("command", Texts, Is("[]"), NONE,
             "program of one's own, with its arguments, that runs agents; empty: agent_node", "ours")
             .limits("a program, then its arguments, in which `{id}` is the id of the agent; over memory only without it")
@@ -479,6 +487,23 @@ pub const TABLES: [Table; 25] = [
             .limits("[these keys](what-if.md#what-may-change)"),
         key("parent", Name, Unset("none"), NONE,
             "where a run was forked, the last digest of the recording that was forked", "ours").only_with(&["set"]),
+    ]),
+    Table::new("obstacle", &[
+        key("kind", Word(&["sphere", "box"]), Required, NONE,
+            "its shape; a box lies along the axes", "ours"),
+        key("radius_m", Number("m"), Unset("required for `\"sphere\"`"), POSITIVE,
+            "its radius", "ours").only_with(&["sphere"]),
+        key("size_m", Position("m"), Unset("required for `\"box\"`"), NONE,
+            "its edges", "ours").limits("above 0, up to 1e6").only_with(&["box"]),
+        key("path", Positions("m"), Required, NONE,
+            "points that its centre goes through", "ours")
+            .limits("2 to 100, each apart from the next; clear of walls, and no agent at the first one"),
+        key("speed_m_s", Number("m/s"), Required, POSITIVE,
+            "its speed", "ours").limits("above 0, up to 50 cells in a second"),
+        key("repeat", Word(&["to_and_fro", "loop", "once"]), Is("\"to_and_fro\""), NONE,
+            "what follows the last point: the way back, the first point, or nothing", "ours"),
+        key("start_s", Number("s"), Is("0.0"), between(0.0, 2e8),
+            "sim time at which it begins to move", "ours"),
     ]),
     Table::new("views", &[
         key("max_hz", Number("Hz"), Is("30.0"), between(0.1, 1000.0),

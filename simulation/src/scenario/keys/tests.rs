@@ -9,7 +9,7 @@ use voxels::Extent;
 use super::*;
 use crate::scenario::{MapKind, Override, Scenario};
 
-/// A scenario whose table `spawn` has this kind; its `bodies` have one entry.
+/// A scenario whose table `spawn` has this kind; its lists have one entry.
 fn base(spawn: &str) -> toml::Table {
     let spawn = match spawn {
         "list" => "{ kind = \"list\", poses = [] }".to_owned(),
@@ -19,7 +19,8 @@ fn base(spawn: &str) -> toml::Table {
     let text = format!(
         "seed = 7\nduration_s = 60.0\nmap = {{ kind = \"spheres\", size = 50 }}\nagents = {{ count = 3, mix = [{{ controller = \"lvd\", share = 0.5 }}] }}\n\
          spawn = {spawn}\nbodies = [{{ agents = [0] }}]\n\
-         event = [{{ kind = \"leave\", at_s = 1.0, agent = 0 }}]\n"
+         event = [{{ kind = \"leave\", at_s = 1.0, agent = 0 }}]\n\
+         obstacle = [{{ kind = \"sphere\", radius_m = 1.0, speed_m_s = 1.0, path = [[2, 2, 2], [3, 2, 2]] }}]\n"
     );
     toml::from_str(&text).unwrap()
 }

@@ -43,6 +43,8 @@ fn scanned(grid: RayGrid, range_m: f64, mount: Mount, noise: SensorNoise) -> Wor
         odometry: OdometryNoise::default(),
         closures: None,
         late: BTreeSet::new(),
+        base_stations: Default::default(),
+        obstacles: Vec::new(),
     };
     let mut world = World::new(hall(), params, &[POSE]);
     world.sense(&world::workers::Workers::new(1).unwrap());
