@@ -3,7 +3,8 @@
 # and a position that its receiver calls void is the position.
 #
 # Expected: `state.time` of a log of 23 March 1994 stays on that day: RMC carries the date, GGA and
-# GLL that follow carry the time of it. NMEA 0183's status V in RMC means that the data are not valid.
+# GLL that follow carry the time of it. NMEA 0183's status V in RMC means that the data are not
+# valid.
 # Seen: GGA and GLL are given the date of the computer, so between two sentences of one second the
 # clock goes on by decades and back. After RMC with status V `state.lat` and `state.speed` are those
 # of the void sentence, and the state has no field that says so.
