@@ -3,9 +3,9 @@
 #
 # Expected: `xyz="1  2 3"` and `xyz=" 1 2 3"` are three numbers between white space, as urdfdom
 # reads them; a limit without `lower` and `upper` has 0 for both (URDF's documentation).
-# Seen: the attribute is split at each single blank, and if there are not three parts the position
-# is left at zero without a word; `rpy` in the same element is used. Limits that are left out are
-# NaN.
+# Seen: the attribute is split at each single blank; one blank too many in front or between leaves
+# the position at zero without a word, one at the end does not; `rpy` in the same element is used.
+# Limits that are left out are NaN.
 # So: normalise the white space of a robot_description before giving it to `UrdfModel`, and test
 # limits with Number.isNaN.
 set -eu
