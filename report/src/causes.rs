@@ -107,6 +107,7 @@ mod tests {
             explored,
             covered: 0.0,
             believed_mean: 0.0,
+            known_at_base: None,
             distance_m: 0.0,
             message_bytes: 0,
             pairs_in_contact: 0,

@@ -93,7 +93,7 @@ fn bytes_kept_do_not_grow_with_the_length_of_a_run() {
         hub.state().subscribe(id, wanted).unwrap();
     }
     replies(&outbox);
-    let mut after = |seconds: std::ops::Range<u64>| {
+    let after = |seconds: std::ops::Range<u64>| {
         for second in seconds {
             hub.publish(&topics[0].name, &[1; 30_000], second * 1_000_000_000);
             // Seven pieces of a map, each with some thousand cells.
