@@ -4,7 +4,8 @@
 
 use std::io::Cursor;
 
-use image::{ImageFormat, ImageReader, Limits};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::bytes::words;
 use super::{FormatError, Note};
@@ -17,6 +18,15 @@ const SIDE_MAX: u32 = 8 * 1024;
 
 /// Memory for what a PNG file has beside its pixels, bytes.
 const PNG_BYTES_MAX: usize = 1 << 26;
+
+/// What becomes of the orientation that a camera writes into a JPEG file (Exif).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Rows {
+    /// Nothing: the rows are taken as the file has them, as the map server does.
+    AsStored,
+    /// The picture is turned, as those who show it do.
+    Upright,
+}
 
 /// A picture; its first row is the upper one.
 pub(super) struct Picture {
@@ -34,6 +44,8 @@ pub(super) struct Picture {
     pub(super) pixels: Vec<Pixel>,
     /// Bytes after the last pixel of a PNM file.
     pub(super) excess_bytes: usize,
+    /// Whether it was turned because its file says so.
+    pub(super) is_turned: bool,
 }
 
 /// A pixel, in parts of the largest brightness.
@@ -128,7 +140,11 @@ impl Picture {
     ///
     /// # Errors
     /// If the file is malformed.
-    pub(super) fn read(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Self, FormatError> {
+    pub(super) fn read(
+        bytes: &[u8],
+        rows: Rows,
+        check: impl Fn([u32; 2]) -> Result<(), FormatError>,
+    ) -> Result<Self, FormatError> {
         let check = |size: [u32; 2]| match size.into_iter().find(|side| !(1..=SIDE_MAX).contains(side)) {
             Some(side) => {
                 Err(FormatError::byte(0, format!("a side of the picture is {side}, allowed is 1 to {SIDE_MAX}")))
@@ -137,16 +153,17 @@ impl Picture {
         };
         match bytes {
             [0x89, b'P', b'N', b'G', ..] => png(bytes, check),
-            [b'B', b'M', ..] => other(bytes, ImageFormat::Bmp, check),
-            [0xff, 0xd8, 0xff, ..] => other(bytes, ImageFormat::Jpeg, check),
+            [b'B', b'M', ..] => other(bytes, ImageFormat::Bmp, rows, check),
+            [0xff, 0xd8, 0xff, ..] => other(bytes, ImageFormat::Jpeg, rows, check),
             _ => pnm(bytes, check),
         }
     }
 
-    /// A warning of bytes after the last pixel.
+    /// A warning of bytes after the last pixel, or a note that it was turned.
     pub(super) fn note(&self) -> Option<Note> {
         let text = format!("{} bytes after the last pixel are not read", self.excess_bytes);
-        (self.excess_bytes > 0).then(|| Note::warning("rest", text))
+        let turned = || Note::new("turned", "the picture is upright as its file says (Exif orientation)".to_owned());
+        (self.excess_bytes > 0).then(|| Note::warning("rest", text)).or_else(|| self.is_turned.then(turned))
     }
 }
 
@@ -185,13 +202,14 @@ fn png(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Res
         Pixel { brightness: sum as f32 / colours as f32, alpha: alpha as f32 }
     };
     let pixels = data[..info.buffer_size()].chunks_exact(channels * width_bytes).map(pixel).collect();
-    Ok(Picture { width, height, maximum, has_alpha, is_lossy: false, pixels, excess_bytes: 0 })
+    Ok(Picture { width, height, maximum, has_alpha, is_lossy: false, pixels, excess_bytes: 0, is_turned: false })
 }
 
 /// A picture of a format of the crate `image`.
 fn other(
     bytes: &[u8],
     format: ImageFormat,
+    rows: Rows,
     check: impl Fn([u32; 2]) -> Result<(), FormatError>,
 ) -> Result<Picture, FormatError> {
     // Its reasons may repeat bytes of the file.
@@ -199,14 +217,22 @@ fn other(
     let mut limits = Limits::default();
     limits.max_image_width = Some(SIDE_MAX);
     limits.max_image_height = Some(SIDE_MAX);
-    let reader = || {
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-        reader.limits(limits.clone());
-        reader
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(fault)?;
+    let orientation = match rows {
+        Rows::AsStored => Orientation::NoTransforms,
+        Rows::Upright => decoder.orientation().map_err(fault)?,
     };
-    let (width, height) = reader().into_dimensions().map_err(fault)?;
+    let (width, height) = decoder.dimensions();
+    let is_on_its_side = matches!(
+        orientation,
+        Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH
+    );
+    let (width, height) = if is_on_its_side { (height, width) } else { (width, height) };
     check([width, height])?;
-    let picture = reader().decode().map_err(fault)?;
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(fault)?;
+    picture.apply_orientation(orientation);
     let has_alpha = picture.color().has_alpha();
     let pixel = |pixel: &image::Rgba<u8>| {
         let [red, green, blue, alpha] = pixel.0;
@@ -215,7 +241,8 @@ fn other(
     };
     let pixels = picture.to_rgba8().pixels().map(pixel).collect();
     let is_lossy = format == ImageFormat::Jpeg;
-    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy, pixels, excess_bytes: 0 })
+    let is_turned = orientation != Orientation::NoTransforms;
+    Ok(Picture { width, height, maximum: 255, has_alpha, is_lossy, pixels, excess_bytes: 0, is_turned })
 }
 
 fn pnm(bytes: &[u8], check: impl Fn([u32; 2]) -> Result<(), FormatError>) -> Result<Picture, FormatError> {
@@ -293,7 +320,7 @@ fn opaque(
     excess_bytes: usize,
 ) -> Picture {
     let pixels = brightness.map(|brightness| Pixel { brightness, alpha: maximum as f32 }).collect();
-    Picture { width, height, maximum, has_alpha: false, is_lossy: false, pixels, excess_bytes }
+    Picture { width, height, maximum, has_alpha: false, is_lossy: false, pixels, excess_bytes, is_turned: false }
 }
 
 /// The pixels of a binary file, of one byte or, beyond 255, two.

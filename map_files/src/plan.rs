@@ -12,7 +12,7 @@ use voxels::{Cell, Extent, Terrain};
 
 use super::bytes::shown;
 use super::options::{HEIGHT_CELLS, Kind, THRESHOLD};
-use super::picture::{Picture, Pixel, Summary, White};
+use super::picture::{Picture, Pixel, Rows, Summary, White};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrounded};
 
 /// A floor plan as a picture.
@@ -69,7 +69,7 @@ enum Ground {
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let height = spec.options.height_cells.unwrap_or(HEIGHT_CELLS);
     let extent = |[x, y]: [u32; 2]| Extent::new([x, y, height + 2], spec.length_m()).map_err(FormatError::Extent);
-    let picture = Picture::read(&spec.bytes, |size| extent(size).map(|_| ()))?;
+    let picture = Picture::read(&spec.bytes, Rows::Upright, |size| extent(size).map(|_| ()))?;
     let threshold = spec.options.threshold.unwrap_or(THRESHOLD);
     let white = White::of(&Summary::default().and(&picture), threshold)?;
     let ground = |pixel: &Pixel| match pixel.is_bright(threshold, white, picture.maximum) {
@@ -182,7 +182,7 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
             reason => FormatError::Extent(reason),
         })
     };
-    let picture = Picture::read(picture, |size| extent(size).map(|_| ()))
+    let picture = Picture::read(picture, Rows::AsStored, |size| extent(size).map(|_| ()))
         .map_err(|reason| FormatError::Companion { file: shown(keys.image.as_bytes()), reason: reason.to_string() })?;
     let unknown_greys = keys.unknown_greys(&picture);
     let ground: Vec<Ground> =

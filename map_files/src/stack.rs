@@ -9,7 +9,7 @@ use voxels::{Cell, Extent, Grid, Terrain};
 
 use super::bytes::shown;
 use super::options::THRESHOLD;
-use super::picture::{Picture, Summary, White};
+use super::picture::{Picture, Rows, Summary, White};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrounded};
 
 /// A folder of pictures, one for each layer of cells. It is no format of a file.
@@ -90,7 +90,7 @@ fn terrain_of(
     let mut map = None;
     for (z, &(_, name, bytes)) in layers.iter().enumerate() {
         let first = map.as_ref().map(|terrain: &Grid<Terrain>| terrain.extent().size());
-        let picture = Picture::read(bytes, |[x, y]| match first {
+        let picture = Picture::read(bytes, Rows::AsStored, |[x, y]| match first {
             Some([size_x, size_y, _]) if [size_x, size_y] != [x, y] => {
                 Err(FormatError::byte(0, format!("the picture is {x} x {y}, the lowest one {size_x} x {size_y}")))
             }

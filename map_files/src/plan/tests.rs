@@ -314,6 +314,34 @@ fn picture_that_lies_elsewhere_is_named_and_never_shown() {
     }
 }
 
+/// Photographs lie on their side in the file, and viewers turn them; the map server does not.
+#[test]
+fn plans_of_cameras_are_upright() {
+    // Wide, with a bright left half; turned by a quarter its upper half is bright.
+    let luma = image::GrayImage::from_fn(32, 16, |x, _| image::Luma([if x < 16 { 255 } else { 0 }]));
+    let mut jpeg = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 100).encode_image(&luma).unwrap();
+    // One entry: orientation (tag 0x112, a short), in the order of Intel.
+    let exif = |orientation: u8| {
+        let entry = [0x12, 1, 3, 0, 1, 0, 0, 0, orientation, 0, 0, 0];
+        let tiff = [&b"II*\0\x08\0\0\0\x01\0"[..], &entry, &[0; 4]].concat();
+        let segment = [&b"Exif\0\0"[..], &tiff].concat();
+        let length = (segment.len() as u16 + 2).to_be_bytes();
+        [&jpeg[..2], &[0xff, 0xe1], &length, &segment, &jpeg[2..]].concat()
+    };
+    let read = |bytes: Vec<u8>| ImportSpec::new("plan.jpg", bytes).read().unwrap();
+    let stored = read(jpeg.clone());
+    assert_eq!(stored.terrain.extent().size(), [32, 16, 7]);
+    assert!(stored.notes.iter().all(|note| note.name != "turned"));
+    let upright = read(exif(6));
+    assert_eq!(upright.terrain.extent().size(), [16, 32, 7]);
+    assert!(upright.notes.iter().any(|note| note.name == "turned"));
+    let at = |y| upright.terrain.get(voxels::Cell { x: 8, y, z: 3 }).copied();
+    assert_eq!([at(28), at(4)], [Some(Terrain::Free), Some(Terrain::Wall)]);
+    let keys = "image: m\nresolution: 1\norigin: [0, 0, 0]\n";
+    assert_eq!(yaml(keys, &exif(6)).read().unwrap().terrain.extent().size(), [32, 16, 7]);
+}
+
 #[test]
 fn pictures_may_be_bmp_and_jpeg() {
     let image =
