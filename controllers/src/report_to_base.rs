@@ -50,7 +50,7 @@ const EXCHANGE_TICKS: u64 = 10;
 /// Longest wait in contact with a base, ticks: 30 s. Maps may never be equal if sensors err.
 const HAND_OVER_TICKS: u64 = 1500;
 
-/// Ticks until it tries again, if it knows no way, or is in contact with a base all the same.
+/// Ticks between two decisions about news that are due in contact with a base: 5 s.
 const RETRY_TICKS: u64 = 250;
 
 /// Ticks between two looks at where the next relay has to be.
@@ -269,11 +269,12 @@ impl ReportToBase {
         command
     }
 
-    /// Begins the way to a base.
+    /// Begins the way to a base, and says so to all in contact, if it knows one.
     fn report(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.mode = Mode::Reporting;
         let command = self.go(observation, ctx);
-        if observation.contacts.is_empty() { command } else { AtBase::Courier.broadcast(command) }
+        let is_courier = self.mode == Mode::Reporting && !observation.contacts.is_empty();
+        if is_courier { AtBase::Courier.broadcast(command) } else { command }
     }
 
     fn reporting(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
