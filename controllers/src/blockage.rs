@@ -222,9 +222,12 @@ impl Blockages {
         }
         let now = observation.tick;
         let blocking = blocking(observation, ctx);
-        let numbers: Vec<usize> = blocking.into_iter().map(|(agent, at)| self.count(agent, at, ctx, now)).collect();
-        let mut staying: Vec<usize> =
-            numbers.into_iter().filter(|&number| self.standing[number].does_stay(now)).collect();
+        for &(agent, at) in &blocking {
+            self.count(agent, at, ctx, now);
+        }
+        // Only now, because the first one goes when there are too many.
+        let numbers = blocking.iter().filter_map(|&(agent, at)| self.number_of(agent, at, ctx));
+        let mut staying: Vec<usize> = numbers.filter(|&number| self.standing[number].does_stay(now)).collect();
         staying.sort_by_key(|&number| Reverse(self.standing[number].blockages));
         (!staying.is_empty()).then_some(staying)
     }
@@ -245,11 +248,16 @@ impl Blockages {
         rest.with_stage(Stage::Waiting).with_info(format!("waits for {body} to move"))
     }
 
-    /// Counts a blockage by a body. Returns its number.
-    fn count(&mut self, agent: Option<AgentId>, at: Point3<f64>, ctx: &Ctx<'_>, now: Tick) -> usize {
+    /// The number of a body that was noted at a place before.
+    fn number_of(&self, agent: Option<AgentId>, at: Point3<f64>, ctx: &Ctx<'_>) -> Option<usize> {
         let is_same =
             |standing: &Standing| standing.agent == agent && (standing.at - at).norm() < 2.0 * ctx.body().radius_m;
-        let number = self.standing.iter().position(is_same).unwrap_or_else(|| {
+        self.standing.iter().position(is_same)
+    }
+
+    /// Counts a blockage by a body.
+    fn count(&mut self, agent: Option<AgentId>, at: Point3<f64>, ctx: &Ctx<'_>, now: Tick) {
+        let number = self.number_of(agent, at, ctx).unwrap_or_else(|| {
             if self.standing.len() == PLACES_MAX {
                 self.standing.remove(0);
             }
@@ -266,7 +274,6 @@ impl Blockages {
             self.standing.len() - 1
         });
         self.standing[number].blockages += 1;
-        number
     }
 
     /// The command by which the agent leaves the way of the first of the bodies that stay, if that
