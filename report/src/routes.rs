@@ -2,7 +2,7 @@
 //!
 //! Of each variant under each condition it is the run with the median of the primary measure. A run
 //! is a function of its scenario, so what was not recorded can be recorded when the report is made:
-//! [`record_shown`] executes these runs again. Runs without a recording have no picture.
+//! [`record`] executes these runs again. Runs without a recording have no picture.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -30,8 +30,6 @@ use super::study::{Condition, Study, StudyError};
 /// Why the routes of a report are not recorded.
 #[derive(Debug, Error)]
 pub enum RecordError {
-    #[error(transparent)]
-    Study(#[from] StudyError),
     #[error(transparent)]
     Execute(#[from] ExecuteError),
     #[error("run {id}: not of the plan in the folder and this build, which alone can execute it again")]
@@ -68,20 +66,6 @@ pub fn without_recording(dir: &Path) -> Result<BTreeSet<String>, StudyError> {
     let shown = study.conditions.iter().flat_map(|condition| shown_runs(&study, condition));
     let ids = shown.map(|(_, run)| run.row.id.clone());
     Ok(ids.filter(|id| !store.recording_file(id).exists()).collect())
-}
-
-/// Executes the runs of [`without_recording`] again, and keeps their recordings.
-///
-/// # Errors
-/// See [`record`].
-pub fn record_shown(
-    dir: &Path,
-    plan: &Plan,
-    options: &Options,
-    observer: &mut dyn PlanObserver,
-    stop: &Stop,
-) -> Result<(), RecordError> {
-    record(dir, plan, without_recording(dir)?, options, observer, stop)
 }
 
 /// Executes runs of a folder again, and keeps their recordings. No program is started that the plan
