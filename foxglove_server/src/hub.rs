@@ -214,7 +214,8 @@ impl Hub {
     }
 
     /// Publishes a piece of what is shown in markers, at a time in ns. Late subscribers receive the
-    /// last one of each piece, as far as an outbox holds them: pieces change as long as a run lasts.
+    /// last one of each piece, as far as an outbox holds them: pieces change as long as a run
+    /// lasts.
     pub(super) fn publish_latched_marker(&self, topic: &str, marker: &Marker, time_ns: u64) {
         let subject = (marker.ns.clone(), marker.id);
         self.latch(topic, LatchedMessage { bytes: cdr::encode(marker), time_ns, marker: Some(subject) });
