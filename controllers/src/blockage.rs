@@ -2,12 +2,12 @@
 //!
 //! A body that blocks all paths mostly moves on, so an agent waits a little or evades, and plans
 //! again. After some blockages at the same place the body is taken to stay. Either it has broken
-//! down in a passage, or it waits for this one in turn: which of the two, nobody tells. So the
-//! agent first leaves the way: the one with the higher id at once, and the one with the lower id if
-//! the other has not made way in the meantime. It backs out to where there is room (`room`), and
-//! stays there for a while. If the other body then stands where it stood, it has had no use for the
-//! room. The agent rests before it, and leaves the way again only after many more rests, since it
-//! may have had another one behind it.
+//! down in a passage, or it waits for this one in turn, and no observation says which. So the agent
+//! first leaves the way: the one with the higher id at once, and the one with the lower id if the
+//! other has not made way in the meantime. It backs out to where there is room (`room`), and stays
+//! there for a while. If the other body then stands where it stood, it has had no use for the room.
+//! The agent rests before it, and leaves the way again only after many more rests, since it may
+//! have had another one behind it.
 //!
 //! A rest ends when that body moves or its contact ends, and after longer and longer times, since a
 //! body without a radio is noticed by collisions alone. A change of its map ends all that.
@@ -99,8 +99,8 @@ impl Standing {
         self.blockages >= BLOCKAGES_MIN && now >= self.since.after(STANDING_TICKS)
     }
 
-    /// When an agent that rests before it until a tick looks whether it has moved: often if it waits
-    /// for a body that it shuts in itself.
+    /// When an agent that rests before it until a tick looks whether it has moved: often if it
+    /// shuts this body in itself.
     fn looks_again(&self, until: Tick, now: Tick) -> WakeCondition {
         wakes_at(if self.is_shut_in { until.min(now.after(LOOK_TICKS)) } else { until })
     }
@@ -138,7 +138,8 @@ pub(crate) enum Yield {
 }
 
 impl Blockages {
-    /// Those of an agent that leaves no way, but rests: its controller would draw it back at once.
+    /// The blockages of an agent that leaves no way, but rests: its controller would draw it back
+    /// at once.
     pub(crate) fn with_rests_alone() -> Self {
         Self { only_rests: true, ..Self::default() }
     }

@@ -32,7 +32,7 @@ impl Relays {
         Ok(Self::switched(settings.word("relays", &["off", "on"])? == 1))
     }
 
-    /// Those of an agent that drops relays if `is_on`.
+    /// The relays of an agent that drops them if `is_on`.
     #[must_use]
     pub fn switched(is_on: bool) -> Self {
         Self { is_on, left: 0 }

@@ -84,7 +84,7 @@ impl AtBase {
         command.with_message(None, MessageType::AtBase.number(), bytes)
     }
 
-    /// That of a message of this type; `None` if it is of another one.
+    /// The content of a message of this type; `None` if it is of another one.
     pub(super) fn decode(kind: u8, bytes: &[u8]) -> Option<Self> {
         match (kind == MessageType::AtBase.number(), bytes) {
             (true, [VERSION]) => Some(Self::Courier),

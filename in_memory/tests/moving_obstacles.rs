@@ -58,8 +58,8 @@ fn look_ahead_and_threads_do_not_change_the_run() {
     }
 }
 
-/// A run of the scenario file `people.toml`, recorded in a file with the visualisation messages that
-/// `views.record` names.
+/// A run of the scenario file `people.toml`, recorded in a file with the visualisation messages
+/// that `views.record` names.
 fn people(file: &Path, views: &str) -> Scenario {
     let text = include_str!("../../launch_scripts/scenarios/people.toml");
     let record =

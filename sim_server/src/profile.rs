@@ -149,8 +149,8 @@ impl Profile {
     }
 }
 
-/// Creates the file of a trace before the run, so that a name nobody can write to costs no result;
-/// an empty name is no file.
+/// Creates the file of a trace before the run, so that a name that cannot be written to costs no
+/// result; an empty name is no file.
 ///
 /// # Errors
 /// If it cannot be created; the error names the flag and the file.

@@ -18,8 +18,8 @@ use agent::command::Motion;
 use agent::observation::{Contact, Observation};
 use agent::path::{Goal, Graph, Neighbours, Search};
 
-/// Most cells whose surroundings are looked at, most cells of all these surroundings, and most cells
-/// that a search expands. The surroundings of a wide body have many cells.
+/// Most cells whose surroundings are looked at, most cells of all these surroundings, and most
+/// cells that a search expands. The surroundings of a wide body have many cells.
 const EXAMINED_MAX: usize = 1 << 10;
 const SURROUNDING_MAX: usize = 1 << 24;
 const EXPANSIONS_MAX: u64 = 1 << 16;
@@ -84,8 +84,8 @@ fn is_ahead(at: &Point3<f64>, here: &Point3<f64>, place: &Point3<f64>, clearance
     (place - nearest).norm() < clearance_m
 }
 
-/// How far the surroundings of a cell reach along each axis, in which bodies pass each other at this
-/// distance; cells.
+/// How far the surroundings of a cell reach along each axis, in which bodies pass each other at
+/// this distance; cells.
 fn reach_cells(clearance_cells: f64) -> i32 {
     clearance_cells.ceil() as i32 + 1
 }

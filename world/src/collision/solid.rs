@@ -19,7 +19,8 @@ pub(crate) struct Crossing {
 }
 
 impl Crossing {
-    /// That of a box with this centre and half of its edges (metres); `None` if the line misses it.
+    /// Where a line crosses a box with this centre and half of its edges (metres); `None` if the
+    /// line misses it.
     pub(crate) fn of(
         centre: &Point3<f64>,
         half_m: &Vector3<f64>,
