@@ -134,7 +134,7 @@ pub(super) fn pictures(dir: &Path, study: &Study) -> Result<(Vec<Figure>, Vec<St
             match read(&file) {
                 Ok((plan, routes)) => {
                     let map = run.row.axes.get(MAP_FILE).map_or_else(String::new, |map| format!("{map}, "));
-                    let value = measure.said(run, study.horizon_s(condition), unit);
+                    let value = measure.value_text(run, study.horizon_s(condition), unit);
                     let about = format!("{map}seed {}: {value}; run {}", run.row.seed, run.row.id);
                     shown.push(RoutesOfRun { variant: variant.to_owned(), about, plan, routes });
                 }
