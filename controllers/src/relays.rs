@@ -13,6 +13,9 @@ use super::Ctx;
 use super::settings::{SettingError, Settings};
 use agent::observation::{Contact, Observation};
 
+/// The mark of relays that are there for contact alone, and store nothing.
+pub(super) const RELAY_MARK: u8 = 0;
+
 /// Look-ahead distance along the path, cells.
 const AHEAD_CELLS: f64 = 1.5;
 

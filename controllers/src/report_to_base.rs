@@ -28,7 +28,7 @@ use protocol::observation::{Contact, Peer};
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
-use super::relays::Relays;
+use super::relays::{RELAY_MARK, Relays};
 use super::settings::{SettingError, Settings};
 use super::wrapped::{Wrapped, rests};
 use super::{Controller, Ctx, Failure, collision_recovery};
@@ -62,9 +62,6 @@ const WAYS_MIN: u64 = 4;
 
 /// Ticks to hold after a collision on the way.
 const HOLD_TICKS: RangeInclusive<u64> = 5..=40;
-
-/// The content of a relay that is there for contact alone.
-const RELAY_MARK: u8 = 0;
 
 /// The content of a message [`MessageType::AtBase`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
