@@ -38,6 +38,8 @@ pub enum RecordError {
     Program { id: String, key: &'static str, value: String },
     #[error("{count} runs failed when they were executed again")]
     Failed { count: usize },
+    #[error("{count} runs were not executed again, because the program was stopped")]
+    Stopped { count: usize },
 }
 
 /// Why a recording shows no routes.
@@ -94,9 +96,10 @@ pub fn record(
     }
     let selection = Selection { only, keep: Keep::All };
     let summary = execute::execute_selected(plan, dir.to_owned(), options, &selection, observer, stop)?;
-    match summary.failed {
-        0 => Ok(()),
-        count => Err(RecordError::Failed { count }),
+    match (summary.failed, summary.left) {
+        (0, 0) => Ok(()),
+        (0, count) => Err(RecordError::Stopped { count }),
+        (count, _) => Err(RecordError::Failed { count }),
     }
 }
 
