@@ -3,9 +3,9 @@
 #
 #   launch_scripts/bench_recordings.sh [ROUNDS] [FOLDER]      default: 5 rounds, a temporary folder
 #
-# Bytes of half an hour of ten agents; processor time of a recorded run and of `maes verify`, each by
-# that of a run in memory, in alternating runs; `maes diff` of two recordings of 1 GB that differ in
-# their bytes alone. Takes 3 GB of the folder. With MAES_BIN_DIR set, its binaries run. The machine
+# Bytes of half an hour of ten agents; processor time of a recorded run and of `maes verify`, each
+# by that of a run in memory, in alternating runs; `maes diff` of two recordings of 1 GB that differ
+# in their bytes alone. Takes 3 GB of the folder. With MAES_BIN_DIR set, its binaries run. The machine
 # should have nothing else to do.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)

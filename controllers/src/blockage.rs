@@ -2,12 +2,12 @@
 //!
 //! A body that blocks all paths mostly moves on, so an agent waits a little or evades, and plans
 //! again. After some blockages at the same place the body is taken to stay. Either it has broken
-//! down in a passage, or it waits for this one in turn: which of the two, nobody tells. So the
-//! agent first leaves the way: the one with the higher id at once, and the one with the lower id if
-//! the other has not made way in the meantime. It backs out to where there is room (`room`), and
-//! stays there for a while. If the other body then stands where it stood, it has had no use for the
-//! room. The agent rests before it, and leaves the way again only after many more rests, since it
-//! may have had another one behind it.
+//! down in a passage, or it waits for this one in turn, and no observation says which. So the agent
+//! first leaves the way: the one with the higher id at once, and the one with the lower id if the
+//! other has not made way in the meantime. It backs out to where there is room (`room`), and stays
+//! there for a while. If the other body then stands where it stood, it has had no use for the room.
+//! The agent rests before it, and leaves the way again only after many more rests, since it may
+//! have had another one behind it.
 //!
 //! A rest ends when that body moves or its contact ends, and after longer and longer times, since a
 //! body without a radio is noticed by collisions alone. A change of its map ends all that.
@@ -99,8 +99,8 @@ impl Standing {
         self.blockages >= BLOCKAGES_MIN && now >= self.since.after(STANDING_TICKS)
     }
 
-    /// When an agent that rests before it until a tick looks whether it has moved: often if it waits
-    /// for a body that it shuts in itself.
+    /// When an agent that rests before it until a tick looks whether it has moved: often if it
+    /// shuts this body in itself.
     fn looks_again(&self, until: Tick, now: Tick) -> WakeCondition {
         wakes_at(if self.is_shut_in { until.min(now.after(LOOK_TICKS)) } else { until })
     }
@@ -138,7 +138,8 @@ pub(crate) enum Yield {
 }
 
 impl Blockages {
-    /// Those of an agent that leaves no way, but rests: its controller would draw it back at once.
+    /// The blockages of an agent that leaves no way, but rests: its controller would draw it back
+    /// at once.
     pub(crate) fn with_rests_alone() -> Self {
         Self { only_rests: true, ..Self::default() }
     }
@@ -222,9 +223,12 @@ impl Blockages {
         }
         let now = observation.tick;
         let blocking = blocking(observation, ctx);
-        let numbers: Vec<usize> = blocking.into_iter().map(|(agent, at)| self.count(agent, at, ctx, now)).collect();
-        let mut staying: Vec<usize> =
-            numbers.into_iter().filter(|&number| self.standing[number].does_stay(now)).collect();
+        for &(agent, at) in &blocking {
+            self.count(agent, at, ctx, now);
+        }
+        // Only now, because the first one goes when there are too many.
+        let numbers = blocking.iter().filter_map(|&(agent, at)| self.number_of(agent, at, ctx));
+        let mut staying: Vec<usize> = numbers.filter(|&number| self.standing[number].does_stay(now)).collect();
         staying.sort_by_key(|&number| Reverse(self.standing[number].blockages));
         (!staying.is_empty()).then_some(staying)
     }
@@ -245,11 +249,16 @@ impl Blockages {
         rest.with_stage(Stage::Waiting).with_info(format!("waits for {body} to move"))
     }
 
-    /// Counts a blockage by a body. Returns its number.
-    fn count(&mut self, agent: Option<AgentId>, at: Point3<f64>, ctx: &Ctx<'_>, now: Tick) -> usize {
+    /// The number of a body that was noted at a place before.
+    fn number_of(&self, agent: Option<AgentId>, at: Point3<f64>, ctx: &Ctx<'_>) -> Option<usize> {
         let is_same =
             |standing: &Standing| standing.agent == agent && (standing.at - at).norm() < 2.0 * ctx.body().radius_m;
-        let number = self.standing.iter().position(is_same).unwrap_or_else(|| {
+        self.standing.iter().position(is_same)
+    }
+
+    /// Counts a blockage by a body.
+    fn count(&mut self, agent: Option<AgentId>, at: Point3<f64>, ctx: &Ctx<'_>, now: Tick) {
+        let number = self.number_of(agent, at, ctx).unwrap_or_else(|| {
             if self.standing.len() == PLACES_MAX {
                 self.standing.remove(0);
             }
@@ -266,7 +275,6 @@ impl Blockages {
             self.standing.len() - 1
         });
         self.standing[number].blockages += 1;
-        number
     }
 
     /// The command by which the agent leaves the way of the first of the bodies that stay, if that

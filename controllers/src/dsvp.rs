@@ -94,7 +94,8 @@ const ATTEMPTS: usize = 3;
 /// Greatest length of an evasive path, cells.
 const EVASION_CELLS_MAX: f64 = 15.0;
 
-/// The same before a body that is not in contact and stays where it is.
+/// Greatest length of an evasive path before a body that is not in contact and stays where it is,
+/// cells.
 const SHORT_EVASION_CELLS_MAX: f64 = 5.0;
 
 /// The planner of one agent, with its way to coordinate.

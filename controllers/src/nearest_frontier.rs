@@ -23,7 +23,7 @@ use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::blockage::{Blockages, Yield};
-use super::relays::Relays;
+use super::relays::{RELAY_MARK, Relays};
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoint, Viewpoints};
 use super::{Controller, Ctx, collision_recovery};
@@ -31,9 +31,6 @@ use agent::command::{Command, Motion, Stage, WakeCondition};
 use agent::exploration_map::CellState;
 use agent::navigation::{NavigationStatus, SearchTime};
 use agent::observation::Observation;
-
-/// The mark of its relays, which store nothing.
-const RELAY_MARK: u8 = 0;
 
 /// The controller of one agent: its state between decisions.
 #[derive(Debug)]

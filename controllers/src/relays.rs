@@ -13,6 +13,9 @@ use super::Ctx;
 use super::settings::{SettingError, Settings};
 use agent::observation::{Contact, Observation};
 
+/// The mark of relays that are there for contact alone, and store nothing.
+pub(super) const RELAY_MARK: u8 = 0;
+
 /// Look-ahead distance along the path, cells.
 const AHEAD_CELLS: f64 = 1.5;
 
@@ -32,7 +35,7 @@ impl Relays {
         Ok(Self::switched(settings.word("relays", &["off", "on"])? == 1))
     }
 
-    /// Those of an agent that drops relays if `is_on`.
+    /// The relays of an agent that drops them if `is_on`.
     #[must_use]
     pub fn switched(is_on: bool) -> Self {
         Self { is_on, left: 0 }

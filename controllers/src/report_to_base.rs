@@ -1,14 +1,15 @@
 //! Reports to a base station: a wrapper of a controller, for bases that are far away.
 //!
 //! A base says how many free cells it knows ([`AtBase::Knows`]). An agent whose own number differs
-//! has news, or lacks some: in contact the exchange of maps makes the two equal. An agent with news
-//! goes back towards the base once it has had them for `report_s`, and for at least four times as
-//! long as the way takes, or as soon as its controller rests. In contact it waits until the base
-//! has the map, and goes on.
+//! has cells to report, or lacks some: in contact the exchange of maps makes the two equal. It goes
+//! back towards the base once it has had them for `report_s`, and for at least four times as long
+//! as the way takes, or as soon as its controller rests. In contact it waits until the base has the
+//! map; then its controller decides again.
 //!
-//! **Couriers.** On its way it tells all whom it meets ([`AtBase::Courier`]). They share their maps
-//! with it, and put off their own reports by `report_s`: one of those who meet reports for all.
-//! Only the base says what it knows, so news of a courier that never arrives are reported later.
+//! **Couriers.** On its way it broadcasts [`AtBase::Courier`] to all that it meets. They share
+//! their maps with it, and put off their own reports by `report_s`: one of those who meet reports
+//! for all. Only the base says what it knows, so what a courier that never arrives has is reported
+//! later.
 //!
 //! **Relay chain.** With `relay-chain` an agent leaves a relay where it is about to lose sight of
 //! the base and of all relays, so that contact follows it; once it carries none, it reports as
@@ -27,7 +28,7 @@ use protocol::observation::{Contact, Peer};
 use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
-use super::relays::Relays;
+use super::relays::{RELAY_MARK, Relays};
 use super::settings::{SettingError, Settings};
 use super::wrapped::{Wrapped, rests};
 use super::{Controller, Ctx, Failure, collision_recovery};
@@ -50,20 +51,17 @@ const EXCHANGE_TICKS: u64 = 10;
 /// Longest wait in contact with a base, ticks: 30 s. Maps may never be equal if sensors err.
 const HAND_OVER_TICKS: u64 = 1500;
 
-/// Ticks until it tries again, if it knows no way, or is in contact with a base all the same.
+/// Ticks between two decisions about a report that is due in contact with a base: 5 s.
 const RETRY_TICKS: u64 = 250;
 
 /// Ticks between two looks at where the next relay has to be.
 const RELAY_TICKS: u64 = 10;
 
-/// How often the time of the way back goes into that with news at least.
+/// Least time with cells to report, as a multiple of the time of the way back.
 const WAYS_MIN: u64 = 4;
 
 /// Ticks to hold after a collision on the way.
 const HOLD_TICKS: RangeInclusive<u64> = 5..=40;
-
-/// The content of a relay that is there for contact alone.
-const RELAY_MARK: u8 = 0;
 
 /// The content of a message [`MessageType::AtBase`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,7 +82,7 @@ impl AtBase {
         command.with_message(None, MessageType::AtBase.number(), bytes)
     }
 
-    /// That of a message of this type; `None` if it is of another one.
+    /// The content of a message of this type; `None` if it is of another one.
     pub(super) fn decode(kind: u8, bytes: &[u8]) -> Option<Self> {
         match (kind == MessageType::AtBase.number(), bytes) {
             (true, [VERSION]) => Some(Self::Courier),
@@ -145,8 +143,8 @@ struct ReportToBase {
     base_at: Option<Point3<f64>>,
     /// Where the agent was then.
     contact_cell: Option<Cell>,
-    /// When it last had no news.
-    had_no_news: Tick,
+    /// When it last had as many free cells as the base.
+    in_sync_at: Tick,
     /// When it last met a courier, or has given up.
     put_off: Tick,
     /// Before, the way back is not worth it.
@@ -177,7 +175,7 @@ impl ReportToBase {
             known_at_base: None,
             base_at: None,
             contact_cell: None,
-            had_no_news: Tick::ZERO,
+            in_sync_at: Tick::ZERO,
             put_off: Tick::ZERO,
             not_before: Tick::ZERO,
         }
@@ -196,8 +194,8 @@ impl ReportToBase {
         if let Some(base) = self.base_in_contact(observation) {
             (self.base_at, self.contact_cell) = (Some(base.position), Some(ctx.cell()));
         }
-        if !self.has_news(ctx) {
-            self.had_no_news = observation.tick;
+        if !self.has_unreported(ctx) {
+            self.in_sync_at = observation.tick;
         }
     }
 
@@ -205,16 +203,16 @@ impl ReportToBase {
         observation.contacts.iter().find(|contact| self.bases.contains(&contact.agent))
     }
 
-    fn has_news(&self, ctx: &Ctx<'_>) -> bool {
+    fn has_unreported(&self, ctx: &Ctx<'_>) -> bool {
         self.known_at_base != Some(ctx.map().free() as u32)
     }
 
     /// When it has to report what it knows now; `None`: not at all.
     fn report_at(&self, resting_since: Option<Tick>, ctx: &Ctx<'_>) -> Option<Tick> {
-        if self.base_at.is_none() || !self.has_news(ctx) {
+        if self.base_at.is_none() || !self.has_unreported(ctx) {
             return None;
         }
-        let due = self.had_no_news.after(self.report_ticks);
+        let due = self.in_sync_at.after(self.report_ticks);
         let due = resting_since.map_or(due, |since| due.min(since.after(REST_TICKS)));
         let due = if resting_since.is_some() { due } else { due.max(self.not_before) };
         let is_put_off = self.put_off > Tick::ZERO;
@@ -236,7 +234,7 @@ impl ReportToBase {
         let tick = observation.tick;
         let is_at_base = self.base_in_contact(observation).is_some();
         if !is_at_base && self.report_at(resting_since, ctx).is_some_and(|due| tick >= due) {
-            let worth_it = self.had_no_news.after(WAYS_MIN * self.way_ticks(ctx));
+            let worth_it = self.in_sync_at.after(WAYS_MIN * self.way_ticks(ctx));
             if resting_since.is_some() || tick >= worth_it {
                 return self.report(observation, ctx);
             }
@@ -262,18 +260,19 @@ impl ReportToBase {
             command.wake.at = command.wake.at.min(tick.after(RELAY_TICKS));
         }
         if let Some(due) = self.report_at(resting_since, ctx) {
-            // In contact with a base, news go there by themselves.
+            // In contact with a base, maps are exchanged anyway.
             let least = if is_at_base { RETRY_TICKS } else { 1 };
             command.wake.at = command.wake.at.min(due.max(tick.after(least)));
         }
         command
     }
 
-    /// Begins the way to a base.
+    /// Begins the way to a base, and says so to all in contact, if it knows one.
     fn report(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.mode = Mode::Reporting;
         let command = self.go(observation, ctx);
-        if observation.contacts.is_empty() { command } else { AtBase::Courier.broadcast(command) }
+        let is_courier = self.mode == Mode::Reporting && !observation.contacts.is_empty();
+        if is_courier { AtBase::Courier.broadcast(command) } else { command }
     }
 
     fn reporting(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
@@ -319,8 +318,8 @@ impl ReportToBase {
             return self.go(observation, ctx);
         }
         let until = since.after(HAND_OVER_TICKS);
-        if tick >= until || tick >= since.after(EXCHANGE_TICKS) && !self.has_news(ctx) {
-            self.had_no_news = tick;
+        if tick >= until || tick >= since.after(EXCHANGE_TICKS) && !self.has_unreported(ctx) {
+            self.in_sync_at = tick;
             self.mode = Mode::Exploring { resting_since: None };
             return self.exploring(observation, ctx, EventMask::TASK_DONE);
         }

@@ -29,8 +29,8 @@ use agent::observation::{FieldOfView, RunInfo};
 use agent::path::{Goal, Neighbours, Reachable, Search};
 use beside::BesideFrontiers;
 
-/// Rays of a viewpoint: as many as those of the LiDAR of MAES3D, in the same directions. So many are
-/// in a band of elevations as well, unless it is less than this share of the sphere.
+/// Rays of a viewpoint: as many as those of the LiDAR of MAES3D, in the same directions. So many
+/// are in a band of elevations as well, unless it is less than this share of the sphere.
 const RAYS: u32 = 5124;
 const OF_SPHERE_MIN: f64 = 0.125;
 

@@ -23,7 +23,7 @@ use msgs::topics::Topic;
 use msgs::visualization_msgs::Marker;
 use tokio_tungstenite::tungstenite::Message;
 
-use super::outbox::Outbox;
+use super::outbox::{DATA_BYTES_MAX, DATA_MAX, Outbox};
 use super::services::{ClientRequest, Services, enqueue};
 use recording::live_stream::{LiveStreamReader, StreamChunk};
 use simulation::parameters;
@@ -76,7 +76,8 @@ struct TopicState {
     /// Subscriptions by client.
     subscribers: BTreeMap<u32, u32>,
     arrivals: u64,
-    /// The last messages, for late subscribers: as many as the depth says.
+    /// The last messages, for late subscribers: as many as the depth says, or of markers the last
+    /// one of each piece, as far as an outbox holds them.
     latched: VecDeque<LatchedMessage>,
 }
 
@@ -213,7 +214,8 @@ impl Hub {
     }
 
     /// Publishes a piece of what is shown in markers, at a time in ns. Late subscribers receive the
-    /// last one of each piece: pieces change as long as a run lasts.
+    /// last one of each piece, as far as an outbox holds them: pieces change as long as a run
+    /// lasts.
     pub(super) fn publish_latched_marker(&self, topic: &str, marker: &Marker, time_ns: u64) {
         let subject = (marker.ns.clone(), marker.id);
         self.latch(topic, LatchedMessage { bytes: cdr::encode(marker), time_ns, marker: Some(subject) });
@@ -226,8 +228,12 @@ impl Hub {
             topic.publish(clients, &message.bytes, message.time_ns);
             if message.marker.is_some() {
                 topic.latched.retain(|kept| kept.marker != message.marker);
-            }
-            if topic.latched.len() >= topic.topic.qos.depth as usize {
+                let mut bytes = message.bytes.len() + topic.latched.iter().map(|kept| kept.bytes.len()).sum::<usize>();
+                while topic.latched.len() >= DATA_MAX || bytes > DATA_BYTES_MAX {
+                    let Some(oldest) = topic.latched.pop_front() else { break };
+                    bytes -= oldest.bytes.len();
+                }
+            } else if topic.latched.len() >= topic.topic.qos.depth as usize {
                 topic.latched.pop_front();
             }
             topic.latched.push_back(message);

@@ -24,8 +24,8 @@ const REPLY_BYTES_MAX: usize = 48 << 20;
 
 /// Maximum messages of topics, and their bytes. A single larger message is sent if nothing else
 /// waits. What a client that pauses costs once, the process keeps.
-const DATA_MAX: usize = 1024;
-const DATA_BYTES_MAX: usize = 8 << 20;
+pub(super) const DATA_MAX: usize = 1024;
+pub(super) const DATA_BYTES_MAX: usize = 8 << 20;
 
 /// Maximum service calls of one client that wait for their reply.
 pub(super) const CALLS_MAX: usize = 32;

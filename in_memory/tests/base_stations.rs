@@ -8,8 +8,8 @@ use msgs::maes_msgs::Result as RunResult;
 use support::{fill, result, result_with, solid};
 use voxels::{Grid, Terrain};
 
-/// A hall with the start, and three rooms of 10 x 10 x 4 cells behind bent passages, out of sight of
-/// each other.
+/// A hall with the start, and three rooms of 10 x 10 x 4 cells behind bent passages, out of sight
+/// of each other.
 fn rooms() -> Grid<Terrain> {
     let mut rooms = solid([62, 22, 8], 1.0);
     for room in 0..4 {

@@ -15,7 +15,7 @@ fn room_before_a_lane() -> Grid<Terrain> {
     rooms
 }
 
-/// The same with a hall at the end of a shorter lane.
+/// That room with a hall at the end of a shorter lane.
 fn room_before_a_hall() -> Grid<Terrain> {
     let mut rooms = solid([70, 22, 8], 1.0);
     fill(&mut rooms, [1..4, 8..11, 1..4], Terrain::Free);

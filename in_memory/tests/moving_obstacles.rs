@@ -58,10 +58,12 @@ fn look_ahead_and_threads_do_not_change_the_run() {
     }
 }
 
-/// A run of the scenario file `people.toml`, recorded in a file.
-fn people(file: &Path) -> Scenario {
+/// A run of the scenario file `people.toml`, recorded in a file with the visualisation messages
+/// that `views.record` names.
+fn people(file: &Path, views: &str) -> Scenario {
     let text = include_str!("../../launch_scripts/scenarios/people.toml");
-    let record = format!("duration_s = 60.0\nexecution = {{ threads = 1, record = {file:?} }}");
+    let record =
+        format!("duration_s = 60.0\nexecution = {{ threads = 1, record = {file:?} }}\nviews = {{ record = {views} }}");
     Scenario::parse("people.toml", &text.replace("duration_s = 900.0", &record), &[]).expect("a legal scenario")
 }
 
@@ -71,7 +73,7 @@ fn recordings_hold_obstacles_verify_and_fork() {
     let [parent, forked] = ["parent.mcap", "fork.mcap"].map(|name| folder.path().join(name));
     let (options, stop) = (AgentOptions::default(), AtomicBool::new(false));
     let digest = |completed: CompletedRun| completed.outcome.digest;
-    let recorded = digest(run_scenario(&people(&parent), &options, &mut NullObserver, &stop).expect("a run"));
+    let recorded = digest(run_scenario(&people(&parent, "[]"), &options, &mut NullObserver, &stop).expect("a run"));
     let recording = Recording::open(&parent).expect("a recording");
     let poses = recording.messages().filter(|message| message.channel.topic == "/tf");
     let poses: Vec<TFMessage> = poses.map(|message| message.decode().expect("transforms")).collect();
@@ -81,12 +83,24 @@ fn recordings_hold_obstacles_verify_and_fork() {
     };
     assert!((x(&poses[0]) - 24.5).abs() < 1e-9 && x(&poses[20]) > 25.0, "{} {}", x(&poses[0]), x(&poses[20]));
     assert_eq!(verify(&recording).expect("it verifies").digest, recorded);
-    let scenario = people(&forked);
+    let scenario = people(&forked, "[]");
     for at in [0, 999, 1000, 1001] {
         let again = fork(&recording, Tick(at), &scenario, &options, &mut NullObserver, &stop);
         assert_eq!(digest(again.expect("a fork")), recorded, "forked at {at}");
         assert!(std::fs::read(&parent).unwrap() == std::fs::read(&forked).unwrap(), "forked at {at}");
     }
+}
+
+/// What is recorded for observers is no part of the run.
+#[test]
+fn recordings_with_views_verify() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("run.mcap");
+    let (options, stop) = (AgentOptions::default(), AtomicBool::new(false));
+    let completed = run_scenario(&people(&file, "[\"all\"]"), &options, &mut NullObserver, &stop).expect("a run");
+    let verified = verify(&Recording::open(&file).expect("a recording")).expect("it verifies");
+    assert_eq!(verified.digest, completed.outcome.digest);
+    assert!(verified.left_out > 0);
 }
 
 #[test]

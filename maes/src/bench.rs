@@ -173,8 +173,10 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
         Ok(executed)
     })?;
     if executed.summary.left == 0 {
-        let page = report::entry::write(&args.out, &entry, executed.results.as_ref(), beside(&args.out))?;
-        print(&format!("{}", page.display()));
+        match report::entry::write(&args.out, &entry, executed.results.as_ref(), beside(&args.out)) {
+            Ok(page) => print(&format!("{}", page.display())),
+            Err(error) => say(&format!("note: no page of the entry: {error}")),
+        }
     }
     let Some(results) = executed.results else {
         say(&format!(

@@ -1,8 +1,8 @@
 //! The recorder: it writes a run as an MCAP file (profile `ros2`, `ros2msg` schemas, `cdr`
 //! messages).
 //!
-//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end by sim
-//! time and size; everything written before the last [`Recorder::save_provisionally`] survives a kill of
+//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end by sim time
+//! and size; everything written before the last [`Recorder::save_provisionally`] survives a kill of
 //! the process, because the open chunk is appended behind the last whole one and overwritten once
 //! it is complete; a recording that fails or is aborted has no end record.
 //!

@@ -35,7 +35,12 @@ pub fn read(recording: &Recording, period_ticks: u32) -> Result<BTreeMap<AgentId
     let mut routes: BTreeMap<AgentId, (Route, Tick)> = BTreeMap::new();
     for message in recording.messages().filter(|message| message.channel.topic == topic) {
         let tick = message.tick();
-        for (agent, position) in positions(&message.decode::<TFMessage>()?) {
+        let poses: TFMessage = message.decode()?;
+        // Those of scans, which are older, are there for visualisation messages.
+        if poses.transforms.first().is_some_and(|first| first.header.stamp != tick.into()) {
+            continue;
+        }
+        for (agent, position) in positions(&poses) {
             let (route, last) = routes.entry(agent).or_insert_with(|| (vec![Vec::new()], tick));
             if tick.0.saturating_sub(last.0) > u64::from(period_ticks) {
                 route.push(Vec::new());

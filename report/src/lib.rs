@@ -6,7 +6,7 @@
 //!
 //! Invariants: the same folder makes the same bytes; no run is excluded because of its outcome. A
 //! run that repeats another one is no observation of its own. An incomplete plan is reported as it
-//! is, with a list of the missing runs. Nothing is executed, but by [`routes::record_shown`].
+//! is, with a list of the missing runs. Nothing is executed, but by [`routes::record`].
 //!
 //! Plots and SVG are our own code: no plotting library guarantees the same bytes across its
 //! versions.

@@ -109,7 +109,7 @@ impl Compared {
     }
 
     /// The value of a run for readers, with what it is.
-    pub(super) fn said(self, run: &RunRecord, horizon_s: f64, unit: TimeUnit) -> String {
+    pub(super) fn value_text(self, run: &RunRecord, horizon_s: f64, unit: TimeUnit) -> String {
         let value = self.values(&[run], horizon_s).first().copied().unwrap_or_default();
         match self {
             Self::Time(place) if self.reached(&[run], horizon_s) == 0 => {

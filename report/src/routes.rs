@@ -2,7 +2,7 @@
 //!
 //! Of each variant under each condition it is the run with the median of the primary measure. A run
 //! is a function of its scenario, so what was not recorded can be recorded when the report is made:
-//! [`record_shown`] executes these runs again. Runs without a recording have no picture.
+//! [`record`] executes these runs again. Runs without a recording have no picture.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -31,8 +31,6 @@ use super::study::{Condition, Study, StudyError};
 #[derive(Debug, Error)]
 pub enum RecordError {
     #[error(transparent)]
-    Study(#[from] StudyError),
-    #[error(transparent)]
     Execute(#[from] ExecuteError),
     #[error("run {id}: not of the plan in the folder and this build, which alone can execute it again")]
     OtherBuild { id: String },
@@ -40,6 +38,8 @@ pub enum RecordError {
     Program { id: String, key: &'static str, value: String },
     #[error("{count} runs failed when they were executed again")]
     Failed { count: usize },
+    #[error("{count} runs were not executed again, because the program was stopped")]
+    Stopped { count: usize },
 }
 
 /// Why a recording shows no routes.
@@ -70,20 +70,6 @@ pub fn without_recording(dir: &Path) -> Result<BTreeSet<String>, StudyError> {
     Ok(ids.filter(|id| !store.recording_file(id).exists()).collect())
 }
 
-/// Executes the runs of [`without_recording`] again, and keeps their recordings.
-///
-/// # Errors
-/// See [`record`].
-pub fn record_shown(
-    dir: &Path,
-    plan: &Plan,
-    options: &Options,
-    observer: &mut dyn PlanObserver,
-    stop: &Stop,
-) -> Result<(), RecordError> {
-    record(dir, plan, without_recording(dir)?, options, observer, stop)
-}
-
 /// Executes runs of a folder again, and keeps their recordings. No program is started that the plan
 /// names: a folder may be a stranger's.
 ///
@@ -110,9 +96,10 @@ pub fn record(
     }
     let selection = Selection { only, keep: Keep::All };
     let summary = execute::execute_selected(plan, dir.to_owned(), options, &selection, observer, stop)?;
-    match summary.failed {
-        0 => Ok(()),
-        count => Err(RecordError::Failed { count }),
+    match (summary.failed, summary.left) {
+        (0, 0) => Ok(()),
+        (0, count) => Err(RecordError::Stopped { count }),
+        (count, _) => Err(RecordError::Failed { count }),
     }
 }
 
@@ -150,7 +137,7 @@ pub(super) fn pictures(dir: &Path, study: &Study) -> Result<(Vec<Figure>, Vec<St
             match read(&file) {
                 Ok((plan, routes)) => {
                     let map = run.row.axes.get(MAP_FILE).map_or_else(String::new, |map| format!("{map}, "));
-                    let value = measure.said(run, study.horizon_s(condition), unit);
+                    let value = measure.value_text(run, study.horizon_s(condition), unit);
                     let about = format!("{map}seed {}: {value}; run {}", run.row.seed, run.row.id);
                     shown.push(RoutesOfRun { variant: variant.to_owned(), about, plan, routes });
                 }

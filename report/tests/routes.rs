@@ -56,7 +56,8 @@ fn executed() -> (TempDir, PathBuf, Plan) {
 }
 
 fn record(out: &Path, plan: &Plan) -> Result<(), report::routes::RecordError> {
-    routes::record_shown(out, plan, &options(), &mut (), &Stop::default())
+    let lacking = routes::without_recording(out).unwrap();
+    routes::record(out, plan, lacking, &options(), &mut (), &Stop::default())
 }
 
 /// The id of the run with the median area of a controller.
@@ -118,7 +119,7 @@ fn runs_that_cannot_be_executed_again_are_named() {
     let other = Plan::parse("plan.toml", &PLAN.replace("40.0", "42.0"), &out.join("..")).unwrap();
     let refused = record(&out, &other).unwrap_err().to_string();
     assert!(refused.contains("not of the plan in the folder and this build"), "{refused}");
-    // A plan of somebody else may name a program.
+    // The plan of a stranger may name a program.
     let mut with_program = plan.clone();
     for run in &mut with_program.runs {
         run.scenario.agents.command = vec!["touch".to_owned(), "{id}".to_owned()];

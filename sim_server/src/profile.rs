@@ -10,7 +10,7 @@
 //! meanwhile: the server waits for them.
 
 use std::fmt::Write as _;
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{self, Seek as _, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -149,14 +149,15 @@ impl Profile {
     }
 }
 
-/// Creates the file of a trace before the run, so that a name nobody can write to costs no result;
-/// an empty name is no file.
+/// Creates the file of a trace before the run, so that a name that cannot be written to costs no
+/// result; an empty name is no file. A trace that is there stays until the next one is written.
 ///
 /// # Errors
 /// If it cannot be created; the error names the flag and the file.
 pub fn create_trace(name: &Path) -> anyhow::Result<Option<File>> {
     let is_file = !name.as_os_str().is_empty();
-    is_file.then(|| File::create(name).with_context(|| format!("--profile {}", name.display()))).transpose()
+    let open = || OpenOptions::new().write(true).create(true).truncate(false).open(name);
+    is_file.then(|| open().with_context(|| format!("--profile {}", name.display()))).transpose()
 }
 
 impl RunObserver for Profiled<'_> {

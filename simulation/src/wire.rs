@@ -148,7 +148,10 @@ pub(crate) fn obstacle_transforms(world: &World) -> impl Iterator<Item = geometr
     world.moving_obstacles().iter().enumerate().map(|(number, obstacle)| geometry_msgs::TransformStamped {
         header: header(world.tick()),
         child_frame_id: obstacle_frame(number),
-        transform: geometry_msgs::Transform { translation: vector(&obstacle.centre.coords), rotation: rotation(0.0) },
+        transform: rounded_transform(&geometry_msgs::Transform {
+            translation: vector(&obstacle.centre.coords),
+            rotation: rotation(0.0),
+        }),
     })
 }
 

@@ -78,7 +78,7 @@ impl<'a> Obstacles<'a> {
         Self { terrain: Some(terrain), others: bodies, itself, solids: &[] }
     }
 
-    /// The same and these solids.
+    /// These obstacles, and solids that move.
     #[must_use]
     pub fn and(self, solids: &'a [Solid]) -> Self {
         Self { solids, ..self }

@@ -60,7 +60,7 @@ impl Coverage {
         }
     }
 
-    /// The same with these agents as base stations.
+    /// This coverage with these agents as base stations.
     #[must_use]
     pub fn with_base_stations(self, base_stations: BTreeSet<AgentId>) -> Self {
         Self { base_stations, ..self }

@@ -7,8 +7,8 @@
 //! higher ids not yet, so two bodies never overlap.
 //!
 //! Invariants: no body leaves free space or overlaps another or a moving obstacle, ground bodies
-//! stand on a floor; results depend on the arguments alone. Helpers cast scans, each of which writes
-//! to the memory of its own agent.
+//! stand on a floor; results depend on the arguments alone. Helpers cast scans, each of which
+//! writes to the memory of its own agent.
 //!
 //! Invariants of the crate: no ROS, no file, no network, no wall clock and no environment. It does
 //! not decide which agent is due: see [`protocol::lockstep`].

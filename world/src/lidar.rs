@@ -215,7 +215,7 @@ impl Scanner {
         self.sees_agents
     }
 
-    /// The same LiDAR in a world with moving obstacles, or without.
+    /// This LiDAR in a world with moving obstacles, or without.
     #[must_use]
     pub fn meeting_obstacles(self, meets_obstacles: bool) -> Self {
         Self { meets_obstacles, ..self }

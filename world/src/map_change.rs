@@ -2,8 +2,8 @@
 //! scenario or by a request.
 //!
 //! **What holds up a change.** A cell becomes wall only where no body, relay or moving obstacle is:
-//! a change of an event that would enclose one waits, as a whole, until the last has left the cells;
-//! a request is refused. The outermost layer of the map stays wall.
+//! a change of an event that would enclose one waits, as a whole, until the last has left the
+//! cells; a request is refused. The outermost layer of the map stays wall.
 //!
 //! **Who notices.** No message announces a change. Every sensor forgets the cells that have
 //! changed, so that its next scan that meets one reports it anew (`lidar::SensorMemory::revise`).

@@ -18,8 +18,10 @@ use agent::command::Motion;
 use agent::observation::{Contact, Observation};
 use agent::path::{Goal, Graph, Neighbours, Search};
 
-/// Most cells whose surroundings are looked at, and that a search expands: some milliseconds.
+/// Most cells whose surroundings are looked at, most cells of all these surroundings, and most
+/// cells that a search expands. The surroundings of a wide body have many cells.
 const EXAMINED_MAX: usize = 1 << 10;
+const SURROUNDING_MAX: usize = 1 << 24;
 const EXPANSIONS_MAX: u64 = 1 << 16;
 
 /// Cells whose surroundings are looked at are this share of the clearance apart.
@@ -38,11 +40,13 @@ pub(super) fn way_to_room(
     let graph = ctx.graph(Neighbours::TwentySix);
     let spacing = ((clearance_m / cell_m * SPACING) as i32).max(1);
     let examined = Slot::new(0);
+    let side = 2 * reach_cells(clearance_m / cell_m) as usize + 1;
+    let examined_max = (SURROUNDING_MAX / side.pow(3)).clamp(1, EXAMINED_MAX);
     let is_room = |cell: Cell| {
         let is_due = [cell.x, cell.y, cell.z].iter().all(|along| along % spacing == 0);
         let place = ctx.place(cell);
-        if !is_due || examined.get() == EXAMINED_MAX || before.iter().any(|at| is_ahead(at, &here, &place, clearance_m))
-        {
+        let is_out_of_way = || !before.iter().any(|at| is_ahead(at, &here, &place, clearance_m));
+        if !is_due || examined.get() == examined_max || !is_out_of_way() {
             return false;
         }
         examined.set(examined.get() + 1);
@@ -80,10 +84,16 @@ fn is_ahead(at: &Point3<f64>, here: &Point3<f64>, place: &Point3<f64>, clearance
     (place - nearest).norm() < clearance_m
 }
 
+/// How far the surroundings of a cell reach along each axis, in which bodies pass each other at
+/// this distance; cells.
+fn reach_cells(clearance_cells: f64) -> i32 {
+    clearance_cells.ceil() as i32 + 1
+}
+
 /// Whether what a body can reach around a cell stays connected while another one is there.
 /// `clearance_squared`: square of the distance at which they pass each other, cells.
 fn keeps_passage(graph: Graph<'_>, cell: Cell, clearance_squared: f64) -> bool {
-    let reach = clearance_squared.sqrt().ceil() as i32 + 1;
+    let reach = reach_cells(clearance_squared.sqrt());
     let side = 2 * reach + 1;
     let number = |by: Cell| (((by.z + reach) * side + by.y + reach) * side + by.x + reach) as usize;
     let is_beside = |by: Cell| by.distance_squared(Cell::default()) as f64 >= clearance_squared;

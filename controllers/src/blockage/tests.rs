@@ -43,7 +43,7 @@ fn leaves(world: &mut World, blockages: usize) -> Option<(usize, Cell)> {
 }
 
 #[test]
-fn nobody_is_waited_for_who_is_not_there() {
+fn no_body_nearby_is_no_blockage() {
     let mut world = World::known(LANE, flat(7, 2));
     let mut blockages = Blockages::default();
     assert!((0..20).all(|_| note(&mut blockages, &mut world).is_none()));

@@ -135,7 +135,7 @@ impl<'a> Sight<'a> {
         Self { map: ctx.map(), lattice: ctx.moves().lattice(), view: ctx.run_info().field_of_view.as_ref() }
     }
 
-    /// That of a body at the centres of cells which sees everything.
+    /// The sight of a body at the centres of cells which sees everything.
     #[cfg(test)]
     pub(super) fn everywhere(map: &'a ExplorationMap) -> Self {
         Self { map, lattice: BodyLattice::Centres, view: None }

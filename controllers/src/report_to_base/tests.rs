@@ -146,6 +146,26 @@ fn news_wait_for_their_time_and_for_a_courier() {
 }
 
 #[test]
+fn no_courier_is_announced_where_no_path_is_known() {
+    let split = "#################\n#......#........#\n#################\n";
+    let mut world = World::known(split, flat(2, 1));
+    world.run_info.base_stations = vec![BASE];
+    let known = world.map.free() as u32;
+    let mut agent = reporter(&world, Box::new(Resting), &["to_base=rendezvous"]);
+    meet_base(&mut world);
+    hear(&mut world, BASE, AtBase::Knows(known));
+    ask(&mut world, &mut *agent);
+    part(&mut world, flat(12, 1));
+    let wall = world.map.extent().index(flat(16, 1)).unwrap() as u32;
+    world.map.note_free(&[wall]);
+    world.wait(100);
+    let position = world.map.extent().centre(flat(13, 1));
+    world.observation.contacts = vec![Contact { agent: AgentId(2), position }];
+    let stays = ask(&mut world, &mut *agent);
+    assert_eq!((stays.stage, stays.messages.len()), (Some(Stage::Waiting), 0));
+}
+
+#[test]
 fn relays_are_left_on_the_way_out_of_sight_of_the_base() {
     let bend = "#######\n#.....#\n#####.#\n#####.#\n#######\n";
     let position = World::known(bend, flat(2, 3)).map.extent().centre(flat(1, 3));

@@ -73,6 +73,25 @@ fn only_present_readers_of_the_present_run_are_waited_for() {
     assert!(hub.state().readers.is_empty());
 }
 
+#[test]
+fn late_subscribers_receive_all_pieces_of_a_map() {
+    let (sender, _requests) = sync_channel(1);
+    let hub = Hub::new(sender, false);
+    let topic = msgs::topics::belief(AgentId(0));
+    hub.start_session(1, &scenario(), [topic.clone()]);
+    let kept = |hub: &Hub| hub.state().topics.values().map(|topic| topic.latched.len()).sum::<usize>();
+    for id in (0..600).chain(0..600) {
+        let piece = Marker { id, points: vec![Point::default(); 10], ..Marker::default() };
+        hub.publish_latched_marker(&topic.name, &piece, 0);
+    }
+    assert_eq!(kept(&hub), 600, "more than the depth of the topic");
+    for id in 0..600 {
+        let large = Marker { id, points: vec![Point::default(); 2000], ..Marker::default() };
+        hub.publish_latched_marker(&topic.name, &large, 0);
+    }
+    assert!(kept(&hub) < 200 && kept_bytes(&hub) <= DATA_BYTES_MAX);
+}
+
 /// Bytes that the hub keeps: for late subscribers, and for clients that have not read them yet.
 fn kept_bytes(hub: &Hub) -> usize {
     let state = hub.state();

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use msgs::ids::AgentId;
 use protocol::run_info::BASE_STATION;
 
-use super::{AgentsSection, Checker, ControllerChoice, Scenario, ScenarioError};
+use super::{AgentsSection, Checker, ControllerChoice, MixEntry, Scenario, ScenarioError};
 
 static NO_SETTINGS: BTreeMap<String, toml::Value> = BTreeMap::new();
 
@@ -43,6 +43,13 @@ impl Scenario {
         for id in stations {
             let allowed = "expected agents that run a controller, and this one is in agents.cmd_vel";
             checker.require("agents.base_stations", id, !self.agents.cmd_vel.contains(id), allowed)?;
+        }
+        let allowed = format!("expected another controller: agents.base_stations has the agents with {BASE_STATION:?}");
+        let agents = &self.agents;
+        checker.require("agents.controller", &agents.controller, agents.controller != BASE_STATION, &allowed)?;
+        for (number, MixEntry { controller, .. }) in agents.mix.iter().enumerate() {
+            let key = format!("agents.mix[{number}].controller");
+            checker.require(&key, controller, controller != BASE_STATION, &allowed)?;
         }
         let allowed = "expected only with agents.base_stations, which are to know the map";
         checker.require("stop_when_known_at_base", true, !self.stop_when_known_at_base || !stations.is_empty(), allowed)
@@ -91,5 +98,9 @@ mod tests {
         let mixed = refused("", "base_stations = [1]\nmix = [{ controller = \"lvd\", ids = [1] }]");
         assert!(mixed.ends_with("this one is in agents.base_stations"), "{mixed}");
         assert!(refused("stop_when_known_at_base = true", "").contains("expected only with agents.base_stations"));
+        let named = refused("", "controller = \"base-station\"");
+        assert!(named.contains("agents.controller = base-station: expected another controller"), "{named}");
+        let named = refused("", "mix = [{ controller = \"base-station\", ids = [1] }]");
+        assert!(named.contains("agents.mix[0].controller = base-station: expected another controller"), "{named}");
     }
 }

@@ -43,9 +43,14 @@ impl SentTransforms {
         self.complete_at == Some(tick)
     }
 
+    /// Whether the side has all transforms of this stamp without these messages.
+    fn has_anyway(&self, stamp: Tick) -> bool {
+        self.period_ticks > 0 && stamp.0.is_multiple_of(self.period_ticks)
+    }
+
     /// Notes a transform as sent; returns whether it was not before.
     pub(super) fn insert(&mut self, world: &World, agent: AgentId, stamp: Tick) -> bool {
-        if self.period_ticks > 0 && stamp.0.is_multiple_of(self.period_ticks) {
+        if self.has_anyway(stamp) {
             return false;
         }
         let stamps = &mut self.stamps[agent.index()];
@@ -80,7 +85,7 @@ impl SentTransforms {
                     preceding.entry(world.tick()).or_default().extend(wire::present_transforms(world, agent));
                 }
             }
-            if !has_all && self.complete_at != Some(world.tick()) {
+            if !has_all && !self.has_anyway(world.tick()) && self.complete_at != Some(world.tick()) {
                 preceding.entry(world.tick()).or_default().extend(wire::obstacle_transforms(world));
             }
             self.complete_at = Some(world.tick());

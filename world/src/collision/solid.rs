@@ -19,7 +19,8 @@ pub(crate) struct Crossing {
 }
 
 impl Crossing {
-    /// That of a box with this centre and half of its edges (metres); `None` if the line misses it.
+    /// Where a line crosses a box with this centre and half of its edges (metres); `None` if the
+    /// line misses it.
     pub(crate) fn of(
         centre: &Point3<f64>,
         half_m: &Vector3<f64>,
@@ -135,21 +136,32 @@ impl Solid {
     /// Whether it reaches into a wall, or out of the map.
     #[must_use]
     pub fn is_in_wall(&self, terrain: &Grid<Terrain>) -> bool {
-        self.is_in(terrain.extent(), |cell| terrain.get(cell) != Some(&Terrain::Free))
+        let extent = terrain.extent();
+        // First, so that the cells of a solid beyond all measure are not counted through.
+        self.leaves_map(extent) || self.is_in(extent, |cell| terrain.get(cell) != Some(&Terrain::Free))
     }
 
-    /// Whether it meets a wall on a straight way to `to`, or is in one at its start; the way is
-    /// looked at in steps of at most a cell.
+    /// Whether it reaches out of the map. It does where the box around it does.
+    fn leaves_map(&self, extent: Extent) -> bool {
+        let half_m = self.shape.half_m() - Vector3::repeat(SLACK_M);
+        let corners = [self.centre - half_m, self.centre + half_m];
+        !corners.iter().all(|corner| extent.contains(extent.cell_of(corner)))
+    }
+
+    /// Whether it meets a wall or the end of the map on a straight way to `to`, or is in one at its
+    /// start; the way is looked at in steps of at most a cell.
     #[must_use]
     pub fn meets_wall(&self, terrain: &Grid<Terrain>, to: &Point3<f64>) -> bool {
+        if self.is_in_wall(terrain) || (Self { centre: *to, ..*self }).leaves_map(terrain.extent()) {
+            return true;
+        }
         let offset = to - self.centre;
         let steps = libm::ceil(offset.norm() / terrain.extent().cell_m()).max(1.0);
         let step = offset / steps;
-        self.is_in_wall(terrain)
-            || (0..steps as u64).any(|number| {
-                let here = Self { centre: self.centre + step * number as f64, ..*self };
-                here.sweeps_wall(terrain, &step)
-            })
+        (0..steps as u64).any(|number| {
+            let here = Self { centre: self.centre + step * number as f64, ..*self };
+            here.sweeps_wall(terrain, &step)
+        })
     }
 
     fn sweeps_wall(&self, terrain: &Grid<Terrain>, step: &Vector3<f64>) -> bool {
@@ -210,6 +222,15 @@ mod tests {
         assert_eq!(solid.first_contact(&Point3::new(0.0, 7.6, 5.0), &along, 0.5), None);
         // Away from it, whatever the distance.
         assert_eq!(solid.first_contact(&Point3::new(6.2, 5.0, 5.0), &along, 0.5), None);
+    }
+
+    #[test]
+    fn solids_and_ways_beyond_all_measure_are_out_of_the_map() {
+        let terrain = Grid::new(Extent::new([7, 5, 3], 1.0).unwrap(), Terrain::Free);
+        let ball = |radius_m| Solid { centre: Point3::new(3.5, 2.5, 1.5), shape: Shape::Sphere { radius_m } };
+        assert!(!ball(1.5).is_in_wall(&terrain) && ball(1.51).is_in_wall(&terrain) && ball(1e6).is_in_wall(&terrain));
+        // The square of this distance is no number.
+        assert!(ball(0.5).meets_wall(&terrain, &Point3::new(1e200, 2.5, 1.5)));
     }
 
     #[test]

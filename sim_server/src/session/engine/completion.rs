@@ -13,7 +13,7 @@ const WAITED_TICKS: u64 = 500;
 
 impl Engine<'_> {
     /// Whether all agents rest and nothing more can be seen from where their bodies can be, with no
-    /// event ahead that could change it. Call [`Engine::settle`] before.
+    /// event ahead that could change it. Call [`Engine::flush_scans`] before.
     pub(in crate::session) fn can_see_nothing_more(&mut self) -> bool {
         let rests =
             |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting) && !self.world.body(agent).is_active();
@@ -30,7 +30,7 @@ impl Engine<'_> {
     }
 
     /// Whether a base station knows every free cell, or all that the team has seen while nothing
-    /// more can be seen. Call [`Engine::settle`] before.
+    /// more can be seen. Call [`Engine::flush_scans`] before.
     pub(in crate::session) fn is_known_at_base(&mut self) -> bool {
         let coverage = self.world.coverage();
         let (explored, is_explored) = (coverage.explored_count(), coverage.is_explored());
