@@ -124,7 +124,7 @@ fn one_that_rests_with_news_goes_back_until_the_base_has_them() {
 #[test]
 fn news_wait_for_their_time_and_for_a_courier() {
     let mut world = world();
-    let mut agent = reporter(&world, Box::new(Leaving), &["to_base=rendezvous", "report_s=4"]);
+    let mut agent = reporter(&world, Box::new(Leaving), &["to_base=rendezvous", "report_s=40"]);
     meet_base(&mut world);
     let known = world.map.free() as u32;
     hear(&mut world, BASE, AtBase::Knows(known));
@@ -135,8 +135,8 @@ fn news_wait_for_their_time_and_for_a_courier() {
     world.wait(100);
     // Another agent takes them.
     hear(&mut world, AgentId(2), AtBase::Courier);
-    assert_eq!(ask(&mut world, &mut *agent).wake.at, Tick(300));
-    world.wait(200);
+    assert_eq!(ask(&mut world, &mut *agent).wake.at, Tick(2100));
+    world.wait(2000);
     let position = world.map.extent().centre(flat(13, 1));
     world.observation.contacts = vec![Contact { agent: AgentId(2), position }];
     let back = ask(&mut world, &mut *agent);
