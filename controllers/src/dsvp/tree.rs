@@ -7,8 +7,8 @@
 //! dimensions.
 //!
 //! Invariants: every node is the place of a cell within the horizon (a cube about the root); every
-//! edge of a tree that was re-rooted or grown on the present map is a straight leg on which the body
-//! touches only cells known to be free, level for a ground body; no two nodes share a cell.
+//! edge, once the tree is re-rooted on the present map, is a straight leg on which the body touches
+//! only cells known to be free, level for a ground body; no two nodes share a cell.
 
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, RngExt};
@@ -76,9 +76,9 @@ impl Tree {
         Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }], corrections: 0 }
     }
 
-    /// The tree re-rooted at a new cell: the component within the horizon that is connected to it by
-    /// edges that are still clear, if a node within two edge lengths can be reached on a straight
-    /// leg; else the root alone.
+    /// The tree re-rooted at a new cell: the component within the horizon that is connected to it
+    /// by edges that are still clear, if a node within two edge lengths can be reached on a
+    /// straight leg; else the root alone.
     pub(crate) fn rerooted_at(&self, root: Cell, graph: Graph<'_>, growth: &Growth) -> Self {
         let (map, moves) = (graph.map(), graph.moves());
         let place_of = |cell| moves.lattice().place(map.extent(), cell);
