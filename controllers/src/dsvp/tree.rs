@@ -7,8 +7,8 @@
 //! dimensions.
 //!
 //! Invariants: every node is the place of a cell within the horizon (a cube about the root); every
-//! edge is a straight leg on which the body touches only cells known to be free, level for a ground
-//! body; no two nodes share a cell.
+//! edge, once the tree is re-rooted on the present map, is a straight leg on which the body touches
+//! only cells known to be free, level for a ground body; no two nodes share a cell.
 
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, RngExt};
@@ -66,26 +66,32 @@ pub(crate) struct Branch {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
+    /// Corrections of the map when all edges were last looked at: free cells stay free without one.
+    corrections: u64,
 }
 
 impl Tree {
     /// The tree that is only a root.
     pub(crate) fn new(root: Cell) -> Self {
-        Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }] }
+        Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }], corrections: 0 }
     }
 
-    /// The tree re-rooted at a new cell: the component within the horizon that is connected to it,
-    /// if a node within two edge lengths can be reached on a straight leg; else the root alone.
+    /// The tree re-rooted at a new cell: the component within the horizon that is connected to it
+    /// by edges that are still clear, if a node within two edge lengths can be reached on a
+    /// straight leg; else the root alone.
     pub(crate) fn rerooted_at(&self, root: Cell, graph: Graph<'_>, growth: &Growth) -> Self {
         let (map, moves) = (graph.map(), graph.moves());
-        let place = moves.lattice().place(map.extent(), root);
+        let place_of = |cell| moves.lattice().place(map.extent(), cell);
+        let place = place_of(root);
         let mut near: Vec<(f64, usize)> = (0..self.nodes.len())
             .map(|node| (self.nodes[node].cell.distance(root), node))
             .filter(|&(length, _)| length <= 2.0 * growth.extension)
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let link = near.into_iter().find(|&(_, node)| direct(map, &place, self.nodes[node].cell, moves));
-        let mut moved = Self::new(root);
+        let mut moved = Self { corrections: map.corrections(), ..Self::new(root) };
+        let is_clear =
+            |from: Cell, to: Cell| self.corrections == map.corrections() || direct(map, &place_of(from), to, moves);
         let Some((length, link)) = link else {
             return moved;
         };
@@ -106,7 +112,8 @@ impl Tree {
         while let Some((node, parent)) = next.pop_front() {
             is_taken[node] = true;
             let cell = self.nodes[node].cell;
-            if !cell.is_within(root, growth.horizon) || cell == root {
+            let is_kept = cell.is_within(root, growth.horizon) && cell != root;
+            if !is_kept || !is_clear(moved.nodes[parent].cell, cell) {
                 continue;
             }
             let number = moved.add(cell, parent);

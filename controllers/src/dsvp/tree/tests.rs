@@ -48,7 +48,7 @@ proptest! {
     fn tree_stays_in_known_free_cells_within_its_horizon(
         cells in prop::collection::vec(0u8..8, 12 * 12 * 4),
         seed: u64,
-        steps in prop::collection::vec(0usize..100, 1..4),
+        steps in prop::collection::vec((0usize..100, prop::collection::vec(0u32..12 * 12 * 4, 0..6)), 1..4),
     ) {
         let extent = Extent::new([12, 12, 4], 1.0).unwrap();
         let mut map = ExplorationMap::new(extent);
@@ -68,7 +68,8 @@ proptest! {
         let mut tree = Tree::new(root);
         tree.grow(Graph::new(&map, &moves), &GROWTH, &[Cell::new(1, 1, 1)], &obstacles, &mut rng);
         check(&tree, &map, root)?;
-        for step in steps {
+        for (step, turned_to_wall) in steps {
+            map.note_wall(&turned_to_wall);
             let cells = cells_of(&tree);
             let root = cells[step % cells.len()];
             tree = tree.rerooted_at(root, Graph::new(&map, &moves), &GROWTH);
@@ -95,4 +96,29 @@ fn rerooted_tree_keeps_its_component() {
     let moved = tree.rerooted_at(Cell::new(8, 1, 0), Graph::new(&map, &moves), &GROWTH);
     assert_eq!(moved.nodes.len(), 10, "x from 2 to 11: {moved:?}");
     assert_eq!(cells_of(&moved).first().copied(), Some(Cell::new(8, 1, 0)));
+}
+
+#[test]
+fn rerooted_tree_leaves_out_what_has_become_wall_and_what_is_behind() {
+    let world = Grid::<Terrain>::from_text(CORRIDOR).unwrap();
+    let mut map = ExplorationMap::new(world.extent());
+    let index = |x| world.extent().index(Cell::new(x, 1, 0)).unwrap() as u32;
+    map.note_free(&(1..19).map(index).collect::<Vec<u32>>());
+    let mut tree = Tree::new(Cell::new(2, 1, 0));
+    for (parent, x) in [4, 6, 8].into_iter().enumerate() {
+        tree.add(Cell::new(x, 1, 0), parent);
+    }
+    let moves = Moves::new(0.4, 1.0, Neighbours::TwentySix);
+    let rerooted = |tree: &Tree, map: &ExplorationMap, x| {
+        let moved = tree.rerooted_at(Cell::new(x, 1, 0), Graph::new(map, &moves), &GROWTH);
+        (cells_of(&moved).iter().map(|cell| cell.x).collect::<Vec<i32>>(), moved)
+    };
+    let (all, tree) = rerooted(&tree, &map, 2);
+    assert_eq!(all, [2, 4, 6, 8]);
+    // Neither end of the edge from 4 to 6 is wall.
+    map.note_wall(&[index(5)]);
+    let (left, moved) = rerooted(&tree, &map, 2);
+    assert_eq!(left, [2, 4]);
+    assert_eq!(rerooted(&tree, &map, 7).0, [7, 6, 8], "from beyond the wall");
+    assert_eq!(rerooted(&moved, &map, 4).0, [4, 2], "no new correction");
 }
