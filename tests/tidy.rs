@@ -109,7 +109,7 @@ const USES: [(&str, &[&str]); 23] = [
             "world",
         ],
     ),
-    ("report", &["agent_node", "experiments", "msgs", "statistics"]),
+    ("report", &["agent_node", "experiments", "msgs", "recording", "simulation", "statistics", "voxels"]),
     (
         "testing/fault_injection",
         &[

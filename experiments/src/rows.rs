@@ -133,7 +133,7 @@ row! {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         explored_m2: Option<f64> =
             "Area of the walls around what the team has seen at the end, m^2: of the faces between \
-             seen cells and wall; missing over ROS 2.";
+             seen cells and wall.";
         #[serde(default, skip_serializing_if = "Option::is_none")]
         attainable: Option<f64> =
             "Share that the team can see from where its bodies can be; missing if one of them fits \

@@ -421,5 +421,6 @@ fn summary(outcome: &Outcome) -> Summary {
         tick: outcome.result.tick,
         wall_s: outcome.wall.as_secs_f64(),
         restarted_processes: outcome.restarted,
+        explored_m2: Some(outcome.explored_m2),
     }
 }

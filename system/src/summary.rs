@@ -21,6 +21,9 @@ pub struct Summary {
     /// Agent processes that have started themselves again because their start stalled.
     #[serde(default)]
     pub restarted_processes: usize,
+    /// Area of the walls around what the team has seen, m^2; missing in files of earlier builds.
+    #[serde(default)]
+    pub explored_m2: Option<f64>,
 }
 
 impl Summary {
@@ -60,7 +63,7 @@ mod tests {
         let file = folder.path().join("summary.json");
         assert_eq!(Summary::read(&file), None);
         let (digest, reason) = ("0f".repeat(32), "duration".to_owned());
-        let summary = Summary { digest, reason, tick: 7, wall_s: 1.25, restarted_processes: 1 };
+        let summary = Summary { digest, reason, tick: 7, wall_s: 1.25, restarted_processes: 1, explored_m2: Some(2.5) };
         summary.write(&file).unwrap();
         assert_eq!(Summary::read(&file), Some(summary.clone()));
         assert_eq!(summary.wall(), Duration::from_millis(1250));

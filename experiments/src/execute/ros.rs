@@ -116,11 +116,8 @@ impl Launcher {
         let mut stages = StageTimes::default();
         named.into_iter().for_each(|(agent, tick, stage)| stages.enter(agent, tick, stage));
         let (stages, progress, result) = (&stages, &progress, &result);
-        let (size, cell_m) = (scenario.size, scenario.cell_m);
-        Ok(measure::record(
-            run,
-            Trace { size, cell_m, progress, result, stages, seen_again: None, explored_m2: None, wall },
-        ))
+        let (size, cell_m, explored_m2) = (scenario.size, scenario.cell_m, summary.explored_m2);
+        Ok(measure::record(run, Trace { size, cell_m, progress, result, stages, seen_again: None, explored_m2, wall }))
     }
 }
 
