@@ -17,6 +17,7 @@ import { PLAYBACK_EVENT, type HandleState, type Playback } from "./handle.ts";
 import { listenToKeys } from "./keys.ts";
 import { browserEnvironment, LiveConnection, socketAddress } from "./live.ts";
 import { MapEdit } from "./map-edit.ts";
+import { hoverName } from "./hover-name.ts";
 import { MapRoom } from "./map-room.ts";
 import { ViewSettings } from "./view-settings.ts";
 import { RenderLoop } from "./render-loop.ts";
@@ -132,6 +133,7 @@ export class App implements PageActions {
       const agent = this.scene?.pick(x, y) ?? null;
       if (agent !== null) this.select(agent);
     });
+    this.shell.onHover((x, y) => hoverName(this.scene?.pick(x, y), this.scene?.obstacleAt(x, y)));
     for (const event of ["pointerdown", "pointermove", "pointerup", "wheel"]) {
       canvas.addEventListener(event, () => this.loop.request(), { passive: true });
     }
@@ -566,7 +568,7 @@ export class App implements PageActions {
     };
     shell.update(panel, this.#room, clock, live, this.#busy);
     const isMap = run?.setup.agents === 0;
-    if (scene) shell.legend.update(scene.view, scene.pixelM, isMap);
+    if (scene) shell.legend.update(scene.view, scene.pixelM, isMap, (run?.setup.obstacles.length ?? 0) > 0);
     // In a run, labels would cover agents.
     const box = isMap ? scene?.box : null;
     shell.axes.update(scene && box ? axisLabels(box, (point) => scene.project(point)) : []);

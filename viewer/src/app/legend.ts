@@ -11,12 +11,16 @@ const ENTRIES: readonly (readonly [keyof Layers, string, string])[] = [
   ["heat", "heat", "first seen: early to late"],
 ];
 
+/** Swatch and words of moving obstacles, which have no layer. */
+const OBSTACLE = ["obstacle", "moving obstacle"] as const;
+
 /** Longest bar, CSS pixels. */
 const BAR_PX = 120;
 
 export class Legend {
   readonly root: HTMLElement;
   readonly #entries: { readonly layer: keyof Layers; readonly kind: string; readonly root: HTMLElement }[];
+  readonly #obstacle = entryOf(...OBSTACLE);
   readonly #bar = el("div", { class: "scale-bar" });
   readonly #length = el("span", { testid: "scale" });
 
@@ -24,12 +28,13 @@ export class Legend {
     this.#entries = ENTRIES.map(([layer, kind, words]) => ({
       layer,
       kind,
-      root: el("div", { class: "legend-entry" }, el("span", { class: `legend-swatch is-${kind}` }), words),
+      root: entryOf(kind, words),
     }));
     this.root = el(
       "div",
       { class: "legend float", testid: "legend", role: "group", "aria-label": "Legend" },
       ...this.#entries.map(({ root }) => root),
+      this.#obstacle,
       el(
         "div",
         { class: "legend-scale", title: "Length at the middle of the image" },
@@ -43,7 +48,8 @@ export class Legend {
    * `pixelM`: size of a CSS pixel at the middle of the image, metres. A map without a run
    * (`isMap`) has one colour.
    */
-  update(view: View, pixelM: number, isMap: boolean): void {
+  update(view: View, pixelM: number, isMap: boolean, hasObstacles: boolean): void {
+    setHidden(this.#obstacle, !hasObstacles);
     for (const { layer, kind, root } of this.#entries) {
       // The heat map replaces the other colours of walls.
       const isReplaced = view.layers.heat && kind === "seen";
@@ -53,6 +59,10 @@ export class Legend {
     this.#bar.style.width = `${lengthM / pixelM}px`;
     setText(this.#length, lengthM >= 1 ? `${lengthM} m` : `${Math.round(lengthM * 100)} cm`);
   }
+}
+
+function entryOf(kind: string, words: string): HTMLElement {
+  return el("div", { class: "legend-entry" }, el("span", { class: `legend-swatch is-${kind}` }), words);
 }
 
 /** The greatest of 1, 2 and 5 times a power of ten that is at most `mostM`. */

@@ -199,6 +199,15 @@ export class Shell {
     });
   }
 
+  /** Names what is below a mouse that is at rest over the image, in its CSS pixels. */
+  onHover(nameAt: (x: number, y: number) => string): void {
+    this.#canvas.addEventListener("pointermove", (event) => {
+      if (event.pointerType !== "mouse") return;
+      const name = event.buttons === 0 ? nameAt(event.offsetX, event.offsetY) : "";
+      if (this.#canvas.title !== name) this.#canvas.title = name;
+    });
+  }
+
   setParts(isPanelOpen: boolean, isLayersOpen: boolean, areStatsOpen: boolean): void {
     this.#frame.classList.toggle("has-panel", isPanelOpen);
     this.#frame.classList.toggle("has-layers", isLayersOpen);

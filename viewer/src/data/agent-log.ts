@@ -9,6 +9,7 @@ import { Growable, rowsUpTo } from "./growable.ts";
 import { firstWall } from "./lidar.ts";
 import { TaskKind } from "./messages.ts";
 import { COMMAND, OBSERVATION, type ScanPose } from "./protocol.ts";
+import { distance, PoseLog, type Pose } from "./pose-log.ts";
 import { TICK_S, type AgentState, type Terrain, type Track, type Vec3 } from "./run.ts";
 import { Path } from "./path.ts";
 
@@ -22,35 +23,10 @@ export function tickAt(timeS: number): number {
   return Math.floor(timeS / TICK_S + 1e-6);
 }
 
-class GrowingTrack implements Track {
-  readonly times = new Growable(new Float64Array(0));
-  readonly xyz = new Growable(new Float32Array(0));
-  readonly yaws = new Growable(new Float32Array(0));
-
-  get count(): number {
-    return this.times.count;
-  }
-  get timeS(): Float64Array {
-    return this.times.array;
-  }
-  get positions(): Float32Array {
-    return this.xyz.array;
-  }
-  get yawRad(): Float32Array {
-    return this.yaws.array;
-  }
-}
-
-interface Pose {
-  readonly position: Vec3;
-  readonly yawRad: number;
-  readonly speedMS: number;
-}
-
 export class AgentLog {
   readonly #id: number;
   readonly #terrain: Terrain;
-  readonly #track = new GrowingTrack();
+  readonly #poses = new PoseLog();
   readonly #observations = new Growable(new Float64Array(0));
   readonly #contacts = new Growable(new Uint32Array(0));
   /** End of each observation's contacts in `#contacts`. */
@@ -69,13 +45,11 @@ export class AgentLog {
   }
 
   get track(): Track {
-    return this.#track;
+    return this.#poses.track;
   }
 
   addPose(tick: number, x: number, y: number, z: number, yawRad: number): void {
-    this.#track.times.push(tick * TICK_S);
-    this.#track.xyz.append([x, y, z]);
-    this.#track.yaws.push(yawRad);
+    this.#poses.add(tick, x, y, z, yawRad);
   }
 
   addObservation(row: Float64Array, contacts: Uint32Array): void {
@@ -140,35 +114,8 @@ export class AgentLog {
     };
   }
 
-  /**
-   * Interpolates linearly between the known poses, the heading along the shorter arc; clamps at
-   * both ends.
-   */
   poseAt(timeS: number): Pose {
-    const { count, timeS: times, yawRad: yaws } = this.#track;
-    if (count === 0) {
-      return { position: [0, 0, 0], yawRad: 0, speedMS: 0 };
-    }
-    const after = rowsUpTo(times, count, 1, timeS);
-    if (after === 0 || count === 1) {
-      return { position: this.#positionOf(0), yawRad: yaws[0]!, speedMS: 0 };
-    }
-    const b = Math.min(after, count - 1);
-    const a = b - 1;
-    const spanS = times[b]! - times[a]!;
-    const share = spanS > 0 ? Math.min(1, (timeS - times[a]!) / spanS) : 1;
-    const [from, to] = [this.#positionOf(a), this.#positionOf(b)];
-    const turn = yaws[b]! - yaws[a]!;
-    const yaw = yaws[a]! + share * (turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI)));
-    return {
-      position: [
-        from[0] + share * (to[0] - from[0]),
-        from[1] + share * (to[1] - from[1]),
-        from[2] + share * (to[2] - from[2]),
-      ],
-      yawRad: yaw - 2 * Math.PI * Math.round(yaw / (2 * Math.PI)),
-      speedMS: spanS > 0 ? distance(from, to) / spanS : 0,
-    };
+    return this.#poses.at(timeS);
   }
 
   get #commandCount(): number {
@@ -212,7 +159,7 @@ export class AgentLog {
   }
 
   #remainingPath(command: number, timeS: number, position: Vec3): Vec3[] {
-    const { timeS: times, count } = this.#track;
+    const { timeS: times, count } = this.#poses.track;
     const startS = this.#command(command, COMMAND.tick) * TICK_S;
     const first = rowsUpTo(times, count, 1, startS);
     const until = rowsUpTo(times, count, 1, timeS);
@@ -227,7 +174,7 @@ export class AgentLog {
         memory.path,
         memory.progressM,
         memory.pose,
-        this.#positionOf(memory.pose),
+        this.#poses.positionOf(memory.pose),
         startS,
       );
     }
@@ -236,15 +183,10 @@ export class AgentLog {
     );
   }
 
-  #positionOf(pose: number): Vec3 {
-    const { positions } = this.#track;
-    return [positions[3 * pose]!, positions[3 * pose + 1]!, positions[3 * pose + 2]!];
-  }
-
   /** Progress at a position reached between the poses `pose - 1` and `pose`. */
   #advanced(path: Path, progressM: number, pose: number, position: Vec3, startS: number): number {
-    const isFirst = pose === 0 || this.#track.timeS[pose - 1]! < startS;
-    const from = isFirst ? this.poseAt(startS).position : this.#positionOf(pose - 1);
+    const isFirst = pose === 0 || this.#poses.track.timeS[pose - 1]! < startS;
+    const from = isFirst ? this.poseAt(startS).position : this.#poses.positionOf(pose - 1);
     return path.advanced(progressM, distance(from, position), position);
   }
 
@@ -271,8 +213,4 @@ export class AgentLog {
       direction.map((component, axis) => start.position[axis]! + component * distanceM),
     );
   }
-}
-
-function distance(a: Vec3, b: Vec3): number {
-  return Math.hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
 }

@@ -10,7 +10,7 @@ import type { Runs } from "./cdr.ts";
 import { Growable } from "./growable.ts";
 import * as messages from "./messages.ts";
 import { COMMAND, type Batch } from "./protocol.ts";
-import type { MapChange, Progress, Result, Terrain, Vec3 } from "./run.ts";
+import type { MapChange, Progress, Result, Setup, Terrain, Vec3 } from "./run.ts";
 
 /**
  * Maximum number of interpolation steps between two poses; longer gaps are divided evenly into this
@@ -39,6 +39,8 @@ class Agent {
 export class BatchBuilder {
   readonly #terrain: Terrain;
   readonly #agents: Agent[];
+  /** Tick of the last pose of each moving obstacle, or -1. */
+  readonly #obstacleTicks: number[];
   readonly #durationTicks: number;
   readonly #areObservedPosesTrue: boolean;
   #endTick = 0;
@@ -48,6 +50,7 @@ export class BatchBuilder {
   #seen = new Growable(new Uint32Array(0));
   #covered = new Growable(new Uint32Array(0));
   #poses = new Growable(new Float64Array(0));
+  #obstacles = new Growable(new Float64Array(0));
   #observations = new Growable(new Float64Array(0));
   #contacts = new Growable(new Uint32Array(0));
   #commands = new Growable(new Float64Array(0));
@@ -58,9 +61,15 @@ export class BatchBuilder {
   #lastProgress: Progress | undefined;
   #result: Result | null = null;
 
-  constructor(terrain: Terrain, agents: number, durationTicks: number, areObservedPosesTrue: boolean) {
+  constructor(
+    terrain: Terrain,
+    { agents, obstacles }: Pick<Setup, "agents" | "obstacles">,
+    durationTicks: number,
+    areObservedPosesTrue: boolean,
+  ) {
     this.#terrain = terrain;
     this.#agents = Array.from({ length: agents }, () => new Agent());
+    this.#obstacleTicks = obstacles.map(() => -1);
     this.#durationTicks = durationTicks;
     this.#areObservedPosesTrue = areObservedPosesTrue;
   }
@@ -152,6 +161,17 @@ export class BatchBuilder {
     }
   }
 
+  obstacles(tick: number, poses: readonly messages.ObstaclePose[]): void {
+    this.#checkTick(tick);
+    for (const { obstacle, position } of poses) {
+      const last = this.#obstacleTicks[obstacle];
+      if (last === undefined || last >= tick) continue;
+      this.#obstacleTicks[obstacle] = tick;
+      this.#obstacles.append([obstacle, tick, ...position]);
+      this.#hasChanges = true;
+    }
+  }
+
   /** A body that was placed elsewhere did not travel there, so the path is not interpolated. */
   intervention(change: messages.Intervention): void {
     this.#checkTick(change.tick);
@@ -198,6 +218,7 @@ export class BatchBuilder {
       seen: this.#seen.takeAll(),
       covered: this.#covered.takeAll(),
       poses: this.#poses.takeAll(),
+      obstacles: this.#obstacles.takeAll(),
       observations: this.#observations.takeAll(),
       contacts: this.#contacts.takeAll(),
       commands: this.#commands.takeAll(),

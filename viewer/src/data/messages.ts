@@ -83,6 +83,12 @@ export interface Intervention {
   readonly yawRad: number;
 }
 
+/** The centre of a moving obstacle. */
+export interface ObstaclePose {
+  readonly obstacle: number;
+  readonly position: Vec3;
+}
+
 /** Points of a scan in the body frame, x, y, z each, and the time of the scan. */
 export interface PointCloud {
   readonly timeS: number;
@@ -230,19 +236,29 @@ export function controllerOfJoin(bytes: Uint8Array): string {
 }
 
 /**
- * The poses of agents in a message on `/tf`: of each one transform, or those by way of its map and
- * its odometry, one after another.
+ * The poses of agents and of moving obstacles in a message on `/tf`: of each agent one transform, or
+ * those by way of its map and its odometry, one after another.
  */
-export function poses(bytes: Uint8Array, tick: number): Pose[] {
+export function poses(
+  bytes: Uint8Array,
+  tick: number,
+): { readonly agents: readonly Pose[]; readonly obstacles: readonly ObstaclePose[] } {
   const reader = new CdrReader(bytes);
   const found: Pose[] = [];
+  const obstacles: ObstaclePose[] = [];
   for (let frames = reader.count(64); frames > 0; frames--) {
     const stampTick = Math.round(header(reader) / TICK_S);
-    const agent = agentOfFrame(reader.bytes());
+    const frame = reader.bytes();
+    const agent = numberIn(frame, "agent_", "/");
     const position = vector(reader);
     const [x, y, z, w] = [reader.f64(), reader.f64(), reader.f64(), reader.f64()];
     const yawRad = Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
-    if (agent < 0 || stampTick !== tick) continue;
+    if (stampTick !== tick) continue;
+    if (agent < 0) {
+      const obstacle = numberIn(frame, "obstacle_", "\0");
+      if (obstacle >= 0) obstacles.push({ obstacle, position });
+      continue;
+    }
     const parent = found.at(-1);
     if (parent?.agent === agent) {
       found[found.length - 1] = composed(parent, { agent, position, yawRad });
@@ -250,7 +266,7 @@ export function poses(bytes: Uint8Array, tick: number): Pose[] {
       found.push({ agent, position, yawRad });
     }
   }
-  return found;
+  return { agents: found, obstacles };
 }
 
 /** A pose in the frame of another one, in the frame of that one. */
@@ -265,26 +281,25 @@ function composed(parent: Pose, { agent, position: [x, y, z], yawRad }: Pose): P
 }
 
 /**
- * The number in `agent_<id>/base_link`, or -1. Parsed from bytes, because every pose has a frame
- * name.
+ * The number between a prefix and `end` in the name of a frame, which ends with a zero, or -1.
+ * Parsed from bytes, because every pose has a frame name.
  */
-function agentOfFrame(bytes: Uint8Array): number {
-  const prefix = "agent_";
+function numberIn(bytes: Uint8Array, prefix: string, end: "/" | "\0"): number {
   for (let at = 0; at < prefix.length; at++) {
     if (bytes[at] !== prefix.charCodeAt(at)) {
       return -1;
     }
   }
-  let id = 0;
+  let number = 0;
   let at = prefix.length;
   for (; at < bytes.length; at++) {
     const digit = bytes[at]! - 0x30;
     if (digit < 0 || digit > 9) {
       break;
     }
-    id = 10 * id + digit;
+    number = 10 * number + digit;
   }
-  return at > prefix.length && bytes[at] === 0x2f ? id : -1;
+  return at > prefix.length && bytes[at] === end.charCodeAt(0) ? number : -1;
 }
 
 export function progress(bytes: Uint8Array): Progress {

@@ -52,6 +52,9 @@ export interface ScanHits {
 /** Columns of a row of `Batch.poses`. */
 export const POSE = { agent: 0, tick: 1, x: 2, y: 3, z: 4, yawRad: 5, columns: 6 } as const;
 
+/** Columns of a row of `Batch.obstacles`. */
+export const OBSTACLE = { obstacle: 0, tick: 1, x: 2, y: 3, z: 4, columns: 5 } as const;
+
 /**
  * Columns of a row of `Batch.observations`. Received messages and bytes are totals since the start.
  */
@@ -97,6 +100,8 @@ export interface Batch {
   /** Tick and cell of each entry of a body into another cell. */
   readonly covered: Uint32Array;
   readonly poses: Float64Array;
+  /** Centres of moving obstacles. */
+  readonly obstacles: Float64Array;
   readonly observations: Float64Array;
   /** Contacts of the observations, concatenated. */
   readonly contacts: Uint32Array;
@@ -121,6 +126,7 @@ export function transferablesOf(batch: Batch): ArrayBufferLike[] {
     batch.seen,
     batch.covered,
     batch.poses,
+    batch.obstacles,
     batch.observations,
     batch.contacts,
     batch.commands,

@@ -27,13 +27,37 @@ describe("the scenario of a recording", () => {
       poseBoundM: Infinity,
       hasDrift: true,
       posesPeriodTicks: 0,
+      obstacles: [],
     });
+  });
+
+  it("has the shapes of moving obstacles by number, null for one that it does not know", () => {
+    const toml = `
+      [[obstacle]]
+      kind = "box"
+      size_m = [0.5, 1, 1.8]
+      [[obstacle]]
+      kind = "cone"
+      radius_m = 1.0
+      [[obstacle]]
+      kind = "sphere"
+      radius_m = 0.6
+      [[obstacle]]
+      kind = "box"
+      size_m = [1.0, 0.0, 2.0]`;
+    expect(recordedScenario(toml).obstacles).toEqual([
+      { kind: "box", sizeM: [0.5, 1, 1.8] },
+      null,
+      { kind: "sphere", radiusM: 0.6 },
+      null,
+    ]);
+    expect(recordedScenario("obstacle = 3").obstacles).toEqual([]);
   });
 
   it.each(["", "seed = ", "lidar = 3", '[lidar]\npattern = 7\nshell_radius_cells = "many"', "seed = 1.5"])(
     "has null for what is missing or malformed: %j",
     (toml) => {
-      expect(Object.values(recordedScenario(toml))).toEqual([null, null, null, null, false, null]);
+      expect(Object.values(recordedScenario(toml))).toEqual([null, null, null, null, false, null, []]);
     },
   );
 });

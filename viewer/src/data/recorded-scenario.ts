@@ -6,6 +6,7 @@
  */
 
 import { parse, type TomlTable, type TomlValue } from "smol-toml";
+import type { ObstacleShape, Vec3 } from "./run.ts";
 
 export interface RecordedScenario {
   /** Decimal, because a seed may exceed 2^53. */
@@ -16,6 +17,8 @@ export interface RecordedScenario {
   /** Whether the localisation of the agents drifts. */
   readonly hasDrift: boolean;
   readonly posesPeriodTicks: number | null;
+  /** The shapes of the moving obstacles, by number. */
+  readonly obstacles: readonly (ObstacleShape | null)[];
 }
 
 export function recordedScenario(toml: string): RecordedScenario {
@@ -29,7 +32,22 @@ export function recordedScenario(toml: string): RecordedScenario {
     poseBoundM: numberIn(root, "sensor", "pose_bound_m"),
     hasDrift: Object.values(tableIn(root, "localisation")).some((value) => Number(value) > 0),
     posesPeriodTicks: numberIn(root, "recording", "poses_period_ticks"),
+    obstacles: obstaclesIn(root["obstacle"]),
   };
+}
+
+function obstaclesIn(value: TomlValue | undefined): (ObstacleShape | null)[] {
+  return Array.isArray(value) ? value.map((one) => (isTable(one) ? shapeIn(one) : null)) : [];
+}
+
+function shapeIn({ kind, radius_m: radiusM, size_m: sizeM }: TomlTable): ObstacleShape | null {
+  if (kind === "sphere" && isLength(radiusM)) return { kind, radiusM };
+  if (kind !== "box" || !Array.isArray(sizeM) || sizeM.length !== 3 || !sizeM.every(isLength)) return null;
+  return { kind, sizeM: sizeM as Vec3 };
+}
+
+function isLength(value: TomlValue | undefined): value is number {
+  return typeof value === "number" && value > 0 && value < Infinity;
 }
 
 function parsed(toml: string): TomlTable {

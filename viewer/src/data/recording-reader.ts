@@ -311,9 +311,12 @@ export class RecordingReader {
       case "command":
         builder.command(agent, messages.command(bytes));
         break;
-      case "tf":
-        builder.poses(tick, messages.poses(bytes, tick));
+      case "tf": {
+        const { agents, obstacles } = messages.poses(bytes, tick);
+        builder.poses(tick, agents);
+        builder.obstacles(tick, obstacles);
         break;
+      }
       case "progress":
         builder.progress(messages.progress(bytes));
         break;
@@ -368,7 +371,7 @@ export class RecordingReader {
     this.#mapMessages = new MapMessageReader(header.terrain.size, agents);
     this.#builder = new BatchBuilder(
       header.terrain,
-      agents,
+      header.setup,
       scenario.durationTicks,
       areObservedPosesTrue(recorded),
     );

@@ -50,6 +50,7 @@ export function runHeaderOf(
       durationS: message.durationTicks * TICK_S,
       lidar: { rays: isShell(recorded) ? 0 : message.rays, rangeM, fovRad },
       communicationRangeM: message.communicationRangeM,
+      obstacles: recorded.obstacles,
       scenarioToml: toml,
     },
     terrain: { size: map.size, cellM, walls: map.walls, freeCells },

@@ -1,5 +1,6 @@
 import { describe, expect, test } from "vitest";
 import { RunModel } from "./run-model.ts";
+import { mapRun } from "./map-run.ts";
 import type { Request } from "./protocol.ts";
 import { NEVER, type Vec3 } from "./run.ts";
 import { readRun } from "./testing.ts";
@@ -61,6 +62,54 @@ describe("poses", () => {
     expect(run.agentAt(0, 0.08).position).toEqual(POSITION);
     expect(run.agentAt(0, 0.1).position).toEqual([6.5, 4.5, 2.5]);
     expect(run.coveredAt(1)).toBe(2);
+  });
+});
+
+describe("moving obstacles", () => {
+  const TOML = `[[obstacle]]
+    kind = "sphere"
+    radius_m = 0.5
+    [[obstacle]]
+    kind = "box"
+    size_m = [1.0, 1.0, 1.0]`;
+
+  async function withObstacles(messages: readonly make.RecordedMessage[]) {
+    const attachments = { "scenario.toml": new TextEncoder().encode(TOML), "map.m3dm": make.roomMap() };
+    return make.recordingOf([make.scenario(1), ...messages], { attachments });
+  }
+
+  test("are interpolated between their frames, and are no agents", async () => {
+    const run = readRun(
+      await withObstacles([
+        make.namedPoses(0, { "agent_0/base_link": POSITION, obstacle_0: [2, 2, 2] }),
+        make.namedPoses(10, { obstacle_0b: POSITION, obstacle_0: [4, 2, 2], obstacle_7: POSITION }),
+        make.namedPoses(20, { "agent_0/base_link": POSITION, obstacle_0: [4, 3, 2] }),
+      ]),
+    );
+    expect(run.setup.agents).toBe(1);
+    expect(run.setup.obstacles.map((shape) => shape?.kind)).toEqual(["sphere", "box"]);
+    expect(run.obstacleAt(0, 0.1)![0]).toBeCloseTo(3, 6);
+    expect(run.obstacleAt(0, 0.3)![1]).toBeCloseTo(2.5, 6);
+    expect(run.obstacleAt(0, 99)).toEqual([4, 3, 2]);
+    expect(run.obstacleAt(1, 0.1)).toBeNull();
+    expect(() => run.obstacleAt(2, 0)).toThrow("there is no obstacle 2, expected 0 to 1");
+    expect(run.track(0).count).toBe(2);
+    expect(run.coveredAt(1)).toBe(1);
+  });
+
+  test("change the past back to the pose before a new one", async () => {
+    const { setup, terrain } = readRun(await withObstacles([]));
+    const fromS: number[] = [];
+    const model = new RunModel("test", "test", setup, terrain, { send: () => {}, close: () => {} });
+    model.onUpdate((update) => fromS.push(update.fromS));
+    const nothing = mapRun("empty.m3dm", make.roomMap()).batch;
+    const batch = { ...nothing, seen: new Uint32Array(0), endTick: 20 };
+    model.take({ kind: "batch", batch: { ...batch, obstacles: Float64Array.of(0, 10, 4, 2, 2) } });
+    model.take({
+      kind: "batch",
+      batch: { ...batch, endTick: 30, obstacles: Float64Array.of(0, 30, 4, 3, 2) },
+    });
+    expect(fromS).toEqual([0, 0.2]);
   });
 });
 

@@ -7,6 +7,7 @@
  */
 
 import { AgentLog, tickAt } from "./agent-log.ts";
+import { PoseLog } from "./pose-log.ts";
 import { CellTimes } from "./cell-times.ts";
 import { MapHistory } from "./map-history.ts";
 import { TickCounts } from "./tick-counts.ts";
@@ -14,6 +15,7 @@ import { Growable } from "./growable.ts";
 import {
   COMMAND,
   OBSERVATION,
+  OBSTACLE,
   POSE,
   type Batch,
   type ScanHits,
@@ -33,6 +35,7 @@ import {
   type Setup,
   type Terrain,
   type Track,
+  type Vec3,
 } from "./run.ts";
 
 /** Connection to the reader of the recording. */
@@ -60,6 +63,7 @@ export class RunModel implements Run {
   problem: string | null = null;
   readonly #reader: ReaderClient;
   readonly #agents: AgentLog[];
+  readonly #obstacles: readonly PoseLog[];
   readonly #seen = new TickCounts();
   readonly #covered = new TickCounts();
   readonly #listeners = new Set<(update: RunUpdate) => void>();
@@ -87,6 +91,7 @@ export class RunModel implements Run {
     this.firstSeenTick = new CellTimes(cells);
     this.coveredTick = new CellTimes(cells);
     this.#agents = Array.from({ length: setup.agents }, (_, agent) => new AgentLog(agent, terrain));
+    this.#obstacles = setup.obstacles.map(() => new PoseLog());
   }
 
   terrainAt(timeS: number): Terrain {
@@ -107,6 +112,14 @@ export class RunModel implements Run {
 
   track(id: number): Track {
     return this.#agent(id).track;
+  }
+
+  obstacleAt(number: number, timeS: number): Vec3 | null {
+    const poses = this.#obstacles[number];
+    if (!poses) {
+      throw new RangeError(`there is no obstacle ${number}, expected 0 to ${this.#obstacles.length - 1}`);
+    }
+    return poses.track.count === 0 ? null : poses.at(timeS).position;
   }
 
   #agent(id: number): AgentLog {
@@ -239,7 +252,12 @@ export class RunModel implements Run {
       this.#takeSeen(batch.seen, cells),
       this.#takeCovered(batch.covered, cells),
     );
-    const fromS = Math.min(this.endS, cellsFromTick * TICK_S, this.#takeAgents(batch));
+    const fromS = Math.min(
+      this.endS,
+      cellsFromTick * TICK_S,
+      this.#takeAgents(batch),
+      this.#takeObstacles(batch.obstacles),
+    );
     if (this.#belief && batch.learned?.request === this.#following?.request) {
       const learned = batch.learned!.cells;
       learn(this.#belief.knownTick, learned);
@@ -303,9 +321,7 @@ export class RunModel implements Run {
     for (let at = 0; at < poses.length; at += POSE.columns) {
       const [agent, tick, x, y, z, yawRad] = poses.subarray(at, at + POSE.columns);
       const log = this.#agents[agent!]!;
-      // Poses between the last one and this one are interpolated.
-      const { count, timeS } = log.track;
-      fromS = Math.min(fromS, count === 0 ? 0 : timeS[count - 1]!);
+      fromS = Math.min(fromS, changedFromS(log.track));
       log.addPose(tick!, x!, y!, z!, yawRad!);
     }
     let used = 0;
@@ -329,6 +345,23 @@ export class RunModel implements Run {
     }
     return fromS;
   }
+
+  /** Returns the time before which the obstacles are where they were. */
+  #takeObstacles(rows: Float64Array): number {
+    let fromS = Infinity;
+    for (let at = 0; at < rows.length; at += OBSTACLE.columns) {
+      const [obstacle, tick, x, y, z] = rows.subarray(at, at + OBSTACLE.columns);
+      const log = this.#obstacles[obstacle!]!;
+      fromS = Math.min(fromS, changedFromS(log.track));
+      log.add(tick!, x!, y!, z!, 0);
+    }
+    return fromS;
+  }
+}
+
+/** The time from which a further pose changes a track: poses after the last one are interpolated. */
+function changedFromS({ count, timeS }: Track): number {
+  return count === 0 ? 0 : timeS[count - 1]!;
 }
 
 /** Sets the ticks of cells; `learned` has the tick and the cell of each. */

@@ -41,6 +41,10 @@ export interface MapChange {
   readonly high: Vec3;
 }
 
+/** The shape of a moving obstacle; a box lies along the axes. */
+export type ObstacleShape =
+  { readonly kind: "sphere"; readonly radiusM: number } | { readonly kind: "box"; readonly sizeM: Vec3 };
+
 /** The constants of a run. */
 export interface Setup {
   readonly agents: number;
@@ -57,6 +61,8 @@ export interface Setup {
    */
   readonly lidar: { readonly rays: number; readonly rangeM: number; readonly fovRad: number };
   readonly communicationRangeM: number;
+  /** Moving obstacles, by number; null: the recorded scenario has no shape that is known here. */
+  readonly obstacles: readonly (ObstacleShape | null)[];
   /** The scenario, TOML. */
   readonly scenarioToml: string;
 }
@@ -176,6 +182,8 @@ export interface Run {
   readonly result: Result | null;
   agentAt(id: number, timeS: number): AgentState;
   track(id: number): Track;
+  /** The centre of a moving obstacle; null: the recording has none. */
+  obstacleAt(number: number, timeS: number): Vec3 | null;
   /**
    * Begins to follow an agent's belief; `null` ends it. Resolves when the belief is known up to
    * `endS`; it is kept up to date afterwards.

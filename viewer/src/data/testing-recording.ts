@@ -261,6 +261,15 @@ export function poses(tick: number, positions: readonly Vec3[], yawRad = 0): Rec
   return { topic: "/tf", tick, bytes: writer.data };
 }
 
+/** The poses of an agent and of moving obstacles, by the names of their frames. */
+export function namedPoses(tick: number, frames: Readonly<Record<string, Vec3>>): RecordedMessage {
+  const writer = new CdrWriter().sequenceLength(Object.keys(frames).length);
+  for (const [name, position] of Object.entries(frames)) {
+    vector(header(writer, tick).string(name), position).float64(0).float64(0).float64(0).float64(1);
+  }
+  return { topic: "/tf", tick, bytes: writer.data };
+}
+
 /** The pose of agent 0 by way of the frames between: each is in the one before it. */
 export function chainedPose(tick: number, frames: readonly (readonly [Vec3, number])[]): RecordedMessage {
   const writer = new CdrWriter().sequenceLength(frames.length);

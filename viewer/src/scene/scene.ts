@@ -18,6 +18,7 @@ import { makeSharedUniforms, type SharedUniforms } from "./glsl.ts";
 import { openGraphics } from "./graphics.ts";
 import { HitPoints } from "./hits.ts";
 import { MapMarks, type Marks } from "./map-marks.ts";
+import { Obstacles } from "./obstacles.ts";
 import { distanceToFit, FIELD_OF_VIEW_RAD, NAMED_VIEWS, type Orbit } from "./orbit.ts";
 import { ReducedFrame } from "./reduced-frame.ts";
 import { Team } from "./team.ts";
@@ -61,6 +62,7 @@ interface LoadedRun {
   readonly run: Run;
   readonly caves: Caves;
   readonly team: Team;
+  readonly obstacles: Obstacles;
   readonly marks: MapMarks;
   readonly stopListening: () => void;
 }
@@ -171,14 +173,15 @@ export class Scene {
     const caves = new Caves(run, this.#common, this.#gl);
     const cave = caves.start;
     const team = new Team(run, this.#common, this.#labelCommon);
+    const obstacles = new Obstacles(run, this.#common);
     const marks = new MapMarks(this.#common, caves.root);
-    this.#graph.add(caves.root, team.root);
+    this.#graph.add(caves.root, team.root, obstacles.root);
     this.#labels.add(team.labels);
     const stopListening = run.onUpdate((update) => {
       caves.markChanged(update);
       this.#isDirty ||= this.#concerns(update);
     });
-    this.#loaded = { run, caves, team, marks, stopListening };
+    this.#loaded = { run, caves, team, obstacles, marks, stopListening };
     const { cellM } = run.terrain;
     const reachM = Math.hypot(...cave.extentM) / 2;
     this.#cameraRig.setLimits([1.5 * cellM, reachM * 7], reachM);
@@ -252,6 +255,11 @@ export class Scene {
   /** The agent at a position of the canvas in the last frame, CSS pixels. */
   pick(x: number, y: number): number | null {
     return this.#loaded?.team.pick(x, y) ?? null;
+  }
+
+  /** The moving obstacle at a position of the canvas in the last frame, CSS pixels. */
+  obstacleAt(x: number, y: number): number | null {
+    return this.#loaded?.obstacles.pick(x, y) ?? null;
   }
 
   /** The wall at a position of the canvas in the last frame, CSS pixels; null: there is none. */
@@ -360,10 +368,11 @@ export class Scene {
     this.#isDirty = true;
     if (loaded === null) return;
     loaded.stopListening();
-    this.#graph.remove(loaded.caves.root, loaded.team.root);
+    this.#graph.remove(loaded.caves.root, loaded.team.root, loaded.obstacles.root);
     this.#labels.remove(loaded.team.labels);
     loaded.caves.dispose();
     loaded.team.dispose();
+    loaded.obstacles.dispose();
     loaded.marks.dispose();
   }
 
@@ -375,7 +384,7 @@ export class Scene {
     const loaded = this.#loaded;
     let built = 0;
     if (loaded !== null) {
-      const { run, caves, team } = loaded;
+      const { run, caves, team, obstacles } = loaded;
       const cave = caves.at(timeS);
       const { middle } = caves.start;
       this.#cameraRig.update(
@@ -389,7 +398,9 @@ export class Scene {
       const done = cave.show(this.#renderer, this.#common.nowTick.value, view, effort);
       this.#isIncomplete = !done.isComplete;
       built = done.built;
-      team.show(timeS, view, this.#selected, { camera: this.#cameraRig.camera, ...this.#size });
+      const viewport = { camera: this.#cameraRig.camera, ...this.#size };
+      team.show(timeS, view, this.#selected, viewport);
+      obstacles.show(timeS, viewport);
       this.#showHits(loaded, timeS);
     } else {
       this.#hitPoints.show(null, [0, 0, 0]);

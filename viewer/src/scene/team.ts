@@ -1,37 +1,24 @@
 /** The agents of a run at a time: bodies, trails, paths and targets, contacts, labels. */
 
-import { Group, Vector3, type Object3D, type PerspectiveCamera } from "three";
+import { Group, type Object3D } from "three";
 import type { AgentState, Run, Vec3 } from "../data/run.ts";
 import { Bodies, BODY_RADIUS_PX } from "./bodies.ts";
 import { agentRgb, type Rgb } from "./colours.ts";
 import type { SharedUniforms } from "./glsl.ts";
 import { Markers, MARKER, type Marker } from "./markers.ts";
+import { nearest, onScreen, type OnScreen, type Viewport } from "./on-screen.ts";
 import { Segments, type Segment } from "./ribbons.ts";
 import { Trail } from "./trails.ts";
 import type { View } from "./view.ts";
 
-/** Position of an agent on the canvas, CSS pixels from the upper left corner. */
-interface ScreenAgent {
+/** An agent on the canvas. */
+interface ScreenAgent extends OnScreen {
   readonly state: AgentState;
-  readonly x: number;
-  readonly y: number;
-  readonly depthM: number;
-  readonly radiusPx: number;
-}
-
-/** Camera and size of the canvas. */
-export interface Viewport {
-  readonly camera: PerspectiveCamera;
-  /** Of the canvas, CSS pixels. */
-  readonly width: number;
-  readonly height: number;
 }
 
 /** Bodies above this radius on the screen get a fine tessellation. */
 const LARGE_PX = 22;
 const LABEL_RADIUS_PX = 15;
-/** Tolerance of a click around an agent. */
-const PICK_SLACK_PX = 8;
 
 export class Team {
   readonly root = new Group();
@@ -66,12 +53,15 @@ export class Team {
 
   show(timeS: number, view: View, selected: number | null, viewport: Viewport): void {
     const states = this.#colours.map((_, id) => this.run.agentAt(id, timeS));
-    this.#onScreen = states.map((state) => this.#project(state, viewport));
+    this.#onScreen = states.map((state) => ({
+      state,
+      ...onScreen(state.position, this.#radiusM(state.id), BODY_RADIUS_PX, viewport),
+    }));
     const segments: Segment[] = [];
     const markers: Marker[] = [];
     for (const agent of this.#onScreen) {
       const { id, position, yawRad } = agent.state;
-      const pixels = agent.radiusPx / this.#trueRadiusPx(agent, viewport);
+      const pixels = agent.radiusPx / agent.trueRadiusPx;
       this.#bodies.show(id, position, yawRad, this.#radiusM(id) * pixels, agent.radiusPx > LARGE_PX);
       this.#showTrail(agent.state, timeS, view, selected, segments);
       markers.push(...this.#glowMarkers(agent, selected));
@@ -85,13 +75,7 @@ export class Team {
 
   /** The agent at a position of the canvas in the last frame. */
   pick(x: number, y: number): number | null {
-    let best: ScreenAgent | null = null;
-    for (const agent of this.#onScreen) {
-      const isHit =
-        agent.depthM > 0 && Math.hypot(agent.x - x, agent.y - y) <= agent.radiusPx + PICK_SLACK_PX;
-      if (isHit && (best === null || agent.depthM < best.depthM)) best = agent;
-    }
-    return best === null ? null : best.state.id;
+    return nearest(this.#onScreen, x, y)?.state.id ?? null;
   }
 
   dispose(): void {
@@ -104,24 +88,6 @@ export class Team {
 
   #radiusM(id: number): number {
     return this.run.setup.radiusM[id] ?? 0.4 * this.run.terrain.cellM;
-  }
-
-  #trueRadiusPx(agent: { readonly depthM: number; readonly state: AgentState }, viewport: Viewport): number {
-    const halfHeightM = Math.tan((viewport.camera.fov * Math.PI) / 360) * Math.max(agent.depthM, 0.01);
-    return (this.#radiusM(agent.state.id) / halfHeightM) * (viewport.height / 2);
-  }
-
-  #project(state: AgentState, viewport: Viewport): ScreenAgent {
-    const view = new Vector3(...state.position).applyMatrix4(viewport.camera.matrixWorldInverse);
-    const depthM = -view.z;
-    const screen = view.applyMatrix4(viewport.camera.projectionMatrix);
-    return {
-      state,
-      x: (screen.x * 0.5 + 0.5) * viewport.width,
-      y: (0.5 - screen.y * 0.5) * viewport.height,
-      depthM,
-      radiusPx: Math.max(this.#trueRadiusPx({ depthM, state }, viewport), BODY_RADIUS_PX),
-    };
   }
 
   #showTrail(
