@@ -29,7 +29,6 @@ use crate::difference::{self, Field};
 use crate::{End, Message, Messages, Recording};
 use simulation::digest::Digest;
 use simulation::scenario::RecordingSection;
-use simulation::wire::rounded_transform;
 
 /// Field name of a difference between whole messages.
 const WHOLE_MESSAGE: &str = "the message";
@@ -380,7 +379,7 @@ impl MessageKind {
             Self::Progress => decoded(before, now, fields::<maes_msgs::Progress>),
             Self::Digest => decoded(before, now, between_digests),
             Self::Result => decoded(before, now, between_results),
-            Self::Transforms => between_transforms(before, now),
+            Self::Transforms => decoded(before, now, fields::<TFMessage>),
             Self::Intervention => decoded(before, now, fields::<maes_msgs::Intervention>),
             Self::MapChange => decoded(before, now, fields::<maes_msgs::MapChange>),
             Self::Join => decoded(before, now, fields::<maes_msgs::Join>),
@@ -414,20 +413,6 @@ fn fields<M: Serialize>(before: &M, now: &M) -> Option<Field> {
         let name = "the encoding".to_owned();
         Some(Field { name, before: "one".to_owned(), now: "another of the same values".to_owned() })
     })
-}
-
-/// Earlier builds recorded all digits of a transform, and today's those of [`rounded_transform`].
-fn between_transforms(before: &[u8], now: &[u8]) -> Option<Field> {
-    let is_rounded = |fine: &[u8], coarse: &[u8]| {
-        let Ok(mut message) = cdr::decode::<TFMessage>(fine) else { return false };
-        let is_plain = cdr::encode(&message) == fine;
-        message.transforms.iter_mut().for_each(|stamped| stamped.transform = rounded_transform(&stamped.transform));
-        is_plain && cdr::encode(&message) == coarse
-    };
-    if is_rounded(before, now) || is_rounded(now, before) {
-        return None;
-    }
-    decoded(before, now, fields::<TFMessage>)
 }
 
 fn between_digests(before: &maes_msgs::Digest, now: &maes_msgs::Digest) -> Option<Field> {

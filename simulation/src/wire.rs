@@ -148,10 +148,7 @@ pub(crate) fn obstacle_transforms(world: &World) -> impl Iterator<Item = geometr
     world.moving_obstacles().iter().enumerate().map(|(number, obstacle)| geometry_msgs::TransformStamped {
         header: header(world.tick()),
         child_frame_id: obstacle_frame(number),
-        transform: rounded_transform(&geometry_msgs::Transform {
-            translation: vector(&obstacle.centre.coords),
-            rotation: rotation(0.0),
-        }),
+        transform: geometry_msgs::Transform { translation: vector(&obstacle.centre.coords), rotation: rotation(0.0) },
     })
 }
 
@@ -173,10 +170,10 @@ pub fn transforms_of(
     let transform = |parent: String, child: String, pose: &Pose| geometry_msgs::TransformStamped {
         header: msgs::std_msgs::Header { frame_id: parent, ..header(tick) },
         child_frame_id: child,
-        transform: rounded_transform(&geometry_msgs::Transform {
+        transform: geometry_msgs::Transform {
             translation: vector(&pose.position.coords),
             rotation: rotation(pose.yaw_rad),
-        }),
+        },
     };
     let Some(Frames { map_offset_m, odometry, .. }) = frames else {
         return vec![transform(MAP_FRAME.to_owned(), body_frame(agent), pose)];
@@ -191,19 +188,6 @@ pub fn transforms_of(
         transform(map_frame, odom_frame.clone(), &odom),
         transform(odom_frame, body_frame(agent), odometry),
     ]
-}
-
-/// A transform with components that are multiples of 2^-32 (0.23 nm): recordings of many poses are
-/// smaller without the digits below. Those of earlier builds have them.
-#[must_use]
-pub fn rounded_transform(transform: &geometry_msgs::Transform) -> geometry_msgs::Transform {
-    const STEPS: f64 = (1_u64 << 32) as f64;
-    let rounded = |value: f64| (value * STEPS).round() / STEPS;
-    let geometry_msgs::Transform { translation: t, rotation: r } = transform;
-    geometry_msgs::Transform {
-        translation: geometry_msgs::Vector3 { x: rounded(t.x), y: rounded(t.y), z: rounded(t.z) },
-        rotation: geometry_msgs::Quaternion { x: rounded(r.x), y: rounded(r.y), z: rounded(r.z), w: rounded(r.w) },
-    }
 }
 
 /// The frame of an agent's body: x forward, y left, z up, the origin in its centre.

@@ -115,23 +115,3 @@ fn order_of_topics_within_a_tick_is_ignored() {
     let later = [observation(1, 0.0), observation(1, 0.5), observation(2, 0.0), command(1), command(2)];
     assert!(found(&later, &now).is_some());
 }
-
-/// Poses of an agent on `/tf`, and how they were recorded before.
-fn poses(x: f64) -> Recorded {
-    let mut stamped = msgs::geometry_msgs::TransformStamped::default();
-    stamped.transform.translation.x = x;
-    (topics::tf(), Tick::ZERO, cdr::encode(&TFMessage { transforms: vec![stamped] }))
-}
-
-#[test]
-fn transforms_of_earlier_builds_have_more_digits() {
-    let (fine, coarse) = (0.3 + 1e-11, (0.3 * 4294967296.0_f64).round() / 4294967296.0);
-    assert_ne!(fine, coarse);
-    assert_eq!(found(&[poses(fine)], &[poses(coarse)]), None);
-    assert_eq!(found(&[poses(coarse)], &[poses(fine)]), None);
-    let other = found(&[poses(fine + 1e-9)], &[poses(coarse)]).unwrap();
-    assert!(other.starts_with("tick 0, /tf: transforms"), "{other}");
-    let mut padded = poses(fine);
-    padded.2.push(0);
-    assert!(found(&[padded], &[poses(coarse)]).is_some(), "bytes behind the message");
-}

@@ -150,12 +150,7 @@ fn unplayable_messages_are_noted() {
     assert!(notes[3].starts_with("run.mcap: no map to show: the map of the recording: map.txt: "), "{notes:?}");
     assert_eq!(notes.len(), 4);
 
-    // Chunks of a megabyte.
-    let large = |tick| {
-        let message = Progress { tick, explored_by: vec![0.5; 10_000], ..Progress::default() };
-        (topics::progress(), tick, cdr::encode(&message))
-    };
-    let many: Vec<Recorded> = (0..2000).step_by(40).map(large).collect();
+    let many: Vec<Recorded> = (0..2000).map(progress).collect();
     let cut = bytes(&many, MAP);
     let schedule = schedule(&cut[..cut.len() * 2 / 3]).unwrap();
     let [note] = schedule.notes() else { panic!("one note: {:?}", schedule.notes()) };

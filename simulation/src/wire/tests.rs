@@ -19,21 +19,3 @@ fn interventions_are_read_as_they_were_written() {
     let unknown = maes_msgs::Intervention { kind: 4, ..Default::default() };
     assert_eq!(change(&unknown), Err("an intervention of kind 4: expected 0 to 3".to_owned()));
 }
-
-#[test]
-fn transforms_have_no_digits_below_a_nanometre() {
-    let transform = |x: f64, yaw_rad: f64| geometry_msgs::Transform {
-        translation: geometry_msgs::Vector3 { x, y: -x, z: 0.0 },
-        rotation: rotation(yaw_rad),
-    };
-    for (x, yaw_rad) in [(0.1, 0.7), (99.95 / 3.0, -3.1), (1023.999_999, 1e-12)] {
-        let (exact, rounded) = (transform(x, yaw_rad), rounded_transform(&transform(x, yaw_rad)));
-        let components =
-            |it: &geometry_msgs::Transform| [it.translation.x, it.translation.y, it.rotation.z, it.rotation.w];
-        for (exact, rounded) in components(&exact).into_iter().zip(components(&rounded)) {
-            assert!((exact - rounded).abs() <= 1.2e-10, "{exact} {rounded}");
-            assert_eq!((rounded * 4_294_967_296.0).fract(), 0.0);
-        }
-        assert_eq!(rounded_transform(&rounded), rounded, "once is enough");
-    }
-}
