@@ -399,7 +399,7 @@ def changing(_argument):
     place = [bodies[0].x, bodies[0].y, bodies[0].z]
     free, wall = ChangeMap.Request.FREE, ChangeMap.Request.WALL
     for kind, low, high, words in (
-        (wall, [along - 1.0 for along in place], [along + 1.0 for along in place], "a body or a relay is in the box"),
+        (wall, [along - 1.0 for along in place], [along + 1.0 for along in place], "a body, a relay or an obstacle is in the box"),
         (wall, [3.0] * 3, [2.0] * 3, "no cell has its centre in the box"),
         (free, [-5.0] * 3, [0.9] * 3, "no cell has its centre in the box"),
         (free, [math.nan] * 3, [math.nan] * 3, "no cell has its centre in the box"),

@@ -41,14 +41,16 @@ pub fn read(recording: &Recording, period_ticks: u32) -> Result<BTreeMap<AgentId
             continue;
         }
         for (agent, position) in positions(&poses) {
-            let (route, last) = routes.entry(agent).or_insert_with(|| (vec![Vec::new()], tick));
-            if tick.0.saturating_sub(last.0) > u64::from(period_ticks) {
-                route.push(Vec::new());
-            }
+            let (route, last) = routes.entry(agent).or_insert_with(|| (Vec::new(), tick));
+            let was_away = tick.0.saturating_sub(last.0) > u64::from(period_ticks);
             *last = tick;
-            let part = route.last_mut().expect("a route has a part");
-            if part.last() != Some(&position) {
-                part.push(position);
+            match route.last_mut() {
+                Some(part) if !was_away => {
+                    if part.last() != Some(&position) {
+                        part.push(position);
+                    }
+                }
+                _ => route.push(vec![position]),
             }
         }
     }
@@ -105,7 +107,7 @@ mod tests {
     use super::*;
 
     fn stamped(parent: &str, child: &str, [x, y, z]: [f64; 3], yaw_rad: f64) -> TransformStamped {
-        let (sin, cos) = (yaw_rad / 2.0).sin_cos();
+        let (sin, cos) = libm::sincos(yaw_rad / 2.0);
         let transform =
             Transform { translation: Vector3 { x, y, z }, rotation: Quaternion { x: 0.0, y: 0.0, z: sin, w: cos } };
         let header = Header { frame_id: parent.to_owned(), ..Header::default() };

@@ -51,18 +51,19 @@ fn executed() -> (TempDir, PathBuf, Plan) {
     let plan = Plan::parse("plan.toml", PLAN, site.path()).unwrap_or_else(|error| panic!("{error}"));
     let out = site.path().join("out");
     let summary = execute(&plan, out.clone(), &options(), &mut (), &Stop::default()).expect("the folder can be used");
-    assert_eq!(summary.done, 10, "{:?}", Store::open(&out).unwrap().failures());
+    assert_eq!(summary.done, 10, "runs that have a result");
     (site, out, plan)
 }
 
 fn record(out: &Path, plan: &Plan) -> Result<(), report::routes::RecordError> {
-    let lacking = routes::without_recording(out).unwrap();
+    let lacking = routes::without_recording(out).expect("a folder of runs");
     routes::record(out, plan, lacking, &options(), &mut (), &Stop::default())
 }
 
 /// The id of the run with the median area of a controller.
 fn median(out: &Path, controller: &str) -> String {
-    let mut rows: Vec<_> = Store::open(out).unwrap().records().unwrap().into_iter().map(|run| run.row).collect();
+    let mut rows: Vec<_> =
+        Store::open(out).expect("a folder").records().expect("runs").into_iter().map(|run| run.row).collect();
     rows.retain(|row| row.controller == controller);
     rows.sort_by(|one, other| other.area_under_explored.total_cmp(&one.area_under_explored));
     assert_eq!(rows.len(), 5);

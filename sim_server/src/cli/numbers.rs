@@ -8,6 +8,9 @@ use simulation::scenario::keys;
 
 /// The parser of a flag that sets a key with a whole number: its errors say what the key allows,
 /// and not what the type of the number does.
+///
+/// # Panics
+/// When it parses, if there is no such key.
 pub fn of_key<T: FromStr>(key: &'static str) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync {
     move |text| {
         let known = keys::find(key).expect("a flag sets a key of the scenario");
