@@ -27,6 +27,7 @@ pub mod map_change;
 pub mod moving_obstacles;
 pub mod noise;
 mod observe;
+mod params;
 mod pending_observation;
 mod presence;
 mod radio_medium;
@@ -41,7 +42,6 @@ use std::sync::{Arc, OnceLock};
 
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
-use protocol::body_model::BodyModel;
 use protocol::command::Command;
 use protocol::event_mask::EventMask;
 use protocol::relay_id::RelayId;
@@ -53,64 +53,20 @@ use crate::workers::Workers;
 use attainable::Attainable;
 use body::{Body, Motion, Pose};
 use collision::{Obstacles, Sphere};
-use comms::{Comms, ContactTable};
+use comms::ContactTable;
 use coverage::Coverage;
-use energy::{Batteries, EnergyParams};
+use energy::Batteries;
 use lidar::{Bodies, CastCount, NotCast, Scanner, SensorMemory};
-use localisation::{Localisation, LoopClosures, OdometryNoise};
-use moving_obstacles::{MovingObstacles, ObstacleModel};
-use noise::{Drift, SensorNoise};
+use localisation::Localisation;
+use moving_obstacles::MovingObstacles;
+use noise::Drift;
+pub use params::{ScanSchedule, WorldParams};
 use pending_observation::PendingObservation;
 pub use presence::Presence;
 use radio_medium::{RadioMedium, ReportedContacts};
 pub use sensing::ExploredShares;
 use sensing::{Lidar, Sensor};
 pub use totals::Totals;
-
-/// The parameters of a world, apart from its terrain.
-#[derive(Debug, Clone)]
-pub struct WorldParams {
-    /// The body model of the team.
-    pub body: BodyModel,
-    /// Body models of the agents that have another one.
-    pub other_bodies: BTreeMap<AgentId, BodyModel>,
-    /// The LiDAR of every agent.
-    pub scanner: Scanner,
-    /// The scan schedule of the LiDARs.
-    pub schedule: ScanSchedule,
-    /// The radios and their contact model.
-    pub comms: Comms,
-    /// Length of the share periods, which [`EventMask::FIRST_CONTACT`] refers to; 0: one
-    /// period without end.
-    pub share_period_ticks: u32,
-    /// The sensor noise.
-    pub noise: SensorNoise,
-    /// The noise of the odometry by which agents localise.
-    pub odometry: OdometryNoise,
-    /// When agents whose localisation drifts close loops; `None`: never.
-    pub closures: Option<LoopClosures>,
-    /// The batteries of the bodies; `None`: they need no energy.
-    pub energy: Option<EnergyParams>,
-    /// The agents that are not in the world at the start, and join later.
-    pub late: BTreeSet<AgentId>,
-    /// The agents that are base stations.
-    pub base_stations: BTreeSet<AgentId>,
-    /// The moving obstacles.
-    pub obstacles: Vec<ObstacleModel>,
-}
-
-/// The scan schedule of the LiDARs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ScanSchedule {
-    /// Each LiDAR scans as its agent requests; until the first request, all scan every
-    /// `period_ticks`, in the same tick.
-    OnRequest {
-        /// Ticks between scans, at least 1.
-        period_ticks: u32,
-    },
-    /// One agent scans in each tick, in turn, whatever agents request (MAES3D).
-    TakeTurns,
-}
 
 /// The true world at the start of a tick.
 #[derive(Debug)]

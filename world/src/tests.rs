@@ -9,11 +9,13 @@ use voxels::Extent;
 
 use super::body::Motion;
 use protocol::agent_message::{AgentMessage, Peer};
+use protocol::body_model::BodyModel;
 use protocol::observation::RequestKind;
 use protocol::wake_condition::WakeCondition;
 
-use super::comms::ContactModel;
+use super::comms::{Comms, ContactModel};
 use super::lidar::Pattern;
+use super::noise::SensorNoise;
 use protocol::event_mask::EventMask;
 use protocol::limits::AGENT_MESSAGE_BYTES_MAX;
 
@@ -29,21 +31,11 @@ fn within(range_m: f64) -> Comms {
 }
 
 fn params() -> WorldParams {
-    WorldParams {
-        body: BodyModel::default(),
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
-        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: within(f64::INFINITY),
-        share_period_ticks: 0,
-        noise: SensorNoise::default(),
-        odometry: OdometryNoise::default(),
-        closures: None,
-        energy: None,
-        late: Default::default(),
-        base_stations: Default::default(),
-        obstacles: Vec::new(),
-    }
+    WorldParams::new(
+        BodyModel::default(),
+        Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
+        within(f64::INFINITY),
+    )
 }
 
 /// A closed hall of the given inner size.

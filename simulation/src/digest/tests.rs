@@ -9,14 +9,12 @@ use protocol::observation::RequestKind;
 use protocol::scan_request::ScanRequest;
 use protocol::wake_condition::WakeCondition;
 use voxels::{Grid, Terrain};
+use world::WorldParams;
 use world::body::{Motion, Pose};
 use world::collision::Shape;
 use world::comms::{Comms, ContactModel};
 use world::lidar::{Pattern, Scanner};
-use world::localisation::OdometryNoise;
 use world::moving_obstacles::{ObstacleModel, Repeat};
-use world::noise::SensorNoise;
-use world::{ScanSchedule, WorldParams};
 
 use super::*;
 
@@ -30,19 +28,13 @@ fn two_rooms_with(starts: &[Pose], late: &[AgentId], obstacles: Vec<ObstacleMode
     let layer = "#########\n#...#...#\n#.......#\n#...#...#\n#########\n";
     let terrain: Grid<Terrain> = Grid::from_text(&[solid, layer, solid].join("\n")).unwrap();
     let params = WorldParams {
-        body: BodyModel::default(),
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
-        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
-        share_period_ticks: 0,
-        noise: SensorNoise::default(),
-        odometry: OdometryNoise::default(),
-        closures: None,
-        energy: None,
         late: late.iter().copied().collect(),
-        base_stations: Default::default(),
         obstacles,
+        ..WorldParams::new(
+            BodyModel::default(),
+            Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
+            Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
+        )
     };
     World::new(terrain, params, starts)
 }

@@ -11,12 +11,10 @@ use protocol::limits::VIEW_BYTES_MAX;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
+use world::WorldParams;
 use world::body::{Motion, Pose};
 use world::comms::{Comms, ContactModel};
 use world::lidar::{Pattern, Scanner};
-use world::localisation::OdometryNoise;
-use world::noise::SensorNoise;
-use world::{ScanSchedule, WorldParams};
 
 /// A tunnel of 1 x 1 x 8 free cells of 1 m along x, from (1, 1, 1) to (8, 1, 1).
 fn tunnel() -> Grid<Terrain> {
@@ -30,21 +28,11 @@ fn tunnel() -> Grid<Terrain> {
 /// Two bodies in the tunnel, 4 m apart; the first has its heading along y. LiDARs have a range of 1
 /// m and scan every 10 ticks.
 fn world() -> World {
-    let params = WorldParams {
-        body: BodyModel { radius_m: 0.1, ..BodyModel::default() },
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Lattice { rays: 1000 }, 1.0, TAU),
-        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
-        share_period_ticks: 0,
-        noise: SensorNoise::default(),
-        odometry: OdometryNoise::default(),
-        closures: None,
-        energy: None,
-        late: BTreeSet::new(),
-        base_stations: Default::default(),
-        obstacles: Vec::new(),
-    };
+    let params = WorldParams::new(
+        BodyModel { radius_m: 0.1, ..BodyModel::default() },
+        Scanner::new(Pattern::Lattice { rays: 1000 }, 1.0, TAU),
+        Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
+    );
     let pose = |x, yaw_rad| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad };
     World::new(tunnel(), params, &[pose(1.5, FRAC_PI_2), pose(5.5, 0.0)])
 }

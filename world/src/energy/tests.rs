@@ -1,4 +1,4 @@
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use proptest::prelude::*;
@@ -11,8 +11,6 @@ use voxels::{Extent, Grid, Terrain};
 use super::*;
 use crate::comms::{Comms, ContactModel};
 use crate::lidar::{Pattern, Scanner};
-use crate::localisation::OdometryNoise;
-use crate::noise::SensorNoise;
 use crate::{ScanSchedule, WorldParams};
 
 const A: AgentId = AgentId(0);
@@ -37,19 +35,13 @@ fn world(energy: EnergyParams, kind: BodyKind, start: Point3<f64>) -> World {
     let mut terrain = Grid::new(extent, Terrain::Free);
     voxels::close_shell(&mut terrain, 1);
     let params = WorldParams {
-        body: BodyModel::of(kind),
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Lattice { rays: 10 }, f64::INFINITY, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 1000 },
-        comms: Comms::perfect(ContactModel::Global),
-        share_period_ticks: 0,
-        noise: SensorNoise::default(),
-        odometry: OdometryNoise::default(),
-        closures: None,
         energy: Some(energy),
-        late: BTreeSet::new(),
-        base_stations: Default::default(),
-        obstacles: Vec::new(),
+        ..WorldParams::new(
+            BodyModel::of(kind),
+            Scanner::new(Pattern::Lattice { rays: 10 }, f64::INFINITY, TAU),
+            Comms::perfect(ContactModel::Global),
+        )
     };
     World::new(terrain, params, &[Pose { position: start, yaw_rad: 0.0 }])
 }

@@ -12,7 +12,6 @@ use voxels::{Cell, Grid};
 use super::super::comms::{Comms, ContactModel};
 use super::super::lidar::{Pattern, Scanner};
 use super::super::map_change::CellBox;
-use super::super::noise::SensorNoise;
 use super::super::{ScanSchedule, WorldParams};
 use super::*;
 use crate::workers::Workers;
@@ -27,19 +26,13 @@ fn biased(position_bias: f64) -> OdometryNoise {
 
 fn params(odometry: OdometryNoise) -> WorldParams {
     WorldParams {
-        body: BodyModel::of(BodyKind::Aerial),
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Lattice { rays: 1000 }, 12.0, TAU),
         schedule: ScanSchedule::OnRequest { period_ticks: 5 },
-        comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
-        share_period_ticks: 0,
-        noise: SensorNoise::default(),
         odometry,
-        closures: None,
-        energy: None,
-        late: Default::default(),
-        base_stations: Default::default(),
-        obstacles: Vec::new(),
+        ..WorldParams::new(
+            BodyModel::of(BodyKind::Aerial),
+            Scanner::new(Pattern::Lattice { rays: 1000 }, 12.0, TAU),
+            Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
+        )
     }
 }
 

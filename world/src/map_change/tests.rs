@@ -11,12 +11,10 @@ use protocol::scan_request::ScanRequest;
 use protocol::wake_condition::WakeCondition;
 use voxels::Grid;
 
+use super::super::WorldParams;
 use super::super::body::{Motion, Pose};
 use super::super::comms::{Comms, ContactModel};
 use super::super::lidar::{Pattern, Scanner};
-use super::super::localisation::OdometryNoise;
-use super::super::noise::SensorNoise;
-use super::super::{ScanSchedule, WorldParams};
 use super::*;
 use crate::workers::Workers;
 
@@ -31,21 +29,11 @@ fn two_rooms() -> Grid<Terrain> {
 }
 
 fn params(rays: u32) -> WorldParams {
-    WorldParams {
-        body: BodyModel::default(),
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Lattice { rays }, f64::INFINITY, TAU),
-        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
-        share_period_ticks: 0,
-        noise: SensorNoise::default(),
-        odometry: OdometryNoise::default(),
-        closures: None,
-        energy: None,
-        late: Default::default(),
-        base_stations: Default::default(),
-        obstacles: Vec::new(),
-    }
+    WorldParams::new(
+        BodyModel::default(),
+        Scanner::new(Pattern::Lattice { rays }, f64::INFINITY, TAU),
+        Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
+    )
 }
 
 fn at(x: f64, y: f64) -> Pose {

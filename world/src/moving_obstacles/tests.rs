@@ -9,30 +9,23 @@ use protocol::wake_condition::WakeCondition;
 use voxels::{Cell, Extent};
 
 use super::*;
+use crate::WorldParams;
 use crate::body::{Motion, Pose};
 use crate::comms::{Comms, ContactModel};
 use crate::lidar::{Measured, Pattern, RayReturn, Scanner};
 use crate::map_change::CellBox;
 use crate::workers::Workers;
-use crate::{ScanSchedule, WorldParams};
 
 const A: AgentId = AgentId(0);
 
 fn params(obstacles: Vec<ObstacleModel>) -> WorldParams {
     WorldParams {
-        body: BodyModel::default(),
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
-        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: Comms::perfect(ContactModel::Global),
-        share_period_ticks: 0,
-        noise: Default::default(),
-        odometry: Default::default(),
-        closures: None,
-        energy: None,
-        late: Default::default(),
-        base_stations: Default::default(),
         obstacles,
+        ..WorldParams::new(
+            BodyModel::default(),
+            Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU),
+            Comms::perfect(ContactModel::Global),
+        )
     }
 }
 
@@ -116,7 +109,7 @@ fn obstacles_give_way_and_bodies_collide_with_them() {
     run(&mut world, &workers, 400);
     let collision = world.body(A).collision().unwrap();
     assert!(collision.with_agent);
-    // Once it is out of the way, the obstacle goes on.
+    // Once it is out of the way, the obstacle continues.
     let aside = Motion::Path(vec![Point3::new(4.5, 3.4, 1.5)]);
     world.step([(A, Command::new(aside, WakeCondition::NEXT_TICK))].into());
     run(&mut world, &workers, 800);

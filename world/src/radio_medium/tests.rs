@@ -9,12 +9,10 @@ use protocol::wake_condition::WakeCondition;
 use voxels::{Extent, Grid, Terrain};
 
 use super::*;
+use crate::WorldParams;
 use crate::body::Pose;
 use crate::comms::{Comms, ContactModel};
 use crate::lidar::{Pattern, Scanner};
-use crate::localisation::OdometryNoise;
-use crate::noise::SensorNoise;
-use crate::{ScanSchedule, WorldParams};
 
 const A: AgentId = AgentId(0);
 const B: AgentId = AgentId(1);
@@ -44,21 +42,7 @@ fn hall(comms: Comms) -> World {
 }
 
 fn params(comms: Comms) -> WorldParams {
-    WorldParams {
-        other_bodies: BTreeMap::new(),
-        body: BodyModel::default(),
-        scanner: Scanner::new(Pattern::Lattice { rays: 10 }, f64::INFINITY, TAU),
-        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms,
-        share_period_ticks: 0,
-        noise: SensorNoise::default(),
-        odometry: OdometryNoise::default(),
-        closures: None,
-        energy: None,
-        late: Default::default(),
-        base_stations: Default::default(),
-        obstacles: Vec::new(),
-    }
+    WorldParams::new(BodyModel::default(), Scanner::new(Pattern::Lattice { rays: 10 }, f64::INFINITY, TAU), comms)
 }
 
 fn message(peer: Peer, data: &[u8]) -> AgentMessage {

@@ -1,15 +1,11 @@
-use std::collections::BTreeMap;
-
 use msgs::std_msgs::Header;
 use protocol::body_model::BodyModel;
 use voxels::{Grid, Terrain};
 
 use super::*;
+use world::WorldParams;
 use world::comms::{Comms, ContactModel};
 use world::lidar::{Pattern, Scanner};
-use world::localisation::OdometryNoise;
-use world::noise::SensorNoise;
-use world::{ScanSchedule, WorldParams};
 
 const RADIUS_M: f64 = 0.4;
 
@@ -18,21 +14,11 @@ fn world() -> World {
     let layer = "#########\n#.......#\n#.......#\n#########\n";
     let solid = "#########\n#########\n#########\n#########\n";
     let terrain: Grid<Terrain> = Grid::from_text(&[solid, layer, layer, solid].join("\n")).unwrap();
-    let params = WorldParams {
-        body: BodyModel { radius_m: RADIUS_M, ..BodyModel::default() },
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Lattice { rays: 16 }, f64::INFINITY, std::f64::consts::TAU),
-        schedule: ScanSchedule::OnRequest { period_ticks: 10 },
-        comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
-        share_period_ticks: 0,
-        noise: SensorNoise::default(),
-        odometry: OdometryNoise::default(),
-        closures: None,
-        energy: None,
-        late: Default::default(),
-        base_stations: Default::default(),
-        obstacles: Vec::new(),
-    };
+    let params = WorldParams::new(
+        BodyModel { radius_m: RADIUS_M, ..BodyModel::default() },
+        Scanner::new(Pattern::Lattice { rays: 16 }, f64::INFINITY, std::f64::consts::TAU),
+        Comms::perfect(ContactModel::LineOfSightAndRange { range_m: f64::INFINITY }),
+    );
     let start = |x| Pose { position: Point3::new(x, 1.5, 1.5), yaw_rad: 0.5 };
     World::new(terrain, params, &[start(1.5), start(3.5), start(5.5)])
 }

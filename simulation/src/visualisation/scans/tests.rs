@@ -1,4 +1,4 @@
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::ops::ControlFlow;
 
@@ -10,7 +10,6 @@ use voxels::{Cell, Extent, Grid, Terrain, walk};
 use super::*;
 use world::comms::{Comms, ContactModel};
 use world::lidar::{Mount, Pattern, Scanner};
-use world::localisation::OdometryNoise;
 use world::noise::SensorNoise;
 use world::{ScanSchedule, WorldParams};
 
@@ -32,19 +31,13 @@ const POSE: Pose = Pose { position: Point3::new(8.3, 7.1, 2.9), yaw_rad: 0.4 };
 /// The world after the first scan of its only agent.
 fn scanned(grid: RayGrid, range_m: f64, mount: Mount, noise: SensorNoise) -> World {
     let params = WorldParams {
-        body: BodyModel { radius_m: 0.4, ..BodyModel::default() },
-        other_bodies: BTreeMap::new(),
-        scanner: Scanner::new(Pattern::Grid(grid), range_m, TAU).on(mount),
         schedule: ScanSchedule::OnRequest { period_ticks: 5 },
-        comms: Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
-        share_period_ticks: 0,
         noise,
-        energy: None,
-        odometry: OdometryNoise::default(),
-        closures: None,
-        late: BTreeSet::new(),
-        base_stations: Default::default(),
-        obstacles: Vec::new(),
+        ..WorldParams::new(
+            BodyModel { radius_m: 0.4, ..BodyModel::default() },
+            Scanner::new(Pattern::Grid(grid), range_m, TAU).on(mount),
+            Comms::perfect(ContactModel::LineOfSightAndRange { range_m: 5.0 }),
+        )
     };
     let mut world = World::new(hall(), params, &[POSE]);
     world.sense(&world::workers::Workers::new(1).unwrap());
