@@ -14,7 +14,7 @@ use experiments::benchmark::schedule::Schedule;
 use experiments::benchmark::{self, Entry, RESULT_FILE, SEEDS, Scope};
 use experiments::execute::{Options, Part, Stop, Transport};
 use experiments::store::Store;
-use sim_server::cli::whole;
+use sim_server::cli::{positive, whole};
 use sim_server::exit;
 
 use crate::output::{print, say};
@@ -43,7 +43,7 @@ pub(crate) struct ScheduleArgs {
     /// --seeds 1`
     folder: PathBuf,
     /// Cores, each of which executes one run at a time
-    #[arg(long, value_name = "N", default_value = "100", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
+    #[arg(long, value_name = "N", default_value = "100", value_parser = positive)]
     cores: NonZero<usize>,
     /// What a run takes beside its measured wall time: the start of a process, and the making of
     /// the map
@@ -80,7 +80,7 @@ pub(crate) struct ExplorationArgs {
     #[arg(long)]
     no_recordings: bool,
     /// Runs in parallel [default: one for each core; over ROS 2: 1]
-    #[arg(long, value_name = "N", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
+    #[arg(long, value_name = "N", value_parser = positive)]
     jobs: Option<NonZero<usize>>,
 }
 
@@ -100,7 +100,7 @@ pub(crate) struct VerifyArgs {
     #[arg(long, value_name = "FILE")]
     program: Vec<PathBuf>,
     /// Runs in parallel [default: one for each core; over ROS 2: 1]
-    #[arg(long, value_name = "N", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
+    #[arg(long, value_name = "N", value_parser = positive)]
     jobs: Option<NonZero<usize>>,
 }
 

@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use fault_injection::simulated::{self, SeedReport};
 use fault_injection::{FaultsError, Options, Summary};
-use sim_server::cli::{KeyArgs, recording_path, whole};
+use sim_server::cli::{KeyArgs, positive, recording_path, whole};
 use sim_server::{exit, setup};
 use simulation::scenario::Scenario;
 
@@ -71,7 +71,7 @@ pub(crate) struct FaultsArgs {
     #[arg(long, value_name = "K", conflicts_with_all = ["seeds", "first_seed"], value_parser = whole::<u64>(0..=u64::MAX))]
     seed_only: Option<u64>,
     /// Runs in parallel [default: 1; simulated: as many as there are processors]
-    #[arg(long, value_name = "N", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
+    #[arg(long, value_name = "N", value_parser = positive)]
     jobs: Option<NonZero<usize>>,
     /// The ROS domain of the first parallel run; the others use the next ones
     #[arg(long, value_name = "ID", default_value_t = 1, value_parser = whole::<u32>(0..=101))]

@@ -22,7 +22,7 @@ use experiments::retained_recordings::Keep;
 use experiments::store::{PLAN, Store, StoreError};
 use report::regression::{self, RegressionMeasure};
 use report::{Heading, ReportError, ReportSummary, routes};
-use sim_server::cli::whole;
+use sim_server::cli::{positive, whole};
 use sim_server::{exit, setup};
 
 use crate::output::{print, say};
@@ -38,7 +38,7 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Runs in parallel [default: one for each core; over ROS 2: 1]
-    #[arg(long, value_name = "N", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
+    #[arg(long, value_name = "N", value_parser = positive)]
     jobs: Option<NonZero<usize>>,
     /// How messages go between a server and its agents
     #[arg(long, value_enum, default_value_t = TransportName::Memory)]
@@ -76,10 +76,10 @@ pub(crate) struct BatchArgs {
 struct JobArgs {
     /// Tasks that share the plan, more than there are workers [default: one for each run, at most
     /// 1000]
-    #[arg(long, value_name = "N", requires = "emit", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
+    #[arg(long, value_name = "N", requires = "emit", value_parser = positive)]
     parts: Option<NonZero<usize>>,
     /// Most tasks at a time
-    #[arg(long, value_name = "N", requires = "emit", value_parser = whole::<NonZero<usize>>(1..=u64::MAX))]
+    #[arg(long, value_name = "N", requires = "emit", value_parser = positive)]
     limit: Option<NonZero<usize>>,
     /// Greatest wall time of a task: minutes, or HH:MM:SS
     #[arg(long, value_name = "TIME", value_parser = time_s, requires = "emit")]

@@ -10,7 +10,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
-pub use numbers::{of_key, whole};
+pub use numbers::{of_key, positive, whole};
 use recording::location::recording_at;
 use recording::recorder::bag_folder;
 use simulation::scenario::{MapKind, Override, keys};

@@ -137,27 +137,35 @@ impl Profile {
         let other = json!({ "omitted_spans": self.omitted, "least_span_us": SPAN_MIN.as_micros() });
         json!({ "traceEvents": events, "displayTimeUnit": "ms", "otherData": other })
     }
+}
 
-    /// Writes [`Profile::trace`] to a file of [`create_trace`], in place of that of a run before.
+/// Where the trace of a profile goes, for runs one after the other: a file, or nowhere.
+#[derive(Debug)]
+pub struct TraceFile(Option<File>);
+
+impl TraceFile {
+    /// Opens the file before the run, so that a name that cannot be written to costs no result; an
+    /// empty name is no file. A trace that is there stays until the next one is written.
+    ///
+    /// # Errors
+    /// If it cannot be created; the error names the flag and the file.
+    pub fn create(name: &Path) -> anyhow::Result<Self> {
+        let is_file = !name.as_os_str().is_empty();
+        let open = || OpenOptions::new().write(true).create(true).truncate(false).open(name);
+        let file = is_file.then(|| open().with_context(|| format!("--profile {}", name.display()))).transpose()?;
+        Ok(Self(file))
+    }
+
+    /// Writes [`Profile::trace`], in place of that of a run before.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn write_trace(&self, decisions: &[Decision], mut file: &File) -> io::Result<()> {
+    pub fn write(&self, profile: &Profile, decisions: &[Decision]) -> io::Result<()> {
+        let Some(mut file) = self.0.as_ref() else { return Ok(()) };
         file.set_len(0)?;
         file.rewind()?;
-        file.write_all((self.trace(decisions).to_string() + "\n").as_bytes())
+        file.write_all((profile.trace(decisions).to_string() + "\n").as_bytes())
     }
-}
-
-/// Creates the file of a trace before the run, so that a name that cannot be written to costs no
-/// result; an empty name is no file. A trace that is there stays until the next one is written.
-///
-/// # Errors
-/// If it cannot be created; the error names the flag and the file.
-pub fn create_trace(name: &Path) -> anyhow::Result<Option<File>> {
-    let is_file = !name.as_os_str().is_empty();
-    let open = || OpenOptions::new().write(true).create(true).truncate(false).open(name);
-    is_file.then(|| open().with_context(|| format!("--profile {}", name.display()))).transpose()
 }
 
 impl RunObserver for Profiled<'_> {

@@ -15,7 +15,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering;
 
 use crate::cli::{Cli, Command as CliCommand, RunArgs};
-use crate::profile::{Profile, Profiled, create_trace};
+use crate::profile::{Profile, Profiled, TraceFile};
 use crate::ros::RosTransport;
 use crate::session::{self, JoinPolicy, Mode, Outcome, RecordingSinks, RunConfig, RunError};
 use crate::terminal::{self, Terminal};
@@ -154,8 +154,8 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     };
     let recorded = resumed.as_ref().map(|resumed| resumed.file.as_path());
     let source = args.scenario.as_deref().or(recorded).unwrap_or(Path::new(""));
-    let trace = args.profile.as_deref().map(create_trace).transpose()?.flatten();
-    let (summary, is_profiled) = (args.summary.as_deref(), args.profile.is_some());
+    let trace = args.profile.as_deref().map(TraceFile::create).transpose()?;
+    let summary = args.summary.as_deref();
     let policy = join_policy(args)?;
     if let Some(agent) = policy.third_party.iter().find(|agent| agent.0 >= scenario.agents.count) {
         let last = scenario.agents.count - 1;
@@ -163,16 +163,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     let name = source.display().to_string();
     let map = args.keys.map.as_deref();
-    let job = Job {
-        name,
-        map,
-        scenario: &scenario,
-        resumed: resumed.as_ref(),
-        summary,
-        is_profiled,
-        trace: trace.as_ref(),
-        policy,
-    };
+    let job = Job { name, map, scenario: &scenario, resumed: resumed.as_ref(), summary, trace: trace.as_ref(), policy };
     // An error in the world is reported before anything is opened.
     let made = job.make()?;
     let (stop, guard) = stop_and_guard(scenario.agents.count)?;
@@ -273,10 +264,8 @@ struct Job<'a> {
     resumed: Option<&'a Resumed>,
     /// Where the summary of its result is written.
     summary: Option<&'a Path>,
-    /// Whether it is profiled.
-    is_profiled: bool,
-    /// The file of the trace of its profile.
-    trace: Option<&'a File>,
+    /// Where the trace of its profile goes; `None`: it is not profiled.
+    trace: Option<&'a TraceFile>,
     /// Which processes may join.
     policy: JoinPolicy,
 }
@@ -363,7 +352,7 @@ impl<'a> Job<'a> {
         }
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
         let config = config.map(|config| config.with_policy(self.policy.clone()));
-        let mut profile = self.is_profiled.then(Profile::default);
+        let mut profile = self.trace.map(|_| Profile::default());
         let mut ended = config.and_then(|config| {
             let mut observer = Profiled { inner: terminal, profile: profile.as_mut() };
             session::run(config, world, &mut *link, records, &mut observer, stop)
@@ -374,7 +363,7 @@ impl<'a> Job<'a> {
             ended = match self.records(&world, viewing) {
                 Ok(records) => {
                     let config = RunConfig::after_reset(scenario, start).with_policy(self.policy.clone());
-                    profile = self.is_profiled.then(Profile::default);
+                    profile = self.trace.map(|_| Profile::default());
                     let mut observer = Profiled { inner: terminal, profile: profile.as_mut() };
                     session::run(config, world, &mut *link, records, &mut observer, stop)
                 }
@@ -384,9 +373,9 @@ impl<'a> Job<'a> {
         ending();
         terminal.clear();
         let mut traced = Ok(());
-        if let Some(profile) = &profile {
+        if let (Some(profile), Some(trace)) = (&profile, self.trace) {
             terminal.say(&profile.table("", &[]));
-            traced = self.trace.map_or(Ok(()), |file| profile.write_trace(&[], file));
+            traced = trace.write(profile, &[]);
         }
         Ok(match ended {
             Ok(outcome) => {

@@ -12,7 +12,7 @@ use anyhow::Context;
 use in_memory::in_process::{self, AgentOptions, InProcessError, ThreadLayout};
 use recording::Recording;
 use sim_server::exit;
-use sim_server::profile::{Decision, Profile, Profiled, create_trace};
+use sim_server::profile::{Decision, Profile, Profiled, TraceFile};
 use sim_server::setup;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
@@ -47,8 +47,8 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         false => ThreadLayout::Team,
     };
     let decision_times = (args.decision_times || args.profile.is_some()).then(|| DecisionTimes::new(wall_clock::now));
-    let mut profile = args.profile.as_ref().map(|_| Profile::default());
-    let trace = args.profile.as_deref().map(create_trace).transpose()?.flatten();
+    let trace = args.profile.as_deref().map(TraceFile::create).transpose()?;
+    let mut profile = trace.as_ref().map(|_| Profile::default());
     let options = AgentOptions {
         threads,
         chaos_delay,
@@ -70,16 +70,14 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
         say(&summary(&times.sorted()));
     }
     let mut traced = Ok(());
-    if let (Some(profile), Some(times)) = (&profile, &decision_times) {
+    if let (Some(profile), Some(trace), Some(times)) = (&profile, &trace, &decision_times) {
         let decisions: Vec<Decision> = times
             .all()
             .into_iter()
             .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
             .collect();
         say(&profile.table(&scenario.agents.controllers_label(), &decisions));
-        if let Some(file) = &trace {
-            traced = profile.write_trace(&decisions, file).context("--profile");
-        }
+        traced = trace.write(profile, &decisions).context("--profile");
     }
     let outcome = finished
         .map_err(|error| match error {

@@ -1,6 +1,7 @@
 //! Parsers of flags with whole numbers: their errors say what is allowed, and not what the type of
 //! the number allows.
 
+use std::num::NonZero;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
@@ -28,4 +29,12 @@ pub fn whole<T: FromStr>(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<
             (low, high) => format!("expected a whole number from {low} to {high}"),
         })
     }
+}
+
+/// Parses a flag with a count of one or more.
+///
+/// # Errors
+/// What is expected.
+pub fn positive(text: &str) -> Result<NonZero<usize>, String> {
+    whole(1..=u64::MAX)(text)
 }

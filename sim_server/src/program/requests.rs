@@ -17,7 +17,7 @@ use system::program::AGENTS_OF_START;
 use super::{Job, failed, join_policy, open_viewing, say_ready, stop_and_guard, tell_address};
 use crate::cli::RunArgs;
 use crate::exit;
-use crate::profile::create_trace;
+use crate::profile::TraceFile;
 use crate::requested_run::{RequestedRun, RequestedRuns, RunFolders};
 use crate::terminal::Terminal;
 
@@ -69,8 +69,8 @@ pub(super) fn serve_requests(
     let maps = args.map_dir.clone().or_else(scenarios_folder);
     let mut requested = RequestedRuns::new(RunFolders { recordings: args.record_dir.clone(), maps });
     let policy = join_policy(args)?;
-    let trace = args.profile.as_deref().map(create_trace).transpose()?.flatten();
-    let (summary, is_profiled) = (args.summary.as_deref(), args.profile.is_some());
+    let trace = args.profile.as_deref().map(TraceFile::create).transpose()?;
+    let summary = args.summary.as_deref();
     // The recording of a run is not written again.
     let unrecorded = |scenario: &Scenario| {
         let mut scenario = scenario.clone();
@@ -106,7 +106,6 @@ pub(super) fn serve_requests(
             scenario: &scenario,
             resumed,
             summary,
-            is_profiled,
             trace: trace.as_ref(),
             policy: policy.clone(),
         };
