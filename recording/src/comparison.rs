@@ -343,7 +343,7 @@ impl MessageKind {
                 _ => None,
             };
         }
-        // Made once, for this is asked of each message of a file.
+        // Kept, because each message of a file is looked up.
         static OF_SIM: LazyLock<[(Topic, MessageKind); 7]> = LazyLock::new(|| {
             [
                 (topics::tf(), MessageKind::Transforms),

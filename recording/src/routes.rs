@@ -10,11 +10,10 @@ use msgs::geometry_msgs::{Transform, Vector3};
 use msgs::ids::{AgentId, Tick};
 use msgs::tf2_msgs::TFMessage;
 use msgs::topics;
+use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
+use simulation::wire::MAP_FRAME;
 
 use crate::Recording;
-
-/// The frame of the world.
-const MAP_FRAME: &str = "map";
 
 /// The frame of a body, behind the name of its agent.
 const BODY_FRAME: &str = "base_link";
@@ -65,14 +64,14 @@ fn positions(message: &TFMessage) -> Vec<(AgentId, [f64; 3])> {
         .map(|stamped| (stamped.child_frame_id.as_str(), (stamped.header.frame_id.as_str(), &stamped.transform)))
         .collect();
     let position = |body: &str| {
-        let (mut frame, mut position) = (body, [0.0; 3]);
+        let (mut frame, mut position) = (body, Point3::origin());
         for _ in 0..CHAIN_MAX {
             let (parent, transform) = parents.get(frame)?;
-            position = moved(transform, position);
+            position = moved(transform, &position);
             frame = parent;
             if frame == MAP_FRAME {
                 // A file that is no run of ours may hold any number.
-                return position.iter().all(|along| along.is_finite()).then_some(position);
+                return position.iter().all(|along| along.is_finite()).then(|| position.coords.into());
             }
         }
         None
@@ -86,17 +85,10 @@ fn positions(message: &TFMessage) -> Vec<(AgentId, [f64; 3])> {
 }
 
 /// A point of the child frame in the parent frame.
-fn moved(transform: &Transform, point: [f64; 3]) -> [f64; 3] {
+fn moved(transform: &Transform, point: &Point3<f64>) -> Point3<f64> {
     let Transform { translation: Vector3 { x, y, z }, rotation } = transform;
-    let axis = [rotation.x, rotation.y, rotation.z];
-    let once = cross(axis, point);
-    let twice = cross(axis, once);
-    let turned = |i: usize| point[i] + 2.0 * (rotation.w * once[i] + twice[i]);
-    [x + turned(0), y + turned(1), z + turned(2)]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    let turn = Quaternion::new(rotation.w, rotation.x, rotation.y, rotation.z);
+    Translation3::new(*x, *y, *z) * (UnitQuaternion::new_unchecked(turn) * point)
 }
 
 #[cfg(test)]
