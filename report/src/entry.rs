@@ -14,7 +14,7 @@ use experiments::store::Store;
 
 use super::causes::Cause;
 use super::figures::{self, Figure};
-use super::page::{STYLE, figure};
+use super::page::{figure, head};
 use super::study::{Study, StudyError};
 use super::svg::escape;
 use super::{ReportError, routes, write_file};
@@ -61,14 +61,7 @@ pub fn write(
     for world in worlds().filter(has_runs) {
         studies.push((world, Study::read(&folder.join(world))?));
     }
-    let title = escape(&format!("exploration-1: {}", entry.controller));
-    let mut text = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\"/>\n<title>{title}</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p class=\"meta\">{}</p>\n",
-        escape(&about(entry, results))
-    );
+    let mut text = head(&format!("exploration-1: {}", entry.controller), &about(entry, results), POLICY);
     if let Some(results) = results {
         text.push_str(&tracks(results));
     }

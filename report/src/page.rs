@@ -18,7 +18,7 @@ use super::verdicts::{self, Verdict, Verdicts};
 pub(super) use runs::RetainedRecordings;
 
 /// The style sheet. Neutral colours of the figures follow the background.
-pub(super) const STYLE: &str = include_str!("page/style.css");
+const STYLE: &str = include_str!("page/style.css");
 const SCRIPT: &str = include_str!("page/script.js");
 /// Nothing is loaded, not even from the page's own place.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
@@ -34,16 +34,22 @@ pub struct Heading {
     pub date: Option<String>,
 }
 
-pub(super) fn html(study: &Study, contents: &Contents, heading: &Heading, kept: &RetainedRecordings) -> String {
-    let title = heading.title.clone().or_else(|| study.design.title.clone()).unwrap_or_else(|| default_title(study));
-    let shown = escape(&title);
-    let mut text = format!(
+/// A page up to its heading and the line below it, which are escaped here; `policy` is its content
+/// security policy.
+pub(super) fn head(title: &str, line: &str, policy: &str) -> String {
+    let title = escape(title);
+    format!(
         "<!DOCTYPE html>\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\"/>\n<title>{shown}</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{shown}</h1>\n<p class=\"meta\">{}</p>\n",
-        escape(&meta(study, heading))
-    );
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\"/>\n<title>{title}</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p class=\"meta\">{}</p>\n",
+        escape(line)
+    )
+}
+
+pub(super) fn html(study: &Study, contents: &Contents, heading: &Heading, kept: &RetainedRecordings) -> String {
+    let title = heading.title.clone().or_else(|| study.design.title.clone()).unwrap_or_else(|| default_title(study));
+    let mut text = head(&title, &meta(study, heading), POLICY);
     text.push_str(&warnings(study));
     text.push_str(&table_of_contents(study, contents));
     text.push_str(&verdict_list(study, &contents.verdicts));
