@@ -177,23 +177,23 @@ impl Blockages {
         };
         let radius_m = ctx.body().radius_m;
         let contact = observation.contacts.iter().find(|contact| Some(contact.agent) == before.agent);
-        let moved_m = contact.map(|contact| (contact.position - before.at).norm());
         let wake = match until {
             Until::Left(_) => under_way(),
             Until::Rested(until) => {
                 let has_changed = ctx.map().free() + ctx.map().wall() != self.known_cells;
-                let is_blocked = before.agent.is_none() || moved_m.is_some_and(|moved_m| moved_m < radius_m);
+                let is_there = |contact: &Contact| (contact.position - before.at).norm() < radius_m;
+                let is_blocked = before.agent.is_none() || contact.is_some_and(is_there);
                 if now >= until || has_changed || !is_blocked {
                     return None;
                 }
                 before.looks_again(until, now)
             }
             Until::Away(until) => {
+                let bodies = &ctx.run_info().bodies;
                 let has_passed = contact.is_none_or(|contact| {
-                    let touch_m = radius_m + ctx.run_info().bodies.of(contact.agent).radius_m;
-                    moved_m.is_some_and(|moved_m| moved_m > 2.0 * touch_m)
-                        && !is_near(contact, &ctx.position(), radius_m, &ctx.run_info().bodies)
-                        && (contact.position - before.at).norm() > NEAR * touch_m
+                    let far_m = NEAR * (radius_m + bodies.of(contact.agent).radius_m);
+                    (contact.position - before.at).norm() > far_m
+                        && !is_near(contact, &ctx.position(), radius_m, bodies)
                 });
                 if now >= until || has_passed {
                     return None;

@@ -18,7 +18,7 @@ impl Controller for Resting {
     }
 }
 
-/// Goes on to the right for ever.
+/// Moves to the right without an end.
 struct Leaving;
 
 impl Controller for Leaving {
