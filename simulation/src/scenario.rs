@@ -45,7 +45,7 @@ pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use lidar::{GridKeys, LidarPattern, LidarSchedule, LidarSection};
 pub use localisation::LocalisationSection;
 pub use mix::{ControllerChoice, MixEntry};
-pub use obstacles::{ObstacleEntry, ObstacleKind, ObstacleRepeat};
+pub use obstacles::{ObstacleEntry, ObstacleKind};
 pub use origin::Origins;
 pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
 pub use sections::*;

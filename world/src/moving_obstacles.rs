@@ -2,8 +2,8 @@
 //!
 //! An obstacle stands at the first point of its path until its time, and then moves at one speed
 //! from point to point. It gives way: where its next step would bring it into contact with a body,
-//! or into a wall that an event has made, it waits, and after [`WAIT_TICKS`] turns back, unless it
-//! goes its path once. Obstacles pass through each other.
+//! or into a wall that an event has made, it waits, and after 2 s turns back, unless it goes its
+//! path once. Obstacles pass through each other.
 //!
 //! Obstacles move in the order of their numbers, before the bodies. A body collides with them as
 //! with other bodies, which its agent cannot tell apart. The rays of every LiDAR end at them, as
@@ -13,6 +13,7 @@
 
 use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 use voxels::{Grid, Terrain};
 
 use super::World;
@@ -38,9 +39,11 @@ pub struct ObstacleModel {
 }
 
 /// What an obstacle does at the end of its path.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Repeat {
     /// It goes back along the path, and so on.
+    #[default]
     ToAndFro,
     /// It goes straight to the first point, and so on.
     Loop,

@@ -38,7 +38,7 @@ pub struct ObstacleEntry {
     pub speed_m_s: f64,
     /// What follows the last point.
     #[serde(default)]
-    pub repeat: ObstacleRepeat,
+    pub repeat: Repeat,
     /// Sim time at which it begins to move, s.
     #[serde(default)]
     pub start_s: f64,
@@ -52,19 +52,6 @@ pub enum ObstacleKind {
     Sphere,
     /// A box along the axes of the map.
     Box,
-}
-
-/// What follows the last point of a path.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ObstacleRepeat {
-    /// The way back, and so on.
-    #[default]
-    ToAndFro,
-    /// The first point, and so on.
-    Loop,
-    /// Nothing.
-    Once,
 }
 
 impl ObstacleEntry {
@@ -81,11 +68,7 @@ impl ObstacleEntry {
             shape: self.shape()?,
             path: self.path.iter().copied().map(Point3::from).collect(),
             speed_m_s: self.speed_m_s,
-            repeat: match self.repeat {
-                ObstacleRepeat::ToAndFro => Repeat::ToAndFro,
-                ObstacleRepeat::Loop => Repeat::Loop,
-                ObstacleRepeat::Once => Repeat::Once,
-            },
+            repeat: self.repeat,
             start: Tick(libm::ceil(self.start_s / Tick::TICK_S - 1e-6) as u64),
         })
     }
@@ -133,7 +116,7 @@ impl Scenario {
             let is_finite = point.iter().all(|along| along.is_finite());
             checker.require(&of("path"), format!("{point:?}"), is_finite, "expected finite numbers")?;
         }
-        let closing = (*repeat == ObstacleRepeat::Loop).then_some(&path[0]);
+        let closing = (*repeat == Repeat::Loop).then_some(&path[0]);
         for (from, to) in path.iter().zip(path.iter().skip(1).chain(closing)) {
             let is_apart = (Point3::from(*from) - Point3::from(*to)).norm() >= APART_M;
             let allowed = format!("expected points at least {APART_M} m apart, from each to the next");

@@ -123,14 +123,7 @@ impl Solid {
             Shape::Box { .. } => true,
             Shape::Sphere { radius_m } => super::is_touched(extent, cell, &self.centre, radius_m),
         };
-        (low.z..=high.z).any(|z| {
-            (low.y..=high.y).any(|y| {
-                (low.x..=high.x).any(|x| {
-                    let cell = Cell::new(x, y, z);
-                    is_meant(cell) && is_reached(cell)
-                })
-            })
-        })
+        is_any_between(low, high, |cell| is_meant(cell) && is_reached(cell))
     }
 
     /// Whether it reaches into a wall, or out of the map.
@@ -181,15 +174,13 @@ impl Solid {
             let crossing = Crossing::of(&(corner + cell_half), &reach, &self.centre, step);
             crossing.is_some_and(|crossing| crossing.enters <= 1.0 && crossing.leaves >= 0.0)
         };
-        (low.z..=high.z).any(|z| {
-            (low.y..=high.y).any(|y| {
-                (low.x..=high.x).any(|x| {
-                    let cell = Cell::new(x, y, z);
-                    terrain.get(cell) != Some(&Terrain::Free) && is_met(cell)
-                })
-            })
-        })
+        is_any_between(low, high, |cell| terrain.get(cell) != Some(&Terrain::Free) && is_met(cell))
     }
+}
+
+/// Whether one of the cells of a box, both corners included, is meant.
+fn is_any_between(low: Cell, high: Cell, is_meant: impl Fn(Cell) -> bool) -> bool {
+    (low.z..=high.z).any(|z| (low.y..=high.y).any(|y| (low.x..=high.x).any(|x| is_meant(Cell::new(x, y, z)))))
 }
 
 #[cfg(test)]
