@@ -6,7 +6,7 @@
 # GLL that follow carry the time of it. NMEA 0183's status V in RMC means that the data are not
 # valid.
 # Seen: GGA and GLL are given the date of the computer, so between two sentences of one second the
-# clock goes on by decades and back. After RMC with status V `state.lat` and `state.speed` are those
+# clock jumps by decades and back. After RMC with status V `state.lat` and `state.speed` are those
 # of the void sentence, and the state has no field that says so.
 # So: for a replayed log take the times of RMC and ZDA only, or carry the date over by hand; look at
 # `data.status` before using the state.

@@ -6,7 +6,7 @@
 # `nearest(point, 4)` lists the nearest first, as k-d trees do elsewhere.
 # Seen: points with an equal coordinate may lie on either side of their parent, `remove` looks on
 # one side only: it leaves 32 of 100 grid points where they were, without an error, and the search
-# goes on finding them; after a removal of all 100, 31 are left. 100 points without equal
+# still finds them; after a removal of all 100, 31 are left. 100 points without equal
 # coordinates are all removed. The four neighbours of (4.1, 4.2) begin with the farthest.
 # So: rebuild the tree instead of removing viewpoints or cells of a grid; sort what `nearest`
 # returns by the second entry.

@@ -2,8 +2,8 @@
 //!
 //! All metrics derive from recorded messages: the progress, every ten seconds of sim time, the
 //! stages of the agents, and the result. The row of a run is therefore the same with every
-//! transport. Wall times are not; the split of the redundancy needs the maps of the agents, and
-//! the surface that of the world, which only runs in this process show.
+//! transport. Wall times are not, and the split of the redundancy needs the maps of the agents,
+//! which only runs in this process show.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -33,7 +33,8 @@ pub struct Trace<'a> {
     /// Cells that agents saw with their own sensors and had on their maps before, summed over the
     /// agents; `None` if their maps are not known.
     pub seen_again: Option<u64>,
-    /// Area of the walls around what the team has seen, m^2; `None` if it is not known.
+    /// Area of the walls around what the team has seen, m^2; `None` if a server of an earlier build
+    /// does not say.
     pub explored_m2: Option<f64>,
     pub wall: WallRow,
 }

@@ -82,8 +82,8 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     Ok(all.len())
 }
 
-/// Whether two records are equal except for wall time, and for the oracle, the surface and the
-/// parts of the redundancy, which one of them may lack.
+/// Whether two records are equal except for wall time, and for the oracle and the parts of the
+/// redundancy, which one of them may lack.
 #[must_use]
 pub fn is_same_run(one: &RunRecord, other: &RunRecord) -> bool {
     let mut like = other.clone();
@@ -92,9 +92,6 @@ pub fn is_same_run(one: &RunRecord, other: &RunRecord) -> bool {
     if one.row.redundancy_known.is_none() || other.row.redundancy_known.is_none() {
         like.row.redundancy_known = one.row.redundancy_known;
         like.row.redundancy_unknown = one.row.redundancy_unknown;
-    }
-    if one.row.explored_m2.is_none() || other.row.explored_m2.is_none() {
-        like.row.explored_m2 = one.row.explored_m2;
     }
     *one == like
 }
