@@ -330,16 +330,17 @@ fn plans_of_cameras_are_upright() {
         [&jpeg[..2], &[0xff, 0xe1], &length, &segment, &jpeg[2..]].concat()
     };
     let read = |bytes: Vec<u8>| ImportSpec::new("plan.jpg", bytes).read().unwrap();
+    // The white half is open at its sides, so that a layer surrounds the map.
     let stored = read(jpeg.clone());
-    assert_eq!(stored.terrain.extent().size(), [32, 16, 7]);
+    assert_eq!(stored.terrain.extent().size(), [34, 18, 9]);
     assert!(stored.notes.iter().all(|note| note.name != "turned"));
     let upright = read(exif(6));
-    assert_eq!(upright.terrain.extent().size(), [16, 32, 7]);
+    assert_eq!(upright.terrain.extent().size(), [18, 34, 9]);
     assert!(upright.notes.iter().any(|note| note.name == "turned"));
-    let at = |y| upright.terrain.get(voxels::Cell { x: 8, y, z: 3 }).copied();
-    assert_eq!([at(28), at(4)], [Some(Terrain::Free), Some(Terrain::Wall)]);
+    let at = |y| upright.terrain.get(voxels::Cell { x: 9, y, z: 4 }).copied();
+    assert_eq!([at(29), at(5)], [Some(Terrain::Free), Some(Terrain::Wall)]);
     let keys = "image: m\nresolution: 1\norigin: [0, 0, 0]\n";
-    assert_eq!(yaml(keys, &exif(6)).read().unwrap().terrain.extent().size(), [32, 16, 7]);
+    assert_eq!(yaml(keys, &exif(6)).read().unwrap().terrain.extent().size(), [34, 18, 7]);
 }
 
 #[test]
