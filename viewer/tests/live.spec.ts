@@ -103,7 +103,9 @@ test("the map is changed from the page", async ({ page, servers }) => {
   }
   // Bodies are in the way of walls, and of nothing else.
   await page.getByTestId("edit-wall").click();
-  await expect(page.getByTestId("banner-control")).toContainText("a body, a relay or an obstacle is in the box");
+  await expect(page.getByTestId("banner-control")).toContainText(
+    "a body, a relay or an obstacle is in the box",
+  );
   await page.getByTestId("edit-free").click();
   await expect(page.getByTestId("edit-outcome")).toHaveText(/^\d+ cells have become free\.$/);
   await page.getByTestId("sim-step-10").click();
