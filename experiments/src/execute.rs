@@ -273,7 +273,7 @@ fn batch(
     (summary, failed): (&mut Summary, &mut Vec<String>),
     (observer, stop): (&mut dyn PlanObserver, &Stop),
 ) -> Result<(), ExecuteError> {
-    let recordings = store.folder().join("recordings");
+    let recordings = store.folder().join(store::RECORDINGS);
     if is_recorded && !todo.is_empty() {
         let failed = |source| StoreError::File { file: recordings.display().to_string(), source };
         std::fs::create_dir_all(&recordings).map_err(failed)?;
@@ -285,12 +285,8 @@ fn batch(
                 Some(known) if is_same_run(&known, &store::as_stored(&record)?) => summary.recorded += 1,
                 Some(_) => return Err(ExecuteError::OtherOutcome { id: run.id.clone() }),
                 None => {
-                    let mut scenario = run.scenario.clone();
+                    let mut scenario = plan.inputs.as_copied(run.scenario.clone());
                     scenario.execution.record = None;
-                    // From the folder of the results, where the copies of the files are.
-                    if let Some(map) = scenario.map.file.take() {
-                        scenario.map.file = Some(plan.inputs.copies().join(map));
-                    }
                     store.save_scenario(&run.id, &scenario.to_toml())?;
                     let stored = StoredRun::new(record, made(run));
                     store.save_run(&stored)?;

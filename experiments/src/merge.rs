@@ -1,9 +1,12 @@
-//! The merge of folders of one plan that several machines have executed in part.
+//! The merge of folders of one plan that several machines have executed in part: records and
+//! scenarios of their runs, the recordings that were kept, and the files that the plan reads.
 
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use thiserror::Error;
 
+use crate::plan::{FOLDER, copy};
 use crate::rows::{RunRecord, StoredRun};
 use crate::store::{PLAN, Store, StoreError};
 
@@ -35,6 +38,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     let mut failures = Vec::new();
     // Nothing is written before all folders have been read.
     let mut scenarios = Vec::new();
+    let mut recordings = Vec::new();
     let has_plan = out.join(PLAN).exists();
     let before = has_plan.then_some(out);
     for folder in before.into_iter().chain(folders.iter().map(PathBuf::as_path)) {
@@ -60,6 +64,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
                     if let Some(scenario) = store.scenario(&run.row.id)? {
                         scenarios.push((run.row.id.clone(), scenario));
                     }
+                    recordings.push((run.row.id.clone(), store.recording_file(&run.row.id)));
                     all.insert(run.row.id.clone(), run);
                 }
             }
@@ -69,8 +74,12 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     for (id, scenario) in &scenarios {
         joined.save_scenario(id, scenario)?;
     }
-    if let Some((_, text)) = plan {
+    if let Some((folder, text)) = plan {
+        copy_folder(&folder.join(FOLDER), &out.join(FOLDER))?;
         joined.write(PLAN, text.as_bytes())?;
+    }
+    for (id, recording) in recordings.iter().filter(|(_, recording)| recording.is_file()) {
+        copy(recording, &joined.recording_file(id)).map_err(unreadable(recording))?;
     }
     for run in all.values() {
         joined.save_run(run)?;
@@ -80,6 +89,29 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     }
     joined.write_tables()?;
     Ok(all.len())
+}
+
+/// Copies a folder with all that is in it; nothing, if there is none.
+fn copy_folder(from: &Path, to: &Path) -> Result<(), StoreError> {
+    if !from.is_dir() {
+        return Ok(());
+    }
+    fs::create_dir_all(to).map_err(unreadable(to))?;
+    for entry in fs::read_dir(from).map_err(unreadable(from))? {
+        let entry = entry.map_err(unreadable(from))?;
+        let (inner, target) = (entry.path(), to.join(entry.file_name()));
+        if entry.file_type().map_err(unreadable(&inner))?.is_dir() {
+            copy_folder(&inner, &target)?;
+        } else {
+            copy(&inner, &target).map_err(unreadable(&inner))?;
+        }
+    }
+    Ok(())
+}
+
+fn unreadable(file: &Path) -> impl FnOnce(io::Error) -> StoreError {
+    let file = file.display().to_string();
+    |source| StoreError::File { file, source }
 }
 
 /// Whether two records are equal except for wall time, and for the oracle and the parts of the

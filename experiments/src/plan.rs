@@ -32,6 +32,7 @@ use read::Fork;
 
 pub use comparison::{ALPHA, CONTROLLER, Measure, compared_by_default, value};
 pub use files::Inputs;
+pub(crate) use files::{FOLDER, copy};
 pub use read::SEEDS_EXPECTED;
 
 /// Maximum number of runs of a plan.

@@ -20,6 +20,12 @@ use crate::tables::{self, Table};
 /// File name of the copy of the plan.
 pub const PLAN: &str = "plan.toml";
 
+/// Subfolder of the records and scenarios of the runs.
+pub const RUNS: &str = "runs";
+
+/// Subfolder of the recordings that are kept.
+pub const RECORDINGS: &str = "recordings";
+
 #[derive(Debug, Error)]
 pub enum StoreError {
     #[error("{file}: {source}")]
@@ -52,7 +58,7 @@ impl Store {
     /// # Errors
     /// If it cannot be created.
     pub fn create(folder: &Path) -> Result<Self, StoreError> {
-        let runs = folder.join("runs");
+        let runs = folder.join(RUNS);
         std::fs::create_dir_all(&runs).map_err(file_error(&runs))?;
         Ok(Self { folder: folder.to_owned() })
     }
@@ -62,7 +68,7 @@ impl Store {
     /// # Errors
     /// If it does not exist, or is not the folder of a plan.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
-        let runs = folder.join("runs");
+        let runs = folder.join(RUNS);
         match std::fs::read_dir(&runs) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 Err(StoreError::NoPlan { folder: name(folder) })
@@ -96,7 +102,7 @@ impl Store {
     /// # Errors
     /// If the folder cannot be read.
     pub fn done(&self) -> Result<BTreeSet<String>, StoreError> {
-        let runs = self.folder.join("runs");
+        let runs = self.folder.join(RUNS);
         let mut done = BTreeSet::new();
         for entry in std::fs::read_dir(&runs).map_err(file_error(&runs))? {
             let name = entry.map_err(file_error(&runs))?.file_name();
@@ -215,7 +221,7 @@ impl Store {
     /// The recording of a run, if it was kept.
     #[must_use]
     pub fn recording_file(&self, id: &str) -> PathBuf {
-        self.folder.join("recordings").join(format!("{id}.mcap"))
+        self.folder.join(RECORDINGS).join(format!("{id}.mcap"))
     }
 
     /// All records, ordered by controller, map size, team size, axes and seed.
@@ -326,7 +332,7 @@ impl Store {
     }
 
     fn run_file(&self, id: &str) -> PathBuf {
-        self.folder.join("runs").join(format!("{id}.json"))
+        self.folder.join(RUNS).join(format!("{id}.json"))
     }
 
     fn failure_file(&self, id: &str) -> PathBuf {
@@ -334,7 +340,7 @@ impl Store {
     }
 
     fn scenario_file(&self, id: &str) -> PathBuf {
-        self.folder.join("runs").join(format!("{id}.toml"))
+        self.folder.join(RUNS).join(format!("{id}.toml"))
     }
 }
 

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use experiments::benchmark::{Entry, ResultFile, worlds};
 use experiments::rows::RunRecord;
-use experiments::store::Store;
+use experiments::store::{self, Store};
 
 use super::causes::Cause;
 use super::figures::{self, Figure};
@@ -56,7 +56,7 @@ pub fn write(
     results: Option<&ResultFile>,
     viewer: Option<&str>,
 ) -> Result<PathBuf, ReportError> {
-    let has_runs = |world: &&str| folder.join(world).join("runs").is_dir();
+    let has_runs = |world: &&str| folder.join(world).join(store::RUNS).is_dir();
     let mut studies = Vec::new();
     for world in worlds().filter(has_runs) {
         studies.push((world, Study::read(&folder.join(world))?));

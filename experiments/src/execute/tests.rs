@@ -195,6 +195,51 @@ fn runs_have_a_scenario_a_map_and_a_date() {
     }
 }
 
+/// The folder that is published: what its report prints works there, wherever it is.
+#[test]
+fn a_merged_folder_has_all_that_its_runs_need() {
+    let site = tempfile::tempdir().unwrap();
+    let (wall, row) = ("#######\n", "#.....#\n");
+    let [solid, hall] = [wall.repeat(7), format!("{wall}{}{wall}", row.repeat(5))];
+    let map = [&solid, &hall, &hall, &hall, &solid].map(String::as_str).join("\n");
+    for name in ["maps", "plans"] {
+        std::fs::create_dir(site.path().join(name)).unwrap();
+    }
+    std::fs::write(site.path().join("maps/a.txt"), &map).unwrap();
+    let text = "seeds = \"1..2\"\n[scenario]\nduration_s = 1.0\nmap = { kind = \"file\", file = \"../maps/a.txt\" }\n\
+                agents = { count = 1 }\n";
+    let plan = Plan::parse("p.toml", text, &site.path().join("plans")).unwrap();
+    let parts = ["p0", "p1"].map(|name| site.path().join(name));
+    for (number, folder) in parts.iter().enumerate() {
+        let part = Part { index: number, parts: NonZero::new(2).unwrap() };
+        let summary = execute(&plan, folder.clone(), &options(part), &mut (), &Stop::default()).unwrap();
+        assert_eq!((summary.done, summary.failed), (1, 0));
+    }
+    let kept = Store::open(&parts[1]).unwrap().done().unwrap().pop_first().unwrap();
+    let recording = Store::open(&parts[1]).unwrap().recording_file(&kept);
+    std::fs::create_dir_all(recording.parent().unwrap()).unwrap();
+    std::fs::write(&recording, "a recording").unwrap();
+    let all = site.path().join("all");
+    merge(&parts, &all).unwrap();
+    let moved = site.path().join("elsewhere/all");
+    std::fs::create_dir(site.path().join("elsewhere")).unwrap();
+    std::fs::rename(&all, &moved).unwrap();
+    for gone in ["maps", "plans", "p0", "p1"] {
+        std::fs::remove_dir_all(site.path().join(gone)).unwrap();
+    }
+
+    let text = std::fs::read_to_string(moved.join(PLAN)).unwrap();
+    assert_eq!(Plan::parse(PLAN, &text, &moved).unwrap().runs.len(), 2);
+    let store = Store::open(&moved).unwrap();
+    for id in store.done().unwrap() {
+        let text = store.scenario(&id).unwrap().unwrap();
+        let scenario = simulation::scenario::Scenario::parse("run.toml", &text, &[]).unwrap();
+        let file = moved.join(store::RUNS).join(scenario.map.file.unwrap());
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), map, "{}", file.display());
+    }
+    assert_eq!(std::fs::read_to_string(store.recording_file(&kept)).unwrap(), "a recording");
+}
+
 #[test]
 fn dates_are_of_the_gregorian_calendar() {
     for (days, expected) in

@@ -18,7 +18,7 @@ use sim_server::map_file;
 use simulation::scenario::{MapKind, Scenario};
 
 /// Where the copies are, in the folder of the results.
-const FOLDER: &str = "files";
+pub(crate) const FOLDER: &str = "files";
 
 /// A level below it, for a path that begins with `..`.
 const LEVEL: &str = "/d";
@@ -154,10 +154,21 @@ impl Inputs {
         format!("folder = {:?} # what the relative paths below start from\n", self.copies)
     }
 
-    /// What the relative paths of the copies start from, relative to the folder of the results.
+    /// The scenario of a run as it stands in [`RUNS`](crate::store::RUNS): its map and what the map
+    /// is imported with are looked up from there, and the files of its command from the folder of
+    /// the results, in which the commands of its report are executed.
     #[must_use]
-    pub fn copies(&self) -> &Path {
-        Path::new(&self.copies)
+    pub fn as_copied(&self, mut scenario: Scenario) -> Scenario {
+        let copies = Path::new(&self.copies);
+        let from_runs = Path::new("..").join(copies);
+        scenario.map.file = scenario.map.file.map(|file| from_runs.join(file));
+        scenario.map.import = scenario.map.import.from_folder(&from_runs);
+        for word in &mut scenario.agents.command {
+            if self.relative.contains(Path::new(word.as_str())) {
+                *word = copies.join(&*word).display().to_string();
+            }
+        }
+        scenario
     }
 
     /// Copies the files with relative paths into the folder of the results. A copy that is there is
@@ -189,7 +200,8 @@ fn levels_above(path: &Path) -> usize {
     lowest.unsigned_abs()
 }
 
-fn copy(from: &Path, to: &Path) -> io::Result<()> {
+/// Copies a file, unless it is there already.
+pub(crate) fn copy(from: &Path, to: &Path) -> io::Result<()> {
     let folder = to.parent().unwrap_or(Path::new("."));
     // The system follows `a/..` only if there is an `a`.
     fs::create_dir_all(folder)?;
