@@ -461,6 +461,10 @@ impl World {
     fn move_bodies(&mut self) {
         for index in 0..self.agents.len() {
             let state = &mut self.agents[index];
+            // Where no body is, none falls when its floor goes.
+            if !state.presence.is_in_world() {
+                continue;
+            }
             let obstacles = Obstacles::new(&self.terrain, &self.spheres, index).and(self.moving_obstacles.solids());
             let moved = state.body.advance(&obstacles, Tick::TICK_S);
             state.distance_m += moved.distance_m;

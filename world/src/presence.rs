@@ -65,24 +65,11 @@ impl World {
         state.presence == Presence::Active && state.has_radio
     }
 
-    /// Lets an absent agent join at its start pose, at rest; returns false if there is no room.
+    /// Lets an absent agent join at its start pose, at rest, a ground body on the floor that is
+    /// below it by now; returns false if there is no room.
     pub fn join(&mut self, agent: AgentId) -> bool {
-        let position = self.body(agent).pose().position;
-        if self.room(agent, &position) != Ok(position) {
-            return false;
-        }
-        let is_on_request = matches!(self.params.schedule, ScanSchedule::OnRequest { .. });
-        let tick = self.tick;
-        let state = &mut self.agents[agent.index()];
-        state.presence = Presence::Active;
-        state.next_scan = is_on_request.then_some(tick);
-        self.spheres[agent.index()] = state.sphere();
-        let cell = index_of(&self.terrain, state.cell);
-        self.coverage.cover(agent, cell);
-        self.contacts = None;
-        self.localise_anew(agent);
-        self.put(agent);
-        true
+        let pose = *self.body(agent).pose();
+        self.join_at(agent, pose).is_ok()
     }
 
     /// Lets an absent agent join at another pose than its start pose, at rest.
@@ -92,10 +79,19 @@ impl World {
     pub fn join_at(&mut self, agent: AgentId, pose: Pose) -> Result<(), &'static str> {
         let pose = Pose { position: self.room(agent, &pose.position)?, ..pose };
         let cell = self.terrain.extent().cell_of(&pose.position);
+        let is_on_request = matches!(self.params.schedule, ScanSchedule::OnRequest { .. });
+        let tick = self.tick;
         let state = &mut self.agents[agent.index()];
         state.body = Body::at_rest(*state.body.model(), pose);
         state.cell = cell;
-        self.join(agent);
+        state.presence = Presence::Active;
+        state.next_scan = is_on_request.then_some(tick);
+        self.spheres[agent.index()] = state.sphere();
+        let cell = index_of(&self.terrain, state.cell);
+        self.coverage.cover(agent, cell);
+        self.contacts = None;
+        self.localise_anew(agent);
+        self.put(agent);
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use voxels::Extent;
 
 use super::body::Motion;
 use protocol::agent_message::{AgentMessage, Peer};
-use protocol::body_model::BodyModel;
+use protocol::body_model::{BodyKind, BodyModel};
 use protocol::observation::RequestKind;
 use protocol::wake_condition::WakeCondition;
 

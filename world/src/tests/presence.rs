@@ -49,6 +49,31 @@ fn late_agents_may_join_elsewhere() {
     assert_eq!(world.in_contact_with(A), vec![B]);
 }
 
+/// The floor below the place of an agent goes while it is not there.
+#[test]
+fn bodies_that_are_not_there_do_not_fall() {
+    let workers = workers(1);
+    let mut terrain = hall([6, 3, 5]);
+    let floor = Cell { x: 4, y: 2, z: 2 };
+    let index = terrain.extent().index(floor).unwrap();
+    terrain[index] = Terrain::Wall;
+    let ground = BodyModel { radius_m: 0.3, ..BodyModel::of(BodyKind::Ground) };
+    let params = WorldParams { late: [B].into(), body: ground, ..params() };
+    let mut world = World::new(terrain, params, &[at(1.5, 1.5, 1.5), at(4.5, 2.5, 3.5)]);
+    let start = world.body(B).pose().position;
+    world.sense(&workers);
+    world.flush_scans();
+    assert_eq!(world.change_map(map_change::CellBox { low: floor, high: floor }, Terrain::Free), 1);
+    for _ in 0..100 {
+        world.step(BTreeMap::new());
+    }
+    assert_eq!((world.body(B).pose().position, world.distance_m()[1]), (start, 0.0));
+    assert!(world.join(B), "it stands on the floor that is there now");
+    let joined = world.body(B).pose().position;
+    assert_eq!((joined.x, joined.y), (start.x, start.y));
+    assert!(joined.z < start.z - 1.0, "{joined}");
+}
+
 #[test]
 fn broken_bodies_are_silent_obstacles_and_those_that_left_are_none() {
     let workers = workers(1);
