@@ -37,6 +37,9 @@ impl BuiltInControllers {
 
 impl ControllerFactory for BuiltInControllers {
     fn agent(&self, announced: &Scenario, agent: AgentId, runs: &str) -> Result<Box<dyn AgentReplica>, String> {
+        if self.agents.as_ref().is_some_and(|agents| agents.cmd_vel.contains(&agent.0)) {
+            return Err("teleoperated (agents.cmd_vel): no controller has decided".to_owned());
+        }
         // Whatever the program calls its controller, even if it is the name of one of ours.
         if let Some(agents) = self.agents.as_ref().filter(|agents| agents.is_commanded(agent.0)) {
             return Err(format!(
