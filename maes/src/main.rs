@@ -238,7 +238,7 @@ fn exit_code(error: &anyhow::Error) -> ExitCode {
         Some(InProcessError::Record(error)) => exit::of_record_error(error),
         #[cfg(unix)]
         Some(InProcessError::OwnProgram(_)) => ExitCode::from(exit::FAILED),
-        _ if plans::is_failure(error) => ExitCode::from(exit::FAILED),
+        _ if plans::is_failure(error) || error.is::<new::NotWritten>() => ExitCode::from(exit::FAILED),
         _ => ExitCode::from(exit::BAD_INPUT),
     }
 }

@@ -6,8 +6,9 @@ use std::io;
 use std::path::{Path, PathBuf, absolute};
 use std::process::ExitCode;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{bail, ensure};
 use clap::Args;
+use thiserror::Error;
 
 use agent_node::controllers;
 
@@ -119,6 +120,14 @@ pub(crate) struct NewArgs {
     sources: Option<PathBuf>,
 }
 
+/// The folder cannot be made, as on a full disk.
+#[derive(Debug, Error)]
+#[error("{name}: {source}")]
+pub(crate) struct NotWritten {
+    name: String,
+    source: io::Error,
+}
+
 /// Makes the folder, and prints the commands that come next.
 pub(crate) fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     let name = &args.name;
@@ -139,14 +148,17 @@ pub(crate) fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
             bail!("{name}: exists already; choose another name")
         }
-        created => created.with_context(|| name.clone())?,
+        created => created.map_err(|source| NotWritten { name: name.clone(), source })?,
     }
-    for (file, content) in files {
+    let written = files.into_iter().try_for_each(|(file, content)| {
         let path = folder.join(file);
-        path.parent()
-            .map_or(Ok(()), fs::create_dir_all)
-            .and_then(|()| fs::write(&path, content))
-            .context(name.clone())?;
+        path.parent().map_or(Ok(()), fs::create_dir_all)?;
+        fs::write(&path, content)
+    });
+    if let Err(source) = written {
+        // A part of a controller is in the way of the next try. If it stays, the error tells why.
+        drop(fs::remove_dir_all(folder));
+        return Err(NotWritten { name: name.clone(), source }.into());
     }
     print(&if args.python {
         format!(

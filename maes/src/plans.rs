@@ -436,12 +436,18 @@ pub(crate) fn record_runs(
     Ok(())
 }
 
+/// How many verdicts a terminal gets: those of seven variants on one panel.
+const VERDICTS_MAX: usize = 21;
+
 fn write_report(folder: &Path, heading: &Heading) -> anyhow::Result<()> {
     let ReportSummary { page, runs, lacking, warnings, verdicts } = report::write_with(folder, heading)?;
     Store::open(folder)?.write_tables()?;
     let lacking = if lacking > 0 { format!(", {lacking} lacking for a whole comparison") } else { String::new() };
     print(&format!("{runs} runs{lacking}"));
-    verdicts.iter().for_each(|verdict| print(verdict));
+    verdicts.iter().take(VERDICTS_MAX).for_each(|verdict| print(verdict));
+    if let Some(more) = verdicts.len().checked_sub(VERDICTS_MAX).filter(|&more| more > 0) {
+        print(&format!("{more} more comparisons are in the report"));
+    }
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print(&format!("{}", page.display()));
     Ok(())

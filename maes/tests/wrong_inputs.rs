@@ -150,3 +150,17 @@ fn reader_that_has_enough_is_no_failure() {
         Command::new("bash").args(["-c", &format!("set -o pipefail; {script}")]).output().expect("bash starts");
     assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
 }
+
+#[test]
+fn a_controller_that_cannot_be_written_leaves_nothing() {
+    let site = site();
+    let limited = "trap '' XFSZ; ulimit -f 0; exec \"$@\"";
+    let mut command = Command::new("bash");
+    command
+        .args(["-c", limited, "bash", env!("CARGO_BIN_EXE_maes"), "new", "own", "--python"])
+        .current_dir(site.path());
+    let refused = command.output().unwrap();
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!((refused.status.code(), words.starts_with("error: own: ")), (Some(1), true), "{words}");
+    assert!(!site.path().join("own").exists());
+}
