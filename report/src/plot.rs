@@ -5,7 +5,7 @@
 //! depend on runs.
 
 use super::marks::{Mark, SAMPLE, draw_mark};
-use super::svg::{Anchor, Area, BOLD, GRID, INK, Label, Pen, SOFT, Section, Svg, text_width};
+use super::svg::{Anchor, Area, BOLD, GRID, INK, Label, Pen, SOFT, Section, Svg, fitted, text_width};
 
 /// Size of the font of tick labels, pixels.
 pub(super) const SMALL: f64 = 10.5;
@@ -321,6 +321,7 @@ pub(super) fn draw_head(svg: &mut Svg, title: &str, note: &str, legend: &[(Mark,
     y += 8.0;
     let mut x = EDGE;
     for (i, (mark, name)) in legend.iter().enumerate() {
+        let name = &*fitted(name, NORMAL, width - 2.0 * EDGE - SAMPLE - 6.0);
         let entry = SAMPLE + 6.0 + text_width(name, NORMAL) + 16.0;
         if i > 0 && x + entry > width {
             x = EDGE;

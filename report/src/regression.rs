@@ -64,6 +64,10 @@ pub enum RegressionError {
     Number { place: String, column: String, value: String },
     #[error("{}: has no run with the axes and the seed of a run of {}; expected results of one plan", new.display(), base.display())]
     OtherPlan { base: PathBuf, new: PathBuf },
+    #[error(
+        "{variant}, {run}: lasts {base_s} s in {} and {new_s} s in {}; expected results of one plan", base.display(), new.display()
+    )]
+    OtherDuration { variant: String, run: String, base_s: f64, new_s: f64, base: PathBuf, new: PathBuf },
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
@@ -81,16 +85,24 @@ impl fmt::Display for Place<'_> {
 
 fn number(fields: &BTreeMap<String, String>, column: &str, row: &Place) -> Result<f64, RegressionError> {
     let value = fields.get(column).map_or("", String::as_str);
-    value.parse().map_err(|_| RegressionError::Number {
-        place: row.to_string(),
-        column: column.to_owned(),
-        value: value.to_owned(),
-    })
+    let number = value.parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| not_a_number(column, value, row))
+}
+
+/// The seed of a run: of all 63 bits, which a float does not hold.
+fn seed(fields: &BTreeMap<String, String>, row: &Place) -> Result<u64, RegressionError> {
+    let value = fields.get("seed").map_or("", String::as_str);
+    value.parse().map_err(|_| not_a_number("seed", value, row))
+}
+
+fn not_a_number(column: &str, value: &str, row: &Place) -> RegressionError {
+    RegressionError::Number { place: row.to_string(), column: column.to_owned(), value: value.to_owned() }
 }
 
 /// A run of a table, or one that has failed.
 struct Row {
     value: f64,
+    duration_s: f64,
     outcome: Outcome,
 }
 
@@ -126,9 +138,10 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
         let place = Place(&file, index as u64 + 2);
         let axes = fields.iter().filter_map(|(name, value)| Some((name.strip_prefix("axis.")?, value.as_str())));
         let controller = fields.get("controller").map_or("", String::as_str);
-        let (variant, key) = names(axes.collect(), controller, number(&fields, "seed", &place)?);
+        let (variant, key) = names(axes.collect(), controller, seed(&fields, &place)?);
         let digest = fields.get("digest").cloned().unwrap_or_default();
-        let row = Row { value: measure.value(&fields, &place)?, outcome: Outcome::Digest(digest) };
+        let (value, duration_s) = (measure.value(&fields, &place)?, number(&fields, "duration_s", &place)?);
+        let row = Row { value, duration_s, outcome: Outcome::Digest(digest) };
         runs.entry(variant).or_default().insert(key, row);
     }
     if path.is_dir() && path.join("runs").is_dir() {
@@ -141,15 +154,16 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
 fn add_failures(runs: &mut Runs, folder: &Path) -> Result<(), RegressionError> {
     for failed in Store::open(folder)?.failures()? {
         let axes = failed.axes.iter().map(|(key, value)| (key.as_str(), value.as_str()));
-        let (variant, key) = names(axes.collect(), &failed.controller, failed.seed as f64);
-        let row = Row { value: ticks(failed.duration_s), outcome: Outcome::Failed(failed.reason.clone()) };
+        let (variant, key) = names(axes.collect(), &failed.controller, failed.seed);
+        let (value, duration_s) = (ticks(failed.duration_s), failed.duration_s);
+        let row = Row { value, duration_s, outcome: Outcome::Failed(failed.reason.clone()) };
         runs.entry(variant).or_default().insert(key, row);
     }
     Ok(())
 }
 
 /// The variant of a run, by its axes, and what the run is found by among those of its variant.
-fn names(mut axes: BTreeMap<&str, &str>, controller: &str, seed: f64) -> (String, String) {
+fn names(mut axes: BTreeMap<&str, &str>, controller: &str, seed: u64) -> (String, String) {
     let map = axes.remove("map.file").unwrap_or_default();
     let variant = match axes.is_empty() {
         true => controller.to_owned(),
@@ -223,7 +237,18 @@ pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Ve
     for (variant, stored) in &stored {
         let nothing = BTreeMap::new();
         let present = present.get(variant).unwrap_or(&nothing);
-        let pairs: Vec<(&Row, &Row)> = stored.iter().filter_map(|(key, row)| Some((row, present.get(key)?))).collect();
+        let named = stored.iter().filter_map(|(key, row)| Some((key, row, present.get(key)?)));
+        if let Some((run, one, other)) = named.clone().find(|(_, one, other)| one.duration_s != other.duration_s) {
+            return Err(RegressionError::OtherDuration {
+                variant: variant.clone(),
+                run: run.clone(),
+                base_s: one.duration_s,
+                new_s: other.duration_s,
+                base: base.to_owned(),
+                new: new.to_owned(),
+            });
+        }
+        let pairs: Vec<(&Row, &Row)> = named.map(|(_, one, other)| (one, other)).collect();
         let side = |of: fn(&(&Row, &Row)) -> f64| pairs.iter().map(of).collect::<Vec<f64>>();
         let [a, b] = [side(|(base, _)| base.value), side(|(_, new)| new.value)];
         let same = pairs.iter().filter(|(base, new)| base.outcome == new.outcome).count();
@@ -305,6 +330,30 @@ mod tests {
         assert!(!change(&base, &["10", "20", "30", "40", "50", ""]).is_regression(0.05));
         assert!(change(&base[..2], &["10", "90"]).is_regression(0.05));
         assert!(!change(&base, &["5", "10", "15", "20", "25", "30"]).is_regression(0.0));
+    }
+
+    #[test]
+    fn seeds_have_all_their_bits_and_runs_of_two_plans_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let written = |name: &str, rows: &str| {
+            let file = folder.path().join(name);
+            let head = "seed,controller,duration_s,area_under_explored,t99_s,digest\n";
+            fs::write(&file, format!("{head}{rows}")).unwrap();
+            file
+        };
+        let between = |base: &Path, new: &Path| changes(base, new, RegressionMeasure::TimeTo(99));
+        let near = written("near.csv", "9007199254740992,dsvp,100,0.5,10,a\n9007199254740993,dsvp,100,0.5,20,b\n");
+        assert_eq!(between(&near, &near).unwrap()[0].pairs, 2);
+        let base = written("base.csv", "1,dsvp,100,0.5,10,a\n");
+        let longer = written("longer.csv", "1,dsvp,200,0.5,10,a\n");
+        let refused = between(&base, &longer).unwrap_err().to_string();
+        assert!(
+            refused.starts_with("dsvp, seed 1: lasts 100 s in ") && refused.contains(" and 200 s in "),
+            "{refused}"
+        );
+        let endless = written("endless.csv", "1,dsvp,NaN,0.5,10,a\n");
+        let refused = between(&base, &endless).unwrap_err().to_string();
+        assert!(refused.ends_with("endless.csv:2: duration_s = \"NaN\"; expected a number"), "{refused}");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! class, which a page may override for a dark background. An image has an opaque background, is
 //! self-contained, and prefixes its ids with its name, so that several can be part of one page.
 
+use std::borrow::Cow;
 use std::fmt::Write;
 
 use msgs::printable;
@@ -313,6 +314,22 @@ impl Svg {
     }
 }
 
+const ELLIPSIS: char = '\u{2026}';
+
+/// The text, or as much of its beginning as fits into a width (pixels), with an ellipsis.
+pub(super) fn fitted(text: &str, size: f64, width: f64) -> Cow<'_, str> {
+    if text_width(text, size) <= width {
+        return Cow::Borrowed(text);
+    }
+    let mut used = character_width(ELLIPSIS) * size;
+    let end = text.char_indices().find(|&(_, character)| {
+        used += character_width(character) * size;
+        used > width
+    });
+    let beginning = end.map_or(text, |(end, _)| &text[..end]);
+    Cow::Owned(format!("{}{ELLIPSIS}", beginning.trim_end()))
+}
+
 /// Approximate width of a line of text, pixels; rather too large than too small.
 pub(super) fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(character_width).sum::<f64>() * size
@@ -361,6 +378,15 @@ fn joined(points: &[(f64, f64)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_names_end_before_the_edge() {
+        assert_eq!(fitted("dsvp", 10.0, 100.0), "dsvp");
+        let name = "a variant with a name that says all of its settings";
+        let shortened = fitted(name, 10.0, 100.0);
+        assert!(shortened.ends_with(ELLIPSIS) && text_width(&shortened, 10.0) <= 100.0, "{shortened}");
+        assert!(name.starts_with(shortened.trim_end_matches(ELLIPSIS)) && shortened.len() > 10);
+    }
 
     #[test]
     fn xml_is_escaped() {
