@@ -11,7 +11,7 @@ use crate::support::{python, root};
 fn tools_of_others_open_maps_and_topics() {
     let site = Site::new();
     let maes = |arguments: &[&str]| site.start(site.binary("maes").args(arguments)).ended().with_code(0);
-    let size = ["--size", "24x20x14", "--cell-m", "0.5", "--seed", "3"];
+    let size = ["--size", "48x40x14", "--cell-m", "0.5", "--radius-max", "5", "--seed", "3"];
     maes(&[&["map", "generate", "-o", "cave.m3dm"], &size[..]].concat());
     for name in ["cave.txt", "cave.obj", "cave.stl", "cave.glb", "cave.pcd", "cave.bt"] {
         maes(&["map", "convert", "cave.m3dm", name]);

@@ -344,6 +344,7 @@ fn listed(extensions: impl Iterator<Item = &'static str>) -> String {
 fn remedy(extension: &str) -> &'static str {
     match extension.to_ascii_lowercase().as_str() {
         "usd" | "usda" | "usdc" | "usdz" => "; USD is not read: save the stage as .glb or .obj (Blender imports it)",
+        "off" | "3mf" => "; save it as .stl, .ply or .obj (trimesh and MeshLab read it)",
         "fbx" | "blend" | "3ds" | "dxf" | "step" | "stp" | "ifc" | "wrl" | "x3d" => "; export it as .glb, .obj or .stl",
         "rcp" | "rcs" | "fls" | "ptx" => "; export it as .e57 or .las",
         "db3" | "mcap" | "bag" => "; save its map (nav2 map_saver_cli) or its cloud (.pcd) as a file",

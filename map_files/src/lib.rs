@@ -8,6 +8,11 @@
 //! memory is proportional to the size of the file. Crates decode only what is compressed, PNG and
 //! LAZ, behind checks of sizes, and XML, with a bound on its elements.
 //!
+//! USD has no reader. Looked at: the crate openusd, whose releases since 0.7 need Rust 1.96; 0.6.0
+//! opens files of usd-core 26.11, text, binary and packed, but makes room for as many paths and
+//! tokens as a file says, so that one of a kilobyte aborts the process; the crate usd (0.0.9) binds
+//! the library in C++.
+//!
 //! No file is opened here: bytes are arguments and results.
 
 mod bytes;

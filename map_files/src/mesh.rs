@@ -19,6 +19,7 @@ mod crossings;
 mod doubled;
 mod lattice;
 mod orientation;
+mod patches;
 pub(super) mod polygon;
 mod touch;
 mod winding;

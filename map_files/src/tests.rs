@@ -26,6 +26,11 @@ fn an_import_that_does_not_fit_names_the_file() {
                  .pgm, .ppm, .pbm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, .xyzn, .asc, .pts, .csv, .las, .laz and .e57";
     assert_eq!(message(import("a.tga", "")), format!("a.tga: the file's extension is \"tga\", {known}"));
     assert_eq!(message(import("cave", "")), format!("cave: the file's extension is missing, {known}"));
+    for (name, way) in
+        [("a.usdz", "save the stage as .glb"), ("a.USD", "USD is not read"), ("a.off", "save it as .stl")]
+    {
+        assert!(message(import(name, "")).contains(way), "{name}");
+    }
     assert!(message(import("a.m3dm", "x")).starts_with("a.m3dm: byte 1: "));
     assert!(message(import("a.TXT", "..\n.x\n")).starts_with("a.TXT: line 2, column 2: 'x'"));
     assert_eq!(message(ImportSpec::new("b.txt", vec![b'.', 0xff])), "b.txt: byte 1: not UTF-8 text");

@@ -3,6 +3,14 @@
 /// Most points, as a share of all, that can be strays.
 const STRAYS_SHARE: f64 = 0.005;
 
+/// Most strays of a small cloud, in which they are a larger share, and how many points it has for
+/// each of them at least.
+const FEW: usize = 3;
+const POINTS_FOR_EACH: usize = 16;
+
+/// How many times farther such a larger share lies from the others than these from each other.
+const FAR: f64 = 8.0;
+
 /// A few points that lie farther from the others than these from each other, along some axis.
 pub(super) struct Strays {
     /// What the others span, in lengths of cells.
@@ -17,7 +25,7 @@ impl Strays {
     /// The strays among at most `total_max` finite points in lengths of cells; `None` if there are
     /// none. `points` makes a pass over them.
     pub(super) fn of<P: Iterator<Item = [f64; 3]>>(total_max: usize, points: impl Fn() -> P) -> Option<Self> {
-        let kept = share(total_max) + 1;
+        let kept = most_of(total_max) + 1;
         if kept == 1 {
             return None;
         }
@@ -29,22 +37,23 @@ impl Strays {
                 ends.add(along);
             }
         });
-        let most = share(total);
+        let most = most_of(total);
         if most == 0 {
             return None;
         }
+        let gap = |outside: usize| if outside > share(total) { FAR } else { 1.0 };
         let (mut low, mut high) = ([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]);
         for (axis, ends) in ends.into_iter().enumerate() {
             // The lowest coordinates, and the highest ones from the last one on.
             let (lowest, highest) = ends.sorted(most + 1);
-            // Most points lie between these; from there outwards, a gap longer than all of that
-            // has strays behind it.
+            // Most points lie between these; from there outwards, a gap longer than all of that,
+            // or several times as long, has strays behind it.
             let (mut first, mut last) = (most, most);
             let span = (highest[last] - lowest[first]).max(1.0);
-            while first > 0 && lowest[first] - lowest[first - 1] <= span {
+            while first > 0 && lowest[first] - lowest[first - 1] <= gap(first) * span {
                 first -= 1;
             }
-            while last > 0 && highest[last - 1] - highest[last] <= span {
+            while last > 0 && highest[last - 1] - highest[last] <= gap(last) * span {
                 last -= 1;
             }
             if first > 0 {
@@ -76,6 +85,11 @@ impl Strays {
 }
 
 /// Most strays among so many points.
+fn most_of(total: usize) -> usize {
+    share(total).max(FEW.min(total / POINTS_FOR_EACH))
+}
+
+/// Most strays among so many points that need not lie [`FAR`] away.
 fn share(total: usize) -> usize {
     (total as f64 * STRAYS_SHARE) as usize
 }
@@ -167,5 +181,24 @@ mod tests {
         assert_eq!(Strays::of(4000, points(5)).unwrap().count, 5);
         assert!(Strays::of(1020, points(20)).is_none(), "too many for strays");
         assert!(Strays::of(1000, points(0)).is_none());
+    }
+
+    #[test]
+    fn a_point_very_far_from_a_small_cloud_is_a_stray() {
+        let points = |count: usize, strays: &'static [f64]| {
+            move || {
+                let inside = (0..count).map(|number| [(number % 10) as f64, (number / 10) as f64, 0.5]);
+                inside.chain(strays.iter().map(|&along| [4.0, 3.0, along]))
+            }
+        };
+        let count = |inside: usize, strays: &'static [f64]| {
+            Strays::of(inside + strays.len(), points(inside, strays)).map_or(0, |strays| strays.count)
+        };
+        assert_eq!(count(40, &[-900.0]), 1);
+        assert_eq!(count(40, &[-900.0, 5000.0]), 2);
+        assert_eq!(count(620, &[100.0; 3]), 3);
+        assert_eq!(count(40, &[5.0]), 0, "some cells above the others");
+        assert_eq!(count(40, &[100.0; 3]), 0, "more than one in sixteen");
+        assert_eq!(count(12, &[-900.0]), 0, "too few to tell");
     }
 }

@@ -1,9 +1,10 @@
 //! Orientation of triangles, and openings of a mesh.
 //!
 //! Winding numbers need triangles that face outwards together. Two triangles that share an edge
-//! should pass it in opposite directions; where they do not, the smaller part is turned. A closed
-//! part whose triangles face the other way than those of most of the mesh is turned as well, unless
-//! it lies inside the rest: then it is a cavity, or a pillar of a cave.
+//! should pass it in opposite directions; where they do not, the smaller part is turned, and where
+//! more than two meet, adjacent ones count ([`super::patches`]). A closed part whose triangles face
+//! the other way than those of most of the mesh is turned as well, unless it lies inside the rest:
+//! then it is a cavity, or a pillar of a cave.
 //!
 //! Corners at the same place are one corner. An edge that is passed more often in one direction is
 //! open; open edges that only meet other triangles within a side enclose nothing and are left out.
@@ -11,6 +12,7 @@
 use std::collections::BTreeMap;
 
 use super::super::FormatError;
+use super::patches::{self, Patches, Tie};
 use super::winding::{TRIANGLE_STEPS, Winding, solid_angle};
 use super::{Triangle, WorkBudget};
 
@@ -58,12 +60,11 @@ pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Resul
     let corners = corners(triangles, work)?;
     let edges = edges(&corners);
     let mut turned = vec![false; triangles.len()];
-    turn_neighbours(triangles, &edges, &mut turned);
+    let patches = turn_neighbours(triangles, &edges, &mut turned);
     for (triangle, _) in triangles.iter_mut().zip(&turned).filter(|(_, is_turned)| **is_turned) {
         triangle.swap(1, 2);
     }
-    let parts = parts(&corners);
-    turn_parts(triangles, &parts, &mut turned, work)?;
+    turn_parts(triangles, &patches.parts(&corners), &mut turned, work)?;
     let turned = turned.iter().filter(|&&is_turned| is_turned).count();
     let openings = if turned == 0 {
         openings(triangles, &corners, &edges)
@@ -74,7 +75,7 @@ pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Resul
     };
     let meeting = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(<[Edge]>::len);
     let rims = meeting.filter(|triangles| triangles % 2 == 1 && *triangles > 1).count();
-    Ok(Orientation { turned, parts: parts.len(), openings, rims })
+    Ok(Orientation { turned, parts: parts(&corners), openings, rims })
 }
 
 /// The number of the place of each corner, by triangle: that of the first corner there.
@@ -128,7 +129,7 @@ pub(super) fn hash(key: [u64; 3]) -> u64 {
 
 /// An edge of a triangle: its two corners, the lower first, the triangle, and whether it is passed
 /// from the lower to the higher one.
-type Edge = (u32, u32, u32, bool);
+pub(super) type Edge = (u32, u32, u32, bool);
 
 /// All edges in order.
 fn edges(corners: &[[u32; 3]]) -> Vec<Edge> {
@@ -145,58 +146,18 @@ fn edges(corners: &[[u32; 3]]) -> Vec<Edge> {
 /// Turns triangles until neighbours pass their common edge in opposite directions: in each
 /// connected part those with the smaller area. A part without an outside, as a Moebius strip,
 /// stays.
-fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) {
+fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) -> Patches {
     let crossed = Crossed::of(triangles, edges);
     let pairs = || {
         let all = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
         all.filter(|edge| edge.len() == 2 && edge[0].2 != edge[1].2 && !crossed.contains(triangles, edge[0]))
     };
-    if pairs().all(|edge| edge[0].3 != edge[1].3) {
-        return;
+    if pairs().any(|edge| edge[0].3 == edge[1].3) {
+        let ties: Vec<Tie> = pairs().map(|edge| (edge[0].2, edge[1].2, edge[0].3 == edge[1].3)).collect();
+        let area = |triangle: u32| super::area(&triangles[triangle as usize]);
+        turned.copy_from_slice(&patches::agree(triangles.len(), &ties, area));
     }
-    let mut neighbours: Vec<(u32, u32, bool)> = pairs()
-        .flat_map(|edge| {
-            let differ = edge[0].3 == edge[1].3;
-            [(edge[0].2, edge[1].2, differ), (edge[1].2, edge[0].2, differ)]
-        })
-        .collect();
-    neighbours.sort_unstable();
-    let of = |triangle: u32| {
-        let first = neighbours.partition_point(|&(from, ..)| from < triangle);
-        neighbours[first..].iter().take_while(move |&&(from, ..)| from == triangle)
-    };
-    let mut known = vec![false; triangles.len()];
-    for first in 0..triangles.len() as u32 {
-        if known[first as usize] {
-            continue;
-        }
-        known[first as usize] = true;
-        let mut part = vec![first];
-        let mut at = 0;
-        let mut has_sides = true;
-        while at < part.len() {
-            let here = part[at];
-            at += 1;
-            for &(_, next, differ) in of(here) {
-                let side = turned[here as usize] ^ differ;
-                if !known[next as usize] {
-                    known[next as usize] = true;
-                    turned[next as usize] = side;
-                    part.push(next);
-                } else if turned[next as usize] != side {
-                    has_sides = false;
-                }
-            }
-        }
-        let area = |is_turned: bool| {
-            let of = part.iter().filter(|&&triangle| turned[triangle as usize] == is_turned);
-            of.map(|&triangle| super::area(&triangles[triangle as usize])).sum::<f64>()
-        };
-        let swap = area(true) > area(false);
-        for &triangle in &part {
-            turned[triangle as usize] = has_sides && (turned[triangle as usize] ^ swap);
-        }
-    }
+    Patches::new(triangles, edges, pairs().map(|edge| (edge[0].2, edge[1].2)), turned)
 }
 
 /// Edges along an axis that no other edge balances, by their line.
@@ -242,17 +203,17 @@ impl Crossed {
     }
 }
 
-/// The triangles of each part that shares no corner with the others.
-fn parts(corners: &[[u32; 3]]) -> Vec<Vec<u32>> {
+/// The number of parts that share no corner with the others.
+fn parts(corners: &[[u32; 3]]) -> usize {
     let mut sets = Sets::new(3 * corners.len());
     for corners in corners {
         sets.join(corners[0], corners[1]);
         sets.join(corners[0], corners[2]);
     }
-    let mut by_part: Vec<(u32, u32)> =
-        corners.iter().enumerate().map(|(triangle, corners)| (sets.root(corners[0]), triangle as u32)).collect();
-    by_part.sort_unstable();
-    by_part.chunk_by(|a, b| a.0 == b.0).map(|part| part.iter().map(|&(_, triangle)| triangle).collect()).collect()
+    let mut roots: Vec<u32> = corners.iter().map(|corners| sets.root(corners[0])).collect();
+    roots.sort_unstable();
+    roots.dedup();
+    roots.len()
 }
 
 /// Turns parts that face the other way than most of the mesh and do not lie inside the rest of it.
@@ -352,7 +313,7 @@ fn openings(triangles: &[Triangle], corners: &[[u32; 3]], edges: &[Edge]) -> Vec
     openings
 }
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

@@ -328,6 +328,28 @@ proptest! {
     }
 
     #[test]
+    fn turned_triangles_of_cells_that_share_edges_are_turned_back(
+        solid in prop::collection::vec(prop::bool::weighted(0.4), 36),
+        diagonals in prop::collection::vec(any::<bool>(), 1..50),
+        turned in prop::collection::vec(prop::bool::weighted(0.3), 1..200),
+    ) {
+        prop_assume!(solid.iter().any(|&is_solid| is_solid));
+        // A closed surface alone does not tell whether it is a solid or a cavity.
+        let is_enclosed = |at: usize| !solid[at] && [1, 4, 12].iter().all(|step| {
+            at.checked_sub(*step).is_some_and(|below| solid[below]) && solid.get(at + step) == Some(&true)
+        });
+        prop_assume!(!(0..solid.len()).any(is_enclosed));
+        let cells = Grid::from_vec(voxels::Extent::new([4, 3, 3], 1.0).unwrap(), solid).unwrap();
+        let mut mesh = surface(&cells, &diagonals, |corner| corner.map(f64::from));
+        let plain = read(&mesh, options(Fill::Solid, Kind::Wall));
+        for (triangle, _) in mesh.triangles.iter_mut().zip(turned.iter().cycle()).filter(|(_, is_turned)| **is_turned) {
+            triangle.swap(1, 2);
+        }
+        let imported = read(&mesh, options(Fill::Solid, Kind::Wall));
+        prop_assert_eq!(walls(&imported, 1.0), walls(&plain, 1.0), "{:?}", imported.notes);
+    }
+
+    #[test]
     fn a_closed_ball_has_no_holes_and_its_cells(
         centre in prop::array::uniform3(-2.0f64..2.0), radius in 2.0f64..6.0,
     ) {
