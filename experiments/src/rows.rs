@@ -124,7 +124,8 @@ row! {
         duration_s: f64 = "Maximum sim time of the run, s.";
         end_s: f64 = "Sim time at which it ended, s.";
         reason: EndReason =
-            "Why it ended: `explored`, `nothing more can be seen`, `duration`, or another reason.";
+            "Why it ended: `explored`, `nothing more can be seen`, `the team stands still`, `duration`, \
+             or another reason.";
         free_cells: u64 = "Free cells of the true map.";
         explored: f64 = "Share that the team has seen at the end.";
         #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -260,21 +260,26 @@ impl<'c> Session<'c, '_> {
         }
         let rule = self.engine.scenario().stop_rule();
         let is_team_back = self.engine.is_team_back();
+        self.engine.note_places();
         if matches!(rule, StopRule::Covered | StopRule::Explored | StopRule::KnownAtBase) {
             self.engine.flush_scans();
+            self.engine.note_explored();
         }
+        // A recording of an earlier build may go on where the team can see nothing more.
+        let is_live = self.playback.as_ref().is_none_or(|playback| !playback.covers(self.engine.tick()));
         let fulfilled = match rule {
             StopRule::Back => is_team_back.then_some(EndReason::AllBack),
             StopRule::KnownAtBase => self.engine.is_known_at_base().then_some(EndReason::KnownAtBase),
             StopRule::Covered => self.engine.world().coverage().is_covered().then_some(EndReason::Covered),
             StopRule::Explored if self.engine.world().coverage().is_explored() => Some(EndReason::Explored),
             StopRule::Explored => {
-                // A recording of an earlier build may go on where the team can see nothing more.
-                let is_over = self.playback.as_ref().is_none_or(|playback| !playback.covers(self.engine.tick()));
-                (is_over && self.engine.can_see_nothing_more()).then_some(EndReason::NothingMoreSeen)
+                (is_live && self.engine.can_see_nothing_more()).then_some(EndReason::NothingMoreSeen)
             }
             StopRule::Duration => None,
         };
+        let may_stand_still = matches!(rule, StopRule::Covered | StopRule::Explored | StopRule::KnownAtBase) && is_live;
+        let fulfilled = fulfilled
+            .or_else(|| (may_stand_still && self.engine.stands_still()).then_some(EndReason::StandsStill));
         Ok(if fulfilled.is_some() {
             fulfilled
         } else if self.engine.tick() >= self.engine.scenario().duration_ticks() {

@@ -10,9 +10,11 @@ use serde::{Deserialize, Serialize};
 pub enum EndReason {
     /// The team has seen every free cell.
     Explored,
-    /// All agents rest, and no free cell that the team has not seen can be seen from where a body
-    /// can be.
+    /// No free cell that the team has not seen can be seen from where a body can be, and all agents
+    /// rest or have seen nothing new for long.
     NothingMoreSeen,
+    /// No body has left its place for long, and no agent waits for a time.
+    StandsStill,
     /// Bodies have been in every free cell.
     Covered,
     /// The team has come back to its bases for good.
@@ -50,12 +52,18 @@ const fn row(reason: EndReason, name: &'static str, meaning: &'static str) -> En
 impl EndReason {
     /// The reasons with a name. In place of a name, the result of a run that has failed has the
     /// text of its error.
-    pub const TABLE: [EndReasonRow; 8] = [
+    pub const TABLE: [EndReasonRow; 9] = [
         row(Self::Explored, "explored", "the team has seen every free cell"),
         row(
             Self::NothingMoreSeen,
             "nothing more can be seen",
-            "all agents rest, and what the team has not seen cannot be seen from anywhere that its bodies can reach",
+            "what the team has not seen cannot be seen from anywhere that its bodies can reach, and all agents rest, \
+             or have seen nothing new for a minute",
+        ),
+        row(
+            Self::StandsStill,
+            "the team stands still",
+            "no body has left its place for five minutes, and no agent waits for a time",
         ),
         row(Self::Covered, "covered", "bodies have been in every free cell"),
         row(
@@ -88,7 +96,13 @@ impl EndReason {
     pub fn is_complete(&self) -> bool {
         matches!(
             self,
-            Self::Explored | Self::NothingMoreSeen | Self::Covered | Self::AllBack | Self::KnownAtBase | Self::Duration
+            Self::Explored
+                | Self::NothingMoreSeen
+                | Self::StandsStill
+                | Self::Covered
+                | Self::AllBack
+                | Self::KnownAtBase
+                | Self::Duration
         )
     }
 
@@ -143,6 +157,7 @@ mod tests {
         let expected = [
             "explored",
             "nothing more can be seen",
+            "the team stands still",
             "covered",
             "all are back",
             "the base has the map",

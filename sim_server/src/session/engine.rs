@@ -41,6 +41,7 @@ use world::workers::Workers;
 use world::{Presence, World};
 
 mod completion;
+mod standstill;
 
 /// A committed exchange with an agent.
 pub(super) struct CommittedReply {
@@ -89,8 +90,12 @@ pub(super) struct Engine<'a> {
     failed_searches: Vec<u32>,
     /// The stage of each agent.
     stages: Vec<Option<Stage>>,
-    /// What the team had seen when all of it rested and something was left to see: cells.
+    /// What the team had seen when all of it rested, or had seen nothing new for long, and something
+    /// was left to see: cells.
     rested_at: Option<usize>,
+    /// What the team has seen, in cells, and since when.
+    last_new: (usize, Tick),
+    standstill: standstill::Standstill,
     /// Since when all agents wait in their bases.
     waiting_since: Option<Tick>,
     /// The last information text of each agent.
@@ -122,6 +127,8 @@ impl<'a> Engine<'a> {
             failed_searches: vec![0; agents],
             stages: vec![None; agents],
             rested_at: None,
+            last_new: (0, Tick::ZERO),
+            standstill: standstill::Standstill::default(),
             waiting_since: None,
             infos: vec![String::new(); agents],
         })

@@ -1,6 +1,6 @@
 //! When a team is done: nothing more can be seen, or all are back in their bases.
 
-use msgs::ids::AgentId;
+use msgs::ids::{AgentId, Tick};
 use protocol::stage::Stage;
 
 use super::Engine;
@@ -8,17 +8,33 @@ use super::Engine;
 /// Share of the free cells with which the time until the team is home is taken.
 const EXPLORED_ENOUGH: f64 = 0.99;
 
+/// Time without a new cell after which a team that does not rest has nothing more to see, if nothing
+/// can be seen: 1 min.
+const NOTHING_NEW_TICKS: u64 = 3000;
+
 /// Time in its bases after which a team without a goal has come back for good.
 const WAITED_TICKS: u64 = 500;
 
 impl Engine<'_> {
-    /// Whether all agents rest and nothing more can be seen from where their bodies can be, with no
-    /// event ahead that could change it. Call [`Engine::flush_scans`] before.
+    /// Notes what the team has seen, for [`Engine::can_see_nothing_more`]. Call it in every tick, and
+    /// [`Engine::flush_scans`] before.
+    pub(in crate::session) fn note_explored(&mut self) {
+        let explored = self.world.coverage().explored_count();
+        if self.last_new.0 != explored {
+            self.last_new = (explored, self.tick());
+        }
+    }
+
+    /// Whether nothing more can be seen from where the bodies of the team can be, with no event
+    /// ahead that could change it, and all agents rest or have seen nothing new for long. Call
+    /// [`Engine::flush_scans`] before.
     pub(in crate::session) fn can_see_nothing_more(&mut self) -> bool {
         let rests =
             |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting) && !self.world.body(agent).is_active();
         let is_team_at_rest = || self.world.agents().filter(|&agent| self.takes_part(agent)).all(rests);
-        if !(self.schedule.is_empty() && self.joining.is_empty() && is_team_at_rest()) {
+        let (_, last_new): (usize, Tick) = self.last_new;
+        let is_nothing_new = self.tick() >= last_new.after(NOTHING_NEW_TICKS);
+        if !(self.schedule.is_empty() && self.joining.is_empty() && (is_nothing_new || is_team_at_rest())) {
             return false;
         }
         let explored = self.world.coverage().explored_count();

@@ -42,7 +42,8 @@ pub const TABLES: [Table; 26] = [
             "sim time after which the run ends", "reference: 60 to 7200, 1800 by default")
             .checked_elsewhere().limits("a multiple of 0.02, 0.02 to 2e8").changeable(),
         key("stop_when_explored", Boolean, Is("true"), NONE,
-            "whether the run ends once every free cell has been seen, or all agents rest and no more can be seen",
+            "whether the run ends once every free cell has been seen, no more can be seen, or the team stands still \
+             for five minutes",
             "ours").changeable(),
         key("stop_when_covered", Boolean, Is("false"), NONE,
             "whether the run ends once a body has been in every free cell; full exploration does not end it then",

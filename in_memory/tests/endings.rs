@@ -1,0 +1,58 @@
+//! Complete runs of teams that never see all: they end by themselves, and say why.
+
+mod support;
+
+use msgs::maes_msgs::Result as RunResult;
+use support::{fill, result, solid};
+use voxels::{Grid, Terrain};
+
+/// A room, a lane as wide as one body, and a hall behind it.
+fn lane() -> Grid<Terrain> {
+    let mut cave = solid([41, 16, 8], 1.0);
+    fill(&mut cave, [1..14, 1..14, 1..7], Terrain::Free);
+    fill(&mut cave, [14..24, 7..8, 3..4], Terrain::Free);
+    fill(&mut cave, [24..40, 1..15, 1..7], Terrain::Free);
+    cave
+}
+
+/// Three agents, of which the first breaks down in the lane before it has seen the hall.
+fn in_the_lane(controller: &str, more: &str) -> RunResult {
+    let keys = format!(
+        "duration_s = 3600.0\nlidar = {{ range_m = 4.0 }}\nagents = {{ count = 3, controller = \"{controller}\" }}\n\
+         spawn = {{ kind = \"list\", poses = [[17.5, 7.5, 3.5], [4.5, 4.5, 3.5], [4.5, 10.5, 3.5]] }}\n\
+         [[event]]\nat_s = 0.1\nkind = \"break_down\"\nagent = 0\n{more}"
+    );
+    result(&lane(), &keys)
+}
+
+#[test]
+fn team_before_a_blocked_lane_ends_as_one_that_stands_still() {
+    for controller in ["nearest-frontier", "dsvp-team"] {
+        let result = in_the_lane(controller, "");
+        assert_eq!(result.reason, "the team stands still", "{controller}: {}", result.explored);
+        assert!(result.explored < 0.9 && result.tick > 15_000, "{controller}: {}, {}", result.explored, result.tick);
+    }
+}
+
+#[test]
+fn event_ahead_is_waited_for() {
+    let freed = "[[event]]\nat_s = 1200.0\nkind = \"leave\"\nagent = 0\n";
+    let result = in_the_lane("dsvp-team", freed);
+    assert_eq!((result.explored, result.reason.as_str()), (1.0, "explored"));
+    assert!(result.tick > 60_000, "{}", result.tick);
+}
+
+#[test]
+fn walks_end_once_nothing_more_can_be_seen() {
+    // A room, and a hidden pocket behind a passage of one cell that turns.
+    let mut room = solid([20, 20, 12], 0.2);
+    fill(&mut room, [1..12, 1..12, 1..11], Terrain::Free);
+    fill(&mut room, [12..14, 5..6, 5..6], Terrain::Free);
+    fill(&mut room, [13..14, 5..16, 5..6], Terrain::Free);
+    fill(&mut room, [10..16, 15..19, 4..8], Terrain::Free);
+    let keys = "duration_s = 1200.0\nbody = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\n\
+                agents = { count = 2, controller = \"rbw\" }\n";
+    let result = result(&room, keys);
+    assert_eq!(result.reason, "nothing more can be seen", "{}", result.explored);
+    assert!(result.explored < 1.0);
+}
