@@ -206,9 +206,9 @@ fn adjacent(triangles: &[Triangle], edge: &[Edge]) -> Vec<(Edge, Edge)> {
     let mut pairs = Vec::new();
     let mut single = Vec::new();
     for same in by_angle.chunk_by(|a, b| b.0 - a.0 < SAME) {
-        match same {
-            &[(_, edge)] => single.push(edge),
-            &[(_, one), (_, other)] => pairs.push((one, other)),
+        match *same {
+            [(_, edge)] => single.push(edge),
+            [(_, one), (_, other)] => pairs.push((one, other)),
             _ => return Vec::new(),
         }
     }
