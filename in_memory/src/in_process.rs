@@ -115,7 +115,10 @@ pub fn run(
 ) -> Result<CompletedRun, InProcessError> {
     check(scenario, options)?;
     let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
-    let (world, _report) = setup::build(scenario)?;
+    let (world, map) = setup::build(scenario)?;
+    for warning in &map.warnings {
+        observer.note(&format!("warning: {warning}"));
+    }
     // Checked before a recording is created for a run that cannot start.
     for agents in scenario.phases().iter().map(|phase| &phase.agents) {
         let choices = match &options.substitute {

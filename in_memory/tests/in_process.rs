@@ -92,3 +92,23 @@ fn agents_that_have_failed_are_not_waited_for() {
         assert!(unanswered.is_empty(), "{threads:?}: {unanswered:?}");
     }
 }
+
+/// As over ROS 2: a cave that was read with its inside as wall is explored from outside.
+#[test]
+fn warnings_about_a_map_file_are_notes_of_the_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mesh = folder.path().join("cave.obj");
+    let corners: String =
+        (0..8).map(|bits| format!("v {} {} {}\n", 20 * (bits & 1), 10 * (bits & 2), 5 * (bits & 4))).collect();
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    std::fs::write(&mesh, format!("{corners}{faces}")).expect("a file");
+    let text = format!(
+        "seed = 1\nduration_s = 0.2\nexecution = {{ threads = 1 }}\nagents = {{ count = 1 }}\n\
+         map = {{ kind = \"file\", file = {:?}, import = {{ margin_cells = 6 }} }}\n",
+        mesh.display().to_string()
+    );
+    let scenario = Scenario::parse("the test's scenario", &text, &[]).expect("a legal scenario");
+    let mut notes = Notes::default();
+    run(&scenario, &AgentOptions::default(), &mut notes, &AtomicBool::new(false)).expect("it runs");
+    assert!(notes.0.iter().any(|note| note.starts_with("warning: the inside of the mesh is wall")), "{:?}", notes.0);
+}
