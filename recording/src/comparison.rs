@@ -104,7 +104,7 @@ pub struct Comparison<'a> {
     /// The first message of a later tick.
     ahead: Option<Message>,
     compared: u64,
-    /// Messages of the recording that do not belong to the run.
+    /// Messages of the recording on topics of the run that do not belong to it.
     left_out: u64,
     last_tick: Tick,
     found: Option<Difference>,
@@ -119,7 +119,7 @@ impl<'a> Comparison<'a> {
     /// Starts at the beginning of a recording.
     #[must_use]
     pub fn new(recording: &'a Recording) -> Self {
-        let before = recording.messages();
+        let before = recording.messages_on(is_of_run);
         Self {
             before,
             of_tick: VecDeque::new(),
@@ -150,7 +150,7 @@ impl<'a> Comparison<'a> {
     /// Number of messages so far that are there for observers and were not compared.
     #[must_use]
     pub fn left_out(&self) -> u64 {
-        self.left_out
+        self.left_out + self.before.left_out()
     }
 
     /// Tick of the last equal message.
@@ -309,6 +309,18 @@ fn poses_period_ticks(scenario: &str) -> u64 {
     let section = table.get("recording").and_then(toml::Value::as_table);
     let period = section.and_then(|section| section.get("poses_period_ticks")).and_then(toml::Value::as_integer);
     period.and_then(|period| u64::try_from(period).ok()).unwrap_or(default)
+}
+
+/// The number of messages of a recording that belong to the run, up to its end or until `stop`
+/// returns true.
+#[must_use]
+pub fn count_of_run(recording: &Recording, stop: impl Fn() -> bool) -> u64 {
+    let period = poses_period_ticks(&recording.scenario());
+    let of_run = |message: &Message| {
+        let kind = MessageKind::of(&message.channel.topic);
+        kind.is_some_and(|kind| kind.is_of_run(message.tick(), &message.data, period))
+    };
+    recording.messages_on(is_of_run).take_while(|_| !stop()).filter(of_run).count() as u64
 }
 
 /// Whether the messages of a topic belong to the run.

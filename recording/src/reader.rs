@@ -272,6 +272,12 @@ impl Recording {
         self.attachment(SCENARIO_ATTACHMENT).map_or(Cow::Borrowed(""), String::from_utf8_lossy)
     }
 
+    /// Bytes of the file.
+    #[must_use]
+    pub fn length(&self) -> u64 {
+        self.source.length()
+    }
+
     /// Whether two files are equal, byte for byte.
     #[must_use]
     pub fn has_same_bytes(&self, other: &Self) -> bool {
@@ -301,6 +307,14 @@ impl Recording {
     pub fn messages(&self) -> Messages<'_> {
         Messages::new(&self.source)
     }
+
+    /// The messages on some topics, in file order. The others are checked, and not copied.
+    #[must_use]
+    pub fn messages_on(&self, is_wanted: fn(&str) -> bool) -> Messages<'_> {
+        let mut messages = self.messages();
+        messages.known.wanted = Some(is_wanted);
+        messages
+    }
 }
 
 fn no_mcap(file: &str, reason: &str) -> RecordingError {
@@ -328,7 +342,7 @@ pub struct Messages<'a> {
     frames: Frames<'a>,
     chunk: Option<ChunkRecords>,
     known: KnownChannels,
-    /// Messages so far.
+    /// Messages returned so far.
     count: u64,
     /// Offset of the last chunk so far, and the messages before it.
     last_chunk: Option<(u64, u64)>,
@@ -364,6 +378,12 @@ impl Messages<'_> {
     #[must_use]
     pub fn end(&self) -> Option<&End> {
         self.end.as_ref()
+    }
+
+    /// Messages so far on topics that are not wanted, see [`Recording::messages_on`].
+    #[must_use]
+    pub fn left_out(&self) -> u64 {
+        self.known.left_out
     }
 
     /// Reads up to a message, or a part without one.
@@ -429,8 +449,9 @@ impl Messages<'_> {
                     else {
                         return Err(frame.damage("statistics that cannot be read"));
                     };
-                    if is_whole && all.message_count != self.count {
-                        let (named, found) = (all.message_count, self.count);
+                    let found = self.count + self.known.left_out;
+                    if is_whole && all.message_count != found {
+                        let named = all.message_count;
                         return Err(
                             frame.damage(format!("the statistics name {named} messages, and {found} are there"))
                         );

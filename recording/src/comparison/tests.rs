@@ -91,6 +91,20 @@ fn visualisation_messages_are_ignored() {
 }
 
 #[test]
+fn counted_messages_are_those_of_the_run() {
+    let view = (topics::info(), Tick(1), vec![0, 1, 0, 0]);
+    let transforms = |tick| (topics::tf(), Tick(tick), cdr::encode(&TFMessage::default()));
+    let messages = [view, command(1), transforms(3), transforms(10), observation(10, 0.5)];
+    for is_open in [false, true] {
+        let recording = recording(&messages, is_open);
+        let of_run = compared(&recording, &messages);
+        assert_eq!((of_run.difference(), of_run.compared(), of_run.left_out()), (None, 3, 2));
+        assert_eq!(count_of_run(&recording, || false), 3);
+        assert_eq!(count_of_run(&recording, || true), 0);
+    }
+}
+
+#[test]
 fn only_refusal_counters_are_ignored() {
     let before = recording(&[result(&[("scans", 5), ("refused_wrong_tick", 0)])], false);
     let disturbed = compared(&before, &[result(&[("scans", 5), ("refused_wrong_tick", 2)])]);

@@ -1,6 +1,6 @@
 //! The schemas and channels of a file, which its messages refer to.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use mcap::records::Record;
@@ -15,10 +15,15 @@ use crate::recorder;
 pub(super) struct KnownChannels {
     schemas: BTreeMap<u16, KnownSchema>,
     pub(super) channels: BTreeMap<u16, Arc<Channel>>,
+    /// The topics whose messages are returned; `None`: all.
+    pub(super) wanted: Option<fn(&str) -> bool>,
+    unwanted: BTreeSet<u16>,
+    /// Messages on other topics so far, whose content was not copied.
+    pub(super) left_out: u64,
 }
 
 impl KnownChannels {
-    /// Reads a record, and returns the message if it is one.
+    /// Reads a record, and returns the message if it is one on a wanted topic.
     pub(super) fn read(&mut self, kind: u8, content: &[u8]) -> Result<Option<Message>, String> {
         match mcap::parse_record(kind, content).map_err(|error| error.to_string())? {
             Record::Schema { header, data } => {
@@ -28,10 +33,15 @@ impl KnownChannels {
                 let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                 let KnownSchema { name: type_name, lacks_stage } = schema;
                 let value = |key| channel.metadata.get(key).cloned().unwrap_or_default();
+                match self.wanted.is_some_and(|is_wanted| !is_wanted(&channel.topic)) {
+                    true => self.unwanted.insert(channel.id),
+                    false => self.unwanted.remove(&channel.id),
+                };
                 let (offered_qos, type_hash) = (value(recorder::QOS_KEY), value(recorder::TYPE_HASH_KEY));
                 let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos, type_hash, lacks_stage });
                 self.channels.insert(channel.id, known);
             }
+            Record::Message { header, .. } if self.unwanted.contains(&header.channel_id) => self.left_out += 1,
             Record::Message { header, data } => {
                 let channel = self.channels.get(&header.channel_id).cloned();
                 let channel =

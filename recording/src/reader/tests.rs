@@ -122,6 +122,29 @@ fn every_legal_rewriting_is_read() {
     }
 }
 
+/// Their number belongs to what the statistics name, and their damage to the file.
+#[test]
+fn unwanted_messages_are_checked_and_not_returned() {
+    let messages = recorded(200, 300);
+    let is_digest: fn(&str) -> bool = |topic| topic == topics::digest().name;
+    for options in [WriteOptions::new().chunk_size(Some(5000)), WriteOptions::new().use_chunks(false)] {
+        let bytes = rewritten(&messages, Rewriting::with(options));
+        let recording = opened(bytes.clone());
+        let mut wanted = recording.messages_on(is_digest);
+        let read: Vec<Message> = wanted.by_ref().collect();
+        assert!(read.iter().all(|message| is_digest(&message.channel.topic)));
+        assert_eq!((read.len(), wanted.left_out(), wanted.end()), (100, 100, Some(&End::Whole)));
+
+        let mut damaged = bytes;
+        let middle = damaged.len() / 2;
+        damaged[middle] ^= 1;
+        let recording = opened(damaged);
+        let mut wanted = recording.messages_on(is_digest);
+        wanted.by_ref().for_each(drop);
+        assert!(matches!(wanted.end(), Some(End::Damage { .. })), "{:?}", wanted.end());
+    }
+}
+
 /// More than is kept of a chunk.
 #[test]
 fn large_chunks_are_checked_before_their_first_message() {

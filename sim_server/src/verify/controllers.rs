@@ -85,7 +85,7 @@ fn check_in_parts(
     let mut announced = Scenario::default();
     let mut agents: BTreeMap<AgentId, ReplayedAgent> = BTreeMap::new();
     let (mut bytes, mut last) = (0, Tick::ZERO);
-    let of_run = recording.messages().filter(|message| comparison::is_of_run(&message.channel.topic));
+    let of_run = recording.messages_on(comparison::is_of_run);
     for message in of_run.take_while(|message| message.tick() < before) {
         // A part ends with a tick, so that a difference of an earlier part is an earlier one.
         if bytes >= part_bytes && message.tick() != last {
