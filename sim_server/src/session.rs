@@ -272,14 +272,12 @@ impl<'c> Session<'c, '_> {
             StopRule::KnownAtBase => self.engine.is_known_at_base().then_some(EndReason::KnownAtBase),
             StopRule::Covered => self.engine.world().coverage().is_covered().then_some(EndReason::Covered),
             StopRule::Explored if self.engine.world().coverage().is_explored() => Some(EndReason::Explored),
-            StopRule::Explored => {
-                (is_live && self.engine.can_see_nothing_more()).then_some(EndReason::NothingMoreSeen)
-            }
+            StopRule::Explored => (is_live && self.engine.can_see_nothing_more()).then_some(EndReason::NothingMoreSeen),
             StopRule::Duration => None,
         };
         let may_stand_still = matches!(rule, StopRule::Covered | StopRule::Explored | StopRule::KnownAtBase) && is_live;
-        let fulfilled = fulfilled
-            .or_else(|| (may_stand_still && self.engine.stands_still()).then_some(EndReason::StandsStill));
+        let fulfilled =
+            fulfilled.or_else(|| (may_stand_still && self.engine.stands_still()).then_some(EndReason::StandsStill));
         Ok(if fulfilled.is_some() {
             fulfilled
         } else if self.engine.tick() >= self.engine.scenario().duration_ticks() {
