@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """Runs every built-in controller on small worlds, in memory, and prints how each run ends.
 
-    launch_scripts/endings.py [--bin DIR] [--jobs N] [--only WORDS] [--controllers A,B] [--seed K] [--minutes N]
+    launch_scripts/endings.py [--bin DIR] [--jobs N] [--only WORDS] [--controllers A,B]
+                              [--seed K] [--minutes N]
 
 For each run: the share of the free cells that the team has seen, and that its bodies can see; the
-distance of the team; the sim time of the last new cell, of the last motion and of the end; why it ended;
-and the slowest decision. A run that has not ended by itself, or in which no body has moved for a
-minute at its end, is marked with *. Exit code 1 if there is one, apart from the random walks. Needs Python 3 alone.
+distance of the team; the sim time of the last new cell, of the last motion and of the end; why it
+ended; and the slowest decision. A run that has not ended by itself, or in which no body has moved
+for a minute at its end, is marked with *. Exit code 1 if there is one, apart from the random walks.
+Needs Python 3 alone.
 """
 
 import argparse

@@ -510,6 +510,25 @@ fn rewritten_recordings_verify() {
     }
 }
 
+/// The recording is of a build that went on to the duration where nothing more can be seen: `rbw` in
+/// a room with a hidden pocket, for 62 s. Today such a run ends after a minute.
+#[test]
+fn recording_that_went_on_to_its_duration_verifies() {
+    let site = Site::new();
+    for name in ["goes_on.mcap", "goes_on.txt"] {
+        let before = root().join("tests/recordings").join(name);
+        site.file(name, std::fs::read(before).expect("it is part of the sources"));
+    }
+    let verified = verify(&site, "goes_on.mcap", &["--controllers"]).with_code(0);
+    assert!(verified.stdout.starts_with("verified 3100 ticks"), "{verified}");
+    assert!(verified.stdout.contains("up to the end of the run: duration"), "{verified}");
+    let mut now = site.binary("maes");
+    now.args(["run", "--transport", "memory", "goes_on.mcap"]);
+    let ended = site.start(&mut now).ended().with_code(0);
+    let words = "ended after 01:00.02 of sim time (tick 3001): nothing more can be seen";
+    assert!(ended.stdout.contains(words), "{ended}");
+}
+
 /// The recording is of the last build with version 6 of the protocol, whose commands have no stage:
 /// `maes run --transport memory --controller dsvp-auction --agents 2 --size 30 --seed 1 --duration
 /// 30`.

@@ -38,7 +38,8 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     let mut failures = Vec::new();
     // Nothing is written before all folders have been read.
     let mut scenarios = Vec::new();
-    let mut recordings = Vec::new();
+    // The first that has a recording, or a file, counts.
+    let (mut recordings, mut inputs) = (Vec::new(), Vec::new());
     let has_plan = out.join(PLAN).exists();
     let before = has_plan.then_some(out);
     for folder in before.into_iter().chain(folders.iter().map(PathBuf::as_path)) {
@@ -53,7 +54,9 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
             None => plan = Some((folder, text)),
         }
         failures.extend(store.failures()?);
+        inputs.push(folder.join(FOLDER));
         for run in store.stored_runs()? {
+            recordings.push((run.row.id.clone(), store.recording_file(&run.row.id)));
             match all.get(&run.row.id) {
                 Some(first) if !is_same_run(&first.clone().split().0, &run.clone().split().0) => {
                     let folder = folder.display().to_string();
@@ -64,7 +67,6 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
                     if let Some(scenario) = store.scenario(&run.row.id)? {
                         scenarios.push((run.row.id.clone(), scenario));
                     }
-                    recordings.push((run.row.id.clone(), store.recording_file(&run.row.id)));
                     all.insert(run.row.id.clone(), run);
                 }
             }
@@ -74,12 +76,14 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     for (id, scenario) in &scenarios {
         joined.save_scenario(id, scenario)?;
     }
-    if let Some((folder, text)) = plan {
-        copy_folder(&folder.join(FOLDER), &out.join(FOLDER))?;
+    if let Some((_, text)) = plan {
         joined.write(PLAN, text.as_bytes())?;
     }
-    for (id, recording) in recordings.iter().filter(|(_, recording)| recording.is_file()) {
-        copy(recording, &joined.recording_file(id)).map_err(unreadable(recording))?;
+    for folder in inputs {
+        copy_folder(&folder, &out.join(FOLDER))?;
+    }
+    for (id, recording) in &recordings {
+        copy_new(recording, &joined.recording_file(id))?;
     }
     for run in all.values() {
         joined.save_run(run)?;
@@ -91,7 +95,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<usize, MergeError> {
     Ok(all.len())
 }
 
-/// Copies a folder with all that is in it; nothing, if there is none.
+/// Copies a folder with all that is in it and not there yet; nothing, if there is none.
 fn copy_folder(from: &Path, to: &Path) -> Result<(), StoreError> {
     if !from.is_dir() {
         return Ok(());
@@ -103,10 +107,18 @@ fn copy_folder(from: &Path, to: &Path) -> Result<(), StoreError> {
         if entry.file_type().map_err(unreadable(&inner))?.is_dir() {
             copy_folder(&inner, &target)?;
         } else {
-            copy(&inner, &target).map_err(unreadable(&inner))?;
+            copy_new(&inner, &target)?;
         }
     }
     Ok(())
+}
+
+/// Copies a file to where there is none; nothing, if there is no file.
+fn copy_new(from: &Path, to: &Path) -> Result<(), StoreError> {
+    if !from.is_file() || to.exists() {
+        return Ok(());
+    }
+    copy(from, to).map_err(unreadable(from))
 }
 
 fn unreadable(file: &Path) -> impl FnOnce(io::Error) -> StoreError {

@@ -73,7 +73,7 @@ impl Cause {
             Self::OutOfEnergy
         } else if row.reason == EndReason::NothingMoreSeen {
             Self::OutOfSight
-        } else if is_new {
+        } else if is_new && row.reason != EndReason::StandsStill {
             Self::TimeOver
         } else if row.collisions as f64 > COLLISIONS_PER_MIN * agent_minutes {
             Self::Collision

@@ -260,22 +260,33 @@ impl<'c> Session<'c, '_> {
         }
         let rule = self.engine.scenario().stop_rule();
         let is_team_back = self.engine.is_team_back();
-        self.engine.note_places();
-        if matches!(rule, StopRule::Covered | StopRule::Explored | StopRule::KnownAtBase) {
+        let is_about_space = matches!(rule, StopRule::Covered | StopRule::Explored | StopRule::KnownAtBase);
+        if is_about_space {
             self.engine.flush_scans();
             self.engine.note_explored();
+            self.engine.note_places();
         }
-        // A recording of an earlier build may go on where the team can see nothing more.
+        // A recording of an earlier build may go on where the team can see nothing more, or stands
+        // still, and have ended there for another reason.
         let is_live = self.playback.as_ref().is_none_or(|playback| !playback.covers(self.engine.tick()));
+        let checked = self.playback.as_ref().filter(|_| is_live && self.log.checker().is_some());
+        let recorded = checked.and_then(Playback::ending).map(|ending| ending.reason.clone());
+        let may_end = |reason: EndReason| is_live && recorded.as_ref().is_none_or(|recorded| *recorded == reason);
         let fulfilled = match rule {
             StopRule::Back => is_team_back.then_some(EndReason::AllBack),
-            StopRule::KnownAtBase => self.engine.is_known_at_base().then_some(EndReason::KnownAtBase),
+            StopRule::KnownAtBase => {
+                let is_known = self.engine.is_known_at_base(may_end(EndReason::KnownAtBase));
+                is_known.then_some(EndReason::KnownAtBase)
+            }
             StopRule::Covered => self.engine.world().coverage().is_covered().then_some(EndReason::Covered),
             StopRule::Explored if self.engine.world().coverage().is_explored() => Some(EndReason::Explored),
-            StopRule::Explored => (is_live && self.engine.can_see_nothing_more()).then_some(EndReason::NothingMoreSeen),
+            StopRule::Explored => {
+                let is_nothing_left = may_end(EndReason::NothingMoreSeen) && self.engine.can_see_nothing_more();
+                is_nothing_left.then_some(EndReason::NothingMoreSeen)
+            }
             StopRule::Duration => None,
         };
-        let may_stand_still = matches!(rule, StopRule::Covered | StopRule::Explored | StopRule::KnownAtBase) && is_live;
+        let may_stand_still = is_about_space && may_end(EndReason::StandsStill);
         let fulfilled =
             fulfilled.or_else(|| (may_stand_still && self.engine.stands_still()).then_some(EndReason::StandsStill));
         Ok(if fulfilled.is_some() {

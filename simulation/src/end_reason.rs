@@ -11,9 +11,9 @@ pub enum EndReason {
     /// The team has seen every free cell.
     Explored,
     /// No free cell that the team has not seen can be seen from where a body can be, and all agents
-    /// rest or have seen nothing new for long.
+    /// rest or have seen nothing new for a minute.
     NothingMoreSeen,
-    /// No body has left its place for long, and no agent waits for a time.
+    /// No body has left its place for five minutes, and no agent waits for a time.
     StandsStill,
     /// Bodies have been in every free cell.
     Covered,

@@ -9,7 +9,7 @@ const FEW: usize = 3;
 const POINTS_FOR_EACH: usize = 16;
 
 /// How many times farther such a larger share lies from the others than these from each other.
-const FAR: f64 = 8.0;
+const SMALL_CLOUD_GAP_FACTOR: f64 = 8.0;
 
 /// A few points that lie farther from the others than these from each other, along some axis.
 pub(super) struct Strays {
@@ -41,7 +41,7 @@ impl Strays {
         if most == 0 {
             return None;
         }
-        let gap = |outside: usize| if outside > share(total) { FAR } else { 1.0 };
+        let gap = |outside: usize| if outside > share(total) { SMALL_CLOUD_GAP_FACTOR } else { 1.0 };
         let (mut low, mut high) = ([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]);
         for (axis, ends) in ends.into_iter().enumerate() {
             // The lowest coordinates, and the highest ones from the last one on.
@@ -89,7 +89,7 @@ fn most_of(total: usize) -> usize {
     share(total).max(FEW.min(total / POINTS_FOR_EACH))
 }
 
-/// Most strays among so many points that need not lie [`FAR`] away.
+/// Most strays among so many points that need not lie [`SMALL_CLOUD_GAP_FACTOR`] away.
 fn share(total: usize) -> usize {
     (total as f64 * STRAYS_SHARE) as usize
 }

@@ -13,7 +13,7 @@ use super::orientation::{Edge, Sets};
 /// Angle within which triangles lie on each other.
 const SAME: f64 = 1e-9;
 
-/// Most triangles at an edge whose order around it is looked at.
+/// Most triangles at an edge around which patches may close; with more they count as open.
 const MEETING_MAX: usize = 64;
 
 /// Two things, and whether one of them has to turn.

@@ -90,8 +90,8 @@ pub(super) struct Engine<'a> {
     failed_searches: Vec<u32>,
     /// The stage of each agent.
     stages: Vec<Option<Stage>>,
-    /// What the team had seen when all of it rested, or had seen nothing new for long, and something
-    /// was left to see: cells.
+    /// What the team had seen, in cells, when all of it rested, or had seen nothing new for long,
+    /// and there was something left to see.
     rested_at: Option<usize>,
     /// What the team has seen, in cells, and since when.
     last_new: (usize, Tick),
@@ -370,6 +370,7 @@ impl<'a> Engine<'a> {
             let message = wire::map_change(tick, cells, terrain, MapChangeCause::Request);
             log.write_digested(EntryKind::MapChange, tick, &message, &mut self.chain)?;
             self.rested_at = None;
+            self.standstill = standstill::Standstill::default();
         }
         Ok(Ok(changed))
     }
@@ -445,6 +446,7 @@ impl<'a> Engine<'a> {
         if placed.is_ok() {
             // Its wake-up condition was meant for another place.
             self.wake_conditions[agent.index()] = WakeCondition::NEXT_TICK;
+            self.standstill = standstill::Standstill::default();
             self.record_intervention(agent, &Change::Place(pose), log)?;
         }
         Ok(placed)

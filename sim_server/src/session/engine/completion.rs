@@ -8,16 +8,16 @@ use super::Engine;
 /// Share of the free cells with which the time until the team is home is taken.
 const EXPLORED_ENOUGH: f64 = 0.99;
 
-/// Time without a new cell after which a team that does not rest has nothing more to see, if nothing
-/// can be seen: 1 min.
+/// Time without a new cell after which a team that does not rest has nothing more to see, if no
+/// cell can be seen: 1 min.
 const NOTHING_NEW_TICKS: u64 = 3000;
 
 /// Time in its bases after which a team without a goal has come back for good.
 const WAITED_TICKS: u64 = 500;
 
 impl Engine<'_> {
-    /// Notes what the team has seen, for [`Engine::can_see_nothing_more`]. Call it in every tick, and
-    /// [`Engine::flush_scans`] before.
+    /// Notes what the team has seen, for [`Engine::can_see_nothing_more`]. Call it in every tick,
+    /// and [`Engine::flush_scans`] before.
     pub(in crate::session) fn note_explored(&mut self) {
         let explored = self.world.coverage().explored_count();
         if self.last_new.0 != explored {
@@ -33,7 +33,9 @@ impl Engine<'_> {
             |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting) && !self.world.body(agent).is_active();
         let is_team_at_rest = || self.world.agents().filter(|&agent| self.takes_part(agent)).all(rests);
         let (_, last_new): (usize, Tick) = self.last_new;
-        let is_nothing_new = self.tick() >= last_new.after(NOTHING_NEW_TICKS);
+        // A door may open before a body that comes near, and a reserve may be sent elsewhere.
+        let is_nothing_ahead = self.map_changes.is_empty() && self.reserve().is_empty();
+        let is_nothing_new = is_nothing_ahead && self.tick() >= last_new.after(NOTHING_NEW_TICKS);
         if !(self.schedule.is_empty() && self.joining.is_empty() && (is_nothing_new || is_team_at_rest())) {
             return false;
         }
@@ -46,12 +48,13 @@ impl Engine<'_> {
     }
 
     /// Whether a base station knows every free cell, or all that the team has seen while nothing
-    /// more can be seen. Call [`Engine::flush_scans`] before.
-    pub(in crate::session) fn is_known_at_base(&mut self) -> bool {
+    /// more can be seen, if `is_enough` says that this ends the run. Call [`Engine::flush_scans`]
+    /// before.
+    pub(in crate::session) fn is_known_at_base(&mut self, is_enough: bool) -> bool {
         let coverage = self.world.coverage();
         let (explored, is_explored) = (coverage.explored_count(), coverage.is_explored());
         let has_all = coverage.known_at_base_count().is_some_and(|known| known >= explored);
-        has_all && (is_explored || self.can_see_nothing_more())
+        has_all && (is_explored || (is_enough && self.can_see_nothing_more()))
     }
 
     /// Whether the whole team has come back to its bases for good: all is explored, or all agents
