@@ -510,8 +510,8 @@ fn rewritten_recordings_verify() {
     }
 }
 
-/// The recording is of a build that went on to the duration where nothing more can be seen: `rbw` in
-/// a room with a hidden pocket, for 62 s. Today such a run ends after a minute.
+/// The recording is of a build that went on to the duration where nothing more can be seen: `rbw`
+/// in a room with a hidden pocket, for 62 s. Today such a run ends after a minute.
 #[test]
 fn recording_that_went_on_to_its_duration_verifies() {
     let site = Site::new();

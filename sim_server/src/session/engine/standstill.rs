@@ -42,7 +42,7 @@ impl Engine<'_> {
     /// [`Engine::note_explored`] before.
     pub(in crate::session) fn note_places(&mut self) {
         let now = self.tick();
-        if now.0 % CHECK_PERIOD_TICKS != 0 {
+        if !now.0.is_multiple_of(CHECK_PERIOD_TICKS) {
             return;
         }
         if self.standstill.places.is_empty() || self.is_anything_going_on() {
