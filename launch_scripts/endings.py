@@ -79,21 +79,20 @@ def measured(binary: Path, case: str, controller: str, seed: int, minutes: float
         return match.group(1) if match else default
 
     samples = [tuple(map(float, line.split())) for line in metrics.splitlines() if line[:1].isdigit()]
-    last_of = lambda column: next((time for time, *row in rising(samples, column)), 0.0)
-    team = re.search(r"team\s*[^\d]*([\d.]+) %[^\d]*([\d.]+) %[^\d]*([\d.]+) m", done.stdout)
+    team = re.search(r"team\s*[^\d]*([\d.]+) %[^\d]*[\d.]+ %[^\d]*([\d.]+) m", done.stdout)
     minutes_text, seconds, reason = re.search(r"ended after (\d+):([\d.]+) of sim time \(tick \d+\): (.*)", done.stdout).groups()
     return {
-        "case": case, "controller": controller, "explored": float(team.group(1)), "distance": float(team.group(3)),
+        "case": case, "controller": controller, "explored": float(team.group(1)), "distance": float(team.group(2)),
         "attainable": float(found(r"can see ([\d.]+) % of the free", "100")),
-        "new": last_of(0), "moved": last_of(1), "end": 60 * int(minutes_text) + float(seconds), "reason": reason,
+        "new": last_rise_s(samples, 0), "moved": last_rise_s(samples, 1), "end": 60 * int(minutes_text) + float(seconds), "reason": reason,
         "slowest": found(r"longest ([\d.]+\S+)"), "empty": int(found(r"ran_empty (\d+)", "0")),
     }
 
 
-def rising(samples: list, column: int) -> list:
-    """The samples in which a column has grown, last first."""
-    pairs = list(zip(samples, samples[1:]))
-    return [(after[3],) for before, after in reversed(pairs) if after[column] > before[column] + 1e-6]
+def last_rise_s(samples: list, column: int) -> float:
+    """The time of the last sample in which a column has grown; 0 if it never has."""
+    pairs = zip(samples, samples[1:])
+    return max((after[3] for before, after in pairs if after[column] > before[column] + 1e-6), default=0.0)
 
 
 def is_bad(run: dict) -> bool:

@@ -1,14 +1,14 @@
 //! The merge of folders of one plan that several machines have executed in part: records and
 //! scenarios of their runs, the recordings that were kept, and the files that the plan reads.
 
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use thiserror::Error;
 
 use crate::plan::{FOLDER, copy};
 use crate::rows::{RunRecord, StoredRun};
-use crate::store::{PLAN, Store, StoreError};
+use crate::store::{PLAN, Store, StoreError, file_error};
 
 #[derive(Debug, Error)]
 pub enum MergeError {
@@ -100,11 +100,11 @@ fn copy_folder(from: &Path, to: &Path) -> Result<(), StoreError> {
     if !from.is_dir() {
         return Ok(());
     }
-    fs::create_dir_all(to).map_err(unreadable(to))?;
-    for entry in fs::read_dir(from).map_err(unreadable(from))? {
-        let entry = entry.map_err(unreadable(from))?;
+    fs::create_dir_all(to).map_err(file_error(to))?;
+    for entry in fs::read_dir(from).map_err(file_error(from))? {
+        let entry = entry.map_err(file_error(from))?;
         let (inner, target) = (entry.path(), to.join(entry.file_name()));
-        if entry.file_type().map_err(unreadable(&inner))?.is_dir() {
+        if entry.file_type().map_err(file_error(&inner))?.is_dir() {
             copy_folder(&inner, &target)?;
         } else {
             copy_new(&inner, &target)?;
@@ -118,12 +118,7 @@ fn copy_new(from: &Path, to: &Path) -> Result<(), StoreError> {
     if !from.is_file() || to.exists() {
         return Ok(());
     }
-    copy(from, to).map_err(unreadable(from))
-}
-
-fn unreadable(file: &Path) -> impl FnOnce(io::Error) -> StoreError {
-    let file = file.display().to_string();
-    |source| StoreError::File { file, source }
+    copy(from, to).map_err(file_error(from))
 }
 
 /// Whether two records are equal except for wall time, and for the oracle and the parts of the

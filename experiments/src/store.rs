@@ -374,7 +374,7 @@ fn write_atomically(file: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     os::sync_folder(folder).map_err(&failed)
 }
 
-fn file_error(file: &Path) -> impl Fn(std::io::Error) -> StoreError {
+pub(crate) fn file_error(file: &Path) -> impl Fn(std::io::Error) -> StoreError {
     let file = name(file);
     move |source| StoreError::File { file: file.clone(), source }
 }

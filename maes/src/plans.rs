@@ -445,8 +445,8 @@ fn write_report(folder: &Path, heading: &Heading) -> anyhow::Result<()> {
     let lacking = if lacking > 0 { format!(", {lacking} lacking for a whole comparison") } else { String::new() };
     print(&format!("{runs} runs{lacking}"));
     verdicts.iter().take(VERDICTS_MAX).for_each(|verdict| print(verdict));
-    if let Some(more) = verdicts.len().checked_sub(VERDICTS_MAX).filter(|&more| more > 0) {
-        print(&format!("{more} more comparisons are in the report"));
+    if verdicts.len() > VERDICTS_MAX {
+        print(&format!("{} more comparisons are in the report", verdicts.len() - VERDICTS_MAX));
     }
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print(&format!("{}", page.display()));

@@ -195,8 +195,7 @@ impl<'a> Comparison<'a> {
             let period = self.poses_period_ticks;
             let left_out = &mut self.left_out;
             let mut is_of_run = |message: &Message| {
-                let is_of_run = MessageKind::of(&message.channel.topic)
-                    .is_some_and(|kind| kind.is_of_run(message.tick(), &message.data, period));
+                let is_of_run = belongs_to_run(message, period);
                 *left_out += u64::from(!is_of_run);
                 is_of_run
             };
@@ -316,11 +315,14 @@ fn poses_period_ticks(scenario: &str) -> u64 {
 #[must_use]
 pub fn count_of_run(recording: &Recording, stop: impl Fn() -> bool) -> u64 {
     let period = poses_period_ticks(&recording.scenario());
-    let of_run = |message: &Message| {
-        let kind = MessageKind::of(&message.channel.topic);
-        kind.is_some_and(|kind| kind.is_of_run(message.tick(), &message.data, period))
-    };
-    recording.messages_on(is_of_run).take_while(|_| !stop()).filter(of_run).count() as u64
+    let of_run = recording.messages_on(is_of_run).take_while(|_| !stop());
+    of_run.filter(|message| belongs_to_run(message, period)).count() as u64
+}
+
+/// Whether a message belongs to the run, and is not there for observers alone.
+fn belongs_to_run(message: &Message, poses_period_ticks: u64) -> bool {
+    MessageKind::of(&message.channel.topic)
+        .is_some_and(|kind| kind.is_of_run(message.tick(), &message.data, poses_period_ticks))
 }
 
 /// Whether the messages of a topic belong to the run.

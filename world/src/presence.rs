@@ -87,8 +87,7 @@ impl World {
         state.presence = Presence::Active;
         state.next_scan = is_on_request.then_some(tick);
         self.spheres[agent.index()] = state.sphere();
-        let cell = index_of(&self.terrain, state.cell);
-        self.coverage.cover(agent, cell);
+        self.coverage.cover(agent, index_of(&self.terrain, cell));
         self.contacts = None;
         self.localise_anew(agent);
         self.put(agent);

@@ -5,8 +5,8 @@ const STRAYS_SHARE: f64 = 0.005;
 
 /// Most strays of a small cloud, in which they are a larger share, and how many points it has for
 /// each of them at least.
-const FEW: usize = 3;
-const POINTS_FOR_EACH: usize = 16;
+const SMALL_CLOUD_STRAYS_MAX: usize = 3;
+const SMALL_CLOUD_POINTS_PER_STRAY: usize = 16;
 
 /// How many times farther such a larger share lies from the others than these from each other.
 const SMALL_CLOUD_GAP_FACTOR: f64 = 8.0;
@@ -86,7 +86,7 @@ impl Strays {
 
 /// Most strays among so many points.
 fn most_of(total: usize) -> usize {
-    share(total).max(FEW.min(total / POINTS_FOR_EACH))
+    share(total).max(SMALL_CLOUD_STRAYS_MAX.min(total / SMALL_CLOUD_POINTS_PER_STRAY))
 }
 
 /// Most strays among so many points that need not lie [`SMALL_CLOUD_GAP_FACTOR`] away.

@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 
 use super::super::FormatError;
-use super::patches::{self, Patches, Tie};
+use super::patches::{self, Constraint, Patches};
 use super::winding::{TRIANGLE_STEPS, Winding, solid_angle};
 use super::{Triangle, WorkBudget};
 
@@ -73,7 +73,7 @@ pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Resul
         let corners = self::corners(triangles, work)?;
         openings(triangles, &corners, &self::edges(&corners))
     };
-    let meeting = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(<[Edge]>::len);
+    let meeting = around(&edges).map(<[Edge]>::len);
     let rims = meeting.filter(|triangles| triangles % 2 == 1 && *triangles > 1).count();
     Ok(Orientation { turned, parts: parts(&corners), openings, rims })
 }
@@ -143,19 +143,23 @@ fn edges(corners: &[[u32; 3]]) -> Vec<Edge> {
     edges
 }
 
+/// The passages of each edge.
+pub(super) fn around(edges: &[Edge]) -> impl Iterator<Item = &[Edge]> {
+    edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+}
+
 /// Turns triangles until neighbours pass their common edge in opposite directions: in each
 /// connected part those with the smaller area. A part without an outside, as a Moebius strip,
 /// stays.
 fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) -> Patches {
     let crossed = Crossed::of(triangles, edges);
     let pairs = || {
-        let all = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
-        all.filter(|edge| edge.len() == 2 && edge[0].2 != edge[1].2 && !crossed.contains(triangles, edge[0]))
+        around(edges).filter(|edge| edge.len() == 2 && edge[0].2 != edge[1].2 && !crossed.contains(triangles, edge[0]))
     };
     if pairs().any(|edge| edge[0].3 == edge[1].3) {
-        let ties: Vec<Tie> = pairs().map(|edge| (edge[0].2, edge[1].2, edge[0].3 == edge[1].3)).collect();
+        let constraints: Vec<Constraint> = pairs().map(|edge| (edge[0].2, edge[1].2, edge[0].3 == edge[1].3)).collect();
         let area = |triangle: u32| super::area(&triangles[triangle as usize]);
-        turned.copy_from_slice(&patches::agree(triangles.len(), &ties, area));
+        turned.copy_from_slice(&patches::consistent_turns(triangles.len(), &constraints, area));
     }
     Patches::new(triangles, edges, pairs().map(|edge| (edge[0].2, edge[1].2)), turned)
 }
@@ -173,7 +177,7 @@ type Line = (usize, [u64; 2]);
 impl Crossed {
     fn of(triangles: &[Triangle], edges: &[Edge]) -> Self {
         let mut lines: BTreeMap<Line, Vec<[f64; 2]>> = BTreeMap::new();
-        for edge in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        for edge in around(edges) {
             if edge.iter().filter(|passage| passage.3).count() * 2 != edge.len()
                 && let Some((line, ends)) = Self::line(triangles, edge[0])
             {
@@ -277,8 +281,7 @@ fn openings(triangles: &[Triangle], corners: &[[u32; 3]], edges: &[Edge]) -> Vec
     // they face: of a part without an outside they face the same way. Crossed edges balance longer
     // ones.
     let crossed = Crossed::of(triangles, edges);
-    let open: Vec<(u32, u32, i64)> = edges
-        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+    let open: Vec<(u32, u32, i64)> = around(edges)
         .filter(|edge| edge.len() != 2 || crossed.contains(triangles, edge[0]))
         .filter(|edge| edge.iter().filter(|passage| passage.3).count() * 2 != edge.len())
         .map(|edge| (edge[0].0, edge[0].1, edge.iter().map(|passage| if passage.3 { 1 } else { -1 }).sum()))

@@ -8,27 +8,28 @@
 use std::f64::consts::TAU;
 
 use super::Triangle;
-use super::orientation::{Edge, Sets};
+use super::orientation::{Edge, Sets, around, cross};
+use super::winding::dot;
 
-/// Angle within which triangles lie on each other.
-const SAME: f64 = 1e-9;
+/// Angle around an edge within which triangles lie on each other.
+const SAME_ANGLE_RAD: f64 = 1e-9;
 
 /// Most triangles at an edge around which patches may close; with more they count as open.
 const MEETING_MAX: usize = 64;
 
-/// Two things, and whether one of them has to turn.
-pub(super) type Tie = (u32, u32, bool);
+/// Two triangles, or two patches, and whether one of them has to turn.
+pub(super) type Constraint = (u32, u32, bool);
 
-/// Which things turn so that all ties hold: in each connected set those that weigh less. A set
-/// whose ties contradict each other stays.
-pub(super) fn agree(count: usize, ties: &[Tie], weight: impl Fn(u32) -> f64) -> Vec<bool> {
+/// Which of `count` triangles or patches turn so that all constraints hold: in each connected set
+/// those that weigh less. A set whose constraints contradict each other stays.
+pub(super) fn consistent_turns(count: usize, constraints: &[Constraint], weight: impl Fn(u32) -> f64) -> Vec<bool> {
     let mut turns = vec![false; count];
-    let mut ties: Vec<Tie> =
-        ties.iter().flat_map(|&(one, other, differ)| [(one, other, differ), (other, one, differ)]).collect();
-    ties.sort_unstable();
-    let of = |thing: u32| {
-        let first = ties.partition_point(|&(from, ..)| from < thing);
-        ties[first..].iter().take_while(move |&&(from, ..)| from == thing)
+    let mut constraints: Vec<Constraint> =
+        constraints.iter().flat_map(|&(one, other, differ)| [(one, other, differ), (other, one, differ)]).collect();
+    constraints.sort_unstable();
+    let of = |item: u32| {
+        let first = constraints.partition_point(|&(from, ..)| from < item);
+        constraints[first..].iter().take_while(move |&&(from, ..)| from == item)
     };
     let mut known = vec![false; count];
     for first in 0..count as u32 {
@@ -54,11 +55,11 @@ pub(super) fn agree(count: usize, ties: &[Tie], weight: impl Fn(u32) -> f64) -> 
             }
         }
         let weight = |is_turned: bool| {
-            set.iter().filter(|&&thing| turns[thing as usize] == is_turned).map(|&thing| weight(thing)).sum::<f64>()
+            set.iter().filter(|&&item| turns[item as usize] == is_turned).map(|&item| weight(item)).sum::<f64>()
         };
         let swap = weight(true) > weight(false);
-        for &thing in &set {
-            turns[thing as usize] = has_sides && (turns[thing as usize] ^ swap);
+        for &item in &set {
+            turns[item as usize] = has_sides && (turns[item as usize] ^ swap);
         }
     }
     turns
@@ -132,17 +133,17 @@ impl Patches {
             area[patch as usize] += super::area(triangle);
         }
         let meeting = |edge: &[Edge]| edge.iter().copied().filter(|edge| self.is_open(edge.2)).collect::<Vec<Edge>>();
-        let mut ties = Vec::new();
+        let mut constraints = Vec::new();
         let mut groups = Sets::new(triangles.len());
         for edge in around(edges).filter(|edge| edge.len() > 2) {
             for (one, other) in adjacent(triangles, &meeting(edge)) {
                 let [a, b] = [one, other].map(|(.., triangle, is_forward)| is_forward ^ turned[triangle as usize]);
                 let [one, other] = [one, other].map(|edge| self.of[edge.2 as usize]);
-                ties.push((one, other, a == b));
+                constraints.push((one, other, a == b));
                 groups.join(one, other);
             }
         }
-        let turns = agree(triangles.len(), &ties, |patch| area[patch as usize]);
+        let turns = consistent_turns(triangles.len(), &constraints, |patch| area[patch as usize]);
         // Groups whose edges are balanced already stay, and those whose edges still are not.
         let (mut was_balanced, mut is_balanced) = (vec![true; triangles.len()], vec![true; triangles.len()]);
         let mut after = turned.to_vec();
@@ -165,11 +166,6 @@ impl Patches {
             }
         }
     }
-}
-
-/// The triangles at each edge.
-fn around(edges: &[Edge]) -> impl Iterator<Item = &[Edge]> {
-    edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
 }
 
 /// How much more often an edge is passed forwards than backwards.
@@ -195,17 +191,17 @@ fn adjacent(triangles: &[Triangle], edge: &[Edge]) -> Vec<(Edge, Edge)> {
     };
     let length = libm::sqrt(dot(axis, axis));
     let first = across(&edge[0]);
-    let beside = super::orientation::cross(axis, first).map(|along| along / length);
+    let beside = cross(axis, first).map(|along| along / length);
     let angle = |edge: &Edge| {
         let to = across(edge);
         let angle = libm::atan2(dot(to, beside), dot(to, first));
-        if angle < -SAME { angle + TAU } else { angle.max(0.0) }
+        if angle < -SAME_ANGLE_RAD { angle + TAU } else { angle.max(0.0) }
     };
     let mut by_angle: Vec<(f64, Edge)> = edge.iter().map(|edge| (angle(edge), *edge)).collect();
     by_angle.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut pairs = Vec::new();
     let mut single = Vec::new();
-    for same in by_angle.chunk_by(|a, b| b.0 - a.0 < SAME) {
+    for same in by_angle.chunk_by(|a, b| b.0 - a.0 < SAME_ANGLE_RAD) {
         match *same {
             [(_, edge)] => single.push(edge),
             [(_, one), (_, other)] => pairs.push((one, other)),
@@ -225,8 +221,4 @@ fn adjacent(triangles: &[Triangle], edge: &[Edge]) -> Vec<(Edge, Edge)> {
 
 fn to_from(to: [f64; 3], from: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| to[axis] - from[axis])
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

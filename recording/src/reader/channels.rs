@@ -1,6 +1,6 @@
 //! The schemas and channels of a file, which its messages refer to.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use mcap::records::Record;
@@ -14,10 +14,9 @@ use crate::recorder;
 #[derive(Debug, Clone, Default)]
 pub(super) struct KnownChannels {
     schemas: BTreeMap<u16, KnownSchema>,
-    pub(super) channels: BTreeMap<u16, Arc<Channel>>,
+    pub(super) channels: BTreeMap<u16, KnownChannel>,
     /// The topics whose messages are returned; `None`: all.
     pub(super) wanted: Option<fn(&str) -> bool>,
-    unwanted: BTreeSet<u16>,
     /// Messages on other topics so far, whose content was not copied.
     pub(super) left_out: u64,
 }
@@ -33,19 +32,21 @@ impl KnownChannels {
                 let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                 let KnownSchema { name: type_name, lacks_stage } = schema;
                 let value = |key| channel.metadata.get(key).cloned().unwrap_or_default();
-                match self.wanted.is_some_and(|is_wanted| !is_wanted(&channel.topic)) {
-                    true => self.unwanted.insert(channel.id),
-                    false => self.unwanted.remove(&channel.id),
-                };
+                let is_wanted = self.wanted.is_none_or(|is_wanted| is_wanted(&channel.topic));
                 let (offered_qos, type_hash) = (value(recorder::QOS_KEY), value(recorder::TYPE_HASH_KEY));
-                let known = Arc::new(Channel { topic: channel.topic, type_name, offered_qos, type_hash, lacks_stage });
-                self.channels.insert(channel.id, known);
+                let id = channel.id;
+                let channel = Channel { topic: channel.topic, type_name, offered_qos, type_hash, lacks_stage };
+                self.channels.insert(id, KnownChannel { channel: Arc::new(channel), is_wanted });
             }
-            Record::Message { header, .. } if self.unwanted.contains(&header.channel_id) => self.left_out += 1,
             Record::Message { header, data } => {
-                let channel = self.channels.get(&header.channel_id).cloned();
-                let channel =
-                    channel.ok_or_else(|| format!("a message of channel {}, which is unknown", header.channel_id))?;
+                let known = self.channels.get(&header.channel_id);
+                let known =
+                    known.ok_or_else(|| format!("a message of channel {}, which is unknown", header.channel_id))?;
+                if !known.is_wanted {
+                    self.left_out += 1;
+                    return Ok(None);
+                }
+                let channel = known.channel.clone();
                 let mut data = data.into_owned();
                 if channel.lacks_stage {
                     data.extend([Command::SAME; Command::UNDIGESTED_BYTES]);
@@ -56,6 +57,13 @@ impl KnownChannels {
         }
         Ok(None)
     }
+}
+
+/// A channel, and whether its messages are returned.
+#[derive(Debug, Clone)]
+pub(super) struct KnownChannel {
+    pub(super) channel: Arc<Channel>,
+    is_wanted: bool,
 }
 
 /// A type of messages.

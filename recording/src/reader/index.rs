@@ -150,7 +150,7 @@ impl IndexedRecording {
         }
         let mut traffic: BTreeMap<String, (u64, u64)> = BTreeMap::new();
         for (channel, (count, bytes)) in of_channel {
-            let topic = self.known.channels.get(&channel).ok_or(CONTRADICTION)?.topic.clone();
+            let topic = self.known.channels.get(&channel).ok_or(CONTRADICTION)?.channel.topic.clone();
             let of_topic = traffic.entry(topic).or_default();
             *of_topic = (of_topic.0 + count, of_topic.1 + bytes);
         }
@@ -202,7 +202,8 @@ impl IndexedRecording {
     /// # Errors
     /// With a reason, if its chunk cannot be read.
     pub fn last(&self, topic: &str) -> Result<Option<Message>, &'static str> {
-        let is_of_topic = |channel: &u16| self.known.channels.get(channel).is_some_and(|known| known.topic == topic);
+        let is_of_topic =
+            |channel: &u16| self.known.channels.get(channel).is_some_and(|known| known.channel.topic == topic);
         let with_topic = |chunk: &&ChunkIndex| chunk.message_index_offsets.keys().any(is_of_topic);
         let Some(chunk) = self.chunks.iter().rev().find(with_topic) else { return Ok(None) };
         let at = chunk.chunk_start_offset;

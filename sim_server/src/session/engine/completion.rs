@@ -1,6 +1,6 @@
 //! When a team is done: nothing more can be seen, or all are back in their bases.
 
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::AgentId;
 use protocol::stage::Stage;
 
 use super::Engine;
@@ -32,11 +32,11 @@ impl Engine<'_> {
         let rests =
             |agent: AgentId| self.stages[agent.index()] == Some(Stage::Waiting) && !self.world.body(agent).is_active();
         let is_team_at_rest = || self.world.agents().filter(|&agent| self.takes_part(agent)).all(rests);
-        let (_, last_new): (usize, Tick) = self.last_new;
+        let (_, last_new) = self.last_new;
         // A door may open before a body that comes near, and a reserve may be sent elsewhere.
         let is_nothing_ahead = self.map_changes.is_empty() && self.reserve().is_empty();
         let is_nothing_new = is_nothing_ahead && self.tick() >= last_new.after(NOTHING_NEW_TICKS);
-        if !(self.schedule.is_empty() && self.joining.is_empty() && (is_nothing_new || is_team_at_rest())) {
+        if self.is_event_ahead() || !(is_nothing_new || is_team_at_rest()) {
             return false;
         }
         let explored = self.world.coverage().explored_count();
@@ -78,6 +78,11 @@ impl Engine<'_> {
         let do_all_wait = self.world.agents().filter(|&agent| self.takes_part(agent)).all(waits);
         self.waiting_since = do_all_wait.then(|| self.waiting_since.unwrap_or(tick));
         let is_over = is_explored || self.waiting_since.is_some_and(|since| tick >= since.after(WAITED_TICKS));
-        self.schedule.is_empty() && self.joining.is_empty() && is_over
+        !self.is_event_ahead() && is_over
+    }
+
+    /// Whether something is still to come at a time: an event, or an agent that joins late.
+    pub(super) fn is_event_ahead(&self) -> bool {
+        !self.schedule.is_empty() || !self.joining.is_empty()
     }
 }

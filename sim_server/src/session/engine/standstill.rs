@@ -57,10 +57,13 @@ impl Engine<'_> {
     /// Whether the team stands still, so that it will not see what is left: for five minutes, or
     /// for twice the time in which its slowest body can leave its place.
     pub(in crate::session) fn stands_still(&self) -> bool {
+        let Standstill { since, places, .. } = &self.standstill;
+        if places.is_empty() || self.tick() < since.after(STANDSTILL_TICKS) {
+            return false;
+        }
         let leaving_s = |agent: AgentId| self.place_m(agent) / self.world.body(agent).model().speed_max_m_s;
         let slowest_s = self.world.agents().map(leaving_s).fold(0.0, f64::max);
-        let ticks = STANDSTILL_TICKS.max((2.0 * slowest_s / Tick::TICK_S) as u64);
-        !self.standstill.places.is_empty() && self.tick() >= self.standstill.since.after(ticks)
+        self.tick() >= since.after((2.0 * slowest_s / Tick::TICK_S) as u64)
     }
 
     /// How far from where it was a body is still in its place, metres.
@@ -86,8 +89,7 @@ impl Engine<'_> {
         let (_, last_new) = self.last_new;
         last_new > self.standstill.since
             || self.standstill.known_at_base != self.world.coverage().known_at_base_count()
-            || !self.schedule.is_empty()
-            || !self.joining.is_empty()
+            || self.is_event_ahead()
             || !self.scenario().obstacle.is_empty()
             || !self.reserve().is_empty()
             || self.world.agents().filter(|&agent| self.takes_part(agent)).any(goes_on)
