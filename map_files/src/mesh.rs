@@ -256,8 +256,12 @@ pub(super) fn map_up(
         *corner = frame.in_map(*corner);
     }
     let mut work = WorkBudget::new(spec);
-    let doubled = doubled::drop_backs(&mut triangles, &mut work)?;
-    let Orientation { turned, parts, openings, rims } = orientation::orient(&mut triangles, &mut work)?;
+    let mut corners = orientation::corners(&triangles, &mut work)?;
+    let doubled = doubled::drop_backs(&mut triangles, &corners);
+    if doubled > 0 {
+        corners = orientation::corners(&triangles, &mut work)?;
+    }
+    let Orientation { turned, parts, openings, rims } = orientation::orient(&mut triangles, corners, &mut work)?;
     let text = format!(
         "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
         mesh.triangles.len()

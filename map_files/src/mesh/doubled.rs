@@ -10,9 +10,8 @@
 
 use std::ops::Range;
 
-use super::super::FormatError;
-use super::orientation::{Sets, corners, hash};
-use super::{Triangle, WorkBudget, normal};
+use super::orientation::{Sets, hash};
+use super::{Triangle, normal};
 
 /// Most triangles of a face, in the order in which pairs of faces are looked for.
 const FACE_TRIANGLES: [usize; 3] = [1, 2, usize::MAX];
@@ -24,26 +23,22 @@ const SHEET: f64 = 0.5;
 /// orientation.
 type Doubles = Vec<Range<usize>>;
 
-/// Drops one of each pair of faces of two-sided surfaces, and returns the number of triangles that
-/// this drops.
-///
-/// # Errors
-/// If no work is left.
-pub(super) fn drop_backs(triangles: &mut Vec<Triangle>, work: &mut WorkBudget) -> Result<usize, FormatError> {
-    let corners = corners(triangles, work)?;
+/// Drops one of each pair of faces of two-sided surfaces from triangles, of which `corners` are the
+/// places, and returns the number of triangles that this drops.
+pub(super) fn drop_backs(triangles: &mut Vec<Triangle>, corners: &[[u32; 3]]) -> usize {
     let mut is_single = vec![true; triangles.len()];
     let mut doubles: Vec<Doubles> = Vec::new();
     for most in FACE_TRIANGLES {
-        for found in find(&corners, &faces(&corners, &is_single, most)) {
+        for found in find(corners, &faces(corners, &is_single, most)) {
             found.iter().cloned().flatten().for_each(|triangle| is_single[triangle] = false);
             doubles.push(found);
         }
     }
     if doubles.is_empty() {
-        return Ok(0);
+        return 0;
     }
     let mut is_dropped = vec![false; triangles.len()];
-    for (faces, is_surface) in doubles.iter().zip(are_surfaces(triangles, &corners, &is_single, &doubles)) {
+    for (faces, is_surface) in doubles.iter().zip(are_surfaces(triangles, corners, &is_single, &doubles)) {
         if is_surface {
             // The first of them are those of one side, if a file has one side after the other.
             let backs = &faces[faces.len() / 2..];
@@ -53,7 +48,7 @@ pub(super) fn drop_backs(triangles: &mut Vec<Triangle>, work: &mut WorkBudget) -
     let before = triangles.len();
     let mut dropped = is_dropped.into_iter();
     triangles.retain(|_| dropped.next() == Some(false));
-    Ok(before - triangles.len())
+    before - triangles.len()
 }
 
 /// The faces of the triangles that are left, of `most` triangles or fewer: all triangles, or what

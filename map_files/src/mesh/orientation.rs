@@ -52,12 +52,15 @@ pub(super) struct Orientation {
     pub(super) rims: usize,
 }
 
-/// Turns triangles so that they face outwards together.
+/// Turns triangles, of which `corners` are the places, so that they face outwards together.
 ///
 /// # Errors
 /// If no work is left.
-pub(super) fn orient(triangles: &mut [Triangle], work: &mut WorkBudget) -> Result<Orientation, FormatError> {
-    let corners = corners(triangles, work)?;
+pub(super) fn orient(
+    triangles: &mut [Triangle],
+    corners: Vec<[u32; 3]>,
+    work: &mut WorkBudget,
+) -> Result<Orientation, FormatError> {
     let edges = edges(&corners);
     let mut turned = vec![false; triangles.len()];
     let patches = turn_neighbours(triangles, &edges, &mut turned);
@@ -133,13 +136,25 @@ pub(super) type Edge = (u32, u32, u32, bool);
 
 /// All edges in order.
 fn edges(corners: &[[u32; 3]]) -> Vec<Edge> {
-    let mut edges: Vec<Edge> = Vec::with_capacity(3 * corners.len());
-    for (triangle, corners) in corners.iter().enumerate() {
-        for [from, to] in [[0, 1], [1, 2], [2, 0]].map(|edge| edge.map(|corner| corners[corner])) {
-            edges.push((from.min(to), from.max(to), triangle as u32, from < to));
-        }
+    let of_triangle = |(triangle, corners): (usize, &[u32; 3])| {
+        let ends = [[0, 1], [1, 2], [2, 0]].map(|edge| edge.map(|corner| corners[corner]));
+        ends.map(|[from, to]| (from.min(to), from.max(to), triangle as u32, from < to))
+    };
+    let all = || corners.iter().enumerate().flat_map(of_triangle);
+    // Few edges begin at a corner: where its edges begin is counted, and only those are sorted.
+    let mut starts = vec![0; 3 * corners.len() + 1];
+    all().for_each(|edge| starts[edge.0 as usize + 1] += 1);
+    for corner in 1..starts.len() {
+        starts[corner] += starts[corner - 1];
     }
-    edges.sort_unstable();
+    let mut edges: Vec<Edge> = vec![(0, 0, 0, false); 3 * corners.len()];
+    let mut next: Vec<u32> = starts.clone();
+    for edge in all() {
+        let at = &mut next[edge.0 as usize];
+        edges[*at as usize] = edge;
+        *at += 1;
+    }
+    starts.windows(2).for_each(|range| edges[range[0] as usize..range[1] as usize].sort_unstable());
     edges
 }
 
@@ -190,6 +205,9 @@ impl Crossed {
 
     /// Whether other edges without balance overlap with this one.
     fn contains(&self, triangles: &[Triangle], edge: Edge) -> bool {
+        if self.0.is_empty() {
+            return false;
+        }
         let Some((line, here)) = Self::line(triangles, edge) else { return false };
         // The edge overlaps with itself, too.
         let overlaps = |other: &&[f64; 2]| other[0].max(here[0]) < other[1].min(here[1]);
