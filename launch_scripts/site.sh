@@ -57,8 +57,7 @@ for controller in rbw lvd dsvp; do
 done
 
 if [[ -n $api ]]; then
-    # Libraries alone: the program `experiments` has the name of one, and their pages would mix, as
-    # those of an earlier call would.
+    # Pages of an earlier call would mix with these.
     rm -rf "${CARGO_TARGET_DIR:-target}/doc"
     cargo doc --release --workspace --exclude maes_python --lib --no-deps --locked --quiet
     rm -rf "$out/api"

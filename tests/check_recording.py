@@ -1,9 +1,9 @@
 """Opens a recording with the usual Python packages, and checks it against itself and against
-`sim_server info`.
+`maes info`.
 
     check_recording.py RECORDING.mcap INFO.txt METADATA.yaml FREE_CELLS
 
-INFO.txt is the output of `sim_server info RECORDING.mcap`, METADATA.yaml that with `--metadata`,
+INFO.txt is the output of `maes info RECORDING.mcap`, METADATA.yaml that with `--metadata`,
 FREE_CELLS the number of free cells of the true map. Prints a summary; exit code 1 with the reason
 if a check fails.
 """

@@ -26,6 +26,8 @@ mod agent_replacement;
 /// Bad scenarios, maps, recordings and arguments: one line of error with the place, exit code 2, no
 /// file.
 mod bad_input;
+/// What the programs say beside their results.
+mod diagnostics;
 /// Localisation that drifts: the same bytes over ROS 2 and in memory, verified, forked and resumed.
 mod drift;
 /// Batteries: the same bytes over ROS 2 and in memory, forked and resumed.
@@ -57,8 +59,6 @@ mod network_attacks;
 mod process_limits;
 /// Recovery: killed, hanging and duplicate agents and killed servers leave the run unchanged.
 mod recovery;
-/// Old command names print the new ones and execute them.
-mod renamed_commands;
 /// The server while it waits for replies: saving, stopping, late and repeated replies.
 mod reply_timeouts;
 /// `launch_scripts/spawn.sh` starts a server and agents by hand.

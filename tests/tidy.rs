@@ -44,7 +44,7 @@ const USES: [(&str, &[&str]); 23] = [
     ("voxels", &[]),
     ("msgs", &[]),
     ("protocol", &["msgs", "voxels"]),
-    ("system", &[]),
+    ("system", &["msgs"]),
     ("ros_node", &["msgs", "protocol", "system"]),
     ("mapgen", &["voxels"]),
     ("map_files", &["mapgen", "voxels"]),
@@ -214,6 +214,16 @@ fn dependencies(of: &str, flags: &[&str]) -> BTreeSet<String> {
     let lines = String::from_utf8(output.stdout).expect("names of packages are texts");
     let names = lines.lines().filter_map(|line| line.split(' ').next()).filter(|name| *name != of);
     names.map(str::to_owned).collect()
+}
+
+#[test]
+fn crates_that_say_something_are_shown() {
+    let says_something = |of: &&str| {
+        let manifest: toml::Table = read(&root().join(of).join("Cargo.toml")).parse().expect("a manifest is TOML");
+        manifest.get("dependencies").and_then(|named| named.get("tracing")).is_some()
+    };
+    let found: BTreeSet<&str> = CRATES.into_iter().filter(says_something).collect();
+    assert_eq!(found, system::diagnostics::OWN.into_iter().collect());
 }
 
 #[test]

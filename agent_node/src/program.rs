@@ -23,7 +23,7 @@ use crate::host::{AgentProcess, Options};
 #[cfg(unix)]
 use crate::pipe::PipeTransport;
 use controllers::{Registration, Registry};
-use system::{memory, results};
+use system::{diagnostics, memory, results};
 
 /// A failure of the system or of the protocol.
 const FAILED: u8 = 1;
@@ -54,6 +54,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, own: &'static [Registr
 #[must_use]
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
     let name = OsString::from("agent_node");
+    diagnostics::show(None);
     let cli = Cli::parse_from([name].into_iter().chain(arguments));
     // Without it the process is aborted as ever.
     drop(memory::report_lack());
@@ -114,7 +115,7 @@ fn serve_stdin(_cli: &Cli, _registry: Registry) -> anyhow::Result<()> {
 
 /// Prints an error; returns the exit code.
 fn fail(error: &dyn std::fmt::Display, code: u8) -> u8 {
-    eprintln!("error: {}", msgs::printable::text(&error.to_string()));
+    tracing::error!("{error}");
     code
 }
 

@@ -17,6 +17,7 @@ use sim_server::setup::{self, SetupError};
 use simulation::scenario::{ControllerChoice, Origins, Scenario};
 use simulation::wire;
 use thiserror::Error;
+use transport::Level;
 use world::World;
 use world::workers::Workers;
 
@@ -117,7 +118,7 @@ pub fn run(
     let scenario = &setup::resolve(scenario.clone(), &Origins::new("the scenario", "", &[]))?;
     let (world, map) = setup::build(scenario)?;
     for warning in &map.warnings {
-        observer.note(&format!("warning: {warning}"));
+        observer.note(Level::Warn, warning);
     }
     // Checked before a recording is created for a run that cannot start.
     for agents in scenario.phases().iter().map(|phase| &phase.agents) {

@@ -73,7 +73,7 @@ impl RunObserver for Notes {
     fn waiting(&mut self, _missing: &[AgentId]) {}
     fn started(&mut self) {}
     fn progress(&mut self, _world: &World) {}
-    fn note(&mut self, text: &str) {
+    fn note(&mut self, _level: transport::Level, text: &str) {
         self.0.push(text.to_owned());
     }
 }

@@ -17,7 +17,7 @@ use experiments::store::Store;
 use sim_server::cli::{positive, whole};
 use sim_server::exit;
 
-use crate::output::{print, say};
+use crate::output::print;
 use crate::plans::{interruptible, over_ros, record_runs};
 use crate::progress::ProgressDisplay;
 use crate::view;
@@ -175,14 +175,15 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
     if executed.summary.left == 0 {
         match report::entry::write(&args.out, &entry, executed.results.as_ref(), beside(&args.out)) {
             Ok(page) => print(&format!("{}", page.display())),
-            Err(error) => say(&format!("note: no page of the entry: {error}")),
+            Err(error) => tracing::info!("note: no page of the entry: {error}"),
         }
     }
     let Some(results) = executed.results else {
-        say(&format!(
+        tracing::info!(
             "{} runs failed, {} left; the same command continues",
-            executed.summary.failed, executed.summary.left
-        ));
+            executed.summary.failed,
+            executed.summary.left
+        );
         return Ok(ExitCode::from(if executed.summary.left > 0 { exit::BY_SIGNAL } else { exit::FAILED }));
     };
     print(benchmark::table(&results).trim_end());
@@ -202,7 +203,7 @@ fn record_world(world: &Path, jobs: NonZero<usize>, stop: &Stop) {
         record_runs(world, runs, jobs, stop)
     };
     if let Err(error) = record() {
-        say(&format!("note: no recordings of {}: {error}", world.display()));
+        tracing::info!("note: no recordings of {}: {error}", world.display());
     }
 }
 
@@ -212,7 +213,7 @@ fn beside(folder: &Path) -> Option<&'static str> {
     match view::copy_page(&folder.join("page")) {
         Ok(is_copied) => is_copied.then_some("page/index.html"),
         Err(error) => {
-            say(&format!("note: no page for recordings: {error}"));
+            tracing::info!("note: no page for recordings: {error}");
             None
         }
     }

@@ -54,6 +54,7 @@ use sim_server::exit;
 use supervisor::SupervisorError;
 #[cfg(feature = "ros")]
 use supervisor::hosts::serve;
+use system::diagnostics::{self, Format};
 use system::{memory, os};
 use view::ViewArgs;
 
@@ -61,6 +62,9 @@ use view::ViewArgs;
 #[derive(Debug, Parser)]
 #[command(name = "maes", version = BUILD, arg_required_else_help = true)]
 struct Cli {
+    /// Form of the lines on stderr: text, or json, with an object for each event
+    #[arg(long, value_name = "FORMAT", value_parser = log_format)]
+    log_format: Option<Format>,
     #[command(subcommand)]
     command: Command,
 }
@@ -135,8 +139,12 @@ fn main() -> ExitCode {
     });
     let (cli, matches) = match parsed {
         Ok(parsed) => parsed,
-        Err(error) => return usage::report(&error),
+        Err(error) => {
+            diagnostics::show(None);
+            return usage::report(&error);
+        }
     };
+    diagnostics::show(cli.log_format);
     let given = matches.subcommand().map(|(_, given)| given).unwrap_or(&matches);
     let done = match cli.command {
         Command::Run(args) => run::run(&args, given),
@@ -175,16 +183,21 @@ fn main() -> ExitCode {
         }
     };
     let code = done.unwrap_or_else(|error| {
-        output::say(&output::without_numbers(&msgs::printable::line(&format!("error: {}", exit::described(&error)))));
+        tracing::error!("{}", output::without_numbers(&msgs::printable::line(&exit::described(&error))));
         exit_code(&error)
     });
     match output::failure() {
         Some(failure) if code == ExitCode::SUCCESS => {
-            output::say(&output::without_numbers(&format!("error: {failure}")));
+            tracing::error!("{}", output::without_numbers(failure));
             ExitCode::from(exit::FAILED)
         }
         _ => code,
     }
+}
+
+fn log_format(name: &str) -> Result<Format, String> {
+    let allowed = || format!("expected {}", Format::NAMES.map(|(name, _)| name).join(" or "));
+    Format::named(name).ok_or_else(allowed)
 }
 
 /// A command whose options take negative numbers as values, so that their own errors say what is
@@ -208,6 +221,7 @@ fn other_program() -> Option<ExitCode> {
 /// What a launcher starts on a host of `maes run --hosts`.
 #[cfg(feature = "ros")]
 fn serve_agents() -> ExitCode {
+    diagnostics::show(None);
     let served = match std::env::current_exe() {
         Ok(maes) => serve::serve(&maes, BUILD).map_err(|error| (error.to_string(), error.exit_code())),
         Err(error) => Err((error.to_string(), exit::FAILED)),
@@ -215,7 +229,7 @@ fn serve_agents() -> ExitCode {
     match served {
         Ok(()) => ExitCode::SUCCESS,
         Err((reason, code)) => {
-            output::say(&msgs::printable::line(&format!("error: {reason}")));
+            tracing::error!("{}", msgs::printable::line(&reason));
             ExitCode::from(code)
         }
     }

@@ -1,7 +1,7 @@
-//! Where text goes: results to stdout, everything else to stderr. A reader that is gone is no
-//! failure, and control characters are escaped: text may come from files and messages.
+//! Results go to stdout, everything else to stderr ([`system::diagnostics`]). A reader that is gone
+//! is no failure, and control characters are escaped: text may come from files and messages.
 
-use std::io::{self, Write};
+use std::io;
 use std::sync::OnceLock;
 
 use msgs::printable;
@@ -24,11 +24,6 @@ fn note(written: io::Result<()>) {
     if let Err(error) = written {
         let _ = FAILURE.set(format!("stdout: {error}"));
     }
-}
-
-/// Prints a note or an error.
-pub(crate) fn say(text: &str) {
-    drop(writeln!(io::stderr(), "{}", printable::text(text)));
 }
 
 /// An error without the system's number of it, which is said in words before: `(os error 2)`.

@@ -25,7 +25,7 @@ use report::{Heading, ReportError, ReportSummary, routes};
 use sim_server::cli::{positive, whole};
 use sim_server::{exit, setup};
 
-use crate::output::{print, say};
+use crate::output::print;
 use crate::progress::ProgressDisplay;
 use crate::signals;
 
@@ -66,9 +66,6 @@ pub(crate) struct BatchArgs {
     /// Over ROS 2: the domain of the first parallel run; the others use the next ones
     #[arg(long, value_name = "ID", default_value_t = 1, value_parser = whole::<u32>(0..=101))]
     first_domain: u32,
-    /// The script that started a run; has no effect any more
-    #[arg(long, value_name = "FILE", hide = true)]
-    launcher: Option<PathBuf>,
 }
 
 /// What a workload manager is asked for.
@@ -285,15 +282,12 @@ pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
 
 /// Executes what is left of a plan.
 pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
-    if args.launcher.is_some() {
-        say("note: `--launcher` has no effect any more: `maes` starts the processes itself");
-    }
     let plan = Plan::load(&args.plan).map_err(|error| match is_scenario(&args.plan) {
         true => anyhow!("{0}: a scenario of one run; expected a plan of many: maes run {0}", args.plan.display()),
         false => error.into(),
     })?;
     if let Some(note) = plan.too_few_blocks() {
-        say(&format!("note: {note}"));
+        tracing::info!("note: {note}");
     }
     let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let (transport, jobs) = match args.transport {
@@ -354,7 +348,7 @@ pub(crate) fn interruptible<T>(execute: impl FnOnce(&Stop) -> anyhow::Result<T>)
         if requested.soon.swap(true, Ordering::Relaxed) {
             requested.at_once.store(true, Ordering::Relaxed);
         } else {
-            say("ending after the runs under way; once more to give them up");
+            tracing::info!("ending after the runs under way; once more to give them up");
         }
     })?;
     execute(&stop)
@@ -415,7 +409,7 @@ pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
 fn record_routes(folder: &Path, jobs: NonZero<usize>, stop: &Stop) {
     let record = || -> anyhow::Result<()> { record_runs(folder, routes::without_recording(folder)?, jobs, stop) };
     if let Err(error) = record() {
-        say(&format!("note: no picture of routes: {error}"));
+        tracing::info!("note: no picture of routes: {error}");
     }
 }
 
@@ -431,7 +425,7 @@ pub(crate) fn record_runs(
     }
     let (transport, part) = (Transport::Memory, Part::WHOLE);
     let options = Options { jobs, transport, part, prune: false, registry: Registry::BUILT_IN };
-    say(&format!("{}: executing {} runs once more, to record them", folder.display(), runs.len()));
+    tracing::info!("{}: executing {} runs once more, to record them", folder.display(), runs.len());
     routes::record(folder, &Plan::load(&folder.join(PLAN))?, runs, &options, &mut (), stop)?;
     Ok(())
 }
@@ -448,7 +442,7 @@ fn write_report(folder: &Path, heading: &Heading) -> anyhow::Result<()> {
     if verdicts.len() > VERDICTS_MAX {
         print(&format!("{} more comparisons are in the report", verdicts.len() - VERDICTS_MAX));
     }
-    warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     print(&format!("{}", page.display()));
     Ok(())
 }

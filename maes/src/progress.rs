@@ -1,13 +1,11 @@
 //! The progress of a plan on stderr: a bar on a terminal, plain lines otherwise.
 
-use std::io::Write;
 use std::time::Instant;
 
 use experiments::execute::PlanObserver;
 use experiments::plan::PlannedRun;
 use experiments::rows::RunRow;
 use indicatif::ProgressBar;
-use msgs::printable;
 use system::progress_bar::{self, clock};
 use system::wall_clock::now;
 
@@ -41,7 +39,7 @@ impl PlanObserver for ProgressDisplay {
         // A benchmark executes several plans in turn.
         (self.done_cost, self.sim_s) = (0, 0.0);
         if self.ended > 0 {
-            self.print(&format!("{} of {} runs are done already", self.ended, self.runs));
+            tracing::info!("{} of {} runs are done already", self.ended, self.runs);
         }
         self.show(None);
     }
@@ -56,7 +54,7 @@ impl PlanObserver for ProgressDisplay {
 
     fn failed(&mut self, run: &PlannedRun, reason: &str) {
         self.count(run);
-        self.print(&format!("error: {}: {reason}", name(run)));
+        tracing::error!("{}: {reason}", name(run));
         self.show(None);
     }
 
@@ -80,7 +78,7 @@ impl ProgressDisplay {
                 bar.set_position(self.ended as u64);
                 bar.set_message(state);
             }
-            (None, Some(event)) => self.print(&format!("{state} | {event}")),
+            (None, Some(event)) => tracing::info!("{state} | {event}"),
             (None, None) => {}
         }
     }
@@ -94,15 +92,6 @@ impl ProgressDisplay {
             text += &format!(" | {rate:.0} x real time | {} left", clock(wall.mul_f64(left)));
         }
         text
-    }
-
-    fn print(&self, text: &str) {
-        let text = &*printable::text(text);
-        match &self.bar {
-            Some(bar) => bar.println(text),
-            // A closed stderr does not end the plan.
-            None => drop(writeln!(std::io::stderr(), "{text}")),
-        }
     }
 }
 

@@ -17,7 +17,7 @@ use sim_server::cli::{recording_path, time_s};
 use sim_server::{cmu_metrics, exit, info, verify};
 
 use crate::controllers::BuiltInControllers;
-use crate::output::{print, say};
+use crate::output::print;
 
 /// Arguments of `info`.
 #[derive(Debug, Args)]
@@ -115,7 +115,7 @@ pub(crate) fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let recording = Recording::open(&args.file)?;
     let failed = |error: &dyn std::fmt::Display, code| {
-        say(&printable::line(&format!("error: {error}")));
+        tracing::error!("{}", printable::line(&error.to_string()));
         Ok(code)
     };
     let controllers = BuiltInControllers::of(&recording);
@@ -163,7 +163,7 @@ pub(crate) fn recover(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
             Ok(ExitCode::SUCCESS)
         }
         Err(error @ RecoverError::Write { .. }) => {
-            say(&printable::line(&format!("error: {error}")));
+            tracing::error!("{}", printable::line(&error.to_string()));
             Ok(ExitCode::from(exit::FAILED))
         }
         Err(error) => Err(error.into()),
@@ -189,7 +189,7 @@ pub(crate) fn diff(args: &DiffArgs) -> anyhow::Result<ExitCode> {
 /// Reports why nothing was rendered, unless the driver of the browser has done so.
 pub(crate) fn capture_failed(error: &CaptureError) -> ExitCode {
     if !matches!(error, CaptureError::Driver { .. }) {
-        say(&format!("error: {error}"));
+        tracing::error!("{error}");
     }
     ExitCode::from(capture::exit_code(error))
 }

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use msgs::ids::Tick;
 use msgs::printable;
+use msgs::rcl_interfaces::Level;
 use recording::Recording;
 use recording::replay::{PlaybackOptions, PlaybackSchedule, PlaybackTiming};
 use ros_node::ros_env::RosEnv;
@@ -15,7 +16,7 @@ use sim_server::{exit, ros};
 use simulation::parameters::{self, RATE};
 use simulation::scenario::Rtf;
 
-use crate::output::{print, say};
+use crate::output::print;
 use crate::signals;
 
 /// Arguments of `replay`.
@@ -71,13 +72,13 @@ pub(crate) fn replay(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let timing = PlaybackTiming { rate: args.rate, is_loop: args.is_loop, is_paused: args.paused };
     let stop = signals::stop_flag()?;
     let mut terminal = Terminal::new(schedule.ticks().1);
-    schedule.notes().iter().for_each(|note| terminal.say(&printable::line(&format!("warning: {note}"))));
+    schedule.notes().iter().for_each(|note| terminal.say(Level::Warn, &printable::line(note)));
     let played = ros::replay::play(&recording, &schedule, timing, &env, &mut terminal, &stop);
     terminal.clear();
     let played = match played {
         Ok(played) => played,
         Err(error) => {
-            say(&format!("error: {error}"));
+            tracing::error!("{error}");
             return Ok(ExitCode::from(exit::FAILED));
         }
     };

@@ -25,7 +25,6 @@ use simulation::scenario::{Override, Scenario};
 use system::input_file::{self, TEXT_BYTES_MAX};
 
 use crate::controllers;
-use crate::output::say;
 
 /// The scenario of a run that names none.
 const DEFAULT_SCENARIO: &str = include_str!("../../launch_scripts/scenarios/default.toml");
@@ -341,7 +340,7 @@ pub(crate) fn run(args: &RunArgs, given: &ArgMatches) -> anyhow::Result<ExitCode
         Transport::Memory => {
             let scenario = args.scenario()?;
             controllers::check(&scenario)?;
-            args.note_on_team(&scenario).iter().for_each(|note| say(&format!("note: {note}")));
+            args.note_on_team(&scenario).iter().for_each(|note| tracing::info!("note: {note}"));
             memory::run(args, &scenario)
         }
         #[cfg(feature = "ros")]

@@ -10,19 +10,17 @@ use clap::CommandFactory as _;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use sim_server::exit;
 
-use crate::output::say;
-
 /// Prints what is wrong, or the help that was asked for; the exit code.
 pub(crate) fn report(error: &clap::Error) -> ExitCode {
     if let Some(line) = one_line(error) {
-        say(&format!("error: {line}"));
+        tracing::error!("{line}");
         return ExitCode::from(exit::BAD_INPUT);
     }
     if let Err(failure) = error.print()
         && !error.use_stderr()
         && failure.kind() != std::io::ErrorKind::BrokenPipe
     {
-        say(&format!("error: stdout: {failure}"));
+        tracing::error!("stdout: {failure}");
         return ExitCode::from(exit::FAILED);
     }
     ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(exit::BAD_INPUT))

@@ -23,7 +23,7 @@ use sim_server::cli::recording_path;
 use sim_server::exit;
 
 use crate::map::{self, MapCliError};
-use crate::output::{print, say};
+use crate::output::print;
 use crate::run::RunArgs;
 use crate::signals;
 use browser::Browser;
@@ -160,7 +160,7 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
         && let Err(error) = TcpListener::bind(&address)
     {
         // Before the page is built, and before a server names it as its own flag.
-        say(&format!("error: --address {address}: {error}; choose another port, or 0 for a free one"));
+        tracing::error!("--address {address}: {error}; choose another port, or 0 for a free one");
         return Ok(ExitCode::from(exit::FAILED));
     }
     let page = match page::folder(run.page.as_deref()) {
@@ -226,7 +226,7 @@ fn export_recording(folder: &Path, page: &Path, recording: &Path, beside: Option
             ExitCode::SUCCESS
         }
         Err(error) => {
-            say(&format!("error: {error}"));
+            tracing::error!("{error}");
             ExitCode::from(error.exit_code())
         }
     }
@@ -237,7 +237,7 @@ fn room_of(file: &Path, import: &ImportOptions, cell_m: Option<f64>) -> Result<M
     let spec = map::import(file, import, cell_m)?;
     let imported = spec.read()?;
     for note in imported.notes.iter().filter(|note| note.is_warning) {
-        say(&format!("warning: {}", note.text));
+        tracing::warn!("{}", note.text);
     }
     let terrain = mapgen::repair(&spec.file, imported.terrain, 0)?.terrain;
     Ok(MapRoom::new(file.to_owned(), &spec, terrain))
@@ -267,7 +267,7 @@ fn show(
     let server = match serve(&page, &address, token, &origins) {
         Ok(server) => server,
         Err(error) => {
-            say(&format!("error: {error}"));
+            tracing::error!("{error}");
             return Ok(ExitCode::from(exit::FAILED));
         }
     };
@@ -275,7 +275,7 @@ fn show(
     let interrupted = signals::first()?;
     print(&server.url());
     if let Some(note) = server.address().note() {
-        say(&note);
+        tracing::info!("{note}");
     }
     Browser::new(browser).open(&server.url());
     interrupted();

@@ -91,7 +91,7 @@ pub(super) fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context,
     if env.range == DiscoveryRange::Localhost
         && let Err(error) = loopback::confine_sockets()
     {
-        eprintln!("{env}: packets of other machines are not kept away, which takes Linux 5.7 or later: {error}");
+        tracing::warn!("{env}: packets of other machines are not kept away, which takes Linux 5.7 or later: {error}");
     }
     let mut announcement_time = ANNOUNCEMENT_TIME;
     let context = joined
@@ -108,7 +108,7 @@ pub(super) fn join(env: &RosEnv, is_discovered_by_all: bool) -> Result<(Context,
     }
     let number = context.domain_participant().participant_id();
     if is_discovered_by_all && number >= DISCOVERABLE_IDS {
-        eprintln!(
+        tracing::warn!(
             "{env}: {number} participants joined before this one, and not all of them may discover it; start it before \
              them, or set another ROS_DOMAIN_ID"
         );

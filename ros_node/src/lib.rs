@@ -145,7 +145,7 @@ impl ThrottledWarning {
         if self.reported.is_none_or(|reported| reported.elapsed() >= REPORT_PERIOD) {
             self.reported = Some(now());
             let line = format!("{} ({} so far): {reason}", self.subject, self.count);
-            eprintln!("{}", printable::line(&line));
+            tracing::warn!("{}", printable::line(&line));
         }
     }
 }

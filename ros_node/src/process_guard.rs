@@ -239,7 +239,7 @@ impl Watch {
                 Demand::Nothing => {}
                 Demand::StartAgain => self.start_again(),
                 Demand::Stop => {
-                    eprintln!("error: {}; it ends", self.memory_text(memory));
+                    tracing::error!("{}; it ends", self.memory_text(memory));
                     shared.memory_exceeded.store(true, Ordering::Relaxed);
                     stop.store(true, Ordering::Relaxed);
                 }
@@ -251,7 +251,7 @@ impl Watch {
                         let limit = self.limits.shutdown.as_secs();
                         format!("this process did not end within {limit} s ({SHUTDOWN_LIMIT})")
                     };
-                    eprintln!("error: {why}; it ends at once");
+                    tracing::error!("{why}; it ends at once");
                     low_level::exit(FAILED);
                 }
             }
@@ -278,16 +278,16 @@ impl Watch {
         let waited = (self.limits.start * self.starts).as_secs();
         let stalled = format!("the ROS endpoints do not exist {waited} s after the start ({START_LIMIT})");
         if self.starts >= STARTS_MAX {
-            eprintln!("error: {stalled}, for the {STARTS_MAX}th time; this process ends");
+            tracing::error!("{stalled}, for the {STARTS_MAX}th time; this process ends");
             low_level::exit(FAILED);
         }
         let starts = self.starts + 1;
-        eprintln!("warning: {stalled}; starting again: start {starts} of {STARTS_MAX}");
+        tracing::warn!("{stalled}; starting again: start {starts} of {STARTS_MAX}");
         let error = match env::current_exe() {
             Ok(program) => Command::new(program).args(env::args_os().skip(1)).env(START, starts.to_string()).exec(),
             Err(error) => error,
         };
-        eprintln!("error: starting again: {error}");
+        tracing::error!("starting again: {error}");
         low_level::exit(FAILED);
     }
 

@@ -22,7 +22,7 @@ pub(super) fn destinations(env: &RosEnv) -> Result<Vec<SocketAddr>, RosError> {
         destinations.extend(ports.map(|port| SocketAddr::new(machine, port)));
     }
     if !destinations.is_empty() && !has_fixes() {
-        eprintln!(
+        tracing::warn!(
             "ROS_STATIC_PEERS has no effect: this program was built without the fixes of contrib/rustdds, which \
              launch_scripts/build.sh builds with"
         );

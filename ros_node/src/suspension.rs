@@ -28,8 +28,8 @@ pub fn exit_on_continue() -> io::Result<()> {
     let mut signals = Signals::new([SIGCONT])?;
     thread::spawn(move || {
         if signals.forever().next().is_some() {
-            eprintln!(
-                "error: this process was stopped for a while and has lost its connection to the ROS network; start it again \
+            tracing::error!(
+                "this process was stopped for a while and has lost its connection to the ROS network; start it again \
                  (--resume continues a recorded run)"
             );
             process::exit(FAILED);

@@ -64,7 +64,7 @@ impl Session {
         });
         let (session, graph) = opened.map_err(|error| failed(config::reason(&error)))?;
         if !has_router(&session, attempts) {
-            eprintln!(
+            tracing::warn!(
                 "{env}: no Zenoh router is connected; without one, processes do not find each other: ros2 run \
                  rmw_zenoh_cpp rmw_zenohd"
             );

@@ -15,7 +15,6 @@ pub mod map_file;
 pub mod profile;
 #[cfg(feature = "ros")]
 pub mod program;
-pub mod renamed;
 #[cfg(feature = "view")]
 pub mod requested_run;
 #[cfg(feature = "ros")]

@@ -20,6 +20,8 @@ use msgs::ids::{AgentId, Tick};
 use serde_json::{Value, json};
 use world::World;
 
+use transport::Level;
+
 use crate::session::{Phase, PhaseTimes, RunObserver};
 use system::wall_clock::now;
 
@@ -184,8 +186,8 @@ impl RunObserver for Profiled<'_> {
         self.inner.progress(world);
     }
 
-    fn note(&mut self, text: &str) {
-        self.inner.note(text);
+    fn note(&mut self, level: Level, text: &str) {
+        self.inner.note(level, text);
     }
 
     fn phase_ended(&mut self, phase: Phase, tick: Tick) {

@@ -19,7 +19,7 @@ use crate::profile::{Profile, Profiled, TraceFile};
 use crate::ros::RosTransport;
 use crate::session::{self, JoinPolicy, Mode, Outcome, RecordingSinks, RunConfig, RunError};
 use crate::terminal::{self, Terminal};
-use crate::{exit, renamed, setup};
+use crate::{exit, setup};
 use anyhow::Context;
 use clap::Parser;
 #[cfg(feature = "view")]
@@ -33,29 +33,23 @@ use ros_node::join_secret;
 use ros_node::process_guard::{Limits, ProcessGuard, stop_on_signals};
 use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
+use system::diagnostics;
 use system::memory;
 use system::os;
 use system::program::AGENTS_OF_START;
 use system::results;
 use system::summary::Summary;
-use transport::Transport;
+use transport::{Level, Transport};
 use world::World;
 
 /// Runs cannot be observed.
 #[cfg(not(feature = "view"))]
 enum FoxgloveServer {}
 
-/// Commands that `maes` has now.
-const MOVED: [&str; 7] = ["map", "info", "verify", "replay", "view", "snapshot", "scenario"];
-
 /// The whole process, from its arguments without the name of the program to its exit code.
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let first = arguments.first();
-    if let Some(command) = MOVED.into_iter().find(|command| first.is_some_and(|first| first == command)) {
-        return exec_maes(command, arguments);
-    }
+    diagnostics::show(None);
     let name = OsString::from("sim_server");
     let CliCommand::Run(args) = Cli::parse_from([name].into_iter().chain(arguments)).command;
     let reported = os::report_full_files().and_then(|()| memory::report_lack());
@@ -63,18 +57,10 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     match done {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", printable::line(&exit::described(&error)));
+            tracing::error!("{}", printable::line(&exit::described(&error)));
             ExitCode::from(exit::BAD_INPUT)
         }
     }
-}
-
-fn exec_maes(command: &str, mut arguments: Vec<OsString>) -> ExitCode {
-    if command == "view" {
-        // It has never opened a browser by itself.
-        arguments.extend(["--browser", "false"].map(OsString::from));
-    }
-    renamed::exec(&format!("sim_server {command}"), &format!("maes {command}"), arguments)
 }
 
 /// A recording whose run is resumed, or forked at a tick.
@@ -130,7 +116,7 @@ fn stop_and_guard(agents: u32) -> anyhow::Result<(Arc<AtomicBool>, ProcessGuard)
 
 /// The end of what the system does not allow.
 fn failed(error: &dyn std::fmt::Display) -> anyhow::Result<ExitCode> {
-    eprintln!("error: {}", printable::line(&error.to_string()));
+    tracing::error!("{}", printable::line(&error.to_string()));
     Ok(ExitCode::from(exit::FAILED))
 }
 
@@ -190,7 +176,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
                 Some(viewing) => {
                     let has_result = [ExitCode::SUCCESS, ExitCode::from(exit::BY_SIGNAL)].contains(&code);
                     let code = if has_result && !stop.load(Ordering::Relaxed) {
-                        terminal.show(requests::STAYS);
+                        tracing::info!("{}", requests::STAYS);
                         // The keys of the command line were those of the run that is over.
                         requests::serve_requests(args, &env, &[], viewing, &stop, Some(&job))?.unwrap_or(code)
                     } else {
@@ -239,7 +225,7 @@ fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
         // Others may read the log: it does not have the token. Who reads the terminal finds it
         // there.
         terminal.keep(&text(&format!("http://{}", viewing.address()), &format!("ws://{}", viewing.address())));
-        terminal.show(&text(&viewing.url(), &viewing.websocket_url()));
+        tracing::info!("{}", text(&viewing.url(), &viewing.websocket_url()));
     }
 }
 
@@ -346,9 +332,9 @@ impl<'a> Job<'a> {
             None => format!("seed {}", map.seed),
         };
         let (free_cells, percent) = (map.free_cells, map.free_fraction * 100.0);
-        terminal.say(&format!("map {origin}: {free_cells} free cells, {percent:.1} % of the volume"));
+        terminal.say(Level::Info, &format!("map {origin}: {free_cells} free cells, {percent:.1} % of the volume"));
         for warning in &map.warnings {
-            terminal.say(&printable::line(&format!("warning: {warning}")));
+            terminal.say(Level::Warn, &printable::line(warning));
         }
         let config = RunConfig::new(scenario, playback.map_or(Mode::Live, Mode::Resume));
         let config = config.map(|config| config.with_policy(self.policy.clone()));
@@ -358,7 +344,7 @@ impl<'a> Job<'a> {
             session::run(config, world, &mut *link, records, &mut observer, stop)
         });
         while let Err(RunError::Reset(start)) = ended {
-            terminal.say("the run begins again: a service call has reset it");
+            terminal.say(Level::Info, "the run begins again: a service call has reset it");
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
                 Ok(records) => {
@@ -374,7 +360,7 @@ impl<'a> Job<'a> {
         terminal.clear();
         let mut traced = Ok(());
         if let (Some(profile), Some(trace)) = (&profile, self.trace) {
-            terminal.say(&profile.table("", &[]));
+            terminal.say(Level::Info, &profile.table("", &[]));
             traced = trace.write(profile, &[]);
         }
         Ok(match ended {
@@ -395,7 +381,7 @@ impl<'a> Job<'a> {
                 exit::of_outcome(&outcome)
             }
             Err(error) => {
-                terminal.say(&printable::line(&format!("error: {error}")));
+                terminal.say(Level::Error, &printable::line(&error.to_string()));
                 exit::of_error(&error)
             }
         })

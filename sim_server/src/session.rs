@@ -101,7 +101,7 @@ pub trait RunObserver {
     /// Called about twice a second of wall time.
     fn progress(&mut self, world: &World);
     /// Called with a line for people.
-    fn note(&mut self, text: &str);
+    fn note(&mut self, level: Level, text: &str);
     /// Called when a phase of the loop has ended, which began when the one before ended.
     fn phase_ended(&mut self, _phase: Phase, _tick: Tick) {}
 }
@@ -421,7 +421,7 @@ impl<'c> Session<'c, '_> {
 
     /// Writes a line to the terminal and to the log topic.
     fn note(&mut self, level: Level, text: &str) {
-        self.observer.note(text);
+        self.observer.note(level, text);
         self.transport.log(level, text);
     }
 

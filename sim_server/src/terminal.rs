@@ -20,8 +20,10 @@ use msgs::printable;
 use crate::session::{Outcome, RunObserver};
 use protocol::lockstep::listed;
 use simulation::scenario::{Scenario, StopRule};
+use system::diagnostics;
 use system::progress_bar::{self, TimeLeft};
 use system::wall_clock::now;
+use transport::Level;
 use world::World;
 
 /// Minimum wall time between two plain progress lines.
@@ -89,19 +91,13 @@ impl Terminal {
         }
     }
 
-    /// Prints a message, above the bar if there is one. Who reads it finds it in the log.
-    pub fn say(&mut self, text: &str) {
-        self.keep(text);
-        self.show(text);
-    }
-
-    /// Prints a line to stderr only: the log is without secrets.
-    pub fn show(&self, text: &str) {
-        let text = &*printable::text(text);
-        match &self.bar {
-            Some(bar) => bar.println(text),
-            // A closed stderr must not end the run.
-            None => drop(writeln!(std::io::stderr(), "{text}")),
+    /// Says a message. Who reads it finds it in the log.
+    pub fn say(&mut self, level: Level, text: &str) {
+        self.keep(&diagnostics::line(level, text));
+        match level {
+            Level::Error => tracing::error!("{text}"),
+            Level::Warn => tracing::warn!("{text}"),
+            Level::Info => tracing::info!("{text}"),
         }
     }
 
@@ -114,7 +110,7 @@ impl Terminal {
             }
             None if self.line_written.is_none_or(|line| line.elapsed() >= LINE_PERIOD) => {
                 self.line_written = Some(now());
-                self.say(text);
+                self.say(Level::Info, text);
             }
             _ => {}
         }
@@ -139,7 +135,7 @@ impl RunObserver for Terminal {
             self.waiting_for = missing.to_vec();
             self.waiting_written = Some(now());
             let text = format!("waiting for agents: {}", listed(missing.iter().copied()));
-            self.say(&text);
+            self.say(Level::Info, &text);
         }
     }
 
@@ -147,7 +143,10 @@ impl RunObserver for Terminal {
         if let Some(attainable) = world.attainable().filter(|_| !std::mem::replace(&mut self.has_told_attainable, true))
         {
             let (reached, seen) = (attainable.reached_share() * 100.0, attainable.seen_share() * 100.0);
-            self.say(&format!("the bodies of the team reach {reached:.1} % of the free cells and see {seen:.1} %"));
+            self.say(
+                Level::Info,
+                &format!("the bodies of the team reach {reached:.1} % of the free cells and see {seen:.1} %"),
+            );
         }
         let attainable = world.attainable_share();
         let now = now();
@@ -182,11 +181,11 @@ impl RunObserver for Terminal {
     fn started(&mut self) {
         self.started = Some(now());
         let text = format!("all {} agents are there", self.agents);
-        self.say(&text);
+        self.say(Level::Info, &text);
     }
 
-    fn note(&mut self, text: &str) {
-        self.say(&printable::line(text));
+    fn note(&mut self, level: Level, text: &str) {
+        self.say(level, &printable::line(text));
     }
 }
 

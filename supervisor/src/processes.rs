@@ -13,6 +13,7 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use protocol::signing;
 use signal_hook::SigId;
 use signal_hook::consts::SIGCHLD;
+use system::diagnostics;
 use system::wall_clock::now;
 
 use crate::SupervisorError;
@@ -103,6 +104,7 @@ pub(crate) fn command(binaries: &Path, name: &str, ros_domain: Option<u32>, secr
     command.args(&program[1..]);
     enter(&mut command, ros_domain);
     secret.give_to(&mut command);
+    command.envs(diagnostics::format_to_pass_on());
     command
 }
 

@@ -2,9 +2,13 @@
 
 use std::collections::VecDeque;
 use std::io::IsTerminal;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// The bar of this process, which has one at a time.
+static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
 /// A bar on stderr with a message behind it, which is cut where the terminal ends; `None` if stderr
 /// is no terminal.
@@ -17,8 +21,17 @@ pub fn on_stderr(length: u64) -> Option<ProgressBar> {
         let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr());
         let style = ProgressStyle::with_template("{bar:10} {wide_msg}").expect("the template is right");
         bar.set_style(style);
+        *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
         bar
     })
+}
+
+/// Writes to stderr what is to stay above the bar.
+pub fn above(write: impl FnOnce()) {
+    match &*SHOWN.lock().unwrap_or_else(PoisonError::into_inner) {
+        Some(bar) => bar.suspend(write),
+        None => write(),
+    }
 }
 
 /// The time left of what makes progress at a changing rate.

@@ -148,7 +148,7 @@ impl RunObserver for Notes {
         (self.watch)(world);
     }
 
-    fn note(&mut self, text: &str) {
+    fn note(&mut self, _level: transport::Level, text: &str) {
         self.notes.push(text.to_owned());
     }
 }

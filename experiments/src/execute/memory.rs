@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use agent_node::controllers::Registry;
 use agent_node::stopwatch::DecisionTimes;
 use msgs::ids::{AgentId, Tick};
+use msgs::rcl_interfaces::Level;
 use sim_server::session::{EndReason, Phase, RunObserver};
 use system::wall_clock;
 use world::World;
@@ -68,7 +69,7 @@ impl RunObserver for EndOfPlan<'_> {
     fn waiting(&mut self, _missing: &[AgentId]) {}
     fn started(&mut self) {}
     fn progress(&mut self, _world: &World) {}
-    fn note(&mut self, _text: &str) {}
+    fn note(&mut self, _level: Level, _text: &str) {}
 
     fn phase_ended(&mut self, _phase: Phase, _tick: Tick) {
         if self.plan.load(Ordering::Relaxed) {

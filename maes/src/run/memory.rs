@@ -19,14 +19,14 @@ use simulation::scenario::Scenario;
 use system::wall_clock;
 
 use super::RunArgs;
-use crate::output::{print, say};
+use crate::output::print;
 use crate::signals;
 
 pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCode> {
     let mut file = args.log.clone();
     if let Some(folder) = &args.logs {
         if let Err(error) = fs::create_dir_all(folder) {
-            say(&format!("error: {}: {error}", folder.display()));
+            tracing::error!("{}: {error}", folder.display());
             return Ok(ExitCode::from(exit::FAILED));
         }
         file.get_or_insert_with(|| folder.join("server.log"));
@@ -67,7 +67,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     };
     terminal.clear();
     if let Some(times) = decision_times.as_ref().filter(|_| args.decision_times) {
-        say(&summary(&times.sorted()));
+        tracing::info!("{}", summary(&times.sorted()));
     }
     let mut traced = Ok(());
     if let (Some(profile), Some(trace), Some(times)) = (&profile, &trace, &decision_times) {
@@ -76,7 +76,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
             .into_iter()
             .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
             .collect();
-        say(&profile.table(&scenario.agents.controllers_label(), &decisions));
+        tracing::info!("{}", profile.table(&scenario.agents.controllers_label(), &decisions));
         traced = trace.write(profile, &decisions).context("--profile");
     }
     let outcome = finished

@@ -20,7 +20,6 @@ use supervisor::team::{Order, Team};
 use supervisor::{binaries, logs, outside};
 
 use super::{DEFAULT_SCENARIO, OrderName, ProcessSize, RunArgs, flag, is_given};
-use crate::output::say;
 use crate::{controllers, signals};
 
 /// Real-time factor of a run that is shown: at full speed, most are over before one has looked.
@@ -132,7 +131,7 @@ pub(crate) fn run(args: &RunArgs, server_flags: Vec<OsString>, token: Option<&To
     if let Some(file) = &args.resume
         && let Horizon::Ended(tick) = Playback::new(&Recording::open(file)?)?.horizon()
     {
-        say(&format!("note: {}: its run has ended in tick {tick}, and its recording is complete", file.display()));
+        tracing::info!("note: {}: its run has ended in tick {tick}, and its recording is complete", file.display());
         return Ok(ExitCode::SUCCESS);
     }
     let scenario = args.scenario()?;
@@ -142,7 +141,7 @@ pub(crate) fn run(args: &RunArgs, server_flags: Vec<OsString>, token: Option<&To
     controllers::check(&scenario)?;
     args.check_command(&scenario)?;
     outside::check(&scenario, Path::new(""))?;
-    args.note_on_team(&scenario).iter().for_each(|note| say(&format!("note: {note}")));
+    args.note_on_team(&scenario).iter().for_each(|note| tracing::info!("note: {note}"));
     if interruptions() > 0 {
         return Ok(ExitCode::from(exit::BY_SIGNAL));
     }
@@ -160,7 +159,7 @@ pub(crate) fn run(args: &RunArgs, server_flags: Vec<OsString>, token: Option<&To
         logs: args.logs.clone().unwrap_or_else(logs::default_folder),
         console: Console::Inherited,
     };
-    let ended = run.supervise(&interruptions, &say)?;
+    let ended = run.supervise(&interruptions, &|text| tracing::info!("{text}"))?;
     Ok(ExitCode::from(ended.code))
 }
 

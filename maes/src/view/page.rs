@@ -13,7 +13,6 @@ use system::wall_clock;
 use thiserror::Error;
 
 use super::browser::in_path;
-use crate::output::say;
 
 /// What the page is made of, from the folder of its sources; folders with all that is in them.
 const SOURCES: [&str; 4] = ["src", "index.html", "package-lock.json", "vite.config.ts"];
@@ -39,7 +38,7 @@ pub(super) enum PageError {
 
 /// Prints an error; the exit code.
 pub(super) fn failed(error: &PageError) -> ExitCode {
-    say(&format!("error: {error}"));
+    tracing::error!("{error}");
     ExitCode::from(match error {
         PageError::Build(_) => exit::FAILED,
         #[cfg(feature = "embedded_page")]
@@ -141,12 +140,12 @@ fn build(sources: &Path, is_complete: bool) -> Result<(), PageError> {
         return Err(PageError::NoNpm(sources.display().to_string()));
     }
     if lacks_packages {
-        say("fetching the packages that build the page; this takes some minutes, once");
+        tracing::info!("fetching the packages that build the page; this takes some minutes, once");
         npm(sources, &["ci", "--no-audit", "--no-fund", "--loglevel=error"])?;
         touch(&packages).map_err(|error| PageError::Build(format!("{}: {error}", packages.display())))?;
     }
     if is_stale {
-        say("building the page");
+        tracing::info!("building the page");
         npm(sources, &["run", "--silent", "build"])?;
     }
     Ok(())

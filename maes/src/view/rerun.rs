@@ -8,7 +8,6 @@ use system::os;
 use thiserror::Error;
 
 use super::browser::in_path;
-use crate::output::say;
 use crate::run;
 
 /// Names the interpreter.
@@ -35,17 +34,17 @@ pub(super) fn show(recording: &Path, flag: &str, save: Option<PathBuf>) -> ExitC
     let interpreter = match interpreter() {
         Ok(interpreter) => interpreter,
         Err(reason) => {
-            say(&format!(
-                "error: {flag}: it needs Python with the packages `maes` and `rerun-sdk`, and {reason}; `pip \
+            tracing::error!(
+                "{flag}: it needs Python with the packages `maes` and `rerun-sdk`, and {reason}; `pip \
                  install './python[rerun]'` in a checkout installs both, and {INTERPRETER} names another interpreter"
-            ));
+            );
             return ExitCode::from(exit::FAILED);
         }
     };
     let mut command = command(&interpreter);
     command.args(["-m", MODULE]).args(save.map(|file| run::flag("save", file))).arg("--").arg(recording);
     os::become_program(&mut command).unwrap_or_else(|error| {
-        say(&format!("error: {}: {error}", interpreter.display()));
+        tracing::error!("{}: {error}", interpreter.display());
         ExitCode::from(exit::FAILED)
     })
 }

@@ -41,7 +41,7 @@ impl Links {
         let mut open = || inbox.set_sockets(Sockets::listen(own_source, &connected)?, item.clone());
         let is_open = is_wanted
             && open()
-                .inspect_err(|error| eprintln!("execution.unix_sockets: {error}; all messages go over ROS 2"))
+                .inspect_err(|error| tracing::warn!("execution.unix_sockets: {error}; all messages go over ROS 2"))
                 .is_ok();
         let observations = (0..agents).map(|agent| topics::observation(AgentId(agent)));
         let topics: Vec<_> = std::iter::once(topics::join_reply()).chain(observations).collect();

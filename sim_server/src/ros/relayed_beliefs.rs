@@ -59,7 +59,7 @@ impl RelayedBeliefs {
             });
             match subscribed {
                 Ok(subscription) => drop(subscriptions.insert(agent, subscription)),
-                Err(error) => eprintln!("{topic}: not relayed: {error}"),
+                Err(error) => tracing::warn!("{topic}: not relayed: {error}"),
             }
         }
     }

@@ -19,6 +19,8 @@ use ros_node::{
 };
 
 use super::services::{ServiceEvent, Services};
+use transport::Level;
+
 use crate::terminal::{self, Terminal};
 use recording::Recording;
 use recording::replay::{
@@ -192,10 +194,11 @@ impl ReplayNode {
         for (topic, wait) in schedule.topics().iter().zip(&waits) {
             match wait.missing_readers() {
                 0 => {}
-                readers => terminal.say(&format!(
-                    "warning: {}: {readers} readers do not acknowledge the last messages any more",
-                    topic.name
-                )),
+                readers => {
+                    let text =
+                        format!("{}: {readers} readers do not acknowledge the last messages any more", topic.name);
+                    terminal.say(Level::Warn, &text);
+                }
             }
         }
     }

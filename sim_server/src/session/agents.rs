@@ -54,7 +54,7 @@ impl WaitContext<'_, '_> {
     }
 
     fn warn(&mut self, text: &str) {
-        self.observer.note(text);
+        self.observer.note(Level::Warn, text);
         self.transport.log(Level::Warn, text);
     }
 

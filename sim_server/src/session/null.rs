@@ -9,7 +9,7 @@ use protocol::signed::Signed;
 use world::World;
 
 use super::RunObserver;
-use transport::{AgentTransport, ControlInput, Incoming, ObserverOutput};
+use transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput};
 
 /// Discards what is sent, and receives nothing.
 #[derive(Debug, Clone, Copy)]
@@ -36,5 +36,5 @@ impl RunObserver for NullObserver {
     fn waiting(&mut self, _missing: &[AgentId]) {}
     fn started(&mut self) {}
     fn progress(&mut self, _world: &World) {}
-    fn note(&mut self, _text: &str) {}
+    fn note(&mut self, _level: Level, _text: &str) {}
 }

@@ -26,7 +26,7 @@ use protocol::signing::{self, Bytes, JoinContext, JoinSecret, NONE, SessionKey};
 use sim_server::session::{JoinPolicy, RunConfig, RunObserver};
 use sim_server::setup;
 use simulation::scenario::Scenario;
-use transport::{AgentTransport, ControlInput, Inbound, Incoming, ObserverOutput};
+use transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
 use world::World;
 
 use crate::hostile_messages::{self, Known};
@@ -371,7 +371,7 @@ impl RunObserver for Notes {
 
     fn progress(&mut self, _world: &World) {}
 
-    fn note(&mut self, _text: &str) {
+    fn note(&mut self, _level: Level, _text: &str) {
         self.0 += 1;
     }
 }

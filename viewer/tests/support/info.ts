@@ -1,5 +1,5 @@
 /**
- * Parses the output of `sim_server info`: the expected numbers of a recording, independent of the
+ * Parses the output of `maes info`: the expected numbers of a recording, independent of the
  * page.
  */
 
