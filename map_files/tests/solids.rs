@@ -110,6 +110,22 @@ fn a_mirrored_part_and_turned_triangles_do_not_leak() {
 }
 
 #[test]
+fn mirrored_boxes_of_a_house_whose_boxes_share_edges_do_not_leak() {
+    for mirrored in 0_u32..1 << 6 {
+        // Of two mirror images the larger part counts.
+        if mirrored.count_ones() > 2 {
+            continue;
+        }
+        let of_box = |number: usize| faces(HOUSE[number], mirrored >> number & 1 == 0);
+        let triangles: Vec<_> = (0..HOUSE.len()).flat_map(of_box).collect();
+        let imported = read("a.obj", obj(&triangles), 0.1);
+        assert_union(&imported, &HOUSE);
+        let turned = format!("{} triangles that did not face outwards with the others", 12 * mirrored.count_ones());
+        assert_eq!(note(&imported, "turned"), (mirrored > 0).then_some(turned.as_str()), "{mirrored:b}");
+    }
+}
+
+#[test]
 fn a_cavity_stays() {
     let inner = ([1.0; 3], [2.0; 3]);
     let mut triangles = faces(([0.0; 3], [3.0; 3]), true);

@@ -67,7 +67,7 @@ pub(super) fn orient(
     for (triangle, _) in triangles.iter_mut().zip(&turned).filter(|(_, is_turned)| **is_turned) {
         triangle.swap(1, 2);
     }
-    turn_parts(triangles, &patches.parts(&corners), &mut turned, work)?;
+    turn_parts(triangles, &patches.parts(&corners, &edges), &mut turned, work)?;
     let turned = turned.iter().filter(|&&is_turned| is_turned).count();
     let openings = if turned == 0 {
         openings(triangles, &corners, &edges)

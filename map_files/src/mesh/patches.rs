@@ -103,17 +103,25 @@ impl Patches {
         patches
     }
 
-    /// The triangles of each part: a patch that is closed by itself, or others that share corners.
-    pub(super) fn parts(&self, corners: &[[u32; 3]]) -> Vec<Vec<u32>> {
-        let mut sets = Sets::new(3 * corners.len());
-        for (corners, _) in corners.iter().zip(0..).filter(|&(_, triangle)| self.is_open(triangle)) {
-            sets.join(corners[0], corners[1]);
-            sets.join(corners[0], corners[2]);
+    /// The triangles of each part: a patch that is closed by itself, or others of one body that
+    /// share corners.
+    pub(super) fn parts(&self, corners: &[[u32; 3]], edges: &[Edge]) -> Vec<Vec<u32>> {
+        let has_open = self.is_open.contains(&true);
+        let bodies = if has_open { bodies(corners.len(), edges) } else { Vec::new() };
+        let mut sets = Sets::new(corners.len());
+        let mut last_at: Vec<Option<u32>> = vec![None; if has_open { 3 * corners.len() } else { 0 }];
+        for (corners, triangle) in corners.iter().zip(0..).filter(|&(_, triangle)| self.is_open(triangle)) {
+            for &corner in corners {
+                let before = last_at[corner as usize].replace(triangle);
+                if let Some(before) = before.filter(|&before| bodies[before as usize] == bodies[triangle as usize]) {
+                    sets.join(before, triangle);
+                }
+            }
         }
         let mut by_part: Vec<(bool, u32, u32)> = Vec::with_capacity(corners.len());
-        for (corners, triangle) in corners.iter().zip(0..) {
+        for triangle in 0..corners.len() as u32 {
             let is_open = self.is_open(triangle);
-            let part = if is_open { sets.root(corners[0]) } else { self.of[triangle as usize] };
+            let part = if is_open { sets.root(triangle) } else { self.of[triangle as usize] };
             by_part.push((is_open, part, triangle));
         }
         by_part.sort_unstable();
@@ -166,6 +174,29 @@ impl Patches {
             }
         }
     }
+}
+
+/// The body of each triangle: a body ends, in the order of the file, where every edge of its
+/// triangles is passed an even number of times. Programs write one object after the other, so that
+/// boxes which share edges are told from each other.
+fn bodies(count: usize, edges: &[Edge]) -> Vec<u32> {
+    let mut edges_of: Vec<Vec<u32>> = vec![Vec::new(); count];
+    for (edge, number) in around(edges).zip(0..) {
+        edge.iter().for_each(|&(_, _, triangle, _)| edges_of[triangle as usize].push(number));
+    }
+    let mut is_odd = vec![false; edges.len()];
+    let (mut odd, mut body) = (0, 0);
+    let of_triangle = |edges: Vec<u32>| {
+        let here = body;
+        for edge in edges {
+            let is_odd = &mut is_odd[edge as usize];
+            *is_odd ^= true;
+            odd += if *is_odd { 1 } else { -1 };
+        }
+        body += u32::from(odd == 0);
+        here
+    };
+    edges_of.into_iter().map(of_triangle).collect()
 }
 
 /// How much more often an edge is passed forwards than backwards.
