@@ -51,6 +51,10 @@ const NEAR_UNKNOWN: Greys = 102.5..=225.0;
 const SHARE_OF_UNKNOWN: f64 = 0.01;
 const NEAR: f64 = 4.0;
 
+/// Distance from the grey of unknown cells within which another grey is suspicious: pictures that
+/// were scaled or saved again by other programs.
+const SUSPICIOUS: f64 = 8.0;
+
 /// Greys of 255.
 type Greys = RangeInclusive<f64>;
 
@@ -206,6 +210,7 @@ pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
         notes.push(Note::new("image", text));
     }
     notes.extend(keys.note_of_grey(&picture, &unknown_greys));
+    notes.extend(keys.warning_of_greys(&picture, &unknown_greys));
     notes.extend(picture.note());
     notes.push(Note::new("height", format!("{height} cells from floor to ceiling")));
     let plan = Plan { extent: extent([picture.width, picture.height])?, width: picture.width, pixels_per_cell, ground };
@@ -313,6 +318,29 @@ impl Keys {
              them {becomes}, and do with mode: scale"
         );
         (count > 0).then(|| Note::new("unknown", text))
+    }
+
+    /// A warning of greys almost that of unknown cells, of many pixels that the thresholds make
+    /// free.
+    fn warning_of_greys(&self, picture: &Picture, unknown_greys: &Greys) -> Option<Note> {
+        let is_suspicious = |&&pixel: &&Pixel| {
+            let grey = self.grey(pixel, picture);
+            (grey - GREY_OF_UNKNOWN).abs() <= SUSPICIOUS
+                && !unknown_greys.contains(&grey)
+                && self.by_thresholds(pixel, picture) == Ground::Free
+        };
+        let greys = picture.pixels.iter().filter(is_suspicious).map(|&pixel| self.grey(pixel, picture));
+        let (count, lightest) = greys.fold((0_u64, 0.0), |(count, lightest), grey| (count + 1, grey.max(lightest)));
+        let is_much = self.mode == Mode::Trinary && count as f64 > SHARE_OF_UNKNOWN * picture.pixels.len() as f64;
+        is_much.then(|| {
+            // Whole percent below the occupancy of the lightest, which is rounded either way.
+            let thresh = libm::floor((254.999 - lightest) / 2.55) / 100.0;
+            let text = format!(
+                "{count} pixels are free whose grey is almost that of unknown cells ({GREY_OF_UNKNOWN}): if the picture was \
+                 scaled or edited, free_thresh: {thresh} in the file makes them unknown"
+            );
+            Note::warning("grey", text)
+        })
     }
 }
 

@@ -161,6 +161,28 @@ fn grey_of_map_saver_is_unknown_whatever_the_thresholds() {
     assert!(read("raw").starts_with("0 occupied, 12 free, 24 unknown"), "{}", read("raw"));
 }
 
+/// Pictures that were scaled or saved by other programs have greys beside that of unknown cells.
+#[test]
+fn greys_beside_that_of_unknown_cells_are_warned_of() {
+    let read = |grey: u32, free_thresh: f64| {
+        let text = format!("image: m\nresolution: 1\norigin: [0, 0, 0]\nnegate: 0\nfree_thresh: {free_thresh}\n");
+        let drawn = String::from_utf8(saved(255, false)).unwrap().replace("205", &grey.to_string());
+        let imported = yaml(&text, drawn.as_bytes()).read().unwrap();
+        let warning = imported.notes.iter().find(|note| note.name == "grey").map(|note| note.text.clone());
+        (imported.notes[0].text.contains(" 20 unknown"), warning)
+    };
+    for grey in [198, 204, 206, 213] {
+        let (is_unknown, warning) = read(grey, 0.25);
+        let warning = warning.unwrap_or_else(|| panic!("{grey}"));
+        assert!(!is_unknown && warning.starts_with("20 pixels are free whose grey is almost that"), "{warning}");
+        // What it says is right.
+        let advised = warning.split("free_thresh: ").nth(1).and_then(|rest| rest.split(' ').next());
+        let advised = advised.and_then(|thresh| thresh.parse().ok()).unwrap();
+        assert_eq!(read(grey, advised), (true, None), "{grey}");
+    }
+    assert_eq!([read(205, 0.25), read(196, 0.196), read(254, 0.25)].map(|(_, warning)| warning), [None, None, None]);
+}
+
 /// What lies between the thresholds is rounded to whole percent of the way between them, as nav2
 /// does, and its ends are free and occupied.
 #[test]
