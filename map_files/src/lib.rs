@@ -6,7 +6,7 @@
 //! solid shell and connected free space. The readers are our own instead of crates because their
 //! input is untrusted: they are bounded and fuzzed, each error names the position of the fault, and
 //! memory is proportional to the size of the file. Crates decode only what is compressed, PNG and
-//! LAZ, behind checks of sizes, and XML, with a bound on its elements.
+//! LAZ, behind checks of sizes, XML, with a bound on its elements, and YAML.
 //!
 //! USD has no reader. Looked at: the crate openusd, whose releases since 0.7 need Rust 1.96; 0.6.0
 //! opens files of usd-core 26.11, text, binary and packed, but makes room for as many paths and

@@ -3,8 +3,8 @@
 //! A pixel is a column of cells of one kind, from floor to ceiling. The first row of the picture
 //! has the highest y.
 
-use std::borrow::Cow;
-use std::collections::BTreeSet;
+mod keys;
+
 use std::ops::RangeInclusive;
 use std::path::{Component, Path, PathBuf};
 
@@ -14,6 +14,8 @@ use super::bytes::shown;
 use super::options::{HEIGHT_CELLS, Kind, THRESHOLD};
 use super::picture::{Picture, Pixel, Rows, Summary, White};
 use super::{FormatError, ImportSpec, Imported, MapReader, Note, new_grid, surrounded};
+
+use keys::{Keys, Mode};
 
 /// A floor plan as a picture.
 pub(super) const READER: MapReader = MapReader::new(
@@ -124,39 +126,17 @@ impl Plan {
     }
 }
 
-/// The names of the keys that are read.
-const OF_THE_SERVER: [&str; 7] = ["image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate", "mode"];
-
-/// The keys of a `map.yaml` of the map server.
-struct Keys {
-    image: String,
-    resolution_m: f64,
-    /// Place of the lower left corner, metres, and the turn about it, radians.
-    origin: [f64; 3],
-    occupied_thresh: f64,
-    free_thresh: f64,
-    negate: bool,
-    mode: Mode,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Mode {
-    Trinary,
-    Scale,
-    Raw,
-}
-
 /// The file with the picture of a `map.yaml`, relative to its folder.
 ///
 /// # Errors
 /// If the file is malformed.
 pub(super) fn image(bytes: &[u8]) -> Result<PathBuf, FormatError> {
-    Ok(PathBuf::from(keys(bytes)?.image))
+    Ok(PathBuf::from(Keys::read(bytes)?.image))
 }
 
 /// The resolution of a `map.yaml`, metres.
 pub(super) fn resolution_m(bytes: &[u8]) -> Option<f64> {
-    Some(keys(bytes).ok()?.resolution_m)
+    Some(Keys::read(bytes).ok()?.resolution_m)
 }
 
 /// A map of a `map.yaml`, whose picture is the companion of the file.
@@ -164,7 +144,7 @@ pub(super) fn resolution_m(bytes: &[u8]) -> Option<f64> {
 /// # Errors
 /// If one of the files is malformed, or too large for a map.
 pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
-    let keys = keys(&spec.bytes)?;
+    let keys = Keys::read(&spec.bytes)?;
     let picture = image(&spec.bytes).ok().and_then(|name| spec.companion(&name)).ok_or_else(|| {
         FormatError::Companion { file: shown(keys.image.as_bytes()), reason: "it is not at hand".to_owned() }
     })?;
@@ -342,178 +322,6 @@ impl Keys {
             Note::warning("grey", text)
         })
     }
-}
-
-/// The keys of a file: flat YAML, as the map server and its tools write it. What is indented
-/// belongs to another key, save the numbers of `origin`.
-fn keys(bytes: &[u8]) -> Result<Keys, FormatError> {
-    let text = str::from_utf8(bytes).map_err(|error| FormatError::Utf8(error.valid_up_to()))?;
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let mut image = None;
-    let mut resolution_m = None;
-    let mut origin: Option<Vec<f64>> = None;
-    let (mut occupied_thresh, mut free_thresh, mut negate, mut mode) = (0.65, 0.25, false, Mode::Trinary);
-    let mut is_list = false;
-    let mut seen = BTreeSet::new();
-    let mut least = None;
-    let mut lines = in_lines(text).into_iter();
-    while let Some((at, line)) = lines.next() {
-        let mut line = Cow::Borrowed(without_comment(&line).trim_end());
-        if line.is_empty() || line == "---" || line == "..." || line.starts_with('%') {
-            continue;
-        }
-        let indentation = line.len() - line.trim_start().len();
-        let is_nested = indentation > *least.get_or_insert(indentation);
-        // A list in brackets may go on in the next lines.
-        if !is_nested && line.contains('[') && !line.contains(']') {
-            let mut joined = line.into_owned();
-            for (_, more) in lines.by_ref() {
-                let more = without_comment(&more).trim();
-                joined.push(' ');
-                joined.push_str(more);
-                if more.contains(']') {
-                    break;
-                }
-            }
-            line = Cow::Owned(joined);
-        }
-        let line = line.as_ref();
-        let wrong = |what: &str, value: &str, expected: &str| {
-            FormatError::line(at, format!("{what} is {}, expected {expected}", shown(value.as_bytes())))
-        };
-        let number = |what: &str, value: &str| {
-            let number: Option<f64> = value.trim().parse().ok().filter(|number: &f64| number.is_finite());
-            number.ok_or_else(|| wrong(what, value, "a number"))
-        };
-        if let (true, Some(item)) = (is_list, line.trim_start().strip_prefix('-').filter(|item| item.starts_with(' ')))
-        {
-            origin.get_or_insert_default().push(number("origin", item)?);
-            continue;
-        }
-        if is_list && is_nested {
-            return Err(wrong("origin", line.trim(), "[x, y, yaw] on the line of its key, or an item on each line"));
-        }
-        // Of other keys, list items need no indentation.
-        if is_nested || line.trim_start().starts_with('-') {
-            continue;
-        }
-        is_list = false;
-        if line.trim_start().starts_with('{') {
-            return Err(FormatError::line(
-                at,
-                "braces are read around the whole file only; write one key on each line",
-            ));
-        }
-        let (key, value) = line.split_once(':').ok_or_else(|| wrong("a line", line, "KEY: VALUE"))?;
-        let (key, plain) = (unquoted(key.trim()), value.trim());
-        let value = unquoted(plain);
-        if OF_THE_SERVER.contains(&key) && !seen.insert(key.to_owned()) {
-            return Err(FormatError::line(at, format!("{key} is given twice; leave out one of them")));
-        }
-        if OF_THE_SERVER.contains(&key) && plain.starts_with(['>', '|', '&', '*', '!']) {
-            return Err(wrong(key, value, "the value itself, on the line of its key"));
-        }
-        match key {
-            "image" => image = Some(value.to_owned()).filter(|value| !value.is_empty()),
-            "resolution" => {
-                let metres = number("resolution", value)?;
-                Extent::new([1; 3], metres).map_err(|reason| FormatError::line(at, reason.to_string()))?;
-                resolution_m = Some(metres);
-            }
-            "origin" if value.is_empty() => is_list = true,
-            "origin" => {
-                let items = value.strip_prefix('[').and_then(|value| value.strip_suffix(']'));
-                let items = items.ok_or_else(|| wrong("origin", value, "[x, y, yaw]"))?;
-                // A comma may stand behind the last one.
-                let items = items.trim_end().strip_suffix(',').unwrap_or(items);
-                origin = Some(items.split(',').map(|item| number("origin", item)).collect::<Result<_, _>>()?);
-            }
-            "occupied_thresh" => occupied_thresh = number("occupied_thresh", value)?,
-            "free_thresh" => free_thresh = number("free_thresh", value)?,
-            "negate" => {
-                negate = match value {
-                    "0" | "false" | "False" | "FALSE" | "no" | "No" | "NO" | "off" | "Off" | "OFF" => false,
-                    "1" | "true" | "True" | "TRUE" | "yes" | "Yes" | "YES" | "on" | "On" | "ON" => true,
-                    _ => return Err(wrong("negate", value, "0 or 1")),
-                }
-            }
-            "mode" => {
-                mode = match value.to_ascii_lowercase().as_str() {
-                    "trinary" => Mode::Trinary,
-                    "scale" => Mode::Scale,
-                    "raw" => Mode::Raw,
-                    _ => return Err(wrong("mode", value, "trinary, scale or raw")),
-                }
-            }
-            // The map server ignores others as well, such as those of map_saver's versions.
-            _ => {}
-        }
-    }
-    let origin = origin.ok_or(FormatError::Nothing("key origin"))?;
-    let count = origin.len();
-    let origin: [f64; 3] = origin.try_into().map_err(|_| FormatError::Entry {
-        place: "origin".to_owned(),
-        reason: format!("{count} numbers, expected [x, y, yaw]"),
-    })?;
-    if !(0.0..=1.0).contains(&free_thresh) || !(free_thresh..=1.0).contains(&occupied_thresh) {
-        return Err(FormatError::Entry {
-            place: "occupied_thresh".to_owned(),
-            reason: format!(
-                "{occupied_thresh}, with free_thresh = {free_thresh}: expected 0 <= free_thresh <= occupied_thresh <= 1"
-            ),
-        });
-    }
-    Ok(Keys {
-        image: image.ok_or(FormatError::Nothing("key image"))?,
-        resolution_m: resolution_m.ok_or(FormatError::Nothing("key resolution"))?,
-        origin,
-        occupied_thresh,
-        free_thresh,
-        negate,
-        mode,
-    })
-}
-
-/// The lines of a text with their numbers, a key on each: without the braces around flow style and
-/// JSON, and whatever ends a line.
-fn in_lines(text: &str) -> Vec<(usize, Cow<'_, str>)> {
-    let lines = || text.split('\n').flat_map(|line| line.strip_suffix('\r').unwrap_or(line).split('\r')).zip(1..);
-    if !text.trim_start().starts_with('{') || !text.trim_end().ends_with('}') {
-        return lines().map(|(line, at)| (at, Cow::Borrowed(line))).collect();
-    }
-    let (mut depth, mut quote, mut entry) = (0u32, None, String::new());
-    let mut entries = Vec::new();
-    for (line, at) in lines() {
-        // Lines mean nothing here.
-        for character in without_comment(line).chars().chain([' ']) {
-            let outer = depth;
-            match (quote, character) {
-                (Some(open), _) if open == character => quote = None,
-                (None, '"' | '\'') => quote = Some(character),
-                (None, '[' | '{') => depth += 1,
-                (None, ']' | '}') => depth = depth.saturating_sub(1),
-                _ => {}
-            }
-            let is_brace = quote.is_none() && outer + depth == 1;
-            if is_brace || (quote.is_none() && depth == 1 && character == ',') {
-                entries.push((at, Cow::Owned(std::mem::take(&mut entry).trim().to_owned())));
-            } else {
-                entry.push(character);
-            }
-        }
-    }
-    entries
-}
-
-/// A line up to its comment, which begins at `#` after a space or at the start of the line.
-fn without_comment(line: &str) -> &str {
-    let is_start = |&(at, _): &(usize, &str)| at == 0 || line[..at].ends_with([' ', '\t']);
-    line.match_indices('#').find(is_start).map_or(line, |(at, _)| &line[..at])
-}
-
-fn unquoted(value: &str) -> &str {
-    let quoted = |quote: char| value.strip_prefix(quote).and_then(|value| value.strip_suffix(quote));
-    quoted('"').or_else(|| quoted('\'')).unwrap_or(value)
 }
 
 #[cfg(test)]
