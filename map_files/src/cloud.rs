@@ -20,6 +20,7 @@ use voxels::{Extent, Terrain};
 
 use super::formats::joined;
 use super::frame::{Bounds, Frame, Units};
+use super::free_space::FreeSpace;
 use super::options::Kind;
 use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, Note, new_grid};
@@ -290,6 +291,9 @@ pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud<'_>, mut work: WorkBudget
         });
     }
     notes.push(frame.note());
+    if matches!(sensors, Sensors::None) {
+        notes.extend(FreeSpace::of(&terrain).warning(&spec.options));
+    }
     notes.extend(keep_from(&mut terrain, &spec.options, |place| frame.cell_of_place(place))?);
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
 }

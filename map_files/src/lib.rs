@@ -23,6 +23,7 @@ mod e57;
 pub mod export;
 mod formats;
 mod frame;
+mod free_space;
 mod gltf;
 mod las;
 mod laz;

@@ -24,10 +24,11 @@ pub(super) mod polygon;
 mod touch;
 mod winding;
 
-use voxels::{Cell, FACES, Grid, Terrain, close_shell};
+use voxels::{Terrain, close_shell};
 
 use super::cloud::keep_from;
 use super::frame::{Bounds, Frame, Units};
+use super::free_space::FreeSpace;
 use super::options::{Fill, Kind, Up};
 use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, Note};
@@ -321,31 +322,16 @@ pub(super) fn map_up(
     if free == 1 || inside == Kind::Free {
         units.check_free(spec, bounds, free)?;
     }
-    if spec.options.inside.is_none() && is_free_around(&terrain) {
+    let free_space = FreeSpace::of(&terrain);
+    if spec.options.inside.is_none() && free_space.is_all_around() {
         notes.push(Note::warning("inside", AROUND));
     }
+    notes.extend(free_space.warning(&spec.options));
     let (mut terrain, cropped) = frame.cropped(terrain, spec)?;
     notes.extend(cropped);
     notes.push(frame.note());
     notes.extend(keep_from(&mut terrain, &spec.options, |place| frame.cell_of_place(place))?);
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
-}
-
-/// Whether no free space is enclosed by the mesh: all of it is connected with the outermost layer
-/// of free cells, or there is none.
-fn is_free_around(terrain: &Grid<Terrain>) -> bool {
-    let mut left = terrain.clone();
-    let last = terrain.extent().size().map(|cells| cells as i32 - 2);
-    let is_outermost =
-        |cell: &Cell| [cell.x, cell.y, cell.z].into_iter().zip(last).any(|(at, last)| at == 1 || at == last);
-    let mut open: Vec<Cell> = terrain.extent().cells().filter(is_outermost).collect();
-    while let Some(cell) = open.pop() {
-        if left.get(cell) == Some(&Terrain::Free) {
-            left.set(cell, Terrain::Wall);
-            open.extend(FACES.map(|face| cell + face));
-        }
-    }
-    mapgen::free_cells(&left) == 0
 }
 
 /// A note on faces that a reader left out.

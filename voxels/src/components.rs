@@ -33,6 +33,23 @@ impl Components {
         let most = *self.sizes.iter().max()?;
         self.sizes.iter().position(|&size| size == most).map(|number| number as u32)
     }
+
+    /// Whether each component has a cell in the shell of the map, the outermost layer, or next to
+    /// it. `terrain` is the map that they are of.
+    pub fn beside_shell(&self, terrain: &Grid<Terrain>) -> Vec<bool> {
+        let [size_x, size_y, size_z] = terrain.extent().size().map(|cells| cells as usize);
+        let mut is_beside = vec![false; self.sizes.len()];
+        let mut components = self.of_stretch.iter();
+        for (row, cells) in terrain.as_slice().chunks_exact(size_x).enumerate() {
+            let (y, z) = (row % size_y, row / size_y);
+            let is_row_beside = y <= 1 || z <= 1 || y + 2 >= size_y || z + 2 >= size_z;
+            stretches(cells, |found| {
+                let component = components.next().expect("each stretch has a component");
+                is_beside[*component as usize] |= is_row_beside || found.start <= 1 || found.end + 1 >= size_x;
+            });
+        }
+        is_beside
+    }
 }
 
 /// What [`keep_largest_component`] filled and what it left.
