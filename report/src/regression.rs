@@ -31,15 +31,14 @@ pub enum RegressionMeasure {
 
 impl RegressionMeasure {
     /// The value of a run, in ticks.
-    fn value(self, fields: &BTreeMap<String, String>, row: &Place) -> Result<f64, RegressionError> {
-        let duration_s = number(fields, "duration_s", row)?;
+    fn value(self, fields: &BTreeMap<String, String>, duration_s: f64, row: &Place) -> Result<f64, RegressionError> {
         Ok(ticks(match self {
-            Self::Unseen => duration_s * (1.0 - number(fields, "area_under_explored", row)?),
+            Self::Unseen => duration_s * (1.0 - number(fields, "area_under_explored", 1.0, row)?),
             Self::TimeTo(percent) => {
                 let name = format!("t{percent}_s");
                 match fields.get(&name).is_some_and(String::is_empty) {
                     true => duration_s,
-                    false => number(fields, &name, row)?.min(duration_s),
+                    false => number(fields, &name, f64::MAX, row)?.min(duration_s),
                 }
             }
         }))
@@ -60,8 +59,10 @@ impl fmt::Display for RegressionMeasure {
 pub enum RegressionError {
     #[error("{}: {error}; expected a table of runs (runs.csv), or the folder of one", path.display())]
     Read { path: PathBuf, error: csv::Error },
-    #[error("{place}: {column} = {value:?}; expected a number")]
-    Number { place: String, column: String, value: String },
+    #[error("{place}: {column} = {value:?}; expected {expected}")]
+    Number { place: String, column: String, value: String, expected: String },
+    #[error("{place}: a second row of {variant}, {run}; expected one for each run")]
+    Twice { place: String, variant: String, run: String },
     #[error("{}: has no run with the axes and the seed of a run of {}; expected results of one plan", new.display(), base.display())]
     OtherPlan { base: PathBuf, new: PathBuf },
     #[error(
@@ -83,10 +84,12 @@ impl fmt::Display for Place<'_> {
     }
 }
 
-fn number(fields: &BTreeMap<String, String>, column: &str, row: &Place) -> Result<f64, RegressionError> {
+/// A number of a column, from 0 to `most`.
+fn number(fields: &BTreeMap<String, String>, column: &str, most: f64, row: &Place) -> Result<f64, RegressionError> {
     let value = fields.get(column).map_or("", String::as_str);
-    let number = value.parse().ok().filter(|number: &f64| number.is_finite());
-    number.ok_or_else(|| not_a_number(column, value, row))
+    let number = value.parse().ok().filter(|number: &f64| (0.0..=most).contains(number));
+    let expected = || if most == f64::MAX { "a number, 0 or more".to_owned() } else { format!("0 to {most}") };
+    number.ok_or_else(|| unexpected(column, value, expected(), row))
 }
 
 /// The seed of a run: of all 63 bits, which a float does not hold; tools that take columns with
@@ -94,11 +97,11 @@ fn number(fields: &BTreeMap<String, String>, column: &str, row: &Place) -> Resul
 fn seed(fields: &BTreeMap<String, String>, row: &Place) -> Result<u64, RegressionError> {
     let value = fields.get("seed").map_or("", String::as_str);
     let whole = value.strip_suffix(".0").unwrap_or(value);
-    whole.parse().map_err(|_| not_a_number("seed", value, row))
+    whole.parse().map_err(|_| unexpected("seed", value, "a whole number".to_owned(), row))
 }
 
-fn not_a_number(column: &str, value: &str, row: &Place) -> RegressionError {
-    RegressionError::Number { place: row.to_string(), column: column.to_owned(), value: value.to_owned() }
+fn unexpected(column: &str, value: &str, expected: String, row: &Place) -> RegressionError {
+    RegressionError::Number { place: row.to_string(), column: column.to_owned(), value: value.to_owned(), expected }
 }
 
 /// A run of a table, or one that has failed.
@@ -142,9 +145,12 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
         let controller = fields.get("controller").map_or("", String::as_str);
         let (variant, key) = names(axes.collect(), controller, seed(&fields, &place)?);
         let digest = fields.get("digest").cloned().unwrap_or_default();
-        let (value, duration_s) = (measure.value(&fields, &place)?, number(&fields, "duration_s", &place)?);
+        let duration_s = number(&fields, "duration_s", f64::MAX, &place)?;
+        let value = measure.value(&fields, duration_s, &place)?;
         let row = Row { value, duration_s, outcome: Outcome::Digest(digest) };
-        runs.entry(variant).or_default().insert(key, row);
+        if runs.entry(variant.clone()).or_default().insert(key.clone(), row).is_some() {
+            return Err(RegressionError::Twice { place: place.to_string(), variant, run: key });
+        }
     }
     if path.is_dir() && path.join("runs").is_dir() {
         add_failures(&mut runs, path)?;
@@ -209,6 +215,9 @@ impl Change {
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { variant, measure, pairs, same, missing, failed, reason, base, new, p_value } = self;
+        if *pairs == 0 {
+            return write!(f, "{variant}: none of its {missing} stored runs has a new one");
+        }
         let seconds = |ticks: f64| ticks * Tick::TICK_S;
         write!(f, "{variant}: {measure} {:.1} s, was {:.1} s", seconds(*new), seconds(*base))?;
         if *base > 0.0 {
@@ -355,7 +364,25 @@ mod tests {
         );
         let endless = written("endless.csv", "1,dsvp,NaN,0.5,10,a\n");
         let refused = between(&base, &endless).unwrap_err().to_string();
-        assert!(refused.ends_with("endless.csv:2: duration_s = \"NaN\"; expected a number"), "{refused}");
+        assert!(refused.ends_with("endless.csv:2: duration_s = \"NaN\"; expected a number, 0 or more"), "{refused}");
+        let twice = written("twice.csv", "1,dsvp,100,0.5,10,a\n1,dsvp,100,0.5,90,b\n");
+        let refused = between(&base, &twice).unwrap_err().to_string();
+        assert!(refused.ends_with("twice.csv:3: a second row of dsvp, seed 1; expected one for each run"), "{refused}");
+        let much = written("much.csv", "1,dsvp,100,1.5,10,a\n");
+        let refused = changes(&base, &much, RegressionMeasure::Unseen).unwrap_err().to_string();
+        assert!(refused.ends_with("much.csv:2: area_under_explored = \"1.5\"; expected 0 to 1"), "{refused}");
+    }
+
+    #[test]
+    fn variant_without_runs_has_no_times() {
+        let folder = tempfile::tempdir().unwrap();
+        let [base, new] = ["base.csv", "new.csv"].map(|name| folder.path().join(name));
+        let other = table(&["10"]).lines().nth(1).unwrap().replace("dsvp", "lvd");
+        fs::write(&base, format!("{}{other}\n", table(&["10"]))).unwrap();
+        fs::write(&new, table(&["10"])).unwrap();
+        let changes = changes(&base, &new, RegressionMeasure::Unseen).unwrap();
+        assert_eq!(changes[1].to_string(), "lvd: none of its 1 stored runs has a new one");
+        assert!(changes[1].is_regression(10.0));
     }
 
     #[test]
@@ -415,7 +442,7 @@ mod tests {
         assert!(matches!(error, RegressionError::OtherPlan { .. }), "{error}");
         fs::write(&new, table(&["soon"])).unwrap();
         let error = changes(&base, &new, RegressionMeasure::TimeTo(99)).unwrap_err().to_string();
-        assert!(error.ends_with("new.csv:2: t99_s = \"soon\"; expected a number"), "{error}");
+        assert!(error.ends_with("new.csv:2: t99_s = \"soon\"; expected a number, 0 or more"), "{error}");
         fs::write(&new, "a,b\n1,2\n").unwrap();
         assert!(changes(&base, &new, RegressionMeasure::Unseen).unwrap_err().to_string().contains(":2: seed = "));
     }
