@@ -71,6 +71,15 @@ pub(super) fn warnings(study: &Study) -> Vec<String> {
             study.runs.len()
         ));
     }
+    let missing = study.missing();
+    if !missing.is_empty() {
+        let blocks = study.blocks();
+        let cells: Vec<String> = missing.iter().map(|(cell, count)| format!("{cell} {count} of {blocks}")).collect();
+        warnings.push(format!(
+            "Runs are missing ({}). Verdicts are about the maps that both variants have, which may be the easier ones.",
+            cells.join("; ")
+        ));
+    }
     if independent < runs {
         warnings.push(format!(
             "{runs} runs are {independent} independent observations: the others repeat a run on the same map in \

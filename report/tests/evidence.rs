@@ -142,6 +142,17 @@ fn variants_of_settings_are_compared() {
     let page = fs::read_to_string(written.page).expect("the page");
     let titles = page.lines().filter(|line| line.starts_with("<title>") || line.starts_with("<h3>"));
     titles.for_each(|title| assert!(!title.contains('{'), "raw TOML in {title}"));
+
+    // A run that is gone is named beside the verdicts.
+    let files = fs::read_dir(folder.path().join("out/runs")).expect("a folder of runs").flatten();
+    let mut records = files.map(|file| file.path()).filter(|file| file.extension().is_some_and(|name| name == "json"));
+    fs::remove_file(records.next().expect("it has runs")).expect("its file");
+    let written = report::write(&folder.path().join("out")).expect("a report of the others");
+    let warning = &written.warnings[0];
+    assert!(
+        written.lacking == 1 && warning.starts_with("Runs are missing (") && warning.contains("1 of 7"),
+        "{warning}"
+    );
 }
 
 #[test]
