@@ -326,7 +326,10 @@ pub(super) fn map_up(
     if spec.options.inside.is_none() && free_space.is_all_around() {
         notes.push(Note::warning("inside", AROUND));
     }
-    notes.extend(free_space.warning(&spec.options));
+    // Of a shell, walls are hollow.
+    if fill == Fill::Solid {
+        notes.extend(free_space.warning(&spec.options));
+    }
     let (mut terrain, cropped) = frame.cropped(terrain, spec)?;
     notes.extend(cropped);
     notes.push(frame.note());
