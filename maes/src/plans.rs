@@ -393,7 +393,7 @@ pub(crate) fn compare(args: &CompareArgs) -> anyhow::Result<ExitCode> {
 /// Makes the report of a folder, and its tables of all runs.
 pub(crate) fn report(args: &ReportArgs) -> anyhow::Result<ExitCode> {
     let heading = Heading { title: args.title.clone(), date: args.date.clone() };
-    if !args.no_routes {
+    if !args.no_routes && args.folder.join(PLAN).exists() {
         let cores = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
         interruptible(|stop| {
             record_routes(&args.folder, cores, stop);

@@ -232,6 +232,12 @@ impl RunArgs {
         let Err(error) = setup::check_map(scenario) else { return Ok(()) };
         let is_of_map = |change: &&Override| change.key == "map" || change.key.starts_with("map.");
         match overrides.iter().rfind(is_of_map) {
+            Some(change) if change.key == "map.file" && scenario.map.file.as_deref() == Some(Path::new("")) => {
+                bail!(
+                    "{} is empty; expected spheres, noise, building, mine, scene, or a map file",
+                    change.origin.trim_end()
+                )
+            }
             // The name of the file is in both.
             Some(change) if change.key == "map.file" => {
                 bail!("{error}; expected spheres, noise, building, mine, scene, or a map file: {}", change.origin)

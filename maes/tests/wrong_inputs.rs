@@ -57,6 +57,7 @@ const ANSWERS: &[(&str, u8, &[&str])] = &[
         2,
         &["error: --map .: a folder without .png files; expected one for each layer"],
     ),
+    ("run --map=", 2, &["--map is empty; expected spheres, noise, building, mine, scene, or a map file"]),
     ("run --map cave", 2, &["cave", "expected spheres, noise, building, mine, scene, or a map file"]),
     (
         "run --size 12",

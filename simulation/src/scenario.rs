@@ -46,7 +46,7 @@ pub use lidar::{GridKeys, LidarPattern, LidarSchedule, LidarSection};
 pub use localisation::LocalisationSection;
 pub use mix::{ControllerChoice, MixEntry};
 pub use obstacles::{ObstacleEntry, ObstacleKind};
-pub use origin::Origins;
+pub use origin::{Origins, syntax_text};
 pub use radio::{CommunicationModel, CommunicationSection, RelaySection};
 pub use sections::*;
 pub use sensor::SensorSection;

@@ -6,7 +6,7 @@ use std::path::Path;
 use msgs::ids::Tick;
 use serde::Deserialize;
 use sim_server::setup;
-use simulation::scenario::{Scenario, ScenarioError};
+use simulation::scenario::{Scenario, ScenarioError, syntax_text};
 use system::input_file::{self, TEXT_BYTES_MAX};
 use toml::Spanned;
 
@@ -144,7 +144,7 @@ pub(super) fn read(file: &str, text: &str, folder: &Path) -> Result<Draft, PlanE
     let at_line = |line: usize, reason: String| PlanError::Line { file: file.to_owned(), line, reason };
     let syntax = |error: toml::de::Error| {
         let line = line_at(error.span().map_or(0, |span| span.start));
-        at_line(line, error.message().lines().map(str::trim).collect::<Vec<_>>().join("; "))
+        at_line(line, syntax_text(&error, text).lines().map(str::trim).collect::<Vec<_>>().join("; "))
     };
     let plan: PlanFile = toml::from_str(text).map_err(syntax)?;
     let scenario_line = line_at(plan.scenario.span().start);

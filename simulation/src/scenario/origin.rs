@@ -7,6 +7,9 @@ use toml::de::{DeArray, DeTable, Error};
 use super::diagnosis::first_problem;
 use super::{Override, ScenarioError, one_line};
 
+/// What the parser of TOML says of a key that is there twice.
+const DUPLICATE_KEY: &str = "duplicate key";
+
 /// The text of a scenario and the flags that change it.
 #[derive(Debug, Clone, Copy)]
 pub struct Origins<'a> {
@@ -47,7 +50,7 @@ impl<'a> Origins<'a> {
         let first = table.as_ref().and_then(|table| first_problem(table, spans, &|_| true).0);
         let (at, reason) = match first {
             Some(problem) => (problem.at.unwrap_or(0), problem.text),
-            None => (error.span().map_or(0, |span| span.start), error.message().to_owned()),
+            None => (error.span().map_or(0, |span| span.start), syntax_text(error, self.text)),
         };
         let (line, column) = position(self.text, at);
         ScenarioError::Syntax { file: self.file.to_owned(), line, column, reason: one_line(&reason) }
@@ -92,4 +95,11 @@ fn position(text: &str, byte: usize) -> (usize, usize) {
     let before = &text[..byte.min(text.len())];
     let line_start = before.rfind('\n').map_or(0, |at| at + 1);
     (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+}
+
+/// What is wrong with a text that is no TOML; a key that is there twice is named.
+#[must_use]
+pub fn syntax_text(error: &Error, text: &str) -> String {
+    let named = error.span().filter(|_| error.message() == DUPLICATE_KEY).and_then(|span| text.get(span));
+    named.map_or_else(|| error.message().to_owned(), |key| format!("{DUPLICATE_KEY} {key}"))
 }
