@@ -120,6 +120,22 @@ impl Sensors {
         if let Self::AnyOf(places) = self { places } else { &[] }
     }
 
+    /// What is free, in words, of a cloud with so many rays, or cells that are seen.
+    fn space(&self, rays: u64, unknown: Terrain) -> String {
+        let becomes = if unknown == Terrain::Wall { "wall" } else { "free" };
+        match self {
+            Self::None => "all cells without points, as no position of a sensor is known".to_owned(),
+            Self::AnyOf(places) => format!(
+                "cells between {rays} cells with points and the nearest of {} positions in sight; all others are unknown \
+                 and become {becomes}",
+                places.len()
+            ),
+            Self::One(_) | Self::Each(_) => {
+                format!("cells on {rays} ways from the sensor to points; all others are unknown and become {becomes}")
+            }
+        }
+    }
+
     /// Whether a point lies where its sensor is.
     fn is_at(&self, number: usize, point: [f64; 3]) -> bool {
         self.of(number) == Some(point) || self.places().binary_search_by(|place| in_order(place, &point)).is_ok()
@@ -241,18 +257,6 @@ pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud<'_>, mut work: WorkBudget
         }
     });
     points.check()?;
-    let becomes = if unknown == Terrain::Wall { "wall" } else { "free" };
-    let space = match &sensors {
-        Sensors::None => "all cells without points, as no position of a sensor is known".to_owned(),
-        Sensors::AnyOf(_) => format!(
-            "cells between {ray_count} cells with points and the nearest of {} positions in sight; all others are unknown \
-             and become {becomes}",
-            places.len()
-        ),
-        _ => {
-            format!("cells on {ray_count} ways from the sensor to points; all others are unknown and become {becomes}")
-        }
-    };
     notes.push(Note::new("points", format!("{used} in {hit} cells, {not_finite} dropped because they are not finite")));
     if without_return > 0 {
         let text =
@@ -268,34 +272,36 @@ pub(super) fn map_with(spec: &ImportSpec, cloud: Cloud<'_>, mut work: WorkBudget
         notes.push(Note::new("stray", text));
     }
     notes.extend(groups.iter().flat_map(Groups::notes));
-    notes.push(Note::new("free space", space));
-    if through > 0 {
-        let percent = 100.0 * through as f64 / ray_count as f64;
-        let text = format!("{percent:.1} % of the rays pass through cells with points");
-        notes.push(if percent >= WRONG_PERCENT {
-            let why = "the points were not all seen from there: give all places of the sensor (stations, or trajectory), or \
-                       remove it and use free_from";
-            Note::warning("rays", format!("{text}; {why}"))
-        } else {
-            Note::new("rays", text)
-        });
-    }
-    if unseen > 0 {
-        let percent = 100.0 * unseen as f64 / (ray_count + unseen) as f64;
-        let text = format!("{percent:.1} % of the cells with points are in sight of no position of the sensor");
-        notes.push(if percent >= WRONG_PERCENT {
-            let why = "some positions are missing, or have other coordinates than the points";
-            Note::warning("unseen", format!("{text}; {why}"))
-        } else {
-            Note::new("unseen", text)
-        });
-    }
+    notes.push(Note::new("free space", sensors.space(ray_count, unknown)));
+    notes.extend(note_of_share(
+        "rays",
+        (through, ray_count),
+        "of the rays pass through cells with points",
+        "the points were not all seen from there: give all places of the sensor (stations, or trajectory), or remove it and \
+         use free_from",
+    ));
+    notes.extend(note_of_share(
+        "unseen",
+        (unseen, ray_count + unseen),
+        "of the cells with points are in sight of no position of the sensor",
+        "some positions are missing, or have other coordinates than the points",
+    ));
     notes.push(frame.note());
     if matches!(sensors, Sensors::None) {
         notes.extend(FreeSpace::of(&terrain).warning(&spec.options));
     }
     notes.extend(keep_from(&mut terrain, &spec.options, |place| frame.cell_of_place(place))?);
     Ok(Imported { terrain, notes, stores_cell_m: false, origin_m: Some(frame.origin_m()), yaw_rad: 0.0 })
+}
+
+/// A note on a share of something, if there is any: a warning, with its probable cause, if it is
+/// large.
+fn note_of_share(name: &'static str, (some, all): (u64, u64), what: &str, cause: &str) -> Option<Note> {
+    let percent = 100.0 * some as f64 / all as f64;
+    (some > 0).then(|| match percent >= WRONG_PERCENT {
+        true => Note::warning(name, format!("{percent:.1} % {what}; {cause}")),
+        false => Note::new(name, format!("{percent:.1} % {what}")),
+    })
 }
 
 #[cfg(test)]
