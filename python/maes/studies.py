@@ -23,6 +23,12 @@ from .scenarios import Scenario
 _POINTS = 201
 # Quartiles of the runs around the mean.
 _BAND = (25, 75)
+# What the measures of verdicts are ratios or differences of.
+_COMPARED = {
+    "area": "mean time until a cell is seen",
+    "explored": "explored share at the end",
+    "distance": "distance of the team",
+}
 
 
 class Study(Batch):
@@ -96,8 +102,8 @@ class Study(Batch):
         ax.set_yticks(range(len(names)), names)
         ax.set_ylim(len(names) - 0.5, -0.5)
         measure = next(iter(found["measure"]), "")
-        unit = "ratio of the means" if is_ratio else "difference, points"
-        ax.set_xlabel(f"{measure}: {unit}, 95 % interval")
+        compared = _COMPARED.get(measure, measure.replace("time-", "time to ") + " %")
+        ax.set_xlabel(f"{compared}:\n{'ratio' if is_ratio else 'points'}, 95 % interval")
 
     def _repr_html_(self) -> str:
         """The verdicts and, where matplotlib is installed, the figure, for notebooks."""
