@@ -19,12 +19,13 @@ type Row = (String, Verdict);
 /// The verdicts on the runs of a folder.
 ///
 /// Columns: `panel`; the variants `a` and `b`; `measure`, named as in plans, and its `effect`:
-/// `ratio` (A over B) or `difference` (A less B, points); `estimate` with the ends `low` and `high`
-/// of its 95 % interval; `p`, and `p_holm` after the correction for the panel; `pairs`, the number
-/// of independent pairs, on so many `maps`; `blocks`, the pairs with those of failed runs;
-/// `failed_a` and `failed_b`, which have failed in these; `reached_a` and `reached_b`, the runs that
-/// have reached the share whose time is compared; `mean_a` and `mean_b`, seconds, per cent or
-/// metres; `a12`; `verdict` and `second`, the words of the report. What is missing has no value.
+/// `ratio` (A over B) or `difference` (A less B, points); `estimate` with the ends `low` and
+/// `high` of its 95 % interval; `p`, and `p_holm` after the correction for the panel; `pairs`,
+/// the number of independent pairs, on so many `maps`; `blocks`, the pairs with those of failed
+/// runs; `failed_a` and `failed_b`, which have failed in these; `reached_a` and `reached_b`, the
+/// runs that have reached the share whose time is compared; `mean_a` and `mean_b`, seconds, per
+/// cent or metres; `a12`; `verdict` and `second`, the words of the report. What is missing has no
+/// value.
 ///
 /// # Errors
 /// As [`super::write()`], without those of its files.
