@@ -4,12 +4,13 @@
 #   launch_scripts/long_tests.sh [WORD...]      default: all; with words, those that have one in their name
 #
 # All browser tests of the page, movies, the example in C++, plans of own programs, the notebooks
-# and the API pages of the Python package, plans over Dask, Ray and submitit, SIERRA, exported maps
-# in trimesh, Open3D, pyoctomap and PCL, the viewer Rerun without a window, which needs a driver for
-# Vulkan (Debian: mesa-vulkan-drivers), what `cargo install` installs, and the programs and
-# libraries without ROS 2; without words also runs over Zenoh, every code block of the documents
-# that takes long, such as movies and benchmarks, the site with its links, the first ten minutes of
-# docs/newcomers.md with a stopwatch, and runs in poorer environments.
+# and the API pages of the Python package, trainings by six libraries for learning, plans over Dask,
+# Ray and submitit, SIERRA, exported maps in trimesh, Open3D, pyoctomap and PCL, the viewer Rerun
+# without a window, which needs a driver for Vulkan (Debian: mesa-vulkan-drivers), what
+# `cargo install` installs, and the programs and libraries without ROS 2; without words also runs
+# over Zenoh, every code block of the documents that takes long, such as movies and benchmarks, the
+# site with its links, the first ten minutes of docs/newcomers.md with a stopwatch, and runs in
+# poorer environments.
 # Installs the Python packages and the mdBook that they need, and takes an hour on two cores. Exit
 # code 1 if a test fails.
 set -euo pipefail

@@ -99,6 +99,32 @@ fn documentation_of_the_package_can_be_made() {
     assert!(package.contains("id=\"Ctx.search\"") && environments.contains("id=\"Worlds.step\""));
 }
 
+/// Each library takes the environments as its own, and trains on them.
+#[test]
+#[ignore = "installs PyTorch and six libraries for learning"]
+fn learning_libraries_train() {
+    let folder = tempfile::tempdir().expect("there is room for a folder");
+    let mut command = command_of(python::for_learning());
+    command.env("HOME", folder.path()).env("RAY_TMPDIR", folder.path()).env("OMP_NUM_THREADS", "1");
+    command.args(["-m", "pytest", "-p", "no:cacheprovider", "-c"]).arg(configuration());
+    // Ray stays open beside the other ones.
+    let text = passed(command.arg(root().join("tests/learning")));
+    assert!(text.contains("10 passed"), "{text}");
+}
+
+/// The example of a training comes to its end, with a policy and figures.
+#[test]
+#[ignore = "installs PyTorch and six libraries for learning"]
+fn learning_example_trains() {
+    let folder = tempfile::tempdir().expect("there is room for a folder");
+    let mut command = command_of(python::for_learning());
+    command.arg(root().join("examples/python/train_ppo.py")).arg(folder.path()).args(["--minutes", "0.3"]);
+    passed(&mut command);
+    for file in ["curve.csv", "curve.svg", "evaluation.csv"] {
+        assert!(fs::metadata(folder.path().join(file)).is_ok_and(|found| found.len() > 0), "{file}");
+    }
+}
+
 /// Tables do not depend on where runs are executed, nor on a worker that is killed meanwhile.
 #[test]
 #[ignore = "installs Dask, Ray and submitit"]

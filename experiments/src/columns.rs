@@ -87,6 +87,7 @@ macro_rules! one_column {
 
 one_column! {
     String => Text, |text| Some(text.clone());
+    Option<String> => Text, Option::clone;
     EndReason => Text, |reason| Some(reason.to_string());
     u64 => Whole, |value| Some(*value);
     u32 => Whole, |value| Some((*value).into());

@@ -98,7 +98,8 @@ pub fn agents(records: &[RunRecord]) -> Table {
     Table { columns: columns.into_iter().flatten().collect() }
 }
 
-fn column<R, V: Cells>(name: &str, rows: &[R], value: impl Fn(&R) -> V) -> Vec<Column> {
+/// The columns of one value of each row.
+pub fn column<R, V: Cells>(name: &str, rows: &[R], value: impl Fn(&R) -> V) -> Vec<Column> {
     let values: Vec<V> = rows.iter().map(value).collect();
     V::columns(name, &values.iter().collect::<Vec<_>>())
 }

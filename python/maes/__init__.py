@@ -25,6 +25,7 @@ from .plans import Batch, batch
 from .recordings import Recording, RecordingFollower
 from .runs import Result, fork, run
 from .scenarios import Scenario
+from .studies import Study, study
 
 __version__ = BUILD.split("+")[0]
 
@@ -49,9 +50,11 @@ __all__ = [
     "Rng",
     "RunFailed",
     "Scenario",
+    "Study",
     "WakeCondition",
     "batch",
     "controllers",
     "fork",
     "run",
+    "study",
 ]

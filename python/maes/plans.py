@@ -26,12 +26,16 @@ class Batch:
         """The reason of each run that has failed, by its id."""
 
     def columns(self, table: str = "runs") -> dict[str, list[Any]]:
-        """The columns of the table "runs", "series" or "agents"."""
+        """The columns of the table "runs", "series", "agents" or "verdicts" (docs/python.md)."""
         return _maes.stored_table(os.fspath(self.folder), table)
 
     def frame(self, table: str = "runs", library: str | None = None) -> Any:
         """The same as a data frame of polars or pandas."""
         return frame(self.columns(table), library)
+
+    def report(self) -> Path:
+        """Write the report of `maes report` with its figures as SVG; returns its page."""
+        return Path(_maes.write_report(os.fspath(self.folder)))
 
     def __repr__(self) -> str:
         return f"Batch({os.fspath(self.folder)!r}, {len(self.failures)} failures)"
@@ -60,6 +64,8 @@ class _Progress:
             self.failures[details[0]] = details[1]
         if self._bar is not None:
             self._bar.update()
+            if self.failures:
+                self._bar.set_postfix(failed=len(self.failures))
 
     def close(self) -> None:
         if self._bar is not None:

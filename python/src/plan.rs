@@ -69,6 +69,9 @@ impl PlanObserver for Reports {
     }
 }
 
+/// The name of the table of verdicts, which single runs do not have.
+const VERDICTS: &str = "verdicts";
+
 /// Wall time between two looks for signals.
 const PERIOD: Duration = Duration::from_millis(20);
 
@@ -133,9 +136,18 @@ pub(crate) fn execute_plan(
     executed.map(drop).map_err(failed)
 }
 
-/// A table of the runs in a folder, as lists by column.
+/// A table of the runs in a folder, as lists by column: one of those of a run, or "verdicts".
 #[pyfunction]
 pub(crate) fn stored_table<'py>(py: Python<'py>, folder: PathBuf, name: &str) -> PyResult<Bound<'py, PyDict>> {
+    if name == VERDICTS {
+        return columns(py, py.detach(|| report::verdict_table(&folder)).map_err(bad_input)?);
+    }
     let records = py.detach(|| Store::open(&folder).and_then(|store| store.records())).map_err(bad_input)?;
     columns(py, table(&records, name)?)
+}
+
+/// Writes the report of the runs in a folder, with figures as SVG; returns its page.
+#[pyfunction]
+pub(crate) fn write_report(py: Python<'_>, folder: PathBuf) -> PyResult<PathBuf> {
+    py.detach(|| report::write(&folder)).map(|written| written.page).map_err(bad_input)
 }

@@ -35,7 +35,9 @@ pub(crate) fn table(records: &[RunRecord], name: &str) -> PyResult<Table> {
         "runs" => Ok(tables::runs(records)),
         "series" => Ok(tables::series(records)),
         "agents" => Ok(tables::agents(records)),
-        other => Err(bad_input(format!("table {other:?}: expected \"runs\", \"series\" or \"agents\""))),
+        other => Err(bad_input(format!(
+            "table {other:?}: expected \"runs\", \"series\" or \"agents\", and of a plan \"verdicts\""
+        ))),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Reports: an HTML page, figures and tables of the runs of a folder.
 //!
 //! [`write()`] reads `DIR/runs/*.json` and `DIR/plan.toml`, and writes `DIR/report/report.html`,
-//! which is self-contained, `DIR/report/figures/*.{svg,png}` and
-//! `DIR/report/tables/*.{md,tex,csv}`.
+//! which is self-contained, `DIR/report/figures/*.{svg,png}`, without the feature `png` SVG alone,
+//! and `DIR/report/tables/*.{md,tex,csv}`.
 //!
 //! Invariants: the same folder makes the same bytes; no run is excluded because of its outcome. A
 //! run that repeats another one is no observation of its own. An incomplete plan is reported as it
@@ -27,12 +27,14 @@ mod outcomes;
 mod page;
 mod pairs;
 mod plot;
+#[cfg(feature = "png")]
 mod png;
 pub mod regression;
 pub mod routes;
 mod study;
 mod svg;
 mod table;
+mod verdict_table;
 mod verdicts;
 
 use std::fs;
@@ -45,11 +47,14 @@ use thiserror::Error;
 use self::figures::Figure;
 pub use self::page::Heading;
 use self::page::RetainedRecordings;
+#[cfg(feature = "png")]
 pub use self::png::PngError;
+#[cfg(feature = "png")]
 use self::png::Renderer;
 use self::study::Study;
 pub use self::study::StudyError;
 use self::table::Table;
+pub use self::verdict_table::verdict_table;
 use self::verdicts::{Verdict, Verdicts};
 use experiments::store::Store;
 use statistics::StatisticsError;
@@ -61,6 +66,7 @@ pub enum ReportError {
     /// A run has a metric that is not finite, or too large.
     #[error("the runs have an invalid metric: {0}")]
     Statistics(#[from] StatisticsError),
+    #[cfg(feature = "png")]
     #[error("figure {figure}: {error}")]
     Png { figure: String, error: PngError },
     #[error("cannot write {path}: {error}", path = path.display())]
@@ -140,13 +146,17 @@ pub fn write_with(dir: &Path, heading: &Heading) -> Result<ReportSummary, Report
         let path = report.join(folder);
         fs::create_dir_all(&path).map_err(|error| ReportError::Write { path, error })?;
     }
+    #[cfg(feature = "png")]
     let renderer = Renderer::new();
     contents.figures.par_iter().chain(&contents.cost_figures).try_for_each(|figure| {
         let Figure { name, drawn, .. } = figure;
         let svg = &drawn.svg;
-        let png = renderer.png(svg).map_err(|error| ReportError::Png { figure: name.clone(), error })?;
-        write_file(&report.join(format!("figures/{name}.svg")), svg.as_bytes())?;
-        write_file(&report.join(format!("figures/{name}.png")), &png)
+        #[cfg(feature = "png")]
+        {
+            let png = renderer.png(svg).map_err(|error| ReportError::Png { figure: name.clone(), error })?;
+            write_file(&report.join(format!("figures/{name}.png")), &png)?;
+        }
+        write_file(&report.join(format!("figures/{name}.svg")), svg.as_bytes())
     })?;
     for table in contents.summary.iter().chain(&contents.tables).chain(&contents.pairs).chain([&contents.cost]) {
         let name = table.name;

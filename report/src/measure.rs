@@ -43,6 +43,12 @@ impl Compared {
         }
     }
 
+    /// Its name in a plan.
+    pub(super) fn name(self) -> &'static str {
+        let named = Measure::ALL.into_iter().find(|&(_, measure)| Self::of(measure) == self);
+        named.map_or("", |(name, _)| name)
+    }
+
     /// Name of the table.
     pub(super) fn table(self) -> &'static str {
         match self {

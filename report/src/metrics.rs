@@ -146,10 +146,12 @@ pub(super) struct TimeUnit {
 }
 
 impl TimeUnit {
+    pub(super) const SECONDS: Self = Self { symbol: "s", seconds: 1.0 };
+
     /// Minutes if a run may take ten minutes or more.
     pub(super) fn of(runs: &[RunRecord]) -> Self {
         let longest_s = runs.iter().map(|run| run.row.duration_s).fold(0.0, f64::max);
-        if longest_s >= 600.0 { Self { symbol: "min", seconds: 60.0 } } else { Self { symbol: "s", seconds: 1.0 } }
+        if longest_s >= 600.0 { Self { symbol: "min", seconds: 60.0 } } else { Self::SECONDS }
     }
 }
 

@@ -163,7 +163,7 @@ fn verdict_list(study: &Study, of_panels: &[Verdicts]) -> String {
         if !panel.is_empty() && study.conditions.len() > 1 {
             writeln!(text, "<h3>{}</h3>", escape(panel)).expect("a String can be written");
         }
-        let item = |Verdict { sentence, second }: &Verdict| {
+        let item = |Verdict { sentence, second, .. }: &Verdict| {
             let second = second
                 .as_ref()
                 .map_or_else(String::new, |second| format!("<br/><span class=\"note\">{}</span>", escape(second)));

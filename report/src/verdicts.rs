@@ -16,7 +16,7 @@ use experiments::rows::{RunRecord, ticks};
 use statistics::{Effect, Interval, StatisticsError, StratifiedLogRank, holm, stratified_log_rank};
 
 /// The verdicts of a panel.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Verdicts {
     /// The name of the panel; may be empty.
     pub(super) panel: String,
@@ -24,8 +24,16 @@ pub(super) struct Verdicts {
 }
 
 /// The verdict on a pair of variants.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Verdict {
+    /// The variants, by index.
+    pub(super) variants: [usize; 2],
+    /// `None` if no pair of runs can be compared.
+    pub(super) comparison: Option<Comparison>,
+    /// Number of independent pairs, with those of which a run has failed.
+    pub(super) blocks: usize,
+    /// Runs of each variant that have failed, among these.
+    pub(super) failed: [usize; 2],
     pub(super) sentence: String,
     /// What the log-rank test says, if some run reaches its share.
     pub(super) second: Option<String>,
@@ -38,11 +46,15 @@ pub(super) fn verdicts(study: &Study) -> Result<Vec<Verdicts>, StatisticsError> 
     for condition in &study.conditions {
         let family = comparisons(study, condition, compared)?;
         let seconds = second_lines(study, condition, &family, compared)?;
-        let verdict = |(comparison, second): (&Comparison, _)| Verdict {
-            sentence: sentence(study, comparison, compared),
+        let verdict = |(comparison, second): (Comparison, _)| Verdict {
+            variants: [comparison.a, comparison.b],
+            blocks: comparison.blocks,
+            failed: comparison.failed,
+            sentence: sentence(study, &comparison, compared),
             second,
+            comparison: Some(comparison),
         };
-        let mut verdicts: Vec<Verdict> = family.iter().zip(seconds).map(verdict).collect();
+        let mut verdicts: Vec<Verdict> = family.into_iter().zip(seconds).map(verdict).collect();
         verdicts.extend(without_pairs(study, condition, compared));
         if !verdicts.is_empty() {
             all.push(Verdicts { panel: study.condition_name(condition), verdicts });
@@ -60,16 +72,17 @@ fn without_pairs(study: &Study, condition: &Condition, compared: Compared) -> Ve
     pairs
         .filter(|&(a, b)| compared.pairs(study, condition, a, b).a.is_empty() && has_runs(a) && has_runs(b))
         .filter_map(|(a, b)| {
-            let blocks = study.pairs(condition, a, b);
-            let sentence = if blocks.a.is_empty() {
-                let [a, b] = [a, b].map(|variant| &study.variants[variant]);
+            let pairs = study.pairs(condition, a, b);
+            let (variants, blocks, failed) = ([a, b], pairs.a.len(), failed(&pairs));
+            let sentence = if blocks == 0 {
+                let [a, b] = variants.map(|variant| &study.variants[variant]);
                 format!("No verdict on {a} and {b}: they have no map and seed in common; run the plan to its end.")
             } else {
-                let of = if blocks.a.len() == blocks.maps { "map" } else { "pair" };
-                let failures = failures(study, [a, b], failed(&blocks), &plural(blocks.a.len(), of))?;
-                format!("{} No pair of runs is left.", not_compared(study, [a, b], &failures, compared))
+                let of = if blocks == pairs.maps { "map" } else { "pair" };
+                let failures = failures(study, variants, failed, &plural(blocks, of))?;
+                format!("{} No pair of runs is left.", not_compared(study, variants, &failures, compared))
             };
-            Some(Verdict { sentence, second: None })
+            Some(Verdict { variants, comparison: None, blocks, failed, sentence, second: None })
         })
         .collect()
 }

@@ -39,6 +39,12 @@ pub(crate) fn for_executors() -> &'static Path {
     PYTHON.get_or_init(|| environment("executors"))
 }
 
+/// The interpreter with libraries for learning.
+pub(crate) fn for_learning() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("learning"))
+}
+
 /// The interpreter with what opens maps: trimesh, Open3D and pyoctomap.
 pub(crate) fn for_map_tools() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();

@@ -219,7 +219,7 @@ fn variant_that_fails_does_not_win() {
     assert!(distance.effect.as_ref().is_some_and(|effect| effect.interval.is_none()), "{distance:?}");
     let table = tables(&study).unwrap().remove(3);
     assert!(table.columns.iter().any(|(_, key)| key == "failed_a"));
-    let Verdict { sentence, second } = verdicts(&study).unwrap().remove(0).verdicts.remove(0);
+    let Verdict { sentence, second, .. } = verdicts(&study).unwrap().remove(0).verdicts.remove(0);
     assert!(sentence.starts_with("steady is ahead of crashes in the area under the explored share"), "{sentence}");
     assert!(sentence.contains("crashes failed on 24 of 40 maps"), "{sentence}");
     // Who is first: the sixteen on which it does not crash.
