@@ -9,7 +9,8 @@
 //! Both are functions of the scenario. They are not affected by controllers, radios or map sharing:
 //! the oracle knows everything. Events are left out (the whole team is there from the start), and
 //! so is sensor noise. A LiDAR with a limited field of view has no flight, nor has a team with a
-//! ground body or with `[[lidars]]`. One with noise in its ranges has no bound: its rays seem to go on behind walls.
+//! ground body or with `[[lidars]]`. One with noise in its ranges has no bound: its rays seem to go
+//! on behind walls.
 //!
 //! This module knows no plans and no reports.
 

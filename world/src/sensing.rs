@@ -150,8 +150,8 @@ impl World {
         shares
     }
 
-    /// What the rays of a scanner in the place of one of the LiDARs of `agent` measure from the pose
-    /// of its last scan, in the fixed order of the rays; empty before the first.
+    /// What the rays of a scanner in the place of a LiDAR of `agent` measure from the pose of its
+    /// last scan, in the fixed order of the rays; empty before the first.
     #[must_use]
     pub fn returns(&self, agent: AgentId, lidar: usize, scanner: &Scanner) -> Vec<RayReturn> {
         let noise = &self.params.noise;

@@ -49,8 +49,8 @@ enum TopicPublisher {
 }
 
 impl VisualisationPublishers {
-    /// Offers the visualisation topics of a run. Topics that feed an externally controlled agent are published with its observations, whatever their
-    /// subscriptions.
+    /// Offers the visualisation topics of a run. Topics that feed an externally controlled agent
+    /// are published with its observations, whatever their subscriptions.
     ///
     /// # Errors
     /// If the middleware fails to create a publisher.

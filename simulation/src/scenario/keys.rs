@@ -210,8 +210,8 @@ impl Table {
         if self.path.is_empty() { name.to_owned() } else { format!("{}.{name}", self.path) }
     }
 
-    /// The keys that it may hold: its own, and for an entry of `[[bodies]]` or `[[lidars]]` those of
-    /// `[body]` or `[lidar]`.
+    /// The keys that it may hold: its own, and for an entry of `[[bodies]]` or `[[lidars]]` those
+    /// of `[body]` or `[lidar]`.
     pub fn keys(&self) -> impl Iterator<Item = &'static Key> {
         let inherited = self.inherited_from().and_then(table);
         self.keys.iter().chain(inherited.into_iter().flat_map(|table| table.keys))

@@ -1,5 +1,5 @@
-//! The table `[lidar]`: the LiDAR of every agent, as a pattern of rays or as a ready preset. An entry
-//! of [`super::lidars`] has the same keys.
+//! The table `[lidar]`: the LiDAR of every agent, as a pattern of rays or as a ready preset. An
+//! entry of [`super::lidars`] has the same keys.
 //!
 //! A preset stands for its keys: the identity of a scenario has these and not the preset. Keys of a
 //! pattern that the scenario does not use are refused, and are no part of its identity.

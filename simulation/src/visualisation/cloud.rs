@@ -16,9 +16,9 @@ use world::lidar::{Measured, Projection, RayGrid, RayReturn, Scanner};
 /// LiDARs that are calibrated to reflectivities report it.
 const INTENSITY_MAX: f64 = 100.0;
 
-/// The hits of the last scan of a LiDAR, metres, in the frame of its body at the stamp, which is that
-/// of the scan; `None` before the first scan. More than fit into a message are thinned evenly over
-/// the rays: 4957 without further fields. Only a spinning LiDAR has the field `ring`.
+/// The hits of the last scan of a LiDAR, metres, in the frame of its body at the stamp, which is
+/// that of the scan; `None` before the first scan. More than fit into a message are thinned evenly
+/// over the rays: 4957 without further fields. Only a spinning LiDAR has the field `ring`.
 #[must_use]
 pub fn points(world: &World, sensor: SensorId, fields: &[PointsField]) -> Option<PointCloud2> {
     let SensorId { agent, number, .. } = sensor;

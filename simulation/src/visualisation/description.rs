@@ -13,8 +13,8 @@ use world::lidar::{NamedScanner, PlaceOnBody};
 
 /// One robot of all agents: the link `map`, and on it for each agent a sphere
 /// `agent_<id>/base_link` with its LiDARs where they are mounted, of which the only one is
-/// `agent_<id>/lidar`, and the optical frames of cameras; and for each moving obstacle a link `obstacle_<number>`. What does not fit
-/// into a sample is left out.
+/// `agent_<id>/lidar`, and the optical frames of cameras; and for each moving obstacle a link
+/// `obstacle_<number>`. What does not fit into a sample is left out.
 pub(super) fn robots(world: &World) -> std_msgs::String {
     const END: &str = "</robot>\n";
     let mut data = "<?xml version=\"1.0\"?>\n<robot name=\"maes\">\n  <link name=\"map\"/>\n".to_owned();
