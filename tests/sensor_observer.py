@@ -4,6 +4,8 @@
     sensor_observer.py camera RANGE_M                       a depth camera: depth images and camera infos
     sensor_observer.py batteries                            the states of batteries
 
+Several of them, each after `+`, are observed together; `rings@NAME` and `camera@NAME` are those of a name.
+
 Needs rclpy (see launch_scripts/ros_env.sh). Prints `ready` when it has subscribed, and `received
 everything` once enough messages of agent 0 agree with the map. The map comes in pieces, and what
 does not agree with those so far is compared again when there are more. A message that is wrong
@@ -128,12 +130,13 @@ def is_enough(results):
 class Rings:
     """A level or tilted ring LiDAR with an odd number of lines, of which the middle one is in its plane."""
 
-    def __init__(self, node, world, arguments):
-        self.world = world
+    def __init__(self, node, world, name, arguments):
+        self.world, self.frame = world, f"agent_0/{name or 'lidar'}"
+        topics = f"/agent_0/{name}" if name else "/agent_0"
         self.lowest_deg, self.highest_deg, self.lines = float(arguments[0]), float(arguments[1]), int(arguments[2])
         self.scans, self.clouds = [], []
-        node.create_subscription(LaserScan, "/agent_0/scan", self.scans.append, qos_profile_sensor_data)
-        node.create_subscription(PointCloud2, "/agent_0/points", self.clouds.append, qos_profile_sensor_data)
+        node.create_subscription(LaserScan, f"{topics}/scan", self.scans.append, qos_profile_sensor_data)
+        node.create_subscription(PointCloud2, f"{topics}/points", self.clouds.append, qos_profile_sensor_data)
 
     def agree(self):
         scans, clouds = self.world.covered(self.scans), self.world.covered(self.clouds)
@@ -142,7 +145,7 @@ class Rings:
         return all(map(self.is_true_scan, scans)) and all(map(self.is_true_cloud, clouds))
 
     def is_true_scan(self, scan):
-        check(scan.header.frame_id == "agent_0/lidar", f"frame of a scan: {scan.header.frame_id}")
+        check(scan.header.frame_id == self.frame, f"frame of a scan: {scan.header.frame_id}")
         steps = (scan.angle_max - scan.angle_min) / scan.angle_increment
         check(abs(steps + 1 - len(scan.ranges)) < 1e-2, f"{len(scan.ranges)} ranges for {steps} steps")
         check(scan.time_increment == 0.0 and scan.scan_time > 0.0, f"times of a scan: {scan.scan_time}")
@@ -168,8 +171,7 @@ class Rings:
         check(len(points) == cloud.width > 100 and not points["time"].any(), "a scan takes no time")
         check(len(set(points["ring"])) == self.lines, f"rings of points: {sorted(set(points['ring']))}")
         in_map = self.world.in_map(cloud.header.frame_id, stamp(cloud))
-        lidar_frame = "agent_0/lidar"
-        lidar = self.world.in_map(lidar_frame, stamp(cloud))
+        lidar = self.world.in_map(self.frame, stamp(cloud))
         results = []
         for x, y, z, intensity, ring, _ in points.tolist():
             at = (in_map @ (x, y, z, 1.0))[:3]
@@ -189,11 +191,13 @@ class Rings:
 class Camera:
     """A depth camera."""
 
-    def __init__(self, node, world, arguments):
+    def __init__(self, node, world, name, arguments):
         self.world, self.range_m = world, float(arguments[0])
+        self.frame = f"agent_0/{name or 'camera'}_optical_frame"
+        topics = f"/agent_0/{name}/depth" if name else "/agent_0/depth"
         self.images, self.infos = {}, {}
-        node.create_subscription(Image, "/agent_0/depth/image", self.add_to(self.images), qos_profile_sensor_data)
-        node.create_subscription(CameraInfo, "/agent_0/depth/camera_info", self.add_to(self.infos), qos_profile_sensor_data)
+        node.create_subscription(Image, f"{topics}/image", self.add_to(self.images), qos_profile_sensor_data)
+        node.create_subscription(CameraInfo, f"{topics}/camera_info", self.add_to(self.infos), qos_profile_sensor_data)
 
     def add_to(self, messages):
         return lambda message: messages.setdefault(stamp(message), message)
@@ -204,7 +208,7 @@ class Camera:
         return len(images) == MESSAGES and all(self.is_true(image, self.infos[stamp(image)]) for image in images)
 
     def is_true(self, image, info):
-        frame = "agent_0/camera_optical_frame"
+        frame = self.frame
         check(image.header.frame_id == info.header.frame_id == frame, f"frame of an image: {image.header.frame_id}")
         check((image.encoding, image.step) == ("32FC1", 4 * image.width), f"{image.encoding}, {image.step}")
         check((image.width, image.height) == (info.width, info.height), "the info is that of the image")
@@ -225,7 +229,7 @@ class Camera:
 class Batteries:
     """A battery that is drained, and charged in a base."""
 
-    def __init__(self, node, _world, _arguments):
+    def __init__(self, node, _world, _name, _arguments):
         self.states = []
         node.create_subscription(BatteryState, "/agent_0/battery_state", self.states.append, RELIABLE)
 
@@ -247,13 +251,17 @@ def main():
     rclpy.init()
     node = rclpy.create_node("sensor_observer")
     world = World(node)
-    sensor = kinds[sys.argv[1]](node, world, sys.argv[2:])
+    sensors = []
+    for words in " ".join(sys.argv[1:]).split("+"):
+        kind, *arguments = words.split()
+        kind, _, name = kind.partition("@")
+        sensors.append(kinds[kind](node, world, name, arguments))
     print("ready", flush=True)
     compared = time.monotonic()
     while True:
         rclpy.spin_once(node, timeout_sec=0.2)
         if time.monotonic() - compared > 1.0:
-            if sensor.agree():
+            if all(sensor.agree() for sensor in sensors):
                 break
             compared = time.monotonic()
     print("received everything", flush=True)

@@ -9,7 +9,8 @@
 //! Both are functions of the scenario. They are not affected by controllers, radios or map sharing:
 //! the oracle knows everything. Events are left out (the whole team is there from the start), and
 //! so is sensor noise. A LiDAR with a limited field of view has no flight, nor has a team with a
-//! ground body. One with noise in its ranges has no bound: its rays seem to go on behind walls.
+//! ground body or with `[[lidars]]`. One with noise in its ranges has no bound: its rays seem to go
+//! on behind walls.
 //!
 //! This module knows no plans and no reports.
 
@@ -22,7 +23,9 @@ use std::collections::BTreeMap;
 
 use protocol::body_model::BodyKind;
 use sim_server::setup::{self, SetupError};
-use simulation::scenario::{AgentsSection, CommunicationSection, LocalisationSection, Scenario, SensorSection};
+use simulation::scenario::{
+    AgentsSection, CommunicationSection, LidarSection, LocalisationSection, Scenario, SensorSection,
+};
 
 use crate::rows::{Marks, OracleRow};
 
@@ -39,11 +42,12 @@ pub fn of(scenario: &Scenario) -> Result<OracleRow, SetupError> {
     let is_exact = known.sensor.range_sigma_m == 0.0;
     let scenario = Scenario { sensor: SensorSection::default(), ..known };
     let (world, _report) = setup::build(&scenario)?;
-    let scanner = scenario.lidar.scanner();
-    let bound = if is_exact { bound::of(&world, &scanner) } else { Marks::default() };
+    let bound = if is_exact { bound::of(&world) } else { Marks::default() };
     let can_fly = scenario.bodies_by_agent().iter().all(|body| body.kind != BodyKind::Ground);
-    let flown = (can_fly && scanner.sees_all_around())
-        .then(|| flight::fly(world, &scanner, scenario.lidar.period_ticks, scenario.duration_ticks()));
+    let scanner = scenario.lidar.as_ref().map(LidarSection::scanner);
+    let flown = scanner
+        .filter(|scanner| can_fly && scanner.sees_all_around())
+        .map(|scanner| flight::fly(world, &scanner, scenario.scan_timing().period_ticks, scenario.duration_ticks()));
     Ok(OracleRow { bound, flown: flown.unwrap_or_default() })
 }
 

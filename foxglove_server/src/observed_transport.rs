@@ -17,7 +17,7 @@ use msgs::{cdr, topics};
 use super::FoxgloveServer;
 use super::services;
 use simulation::scenario::{self, Rtf};
-use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+use simulation::visualisation::{SensorId, Subscribers, VisualisationMessage, VisualisationTopic};
 use system::wall_clock::{now, since_epoch};
 use transport::control::Request;
 use transport::{AgentTransport, ControlInput, Incoming, Level, ObserverOutput, Signed, Transport};
@@ -69,8 +69,9 @@ impl<'v, L: Transport> ObservedTransport<'v, L> {
 
     /// Offers the topics of a run.
     fn open_topics(&mut self, run: u64) {
-        let views = VisualisationTopic::all(self.scenario.agents.count, self.scenario.equipment());
-        self.view_of_topic = views.into_iter().map(|view| (view.topic().name, view)).collect();
+        let equipment = self.scenario.equipment();
+        let views = VisualisationTopic::all(&equipment);
+        self.view_of_topic = views.map(|view| (view.topic().name, view)).collect();
         let relayed = if self.link.relays_beliefs() { self.scenario.agents.count } else { 0 };
         self.belief_of_topic = (0..relayed).map(AgentId).map(|agent| (topics::belief(agent).name, agent)).collect();
         let views = self.view_of_topic.values().map(|view| view.topic());
@@ -156,7 +157,7 @@ impl<L: Transport> AgentTransport for ObservedTransport<'_, L> {
         self.link.receive(timeout)
     }
 
-    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Vec<(SensorId, PointCloud2)>) {
         self.link.set_sensors(agent, odometry, points);
     }
 

@@ -21,10 +21,16 @@ fn halls() -> Grid<Terrain> {
 
 fn keys(controller: &str, lidar: &str, kind: &str) -> String {
     format!(
-        "duration_s = 900.0\nbody = {{ kind = \"{kind}\", radius_m = 0.2 }}\nlidar = {{ {lidar} }}\n\
-         agents = {{ count = 2, controller = \"{controller}\" }}\n"
+        "duration_s = 900.0\nbody = {{ kind = \"{kind}\", radius_m = 0.2 }}\n{}\n\
+         agents = {{ count = 2, controller = \"{controller}\" }}\n",
+        if lidar.starts_with("lidars") { lidar.to_owned() } else { format!("lidar = {{ {lidar} }}") }
     )
 }
+
+/// A ring on each body, and a camera that looks up on the first one.
+const BOTH: &str = "lidars = [\
+    { name = \"top\", preset = \"vlp-16\", columns = 360, range_m = 20.0, mount_height_m = 0.1 }, \
+    { name = \"eye\", agents = [0], preset = \"depth-camera\", mount_pitch_rad = 0.6 }]";
 
 const CAMERA: &str = "preset = \"depth-camera\"";
 const RING: &str = "preset = \"vlp-16\", columns = 360, range_m = 20.0, mount_height_m = 0.1";
@@ -33,7 +39,7 @@ const RING: &str = "preset = \"vlp-16\", columns = 360, range_m = 20.0, mount_he
 fn planners_explore_all_that_they_can_see() {
     let halls = halls();
     for controller in PLANNERS {
-        for (lidar, kind) in [(CAMERA, "aerial"), (CAMERA, "submarine"), (RING, "aerial")] {
+        for (lidar, kind) in [(CAMERA, "aerial"), (CAMERA, "submarine"), (RING, "aerial"), (BOTH, "aerial")] {
             let result = result(&halls, &keys(controller, lidar, kind));
             let text = format!("{controller}, {lidar}, {kind}: {}, {}", result.reason, result.explored);
             assert!(result.explored > 0.99 && result.reason != "duration", "{text}");
@@ -44,7 +50,9 @@ fn planners_explore_all_that_they_can_see() {
 #[test]
 fn look_ahead_and_threads_do_not_change_the_run() {
     let halls = halls();
-    for (controller, lidar) in [("nearest-frontier", CAMERA), ("dsvp-team", RING), ("rbw", CAMERA), ("lvd", CAMERA)] {
+    for (controller, lidar) in
+        [("nearest-frontier", CAMERA), ("dsvp-team", RING), ("rbw", CAMERA), ("lvd", CAMERA), ("dsvp-team", BOTH)]
+    {
         let keys = keys(controller, lidar, "aerial").replace("900.0", "60.0");
         let expected = result(&halls, &keys);
         for execution in ["look_ahead = false, threads = 1", "threads = 4"] {
@@ -63,4 +71,6 @@ fn cameras_see_less_than_lidars() {
     };
     let (camera, ring, lattice) = (explored(CAMERA), explored(RING), explored("range_m = 20.0"));
     assert!(0.0 < camera && camera < ring && ring < lattice, "{camera}, {ring}, {lattice}");
+    let both = explored(BOTH);
+    assert!(ring < both && both < lattice, "{both}");
 }

@@ -48,5 +48,6 @@ pub mod message;
 pub mod parameters;
 pub mod printable;
 pub mod schema;
+pub mod sensor_name;
 pub mod service;
 pub mod shared_bytes;

@@ -23,6 +23,7 @@ use crate::octomap_msgs::Octomap;
 use crate::rcl_interfaces::{Log, ParameterEvent};
 use crate::rosgraph_msgs::Clock;
 use crate::sensor_msgs::{BatteryState, CameraInfo, Image, LaserScan, PointCloud2};
+use crate::sensor_name::SensorName;
 use crate::std_msgs;
 use crate::tf2_msgs::TFMessage;
 use crate::visualization_msgs::Marker;
@@ -160,24 +161,32 @@ pub fn odometry(agent: AgentId) -> Topic {
     Topic::new::<Odometry>(format!("/agent_{agent}/odom"), Qos::reliable(VIEW_DEPTH))
 }
 
-/// Where the rays of an agent's last scan met walls.
-pub fn points(agent: AgentId) -> Topic {
-    Topic::new::<PointCloud2>(format!("/agent_{agent}/points"), Qos::sensor_data(SENSOR_DEPTH))
+/// Where the rays of the last scan of an agent's LiDAR, or of that with a name, met walls.
+pub fn points(agent: AgentId, sensor: Option<SensorName>) -> Topic {
+    Topic::new::<PointCloud2>(of_sensor(agent, sensor, "points"), Qos::sensor_data(SENSOR_DEPTH))
 }
 
 /// The distances that the line of a spinning LiDAR closest to its plane measures.
-pub fn scan(agent: AgentId) -> Topic {
-    Topic::new::<LaserScan>(format!("/agent_{agent}/scan"), Qos::sensor_data(SENSOR_DEPTH))
+pub fn scan(agent: AgentId, sensor: Option<SensorName>) -> Topic {
+    Topic::new::<LaserScan>(of_sensor(agent, sensor, "scan"), Qos::sensor_data(SENSOR_DEPTH))
 }
 
 /// The depths that the pixels of a depth camera measure.
-pub fn depth_image(agent: AgentId) -> Topic {
-    Topic::new::<Image>(format!("/agent_{agent}/depth/image"), Qos::sensor_data(SENSOR_DEPTH))
+pub fn depth_image(agent: AgentId, sensor: Option<SensorName>) -> Topic {
+    Topic::new::<Image>(of_sensor(agent, sensor, "depth/image"), Qos::sensor_data(SENSOR_DEPTH))
 }
 
 /// How the pixels of [`depth_image`] are projected; one for each image, with its stamp.
-pub fn camera_info(agent: AgentId) -> Topic {
-    Topic::new::<CameraInfo>(format!("/agent_{agent}/depth/camera_info"), Qos::sensor_data(SENSOR_DEPTH))
+pub fn camera_info(agent: AgentId, sensor: Option<SensorName>) -> Topic {
+    Topic::new::<CameraInfo>(of_sensor(agent, sensor, "depth/camera_info"), Qos::sensor_data(SENSOR_DEPTH))
+}
+
+/// The name of a topic of a sensor. The only LiDAR of a body has no name.
+fn of_sensor(agent: AgentId, sensor: Option<SensorName>, last: &str) -> String {
+    match sensor {
+        Some(name) => format!("/agent_{agent}/{name}/{last}"),
+        None => format!("/agent_{agent}/{last}"),
+    }
 }
 
 /// The charge of a body's battery.
@@ -328,8 +337,23 @@ pub fn all(agents: u32) -> Vec<Topic> {
 /// assert_eq!(topics::named("/chatter"), None);
 /// ```
 pub fn named(name: &str) -> Option<Topic> {
-    let topics = split(name).map_or_else(|| Vec::from(of_simulation()), |(agent, _)| Vec::from(of_agent(agent)));
+    let topics = match split(name) {
+        Some((agent, rest)) => {
+            let sensor = rest.split_once('/').and_then(|(sensor, _)| sensor.parse().ok());
+            Vec::from(of_agent(agent))
+                .into_iter()
+                .chain(sensor.map(|sensor| of_named_sensor(agent, sensor)).into_iter().flatten())
+                .collect()
+        }
+        None => Vec::from(of_simulation()),
+    };
     topics.into_iter().find(|topic| topic.name == name)
+}
+
+/// The topics of a sensor with a name, one of several of its body.
+fn of_named_sensor(agent: AgentId, sensor: SensorName) -> [Topic; 4] {
+    let sensor = Some(sensor);
+    [points(agent, sensor), scan(agent, sensor), depth_image(agent, sensor), camera_info(agent, sensor)]
 }
 
 /// The agent and the rest of the name, of the name of a topic of an agent.
@@ -380,10 +404,10 @@ fn of_agent(agent: AgentId) -> [Topic; 15] {
         command(agent),
         cmd_vel(agent),
         odometry(agent),
-        points(agent),
-        scan(agent),
-        depth_image(agent),
-        camera_info(agent),
+        points(agent, None),
+        scan(agent, None),
+        depth_image(agent, None),
+        camera_info(agent, None),
         battery(agent),
         path(agent),
         belief(agent),
@@ -413,7 +437,19 @@ mod tests {
         for topic in all(12) {
             assert_eq!(named(&topic.name), Some(topic));
         }
-        for wrong in ["", "/agent_x/odom", "/agent_1", "/agent_1/", "/agent_01/odom", "sim/map"] {
+        for topic in of_named_sensor(AgentId(7), "depth".parse().unwrap()) {
+            assert_eq!(named(&topic.name), Some(topic));
+        }
+        for wrong in [
+            "",
+            "/agent_1/Front/points",
+            "/agent_1/front/odom",
+            "/agent_x/odom",
+            "/agent_1",
+            "/agent_1/",
+            "/agent_01/odom",
+            "sim/map",
+        ] {
             assert_eq!(named(wrong), None, "{wrong}");
         }
     }

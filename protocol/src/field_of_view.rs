@@ -47,6 +47,34 @@ impl FieldOfView {
         cell_m / self.spacing_rad
     }
 
+    /// What several LiDARs of one body see together, at least: the widest band without a gap that
+    /// their bands of elevations make, as far as a turn is needed for the narrowest, and as densely
+    /// and as near as all of them do; `None` without any.
+    #[must_use]
+    pub fn together(views: &[Self]) -> Option<Self> {
+        let mut bands: Vec<[f64; 2]> = views.iter().map(|view| [view.lowest_rad, view.highest_rad]).collect();
+        bands.sort_by(|one, other| one[0].total_cmp(&other[0]));
+        let mut joined: Vec<[f64; 2]> = Vec::new();
+        for [lowest_rad, highest_rad] in bands {
+            match joined.last_mut().filter(|below| lowest_rad <= below[1]) {
+                Some(below) => below[1] = below[1].max(highest_rad),
+                None => joined.push([lowest_rad, highest_rad]),
+            }
+        }
+        let width_rad = |band: &[f64; 2]| band[1] - band[0];
+        // The lowest of several that are as wide.
+        let widest = joined.iter().rev().max_by(|one, other| width_rad(one).total_cmp(&width_rad(other)));
+        let &[lowest_rad, highest_rad] = widest?;
+        let greatest = |number: fn(&Self) -> f64| views.iter().map(number).fold(0.0, f64::max);
+        Some(Self {
+            horizontal_rad: views.iter().map(|view| view.horizontal_rad).fold(TAU, f64::min),
+            lowest_rad,
+            highest_rad,
+            spacing_rad: greatest(|view| view.spacing_rad),
+            min_range_m: greatest(|view| view.min_range_m),
+        })
+    }
+
     /// The data of the message of the server.
     #[must_use]
     pub fn to_data(&self) -> SharedBytes {
@@ -85,6 +113,18 @@ mod tests {
     #[test]
     fn message_round_trips() {
         assert_eq!(FieldOfView::from_data(&CAMERA.to_data(), Tick(3)), Ok(CAMERA));
+    }
+
+    #[test]
+    fn several_are_told_as_what_all_of_them_show() {
+        let ring = FieldOfView { horizontal_rad: TAU, lowest_rad: -0.2, highest_rad: 0.2, ..CAMERA };
+        let up = FieldOfView { lowest_rad: 0.4, highest_rad: 1.3, spacing_rad: 0.04, min_range_m: 0.1, ..CAMERA };
+        assert_eq!(FieldOfView::together(&[ring]), Some(ring));
+        let apart = FieldOfView { horizontal_rad: 1.4, spacing_rad: 0.04, ..up };
+        assert_eq!(FieldOfView::together(&[ring, up]), Some(FieldOfView { min_range_m: 0.3, ..apart }));
+        let whole = FieldOfView { lowest_rad: -0.5, min_range_m: 0.3, ..apart };
+        assert_eq!(FieldOfView::together(&[up, ring, CAMERA]), Some(whole));
+        assert_eq!(FieldOfView::together(&[]), None);
     }
 
     #[test]

@@ -80,10 +80,14 @@ class Recording:
         """What an agent saw for the first time, by observation."""
         return [Scan(*scan) for scan in self._native.scans(agent)]
 
-    def hits(self, agent: int) -> list[Hits]:
-        """Where the rays of an agent's scans have hit walls; empty unless the recording has the
-        topic `points` of that agent (`views.record`)."""
-        return [Hits(*scan) for scan in self._native.hits(agent)]
+    def lidars(self, agent: int) -> list[str]:
+        """The names of an agent's `[[lidars]]`; empty if it has a `[lidar]`."""
+        return self._native.lidars(agent)
+
+    def hits(self, agent: int, lidar: str | None = None) -> list[Hits]:
+        """Where the rays of an agent's scans, or of those of one of its `[[lidars]]`, have hit
+        walls; empty unless the recording has the topics `points` (`views.record`)."""
+        return [Hits(*scan) for scan in self._native.hits(agent, lidar)]
 
     def result(self) -> dict[str, Any] | None:
         """Digest, reason, tick and metrics at the end; `None` if the recording has no result."""

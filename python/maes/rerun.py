@@ -214,15 +214,17 @@ class Sender:
                     self._stream.send_columns(path, after_last, columns)
 
     def _send_hits(self, agent: int, part: Recording) -> None:
-        hits = [scan for scan in part.hits(agent) if len(scan.point_m)]
-        if hits:
-            path = f"world/agents/agent_{agent}/lidar"
-            radii = [_radius_m(self._scenario, agent) / 8]
-            self._style(path, rr.Points3D.from_fields(colors=[_colour(agent)], radii=radii))
-            columns = rr.Points3D.columns(positions=np.concatenate([hit.point_m for hit in hits]))
-            lengths = [len(hit.point_m) for hit in hits]
-            times = _times([hit.time_s for hit in hits])
-            self._stream.send_columns(path, times, columns.partition(lengths))
+        for name in part.lidars(agent) or [None]:
+            hits = [scan for scan in part.hits(agent, name) if len(scan.point_m)]
+            if hits:
+                path = f"world/agents/agent_{agent}/{name or 'lidar'}"
+                radii = [_radius_m(self._scenario, agent) / 8]
+                self._style(path, rr.Points3D.from_fields(colors=[_colour(agent)], radii=radii))
+                points_m = np.concatenate([hit.point_m for hit in hits])
+                columns = rr.Points3D.columns(positions=points_m)
+                lengths = [len(hit.point_m) for hit in hits]
+                times = _times([hit.time_s for hit in hits])
+                self._stream.send_columns(path, times, columns.partition(lengths))
 
     def _send_task(self, agent: int, part: Recording) -> None:
         observed = part.poses(agent)

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use msgs::ids::AgentId;
 use msgs::maes_msgs::{self, Observation};
 use msgs::sensor_msgs::PointCloud2;
+use msgs::sensor_name::SensorName;
 use msgs::topics::{self, Topic};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -100,19 +101,33 @@ impl PyRecording {
         }
     }
 
-    /// The messages of a topic of an agent, decoded.
-    fn of_agent<M: msgs::message::Message>(&self, agent: u32, topic: fn(AgentId) -> Topic) -> PyResult<Vec<M>> {
+    /// The messages of topics of an agent, decoded.
+    fn of_agent<M: msgs::message::Message>(
+        &self,
+        agent: u32,
+        topics: impl Fn(AgentId) -> PyResult<Vec<Topic>>,
+    ) -> PyResult<Vec<M>> {
+        let topics = topics(self.agent(agent)?)?;
+        let messages = self.all().filter(|message| topics.iter().any(|topic| message.channel.topic == topic.name));
+        messages.map(|message| message.decode().map_err(bad_input)).collect()
+    }
+
+    /// An agent of the run.
+    fn agent(&self, agent: u32) -> PyResult<AgentId> {
         if agent >= self.file.scenario.agents.count {
             let last = self.file.scenario.agents.count.saturating_sub(1);
             return Err(bad_input(format!("agent = {agent}: expected an agent of the run, 0 to {last}")));
         }
-        let topic = topic(AgentId(agent)).name;
-        let messages = self.all().filter(|message| message.channel.topic == topic);
-        messages.map(|message| message.decode().map_err(bad_input)).collect()
+        Ok(AgentId(agent))
+    }
+
+    /// The names of the LiDARs of an agent; that of the only one is `None`.
+    fn lidar_names(&self, agent: AgentId) -> Vec<Option<SensorName>> {
+        self.file.scenario.lidars_of(agent).map(|(name, _)| name).collect()
     }
 
     fn observations(&self, agent: u32) -> PyResult<Vec<Observation>> {
-        self.of_agent(agent, topics::observation)
+        self.of_agent(agent, |agent| Ok(vec![topics::observation(agent)]))
     }
 }
 
@@ -197,9 +212,33 @@ impl PyRecording {
         Ok(observations.iter().map(row).collect())
     }
 
-    /// Where the rays of an agent have hit walls, by scan; none if the recording has no points.
-    fn hits<'py>(&self, py: Python<'py>, agent: u32) -> PyResult<Hits<'py>> {
-        let clouds: Vec<PointCloud2> = py.detach(|| self.of_agent(agent, topics::points))?;
+    /// The names of the LiDARs of an agent; none if it has only one of `[lidar]`.
+    fn lidars(&self, agent: u32) -> PyResult<Vec<String>> {
+        let names = self.lidar_names(self.agent(agent)?);
+        Ok(names.into_iter().flatten().map(|name| name.to_string()).collect())
+    }
+
+    /// Where the rays of an agent, or of one of its LiDARs, have hit walls, by scan; none if the
+    /// recording has no points.
+    #[pyo3(signature = (agent, lidar=None))]
+    fn hits<'py>(&self, py: Python<'py>, agent: u32, lidar: Option<&str>) -> PyResult<Hits<'py>> {
+        let topics = |agent| {
+            let names = self.lidar_names(agent);
+            let is_asked =
+                |name: &Option<SensorName>| lidar.is_none() || name.as_ref().map(SensorName::as_str) == lidar;
+            let asked: Vec<Topic> =
+                names.iter().copied().filter(is_asked).map(|name| topics::points(agent, name)).collect();
+            if asked.is_empty() {
+                let known: Vec<String> = names.iter().flatten().map(|name| format!("\"{name}\"")).collect();
+                let known = if known.is_empty() { "None".to_owned() } else { known.join(", ") };
+                let lidar = lidar.unwrap_or_default();
+                return Err(bad_input(format!(
+                    "lidar = \"{lidar}\": agent {agent} has no such LiDAR; expected {known}"
+                )));
+            }
+            Ok(asked)
+        };
+        let clouds: Vec<PointCloud2> = py.detach(|| self.of_agent(agent, topics))?;
         let rows = clouds.iter().map(|cloud| {
             let stamp = &cloud.header.stamp;
             let time_s = f64::from(stamp.sec) + f64::from(stamp.nanosec) / 1e9;

@@ -94,6 +94,20 @@ def test_hits_and_contacts_of_a_recording(small, tmp_path):
         recording.hits(2)
 
 
+def test_hits_are_those_of_each_lidar(small, tmp_path):
+    file, camera = tmp_path / "run.mcap", {"name": "front", "preset": "depth-camera", "agents": [0]}
+    lidars = [{"name": "top", "rays": 500}, camera]
+    maes.run(small.replace(duration=2.0, lidars=lidars, views={"record": ["points"]}), record=file)
+    recording = maes.Recording(file)
+    assert (recording.lidars(0), recording.lidars(1)) == (["top", "front"], ["top"])
+    top, front = recording.hits(0, "top"), recording.hits(0, "front")
+    assert len(top) == len(front) > 5 and len(recording.hits(0)) == 2 * len(top)
+    # The camera looks ahead.
+    assert (front[0].point_m[:, 0] > 0).all() and (top[0].point_m[:, 0] < 0).any()
+    with pytest.raises(maes.BadInput, match='lidar = "front": agent 1 has no such LiDAR; expected "top"'):
+        recording.hits(1, "front")
+
+
 def test_hits_are_the_same_with_further_fields(small, tmp_path):
     few = small.replace(duration=2.0, lidar={"rays": 2000})
     hits = []

@@ -37,7 +37,7 @@ use ros_node::{Connected, Context, Inbox, Node, Publisher, RosError, Sample, lin
 use protocol::lockstep::SourceId;
 use simulation::parameters;
 use simulation::scenario::{self, Rtf};
-use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+use simulation::visualisation::{SensorId, Subscribers, VisualisationMessage, VisualisationTopic};
 use system::wall_clock::now;
 use transport::control::Request;
 use transport::{AgentTransport, ControlInput, Inbound, Incoming, Level, ObserverOutput};
@@ -153,7 +153,7 @@ impl RosTransport {
         let rosout = Rosout::new(&mut endpoints, &mut node)?;
         // Created last, so that agents do not wait for visualisation topics.
         let visualisation =
-            VisualisationPublishers::new(&mut endpoints, &mut node, agents, run.equipment(), &teleoperated_ids)?;
+            VisualisationPublishers::new(&mut endpoints, &mut node, &run.equipment(), &teleoperated_ids)?;
         let services = Services::of_run(&mut node, &mut endpoints, &mut inbox, parameters::of(run))?;
         Ok(RosTransport {
             inbox,
@@ -242,7 +242,7 @@ impl AgentTransport for RosTransport {
         }
     }
 
-    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+    fn set_sensors(&mut self, agent: AgentId, odometry: Odometry, points: Vec<(SensorId, PointCloud2)>) {
         self.teleoperated.drive(agent, odometry, points);
     }
 

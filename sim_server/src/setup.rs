@@ -17,11 +17,11 @@ use mapgen::{self, GeneratedMap, MapError, MapReport, MapSpec};
 use recording::recorder::{self, Document, RecordError, RecorderQueue, RunRecorder};
 use recording::{MAP_ATTACHMENT, Recording, RecordingError, SCENARIO_ATTACHMENT, map};
 use simulation::digest::Digest;
-use simulation::scenario::{EnergySection, LidarSchedule, MapKind, Override, Scenario, ScenarioError};
+use simulation::scenario::{EnergySection, MapKind, Override, Scenario, ScenarioError};
 use world::collision::Sphere;
 use world::moving_obstacles::Misplaced;
 use world::spawn::{Site, SpawnError};
-use world::{ScanSchedule, World, WorldParams};
+use world::{World, WorldParams};
 
 mod scenario_file;
 
@@ -495,15 +495,13 @@ fn table(scenario: &Scenario) -> &'static str {
 }
 
 fn params(scenario: &Scenario) -> WorldParams {
-    let lidar = &scenario.lidar;
+    let (sensors, other_sensors) = scenario.sensors();
     WorldParams {
         body: scenario.body,
         other_bodies: scenario.other_bodies(),
-        scanner: lidar.scanner(),
-        schedule: match lidar.schedule {
-            LidarSchedule::OnRequest => ScanSchedule::OnRequest { period_ticks: lidar.period_ticks },
-            LidarSchedule::Maes3d => ScanSchedule::TakeTurns,
-        },
+        sensors,
+        other_sensors,
+        schedule: scenario.scan_timing().schedule(),
         comms: scenario.communication.comms(scenario.seed),
         share_period_ticks: scenario.agents.share_period_ticks,
         noise: scenario.sensor.errors(scenario.seed),

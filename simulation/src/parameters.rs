@@ -80,6 +80,7 @@ fn meaning_of_table(name: &str) -> &'static str {
     match name {
         "agents.mix" => "agents with other controllers, as an array of tables",
         "bodies" => "bodies of some agents, as an array of tables",
+        "lidars" => "LiDARs of all agents or of some, as an array of tables",
         "event" => "what happens at set times, as an array of tables",
         "obstacle" => "obstacles that move on given paths, as an array of tables",
         _ => "a setting of the controller",
@@ -220,7 +221,7 @@ mod tests {
             assert_eq!(is_described, !is_setting, "{name} has no description of its own");
             assert!(
                 is_setting
-                    || ["use_sim_time", "agents.mix", "bodies", "event", "obstacle"].contains(&name.as_str())
+                    || ["use_sim_time", "agents.mix", "bodies", "lidars", "event", "obstacle"].contains(&name.as_str())
                     || keys::find(&name).is_some()
             );
             assert_eq!(parameter.descriptor.read_only, name != RTF, "{name}");

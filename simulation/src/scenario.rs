@@ -16,6 +16,7 @@ mod energy;
 pub mod events;
 pub mod keys;
 mod lidar;
+mod lidars;
 mod localisation;
 mod mix;
 mod obstacles;
@@ -43,6 +44,7 @@ pub use bodies::BodyEntry;
 pub use energy::EnergySection;
 pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use lidar::{GridKeys, LidarPattern, LidarSchedule, LidarSection};
+pub use lidars::{LidarEntry, ScanTiming};
 pub use localisation::LocalisationSection;
 pub use mix::{ControllerChoice, MixEntry};
 pub use obstacles::{ObstacleEntry, ObstacleKind};
@@ -120,9 +122,13 @@ pub struct Scenario {
     /// Other bodies of some agents.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bodies: Vec<BodyEntry>,
-    /// The LiDARs.
-    #[serde(default)]
-    pub lidar: LidarSection,
+    /// The LiDAR of every agent; `None` with `lidars`, and given once the scenario is parsed
+    /// without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lidar: Option<LidarSection>,
+    /// Several LiDARs, of all agents or of some; `None` with `lidar`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lidars: Option<Vec<LidarEntry>>,
     /// The radios.
     #[serde(default)]
     pub communication: CommunicationSection,
@@ -225,6 +231,7 @@ impl Scenario {
             })?;
         }
         scenario.complete_bodies();
+        scenario.complete_lidars();
         if scenario.map.kind == MapKind::Building {
             scenario.map.building.get_or_insert_default();
         }
@@ -329,7 +336,7 @@ impl Scenario {
         self.agents.check_mix(&checker)?;
         self.check_base_stations(&checker)?;
         self.check_bodies(&checker)?;
-        self.check_lidar(&checker)?;
+        self.check_lidars(&checker)?;
         self.communication.check(&checker)?;
         self.check_energy(&checker)?;
         self.check_views(&checker)?;

@@ -10,7 +10,8 @@
 //! [`protocol::limits::VIEW_BYTES_MAX`]; every stamp is sim time; a message with a stamp comes
 //! after the transforms of that stamp, to whoever receives both. Frames: `map` is the world,
 //! `agent_<id>/base_link` is a body in it, `agent_<id>/lidar` is where its sensor is mounted,
-//! `agent_<id>/camera_optical_frame` the frame of the images of a camera, and `agent_<id>/odom`
+//! `agent_<id>/camera_optical_frame` the frame of the images of a camera (of one of several sensors
+//! `agent_<id>/<name>` and `agent_<id>/<name>_optical_frame`), and `agent_<id>/odom`
 //! coincides with `map` where poses are known; where localisation drifts, `agent_<id>/map` is
 //! between them (REP 105).
 //!
@@ -47,7 +48,7 @@ pub use message::VisualisationMessage;
 pub use poses::{StaticFrames, measured_odometry, odometry};
 use sent_transforms::SentTransforms;
 pub use status::{LiveStatus, RunStatus};
-pub use topic::{Equipment, VisualisationTopic};
+pub use topic::{Equipment, LidarTopics, SensorId, VisualisationTopic};
 
 /// Wall time between two chunks of a topic, ns, so that a subscriber can take each before the next.
 const CHUNK_PERIOD_NS: u64 = 10_000_000;
@@ -80,15 +81,16 @@ pub struct VisualisationScheduler {
 }
 
 impl VisualisationScheduler {
-    /// Nothing published yet of a run with this many agents, whose recording has the poses of all
-    /// agents every `recorded_poses_period_ticks`, or not at all if that is 0.
+    /// Nothing published yet of a run whose recording has the poses of all agents every
+    /// `recorded_poses_period_ticks`, or not at all if that is 0.
     #[must_use]
-    pub fn new(settings: ViewsSection, agents: u32, equipment: Equipment, recorded_poses_period_ticks: u32) -> Self {
+    pub fn new(settings: ViewsSection, equipment: &Equipment, recorded_poses_period_ticks: u32) -> Self {
+        let agents = equipment.lidars.len() as u32;
         let asked: BTreeSet<RecordedView> = settings.record.iter().copied().collect();
         let asks_for_all = asked.contains(&RecordedView::All);
         // The clock comes before what has its stamp.
         let recorded_topics = std::iter::once(VisualisationTopic::Clock)
-            .chain(VisualisationTopic::all(agents, equipment))
+            .chain(VisualisationTopic::all(equipment))
             .filter(|topic| recorded_as(*topic).is_some_and(|name| asks_for_all || asked.contains(&name)));
         Self {
             recorded_topics: recorded_topics.collect(),
@@ -333,17 +335,17 @@ impl PublishState {
             VisualisationTopic::Odometry(agent) => {
                 push(messages, topic, [VisualisationMessage::Odometry(Box::new(odometry(world, agent)))])
             }
-            VisualisationTopic::Points(agent) => {
-                push(messages, topic, points(world, agent, &settings.points_fields).map(VisualisationMessage::Points))
+            VisualisationTopic::Points(sensor) => {
+                push(messages, topic, points(world, sensor, &settings.points_fields).map(VisualisationMessage::Points))
             }
-            VisualisationTopic::Scan(agent) => {
-                push(messages, topic, scans::laser_scan(world, agent).map(VisualisationMessage::Scan))
+            VisualisationTopic::Scan(sensor) => {
+                push(messages, topic, scans::laser_scan(world, sensor).map(VisualisationMessage::Scan))
             }
-            VisualisationTopic::DepthImage(agent) => {
-                push(messages, topic, scans::depth_image(world, agent).map(VisualisationMessage::Image))
+            VisualisationTopic::DepthImage(sensor) => {
+                push(messages, topic, scans::depth_image(world, sensor).map(VisualisationMessage::Image))
             }
-            VisualisationTopic::CameraInfo(agent) => {
-                let info = scans::camera_info(world, agent).map(Box::new);
+            VisualisationTopic::CameraInfo(sensor) => {
+                let info = scans::camera_info(world, sensor).map(Box::new);
                 push(messages, topic, info.map(VisualisationMessage::CameraInfo))
             }
             VisualisationTopic::Battery(agent) => {

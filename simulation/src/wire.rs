@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use msgs::geometry_msgs;
 use msgs::ids::{AgentId, Tick};
 use msgs::maes_msgs;
+use msgs::sensor_name::SensorName;
 use nalgebra::Point3;
 use protocol::body_model::BodyModel;
 pub use protocol::geometry::{MAP_FRAME, header, point, vector};
@@ -17,7 +18,7 @@ use protocol::observation::Pose;
 use protocol::run_info::{BASE_STATION, OF_BODY};
 use voxels::{Cell, Extent, Terrain};
 
-use crate::scenario::{AgentsSection, Scenario};
+use crate::scenario::{AgentsSection, LidarSection, Scenario};
 use world::World;
 use world::localisation::Frames;
 use world::map_change::CellBox;
@@ -48,14 +49,19 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         body_of,
         lidar: maes_msgs::Lidar {
             rays,
-            range_m: scenario.lidar.range_m,
-            fov_rad: scenario.lidar.fov_rad,
-            period_ticks: scenario.lidar.period_ticks,
+            range_m: greatest(scenario, |lidar| lidar.range_m),
+            fov_rad: greatest(scenario, |lidar| lidar.fov_rad),
+            period_ticks: scenario.scan_timing().period_ticks,
         },
         communication_range_m: scenario.communication.range_m,
         radio: scenario.communication.message(),
         share_period_ticks: scenario.agents.share_period_ticks,
     }
+}
+
+/// The greatest of a number of the LiDARs.
+fn greatest(scenario: &Scenario, number: impl Fn(&LidarSection) -> f64) -> f64 {
+    scenario.lidars().map(|(_, lidar)| number(lidar)).fold(0.0, f64::max)
 }
 
 /// The different body models, and by agent the index of its own.
@@ -200,14 +206,17 @@ pub(crate) fn obstacle_frame(number: usize) -> String {
     format!("obstacle_{number}")
 }
 
-/// The frame of its LiDAR, where that is mounted: x ahead, z up.
-pub(crate) fn lidar_frame(agent: AgentId) -> String {
-    format!("agent_{agent}/lidar")
+/// The frame of its LiDAR, or of that with a name, where that is mounted: x ahead, z up.
+pub(crate) fn lidar_frame(agent: AgentId, sensor: Option<SensorName>) -> String {
+    sensor.map_or_else(|| format!("agent_{agent}/lidar"), |name| format!("agent_{agent}/{name}"))
 }
 
-/// The frame of its camera's images: x to the right, y down, z ahead.
-pub(crate) fn optical_frame(agent: AgentId) -> String {
-    format!("agent_{agent}/camera_optical_frame")
+/// The frame of the images of a camera: x to the right, y down, z ahead.
+pub(crate) fn optical_frame(agent: AgentId, sensor: Option<SensorName>) -> String {
+    match sensor {
+        Some(name) => format!("agent_{agent}/{name}_optical_frame"),
+        None => format!("agent_{agent}/camera_optical_frame"),
+    }
 }
 
 /// A pose (metres, radians, frame `map`) as a message.

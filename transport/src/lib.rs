@@ -25,7 +25,7 @@ use msgs::visualization_msgs::Marker;
 pub use protocol::lockstep::{Inbound, Incoming};
 pub use protocol::signed::Signed;
 use simulation::scenario::Rtf;
-use simulation::visualisation::{Subscribers, VisualisationMessage, VisualisationTopic};
+use simulation::visualisation::{SensorId, Subscribers, VisualisationMessage, VisualisationTopic};
 
 use system::wall_clock;
 
@@ -53,7 +53,7 @@ pub trait AgentTransport {
     fn receive(&mut self, timeout: Duration) -> Option<Incoming>;
     /// Holds the standard sensor messages of an externally controlled agent for this tick, until
     /// its observation is sent.
-    fn set_sensors(&mut self, _agent: AgentId, _odometry: Odometry, _points: Option<PointCloud2>) {}
+    fn set_sensors(&mut self, _agent: AgentId, _odometry: Odometry, _points: Vec<(SensorId, PointCloud2)>) {}
     /// The time by which the session resends, times out and paces; a simulated network has its own.
     fn now(&self) -> Instant {
         wall_clock::now()

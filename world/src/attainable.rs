@@ -21,7 +21,7 @@ use voxels::clearance::REACH_CELLS;
 use voxels::{BodyLattice, Cell, CellSet, Clearance, Extent, Footing, Grid, Terrain, lattice, walk};
 
 use super::body::{Floors, Pose};
-use super::lidar::{Scanner, SensorMemory};
+use super::lidar::{Scanner, SensorMemory, SensorSuite};
 use super::{Presence, World};
 
 /// Rays from a cell that is left: as many as those of the LiDAR of MAES3D.
@@ -45,11 +45,13 @@ const HEADINGS: u32 = 16;
 /// Largest map of [`of_team`], cells: distances to walls take a second there.
 const MAP_CELLS_MAX: usize = 1 << 24;
 
-/// Bodies of one model.
+/// Bodies of one model with the same LiDARs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies {
     /// Their model.
     pub model: BodyModel,
+    /// Their LiDARs.
+    pub sensors: SensorSuite,
     /// The cells whose places are nearest to them.
     pub starts: Vec<Cell>,
 }
@@ -63,16 +65,13 @@ pub struct Attainable {
 }
 
 impl Attainable {
-    /// Of a team of bodies with a LiDAR.
+    /// Of a team of bodies.
     #[must_use]
-    pub fn of(terrain: &Grid<Terrain>, scanner: &Scanner, team: &[Bodies]) -> Self {
+    pub fn of(terrain: &Grid<Terrain>, team: &[Bodies]) -> Self {
         let extent = terrain.extent();
-        let scanner = &scanner.swept();
         let free = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
         let mut reached = CellSet::new(extent.volume());
         let mut looks = Looks {
-            scanner,
-            headings: if scanner.sees_all_around() { 1 } else { HEADINGS },
             memory: SensorMemory::new(terrain),
             seen: CellSet::new(extent.volume()),
             found: (Vec::new(), Vec::new()),
@@ -116,16 +115,15 @@ pub fn of_team(world: &World) -> Option<Attainable> {
     }
     let mut team: Vec<Bodies> = Vec::new();
     let has_changed = world.map_revision() > 0;
-    let sees_all = world.params.scanner.field_of_view().is_none();
     let takes_part = |presence| match has_changed {
         true => presence == Presence::Active,
         false => presence != Presence::Absent,
     };
     for agent in world.agents().filter(|&agent| takes_part(world.presence(agent))) {
-        let model = *world.body(agent).model();
+        let (model, sensors) = (*world.body(agent).model(), world.sensors(agent));
         let (radius_m, is_ground) = (model.radius_m, model.kind == BodyKind::Ground);
         let radius_cells = radius_m / extent.cell_m();
-        let sees_all_it_reaches = radius_cells <= 0.5 && sees_all && !is_ground;
+        let sees_all_it_reaches = radius_cells <= 0.5 && sensors.field_of_view().is_none() && !is_ground;
         if (sees_all_it_reaches && !has_changed) || radius_cells > f64::from(REACH_CELLS) {
             return None;
         }
@@ -136,12 +134,12 @@ pub fn of_team(world: &World) -> Option<Attainable> {
         let climbs =
             |body: &BodyModel| (body.kind == BodyKind::Ground).then_some((body.step_max_m, body.slope_max_rad));
         let are_same = |body: &BodyModel| (body.radius_m, climbs(body)) == (radius_m, climbs(&model));
-        match team.iter_mut().find(|bodies| are_same(&bodies.model)) {
+        match team.iter_mut().find(|bodies| are_same(&bodies.model) && bodies.sensors == *sensors) {
             Some(bodies) => bodies.starts.push(start),
-            None => team.push(Bodies { model, starts: vec![start] }),
+            None => team.push(Bodies { model, sensors: sensors.clone(), starts: vec![start] }),
         }
     }
-    (!team.is_empty()).then(|| Attainable::of(world.terrain(), &world.params.scanner, &team))
+    (!team.is_empty()).then(|| Attainable::of(world.terrain(), &team))
 }
 
 fn share(part: usize, whole: usize) -> f64 {
@@ -149,20 +147,19 @@ fn share(part: usize, whole: usize) -> f64 {
 }
 
 /// Scans from places.
-struct Looks<'s> {
-    scanner: &'s Scanner,
-    headings: u32,
+struct Looks {
     memory: SensorMemory,
     seen: CellSet,
     /// Reused: free cells and walls.
     found: (Vec<u32>, Vec<u32>),
 }
 
-impl Looks<'_> {
+impl Looks {
     /// Notes what bodies can reach, and sees what they can see.
     fn look_around(&mut self, terrain: &Grid<Terrain>, bodies: &Bodies, reached: &mut CellSet) {
         let extent = terrain.extent();
-        if self.scanner.field_of_view().is_some() {
+        let sensors = bodies.sensors.map(Scanner::swept);
+        if sensors.field_of_view().is_some() {
             self.memory = self.memory.unused().of_body(bodies.model.radius_m);
         }
         let clearance = Clearance::for_body(bodies.model.radius_m, terrain);
@@ -176,14 +173,14 @@ impl Looks<'_> {
         let count = |spacing| places.iter().filter(|&index| is_on_lattice(index, spacing)).count();
         let spacing = (1..).find(|&spacing| count(spacing) <= PLACES_MAX).unwrap_or(1);
         for index in places.iter().filter(|&index| is_on_lattice(index, spacing)) {
-            self.look_from(lattice.place(extent, extent.cell_at(index)));
+            self.look_from(&sensors, lattice.place(extent, extent.cell_at(index)));
         }
         if spacing == 1 {
             return;
         }
         // A body sees the cells that it reaches.
         places.iter().for_each(|index| self.seen.insert(index));
-        let rays = Rays::new((self.scanner.greatest_range_m(extent.cell_m()) / extent.cell_m()).min(RANGE_CELLS_MAX));
+        let rays = Rays::new((sensors.greatest_range_m(extent.cell_m()) / extent.cell_m()).min(RANGE_CELLS_MAX));
         let mut steps_left = STEPS_MAX;
         for cell in (0..extent.volume()).filter(|&index| terrain[index] == Terrain::Free) {
             if steps_left == 0 {
@@ -194,7 +191,7 @@ impl Looks<'_> {
             }
             for index in rays.in_sight(terrain, extent.cell_at(cell), &places, &mut steps_left) {
                 places.remove(index);
-                self.look_from(lattice.place(extent, extent.cell_at(index)));
+                self.look_from(&sensors, lattice.place(extent, extent.cell_at(index)));
                 if self.seen.contains(cell) {
                     break;
                 }
@@ -203,20 +200,23 @@ impl Looks<'_> {
     }
 
     /// Scans from a point, metres, frame `map`.
-    fn look_from(&mut self, position: Point3<f64>) {
-        for heading in 0..self.headings {
-            let yaw_rad = f64::from(heading) * TAU / f64::from(self.headings);
-            let (free, walls) = &mut self.found;
-            free.clear();
-            walls.clear();
-            self.scanner.scan(&mut self.memory, &Pose { position, yaw_rad }, free, walls);
-            free.iter().for_each(|&index| self.seen.insert(index as usize));
+    fn look_from(&mut self, sensors: &SensorSuite, position: Point3<f64>) {
+        for scanner in sensors.scanners() {
+            let headings = if scanner.sees_all_around() { 1 } else { HEADINGS };
+            for heading in 0..headings {
+                let yaw_rad = f64::from(heading) * TAU / f64::from(headings);
+                let (free, walls) = &mut self.found;
+                free.clear();
+                walls.clear();
+                scanner.scan(&mut self.memory, &Pose { position, yaw_rad }, free, walls);
+                free.iter().for_each(|&index| self.seen.insert(index as usize));
+            }
         }
     }
 }
 
 /// The cells at whose places bodies can be and rest.
-fn places(terrain: &Grid<Terrain>, clearance: &Clearance, Bodies { model, starts }: &Bodies) -> CellSet {
+fn places(terrain: &Grid<Terrain>, clearance: &Clearance, Bodies { model, starts, .. }: &Bodies) -> CellSet {
     let room = clearance.room(model.radius_m / terrain.extent().cell_m());
     match model.footing(terrain.extent().cell_m()) {
         Some(footing) => {
@@ -370,7 +370,7 @@ mod tests {
     fn attainable(terrain: &Grid<Terrain>, radius_m: f64, start: Cell, range_m: f64) -> Attainable {
         let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, range_m, TAU);
         let model = BodyModel { radius_m, ..BodyModel::SUBMARINE };
-        Attainable::of(terrain, &scanner, &[Bodies { model, starts: vec![start] }])
+        Attainable::of(terrain, &[Bodies { model, sensors: scanner.into(), starts: vec![start] }])
     }
 
     /// Two rooms of 3 x 3 x 3 cells with a slit of one cell between them.
@@ -407,8 +407,9 @@ mod tests {
         let parts =
             |step_max_m| standing_parts(&hall, &on(step_max_m)).iter().map(|part| part.cells).collect::<Vec<usize>>();
         assert_eq!([parts(0.9), parts(1.0), parts(2.0)], [vec![6, 6, 2], vec![12, 2], vec![14]]);
-        let scanner = Scanner::new(Pattern::Lattice { rays: RAYS }, 20.0, TAU);
-        let of = |model| Attainable::of(&hall, &scanner, &[Bodies { model, starts: vec![Cell::new(1, 1, 1)] }]);
+        let sensors = SensorSuite::from(Scanner::new(Pattern::Lattice { rays: RAYS }, 20.0, TAU));
+        let starts = vec![Cell::new(1, 1, 1)];
+        let of = |model| Attainable::of(&hall, &[Bodies { model, sensors: sensors.clone(), starts: starts.clone() }]);
         let (low, all) = (of(on(0.5)), of(on(2.0)));
         assert_eq!((low.reached.len(), all.reached.len()), (6, 14));
         assert_eq!((low.seen_share(), all.seen_share()), (1.0, 1.0), "what it does not reach it sees from below");

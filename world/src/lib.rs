@@ -42,6 +42,7 @@ use std::sync::{Arc, OnceLock};
 
 use msgs::ids::{AgentId, Tick};
 use nalgebra::Point3;
+use protocol::body_model::BodyModel;
 use protocol::command::Command;
 use protocol::event_mask::EventMask;
 use protocol::relay_id::RelayId;
@@ -56,7 +57,7 @@ use collision::{Obstacles, Sphere};
 use comms::ContactTable;
 use coverage::Coverage;
 use energy::Batteries;
-use lidar::{Bodies, CastCount, NotCast, Scanner, SensorMemory};
+use lidar::{Bodies, CastCount, NotCast, SensorMemory, SensorSuite};
 use localisation::Localisation;
 use moving_obstacles::MovingObstacles;
 use noise::Drift;
@@ -74,7 +75,6 @@ pub struct World {
     tick: Tick,
     terrain: Grid<Terrain>,
     params: WorldParams,
-    lidar: Arc<Lidar>,
     agents: Vec<AgentState>,
     spheres: Vec<Sphere>,
     moving_obstacles: MovingObstacles,
@@ -149,12 +149,12 @@ impl World {
     #[must_use]
     pub fn new(terrain: Grid<Terrain>, params: WorldParams, starts: &[Pose]) -> Self {
         let memory = SensorMemory::new(&terrain);
-        let scanner = params.scanner.meeting_obstacles(!params.obstacles.is_empty());
-        let params = WorldParams { scanner, ..params };
-        let lidar = Arc::new(Lidar::new(params.scanner.clone(), params.noise, starts.len() as u32));
+        let lidars = lidars(&params, starts.len());
         let extent = terrain.extent();
         // All others see the cells that their bodies are in.
-        let sees_all = params.scanner.field_of_view().is_none();
+        let memory_of = |lidar: &Lidar, body: &BodyModel| {
+            memory.unused().of_body(if lidar.sensors.field_of_view().is_none() { 0.0 } else { body.radius_m })
+        };
         let free_cells = terrain.as_slice().iter().filter(|&&cell| cell == Terrain::Free).count();
         let period_ticks = match params.schedule {
             ScanSchedule::OnRequest { period_ticks } => Some(period_ticks),
@@ -169,7 +169,7 @@ impl World {
                 body: Body::at_rest(body, pose),
                 cell: extent.cell_of(&pose.position),
                 distance_m: 0.0,
-                sensor: Sensor::new(agent, &lidar, memory.unused().of_body(if sees_all { 0.0 } else { body.radius_m })),
+                sensor: Sensor::new(agent, &lidars[agent.index()], memory_of(&lidars[agent.index()], &body)),
                 has_results: false,
                 is_uncounted: false,
                 outdated: BTreeSet::new(),
@@ -198,7 +198,6 @@ impl World {
             tick: Tick::ZERO,
             terrain,
             params,
-            lidar,
             radio: RadioMedium::new(agents.len()),
             agents,
             spheres,
@@ -350,16 +349,16 @@ impl World {
         self.agents[agent.index()].last_scan
     }
 
-    /// The LiDAR of every agent.
+    /// The LiDARs of an agent.
     #[must_use]
-    pub fn scanner(&self) -> &Scanner {
-        &self.params.scanner
+    pub fn sensors(&self, agent: AgentId) -> &SensorSuite {
+        &self.agents[agent.index()].sensor.lidar().sensors
     }
 
-    /// Number of rays of one scan.
+    /// Number of rays of one scan, of the agent with most.
     #[must_use]
     pub fn rays(&self) -> u32 {
-        self.params.scanner.rays()
+        self.agents().map(|agent| self.sensors(agent).rays()).max().unwrap_or_default()
     }
 
     /// Phase look: casts the scans that are due in this tick, or has helpers cast them; see
@@ -378,23 +377,23 @@ impl World {
             }
             state.next_scan = state.scan_period_ticks.map(|period| tick.after(period.into()));
             let pose = *state.body.pose();
-            let Lidar { scanner, .. } = &*self.lidar;
             let since = self.map_changed_at.unwrap_or(Tick::ZERO).max(self.block_since(index));
             let state = &mut self.agents[index];
-            if scanner.meets_bodies() {
-                let others = if scanner.sees_agents() { &self.spheres[..] } else { &[] };
+            let lidar = state.sensor.lidar();
+            if lidar.sensors.meets_bodies() {
+                let others = if lidar.sensors.sees_agents() { &self.spheres[..] } else { &[] };
                 state.last_bodies = Bodies::others(others, index, self.moving_obstacles.solids());
             }
             let last = state.last_scan.filter(|scan| scan.1 >= since).map(|(last, _)| last);
+            let is_repeated =
+                !lidar.scans_differ() && last.is_some_and(|last| lidar.sensors.sees_the_same(&last, &pose));
             state.last_scan = Some((pose, tick));
-            let not_cast = NotCast::of_scan(scanner, self.lidar.scans_differ(), last.as_ref(), &pose);
             self.note_scan(index);
-            match not_cast {
-                Some(reason) => self.totals.scans.add(&CastCount::without(1, reason)),
-                None => {
-                    self.totals.scans.add(&CastCount::of(1));
-                    self.request_scan(index, workers);
-                }
+            if is_repeated {
+                self.totals.scans.add(&CastCount::without(1, NotCast::SamePose));
+            } else {
+                self.totals.scans.add(&CastCount::of(1));
+                self.request_scan(index, workers);
             }
         }
         if !workers.has_helpers() && !self.has_no_pending_scans() {
@@ -497,6 +496,23 @@ impl World {
             self.coverage.cover(AgentId::from_index(index), index_of(&self.terrain, cell));
         }
     }
+}
+
+/// The LiDARs by agent; agents with the same ones share them.
+fn lidars(params: &WorldParams, agents: usize) -> Vec<Arc<Lidar>> {
+    let has_obstacles = !params.obstacles.is_empty();
+    let mut known: Vec<(&SensorSuite, Arc<Lidar>)> = Vec::new();
+    let lidar = |agent: AgentId| {
+        let sensors = params.other_sensors.get(&agent).unwrap_or(&params.sensors);
+        if let Some((_, lidar)) = known.iter().find(|(other, _)| *other == sensors) {
+            return Arc::clone(lidar);
+        }
+        let in_world = sensors.map(|scanner| scanner.clone().meeting_obstacles(has_obstacles));
+        let lidar = Arc::new(Lidar::new(in_world, params.noise, agents as u32));
+        known.push((sensors, Arc::clone(&lidar)));
+        lidar
+    };
+    ids().take(agents).map(lidar).collect()
 }
 
 fn ids() -> impl Iterator<Item = AgentId> {

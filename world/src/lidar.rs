@@ -17,6 +17,7 @@
 //! - `cast`: how one ray, or a bundle of them, is followed;
 //! - `naive`: the engine that casts every ray, the oracle of the others;
 //! - `returns`: what each ray measures, for messages;
+//! - `suite`: the LiDARs of a body;
 //! - `culling`: the engine that leaves out the rays that can find nothing new;
 //! - `noisy`: the engine of scans with noise;
 //! - `speculation`: the engine that casts scans ahead, and takes them back if others become due.
@@ -39,6 +40,7 @@ mod returns;
 mod revision;
 mod slots;
 mod speculation;
+mod suite;
 
 use std::borrow::Cow;
 use std::f64::consts::TAU;
@@ -65,6 +67,7 @@ use pattern::Bundle;
 pub use returns::{Measured, MiddleLine, RayReturn};
 pub(super) use revision::{ForgottenCells, change_kinds};
 pub(super) use speculation::SpeculativeEngine;
+pub use suite::{NamedScanner, SensorSuite};
 
 /// The directions of the rays of a scan.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -43,9 +43,11 @@ impl SensorNoise {
         self.pose_bound_m > 0.0 && self.pose_step_m > 0.0
     }
 
-    /// The random stream of the scan of an agent in a tick.
-    pub(super) fn scan_stream(&self, agent: AgentId, tick: Tick) -> ChaCha8Rng {
-        let mut rng = voxels::random_streams::stream(self.seed, agent.0.into(), "sensor.scan");
+    /// The random stream of the scan of an agent in a tick with one of its LiDARs, which are
+    /// numbered from 0.
+    pub(super) fn scan_stream(&self, agent: AgentId, lidar: usize, tick: Tick) -> ChaCha8Rng {
+        let purpose = if lidar == 0 { "sensor.scan".to_owned() } else { format!("sensor.scan.{lidar}") };
+        let mut rng = voxels::random_streams::stream(self.seed, agent.0.into(), &purpose);
         rng.set_stream(tick.0);
         rng
     }
@@ -118,7 +120,7 @@ mod tests {
     #[test]
     fn returns_have_the_given_noise() {
         let noise = SensorNoise { range_sigma_m: 0.5, missed_returns: 0.25, ..SensorNoise::default() };
-        let mut rng = noise.scan_stream(AgentId(3), Tick(7));
+        let mut rng = noise.scan_stream(AgentId(3), 0, Tick(7));
         let returns: Vec<f64> = (0..40_000).filter_map(|_| noise.sample_return(&mut rng)).collect();
         let number = returns.len() as f64;
         let mean = returns.iter().sum::<f64>() / number;
@@ -128,12 +130,13 @@ mod tests {
     }
 
     #[test]
-    fn scan_stream_depends_on_agent_and_tick() {
+    fn scan_stream_depends_on_agent_lidar_and_tick() {
         let noise = SensorNoise { seed: 1, ..SensorNoise::default() };
-        let first = |agent, tick| noise.scan_stream(AgentId(agent), Tick(tick)).next_u64();
-        assert_eq!(first(0, 5), first(0, 5));
-        assert_ne!(first(0, 5), first(0, 6));
-        assert_ne!(first(0, 5), first(1, 5));
+        let first = |agent, lidar, tick| noise.scan_stream(AgentId(agent), lidar, Tick(tick)).next_u64();
+        assert_eq!(first(0, 0, 5), first(0, 0, 5));
+        assert_ne!(first(0, 0, 5), first(0, 0, 6));
+        assert_ne!(first(0, 0, 5), first(1, 0, 5));
+        assert_ne!(first(0, 0, 5), first(0, 1, 5));
     }
 
     #[test]

@@ -5,8 +5,7 @@ use nalgebra::Point3;
 use protocol::observation::{Cells, Contact, Observation, Relay, RequestKind};
 
 use super::body::Pose;
-use super::lidar::NoisyScan;
-use super::sensing::Lidar;
+use super::lidar::{NoisyScan, ScanView};
 use super::{AgentState, World};
 
 impl World {
@@ -28,7 +27,7 @@ impl World {
     /// evenly within its bound, which it is in the long run.
     #[must_use]
     pub fn measured_variance_m2(&self) -> f64 {
-        self.lidar.noise.pose_bound_m.powi(2) / 3.0
+        self.params.noise.pose_bound_m.powi(2) / 3.0
     }
 
     /// The observation of an agent in this tick. [`RequestKind::Scheduled`] marks its content as
@@ -48,7 +47,7 @@ impl World {
         let position = self.measured_in_map_of(agent, agent);
         let reported = |&(id, position)| Relay { id, position: self.in_map_of(agent, &position) };
         let reported_relays = relays.iter().map(reported).collect();
-        let Lidar { scanner, noise, .. } = &*self.lidar;
+        let noise = &self.params.noise;
         let state = &self.agents[agent.index()];
         let events = delta.events | change_of_contacts;
         let mut observation = Observation {
@@ -68,7 +67,7 @@ impl World {
             seen: Cells { free: delta.free, wall: delta.wall },
             view: None,
             energy: None,
-            field_of_view: scanner.field_of_view(),
+            field_of_view: state.sensor.lidar().sensors.field_of_view(),
             change: None,
         };
         if state.want_view
@@ -77,13 +76,17 @@ impl World {
             && *tick >= self.block_since(agent.index())
         {
             let sensor = state.sensor.state();
-            let (memory, bodies) = (&sensor.memory, &state.last_bodies);
-            let view = match noise.affects_scans() {
-                true => scanner.view_noisy(memory, pose, NoisyScan { noise, agent, tick: *tick, bodies }),
-                false => scanner.view_past(memory, pose, bodies),
-            };
+            let memory = &sensor.memory;
+            let views = state.sensor.lidar().sensors.scanners().enumerate().map(|(lidar, scanner)| {
+                let bodies = &state.last_bodies.met_by(scanner);
+                match noise.affects_scans() {
+                    true => scanner.view_noisy(memory, pose, NoisyScan { noise, agent, lidar, tick: *tick, bodies }),
+                    false => scanner.view_past(memory, pose, bodies),
+                }
+            });
+            let view = together(views);
             drop(sensor);
-            observation.view = Some(self.cells_in_map_of(agent, Cells { free: view.free, wall: view.wall }));
+            observation.view = Some(self.cells_in_map_of(agent, view));
         }
         observation.energy = self.energy_in_map_of(agent).map(Box::new);
         if kind == RequestKind::Scheduled {
@@ -93,4 +96,20 @@ impl World {
         }
         observation
     }
+}
+
+/// What several LiDARs see at once. A cell that noise makes free to one and wall to another is what
+/// the first of them says.
+fn together(mut views: impl Iterator<Item = ScanView>) -> Cells {
+    let ScanView { mut free, mut wall, .. } = views.next().unwrap_or_default();
+    for view in views {
+        let is_new = |cell: &u32| free.binary_search(cell).is_err() && wall.binary_search(cell).is_err();
+        let [new_free, new_wall] =
+            [view.free, view.wall].map(|cells| cells.into_iter().filter(is_new).collect::<Vec<u32>>());
+        free.extend(new_free);
+        wall.extend(new_wall);
+        free.sort_unstable();
+        wall.sort_unstable();
+    }
+    Cells { free, wall }
 }

@@ -7,7 +7,7 @@ use protocol::body_model::BodyModel;
 
 use super::comms::Comms;
 use super::energy::EnergyParams;
-use super::lidar::Scanner;
+use super::lidar::SensorSuite;
 use super::localisation::{LoopClosures, OdometryNoise};
 use super::moving_obstacles::ObstacleModel;
 use super::noise::SensorNoise;
@@ -19,8 +19,10 @@ pub struct WorldParams {
     pub body: BodyModel,
     /// Body models of the agents that have another one.
     pub other_bodies: BTreeMap<AgentId, BodyModel>,
-    /// The LiDAR of every agent.
-    pub scanner: Scanner,
+    /// The LiDARs of every agent without others.
+    pub sensors: SensorSuite,
+    /// The LiDARs of the agents that have others.
+    pub other_sensors: BTreeMap<AgentId, SensorSuite>,
     /// The scan schedule of the LiDARs.
     pub schedule: ScanSchedule,
     /// The radios and their contact model.
@@ -45,14 +47,15 @@ pub struct WorldParams {
 }
 
 impl WorldParams {
-    /// Bodies of one kind with a LiDAR that scans every ten ticks until it is asked for more, and
+    /// Bodies of one kind with LiDARs that scan every ten ticks until they are asked for more, and
     /// radios; without noise, drift, energy, base stations and obstacles.
     #[must_use]
-    pub fn new(body: BodyModel, scanner: Scanner, comms: Comms) -> Self {
+    pub fn new(body: BodyModel, sensors: impl Into<SensorSuite>, comms: Comms) -> Self {
         Self {
             body,
             other_bodies: BTreeMap::new(),
-            scanner,
+            sensors: sensors.into(),
+            other_sensors: BTreeMap::new(),
             schedule: ScanSchedule::OnRequest { period_ticks: 10 },
             comms,
             share_period_ticks: 0,

@@ -150,16 +150,17 @@ impl World {
         shares
     }
 
-    /// What the rays of a scanner in the place of that of `agent` measure from the pose of its last
-    /// scan, in the fixed order of the rays; empty before the first.
+    /// What the rays of a scanner in the place of a LiDAR of `agent` measure from the pose of its
+    /// last scan, in the fixed order of the rays; empty before the first.
     #[must_use]
-    pub fn returns(&self, agent: AgentId, scanner: &Scanner) -> Vec<RayReturn> {
-        let noise = &self.lidar.noise;
-        let AgentState { sensor, last_scan, last_bodies: bodies, .. } = &self.agents[agent.index()];
+    pub fn returns(&self, agent: AgentId, lidar: usize, scanner: &Scanner) -> Vec<RayReturn> {
+        let noise = &self.params.noise;
+        let AgentState { sensor, last_scan, last_bodies, .. } = &self.agents[agent.index()];
         let &Some((pose, tick)) = last_scan else { return Vec::new() };
         let memory = &sensor.state().memory;
+        let bodies = &last_bodies.met_by(scanner);
         match noise.affects_scans() {
-            true => scanner.returns_noisy(memory, &pose, NoisyScan { noise, agent, tick, bodies }),
+            true => scanner.returns_noisy(memory, &pose, NoisyScan { noise, agent, lidar, tick, bodies }),
             false => scanner.returns(memory, &pose, bodies),
         }
     }
@@ -171,7 +172,7 @@ impl World {
     }
 
     fn count_explored(&mut self, agent: AgentId, new_free: &[u32]) {
-        if !self.lidar.noise.affects_scans() && self.localisation.is_none() {
+        if !self.params.noise.affects_scans() && self.localisation.is_none() {
             return self.coverage.explore(agent, new_free);
         }
         // A wall that noise makes look free is not explored.

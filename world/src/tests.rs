@@ -1,5 +1,6 @@
 mod presence;
 mod seen_agents;
+mod suites;
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,7 +15,7 @@ use protocol::observation::RequestKind;
 use protocol::wake_condition::WakeCondition;
 
 use super::comms::{Comms, ContactModel};
-use super::lidar::Pattern;
+use super::lidar::{Pattern, Scanner};
 use super::noise::SensorNoise;
 use protocol::event_mask::EventMask;
 use protocol::limits::AGENT_MESSAGE_BYTES_MAX;

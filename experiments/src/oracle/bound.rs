@@ -20,7 +20,6 @@
 use nalgebra::Point3;
 use voxels::{Cell, Grid, Terrain};
 use world::World;
-use world::lidar::Scanner;
 
 use crate::rows::Marks;
 use msgs::ids::Tick;
@@ -42,9 +41,10 @@ const SNAP_M: f64 = 1e-3;
 const ROUNDING_S: f64 = 1e-9;
 
 /// The bound for a world at the start of a run.
-pub(super) fn of(world: &World, scanner: &Scanner) -> Marks {
+pub(super) fn of(world: &World) -> Marks {
     let terrain = world.terrain();
-    let range_m = scanner.greatest_range_m(terrain.extent().cell_m());
+    let cell_m = terrain.extent().cell_m();
+    let range_m = world.agents().map(|agent| world.sensors(agent).greatest_range_m(cell_m)).fold(0.0, f64::max);
     let team: Vec<(Point3<f64>, f64)> = world
         .agents()
         .map(|agent| {

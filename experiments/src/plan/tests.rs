@@ -136,9 +136,12 @@ fn variants_are_named_sets_of_any_keys() {
         let is = |run: &&PlannedRun| run.axes[VARIANT] == name && run.axes["agents.count"] == "2";
         plan.runs.iter().find(is).unwrap().scenario.clone()
     });
-    assert_eq!((far.lidar.range_m, far.agents.controller.as_str(), far.bodies.len()), (20.0, "lvd", 0));
+    assert_eq!((far.lidar.unwrap().range_m, far.agents.controller.as_str(), far.bodies.len()), (20.0, "lvd", 0));
     assert_eq!(wire::settings(&far.agents.set), ["visit_radius_m=5.0"]);
-    assert_eq!((near.lidar.range_m, near.lidar.rays, near.agents.controller.as_str()), (5.0, 100, "rbw"));
+    assert_eq!(
+        (near.lidar.unwrap().range_m, near.lidar.unwrap().rays, near.agents.controller.as_str()),
+        (5.0, 100, "rbw")
+    );
     assert_eq!(near.bodies.len(), 1);
     // A run has the same id by whatever plan.
     let same = parse("seeds = [1]\naxes.\"lidar.range_m\" = [20]\n[axes]\n\"agents.controller\" = [\"lvd\"]\n");

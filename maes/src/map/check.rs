@@ -75,7 +75,8 @@ pub(super) fn check(args: &CheckArgs, out: &mut dyn Write) -> Result<(), MapCliE
         BodyKind::Ground => floor(&mut report, &terrain, &model)?,
         BodyKind::Submarine | BodyKind::Aerial => here.start().map(|index| extent.cell_at(index)),
     };
-    let seen = Attainable::of(&terrain, &scanner, &[Bodies { model, starts: start.into_iter().collect() }]);
+    let bodies = Bodies { model, sensors: scanner.into(), starts: start.into_iter().collect() };
+    let seen = Attainable::of(&terrain, &[bodies]);
     report.line("seen", format_args!("{:.1} % of the free cells, from there", 100.0 * seen.seen_share()))?;
     // Where bodies of this size are in a cell decides which passages are narrow for them.
     let passages = clearance.passages(((PART * free as f64) as usize).max(1));

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use msgs::cdr::Encoded;
-use msgs::ids::Tick;
+use msgs::ids::{AgentId, Tick};
 use msgs::message;
 use msgs::topics::{self, Qos, Topic};
 use thiserror::Error;
@@ -367,9 +367,12 @@ fn static_messages(
 ) -> anyhow::Result<visualisation::VisualisationMessages> {
     let scenario = scenario?;
     let map = map::read(recording, &scenario)?.ok_or_else(|| anyhow::anyhow!("the recording has no map"))?;
+    let places = |agent| {
+        let lidars = scenario.lidars_of(AgentId(agent));
+        lidars.map(|(name, lidar)| (name, lidar.place_on_body())).collect()
+    };
     let frames = StaticFrames {
-        agents: scenario.agents.count,
-        lidar: scenario.lidar.place_on_body(),
+        lidars: (0..scenario.agents.count).map(places).collect(),
         has_drift: !scenario.localisation.noise(scenario.seed).is_exact(),
     };
     Ok(visualisation::static_messages(&map, &frames))

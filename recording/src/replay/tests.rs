@@ -110,7 +110,7 @@ fn missing_static_messages_are_made() {
     let recording = recording(&[passing(0)]);
     let (opening, _) = played(&recording, &PlaybackOptions::default());
     let terrain = voxels::Grid::from_text(MAP).unwrap();
-    let frames = StaticFrames { agents: 2, lidar: PlaceOnBody::default(), has_drift: false };
+    let frames = StaticFrames { lidars: vec![vec![(None, PlaceOnBody::default())]; 2], has_drift: false };
     let made: Vec<(Topic, Vec<u8>)> = visualisation::static_messages(&terrain, &frames)
         .into_iter()
         .map(|(view, picture)| (view.topic(), cdr::encode(&picture)))

@@ -23,7 +23,7 @@ use super::visualisation::VisualisationPublishers;
 use protocol::lockstep::SourceId;
 use protocol::signed::Signed;
 use simulation::twist;
-use simulation::visualisation::{VisualisationMessage, VisualisationTopic};
+use simulation::visualisation::{SensorId, VisualisationMessage, VisualisationTopic};
 use system::wall_clock::now;
 use transport::{Inbound, Incoming};
 
@@ -128,11 +128,12 @@ impl TeleoperatedAgents {
     }
 
     /// Keeps what an agent receives in this tick.
-    pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Option<PointCloud2>) {
+    pub(super) fn drive(&mut self, agent: AgentId, odometry: Odometry, points: Vec<(SensorId, PointCloud2)>) {
         if let Some(teleoperated) = self.agents.get_mut(&agent) {
-            let points = points.map(|points| (VisualisationTopic::Points(agent), VisualisationMessage::Points(points)));
+            let picture = |(sensor, points)| (VisualisationTopic::Points(sensor), VisualisationMessage::Points(points));
+            let points = points.into_iter().map(picture);
             let odometry = (VisualisationTopic::Odometry(agent), VisualisationMessage::Odometry(Box::new(odometry)));
-            teleoperated.pictures = points.into_iter().chain([odometry]).collect();
+            teleoperated.pictures = points.chain([odometry]).collect();
         }
     }
 

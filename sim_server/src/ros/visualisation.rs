@@ -17,7 +17,7 @@ use msgs::topics;
 use msgs::visualization_msgs::Marker;
 use ros_node::{Context, EndpointFactory, Node, Publisher, RosError, SubscriptionTracker};
 
-use simulation::visualisation::{Equipment, Subscribers, VisualisationMessage, VisualisationTopic};
+use simulation::visualisation::{Equipment, SensorId, Subscribers, VisualisationMessage, VisualisationTopic};
 
 /// Index of `/clock` in the subscription tracker; the views follow.
 const CLOCK: usize = 0;
@@ -49,22 +49,20 @@ enum TopicPublisher {
 }
 
 impl VisualisationPublishers {
-    /// Offers the visualisation topics of a run with this many agents. Topics that feed an
-    /// externally controlled agent are published with its observations, whatever their
-    /// subscriptions.
+    /// Offers the visualisation topics of a run. Topics that feed an externally controlled agent
+    /// are published with its observations, whatever their subscriptions.
     ///
     /// # Errors
     /// If the middleware fails to create a publisher.
     pub(super) fn new(
         endpoints: &mut EndpointFactory,
         node: &mut Node,
-        agents: u32,
-        equipment: Equipment,
+        equipment: &Equipment,
         teleoperated: &BTreeSet<AgentId>,
     ) -> Result<Self, RosError> {
         let mut publishers = Vec::new();
         let mut tracked = vec![topics::clock()];
-        for view in VisualisationTopic::all(agents, equipment) {
+        for view in VisualisationTopic::all(equipment) {
             let topic = view.topic();
             let publisher = match view {
                 VisualisationTopic::Transforms | VisualisationTopic::StaticTransforms => {
@@ -139,7 +137,8 @@ impl VisualisationPublishers {
     fn poll(&mut self, context: &Context) {
         if self.subscriptions.poll(context) {
             let arrivals = |(number, (view, _)): (usize, &(VisualisationTopic, TopicPublisher))| {
-                let (VisualisationTopic::Odometry(agent) | VisualisationTopic::Points(agent)) = *view else {
+                let (VisualisationTopic::Odometry(agent) | VisualisationTopic::Points(SensorId { agent, .. })) = *view
+                else {
                     return self.arrivals(number, *view);
                 };
                 if self.teleoperated.contains(&agent) { None } else { self.arrivals(number, *view) }

@@ -11,7 +11,8 @@ use super::engine::{Engine, Shown};
 use super::{Phase, PhaseTimes};
 use simulation::scenario::{PointsField, RecordedView, Scenario};
 use simulation::visualisation::{
-    self, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler, VisualisationTopic,
+    self, Equipment, LiveStatus, PublishTime, RunStatus, VisualisationMessage, VisualisationScheduler,
+    VisualisationTopic,
 };
 use system::wall_clock::nanoseconds;
 use transport::Transport;
@@ -21,6 +22,7 @@ use world::World;
 pub(super) struct Observers {
     views: VisualisationScheduler,
     points_fields: Vec<PointsField>,
+    equipment: Equipment,
     /// Start of the first tick, wall time.
     started: Instant,
     /// Runs while `/sim/info` has subscribers.
@@ -34,14 +36,11 @@ impl Observers {
             // Replays show the walls of each time.
             views.record.push(RecordedView::Map);
         }
+        let equipment = scenario.equipment();
         Self {
             points_fields: views.points_fields.clone(),
-            views: VisualisationScheduler::new(
-                views,
-                scenario.agents.count,
-                scenario.equipment(),
-                scenario.recording.poses_period_ticks,
-            ),
+            views: VisualisationScheduler::new(views, &equipment, scenario.recording.poses_period_ticks),
+            equipment,
             started: now,
             phase_times: PhaseTimes::default(),
         }
@@ -106,7 +105,7 @@ impl Observers {
         subscribers.is_some_and(|subscribers| self.views.may_publish(view, subscribers, nanoseconds(elapsed)))
     }
 
-    /// Sends the odometry and the scan of this tick to an externally controlled agent, and before
+    /// Sends the odometry and the scans of this tick to an externally controlled agent, and before
     /// them its transform to observers.
     pub(super) fn send_sensors(&mut self, world: &World, agent: AgentId, transport: &mut dyn Transport) {
         let subscribers = transport.subscribers();
@@ -115,7 +114,10 @@ impl Observers {
             transport.publish(VisualisationTopic::Transforms, &transform);
         }
         let has_scan = world.last_scan(agent).is_some_and(|(_, tick)| tick == world.tick());
-        let points = if has_scan { visualisation::points(world, agent, &self.points_fields) } else { None };
+        let of_agent = self.equipment.sensors_of(agent).filter(|_| has_scan).map(|(sensor, _)| sensor);
+        let points =
+            of_agent.filter_map(|sensor| Some((sensor, visualisation::points(world, sensor, &self.points_fields)?)));
+        let points = points.collect();
         transport.set_sensors(agent, visualisation::measured_odometry(world, agent), points);
     }
 }

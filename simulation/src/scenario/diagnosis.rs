@@ -218,7 +218,11 @@ fn unknown(declared: &Table, key: &str, path: &str) -> String {
             let mut homes = TABLES.iter().filter(has);
             homes.next().filter(|_| homes.next().is_none()).map(|table| table.path_of(key))
         };
-        only(false).or_else(|| only(true))
+        let is_entry = |table: &&Table| {
+            table.inherited_from() == Some(declared.path) && table.keys.iter().any(|known| known.name == key)
+        };
+        let of_entries = TABLES.iter().find(is_entry).map(|table| table.path_of(key));
+        of_entries.or_else(|| only(false)).or_else(|| only(true))
     };
     let meant = similar(key, names.iter().copied()).map(|near| declared.path_of(near)).or_else(elsewhere);
     match meant {

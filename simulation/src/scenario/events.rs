@@ -182,7 +182,7 @@ pub fn changeable(key: &str) -> Result<(), String> {
         ),
         (&["agents.command", "agents.command_ids", "agents.command_signs"][..], "programs run for all of a run"),
         (&["body", "bodies"][..], "the bodies have moved with it"),
-        (&["lidar", "sensor", "localisation"][..], "what the agents know was measured with it"),
+        (&["lidar", "lidars", "sensor", "localisation"][..], "what the agents know was measured with it"),
         (&["energy"][..], "batteries have drained with it"),
         (&["communication.relays.per_agent"][..], "the agents have carried their relays from the start"),
         (&["obstacle"][..], "obstacles have moved with it"),

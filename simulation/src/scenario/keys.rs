@@ -201,7 +201,7 @@ impl Table {
     /// Whether it is a list of tables, such as `[[bodies]]`.
     #[must_use]
     pub fn is_list(&self) -> bool {
-        ["agents.mix", "bodies", "event", "obstacle"].contains(&self.path)
+        ["agents.mix", "bodies", "lidars", "event", "obstacle"].contains(&self.path)
     }
 
     /// The dotted path of a key of this table.
@@ -210,10 +210,21 @@ impl Table {
         if self.path.is_empty() { name.to_owned() } else { format!("{}.{name}", self.path) }
     }
 
-    /// The keys that it may hold: its own, and for an entry of `[[bodies]]` those of `[body]`.
+    /// The keys that it may hold: its own, and for an entry of `[[bodies]]` or `[[lidars]]` those
+    /// of `[body]` or `[lidar]`.
     pub fn keys(&self) -> impl Iterator<Item = &'static Key> {
-        let inherited = if self.path == "bodies" { table("body") } else { None };
+        let inherited = self.inherited_from().and_then(table);
         self.keys.iter().chain(inherited.into_iter().flat_map(|table| table.keys))
+    }
+
+    /// The table whose keys its entries have as well.
+    #[must_use]
+    pub fn inherited_from(&self) -> Option<&'static str> {
+        match self.path {
+            "bodies" => Some("body"),
+            "lidars" => Some("lidar"),
+            _ => None,
+        }
     }
 
     /// The last parts of the paths of the tables in it.

@@ -1,4 +1,5 @@
-//! The table `[lidar]`: the LiDAR of every agent, as a pattern of rays or as a ready preset.
+//! The table `[lidar]`: the LiDAR of every agent, as a pattern of rays or as a ready preset. An
+//! entry of [`super::lidars`] has the same keys.
 //!
 //! A preset stands for its keys: the identity of a scenario has these and not the preset. Keys of a
 //! pattern that the scenario does not use are refused, and are no part of its identity.
@@ -16,7 +17,7 @@ use world::lidar::{Mount, Pattern, PlaceOnBody, Projection, RayGrid, Scanner};
 const GRIDS: [LidarPattern; 2] = [LidarPattern::Ring, LidarPattern::Frustum];
 
 /// Most rays of a ring or a frustum.
-const GRID_RAYS_MAX: u32 = 1 << 20;
+pub(super) const GRID_RAYS_MAX: u32 = 1 << 20;
 
 /// Widest angle of a frustum, radians: its rays go through a plane.
 const FRUSTUM_RAD_MAX: f64 = 3.0;
@@ -164,7 +165,7 @@ const FRUSTUM_RANGE_M: f64 = 4.5;
 /// The keys of the table, all of them optional.
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-struct LidarKeys {
+pub(super) struct LidarKeys {
     preset: Option<Preset>,
     pattern: Option<LidarPattern>,
     rays: Option<u32>,
@@ -188,8 +189,8 @@ struct LidarKeys {
 /// A preset with the pattern of another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("lidar.preset = \"{preset}\": not with the lidar.pattern that is given; expected no pattern beside a preset")]
-struct PatternOfPreset {
-    preset: &'static str,
+pub(super) struct PatternOfPreset {
+    pub(super) preset: &'static str,
 }
 
 impl TryFrom<LidarKeys> for LidarSection {
@@ -296,6 +297,18 @@ impl LidarSection {
         }
     }
 
+    /// Number of its rays.
+    #[must_use]
+    pub fn rays(&self) -> u32 {
+        match self.pattern {
+            LidarPattern::Lattice => self.rays,
+            LidarPattern::Shell => self.scanner().rays(),
+            LidarPattern::Ring | LidarPattern::Frustum => {
+                self.grid.columns.unwrap_or(1).saturating_mul(self.grid.rows.unwrap_or(1))
+            }
+        }
+    }
+
     /// The LiDAR of the world.
     #[must_use]
     pub fn scanner(&self) -> Scanner {
@@ -328,51 +341,57 @@ impl LidarSection {
 }
 
 impl Scenario {
-    pub(super) fn check_lidar(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
-        let LidarSection { pattern, rays, shell_radius_cells, range_m, fov_rad, grid, .. } = &self.lidar;
+    /// Checks a LiDAR that is declared at a path, on bodies of which the smallest has a radius.
+    pub(super) fn check_lidar(
+        checker: &Checker<'_>,
+        path: &str,
+        lidar: &LidarSection,
+        radius_m: f64,
+    ) -> Result<(), ScenarioError> {
+        let LidarSection { pattern, rays, shell_radius_cells, range_m, fov_rad, grid, .. } = lidar;
+        let require = |key: &str, value: f64, holds: bool, allowed: &str| {
+            checker.require(&format!("{path}.{key}"), value, holds, allowed)
+        };
         for (name, value) in grid.given() {
-            let (patterns, allowed) = match name {
-                "vertical_rad" => (&[LidarPattern::Frustum][..], "expected only with lidar.pattern = \"frustum\""),
-                "lowest_rad" | "highest_rad" => {
-                    (&[LidarPattern::Ring][..], "expected only with lidar.pattern = \"ring\"")
-                }
-                _ => (&GRIDS[..], "expected only with lidar.pattern = \"ring\" or \"frustum\""),
+            let (patterns, words) = match name {
+                "vertical_rad" => (&[LidarPattern::Frustum][..], "\"frustum\""),
+                "lowest_rad" | "highest_rad" => (&[LidarPattern::Ring][..], "\"ring\""),
+                _ => (&GRIDS[..], "\"ring\" or \"frustum\""),
             };
-            checker.require(&format!("lidar.{name}"), value, patterns.contains(pattern), allowed)?;
+            let allowed = format!("expected only with {path}.pattern = {words}");
+            require(name, value, patterns.contains(pattern), &allowed)?;
         }
         if !GRIDS.contains(pattern) {
             return Ok(());
         }
-        let of_lattice = "expected only with lidar.pattern = \"lattice\"";
-        checker.require("lidar.rays", rays, *rays == RAYS, of_lattice)?;
+        let only_with = |pattern: &str| format!("expected only with {path}.pattern = \"{pattern}\"");
+        require("rays", (*rays).into(), *rays == RAYS, &only_with("lattice"))?;
         let is_usual = *shell_radius_cells == SHELL_RADIUS_CELLS;
-        let of_shell = "expected only with lidar.pattern = \"shell\"";
-        checker.require("lidar.shell_radius_cells", shell_radius_cells, is_usual, of_shell)?;
-        let of_others = "expected lidar.horizontal_rad instead with lidar.pattern = \"ring\" or \"frustum\"";
-        checker.require("lidar.fov_rad", fov_rad, *fov_rad == TAU, of_others)?;
+        require("shell_radius_cells", (*shell_radius_cells).into(), is_usual, &only_with("shell"))?;
+        let of_others = format!("expected {path}.horizontal_rad instead with {path}.pattern = \"ring\" or \"frustum\"");
+        require("fov_rad", *fov_rad, *fov_rad == TAU, &of_others)?;
         let number = |value: Option<f64>| value.unwrap_or_default();
         let (columns, rows) = (grid.columns.unwrap_or_default(), grid.rows.unwrap_or_default());
-        let allowed = format!("expected at most {GRID_RAYS_MAX} rays, and lidar.columns = {columns}");
+        let allowed = format!("expected at most {GRID_RAYS_MAX} rays, and {path}.columns = {columns}");
         let count = u64::from(columns) * u64::from(rows);
-        checker.require("lidar.rows", rows, count <= GRID_RAYS_MAX.into(), &allowed)?;
+        require("rows", rows.into(), count <= GRID_RAYS_MAX.into(), &allowed)?;
         let lowest_rad = number(grid.lowest_rad);
-        let allowed = format!("expected at most pi/2, and at least lidar.lowest_rad = {lowest_rad}");
+        let allowed = format!("expected at most pi/2, and at least {path}.lowest_rad = {lowest_rad}");
         let highest_rad = number(grid.highest_rad);
-        checker.require("lidar.highest_rad", highest_rad, lowest_rad <= highest_rad, &allowed)?;
+        require("highest_rad", highest_rad, lowest_rad <= highest_rad, &allowed)?;
         if *pattern == LidarPattern::Frustum {
-            for (key, angle_rad) in [("horizontal", grid.horizontal_rad), ("vertical", grid.vertical_rad)] {
+            for (key, angle_rad) in [("horizontal_rad", grid.horizontal_rad), ("vertical_rad", grid.vertical_rad)] {
                 let angle_rad = number(angle_rad);
-                let allowed = format!("expected up to {FRUSTUM_RAD_MAX} with lidar.pattern = \"frustum\"");
-                checker.require(&format!("lidar.{key}_rad"), angle_rad, angle_rad <= FRUSTUM_RAD_MAX, &allowed)?;
+                let allowed = format!("expected up to {FRUSTUM_RAD_MAX} with {path}.pattern = \"frustum\"");
+                require(key, angle_rad, angle_rad <= FRUSTUM_RAD_MAX, &allowed)?;
             }
         }
         let min_range_m = number(grid.min_range_m);
-        let allowed = format!("expected less than lidar.range_m = {range_m}");
-        checker.require("lidar.min_range_m", min_range_m, min_range_m < *range_m, &allowed)?;
+        let allowed = format!("expected less than {path}.range_m = {range_m}");
+        require("min_range_m", min_range_m, min_range_m < *range_m, &allowed)?;
         let height_m = number(grid.mount_height_m);
-        let radius_m = self.bodies_by_agent().into_iter().map(|body| body.radius_m).fold(f64::INFINITY, f64::min);
         let allowed = format!("expected less than the radius of the smallest body, {radius_m} m, up or down");
-        checker.require("lidar.mount_height_m", height_m, height_m.abs() < radius_m, &allowed)
+        require("mount_height_m", height_m, height_m.abs() < radius_m, &allowed)
     }
 }
 
@@ -404,14 +423,14 @@ mod tests {
 
     #[test]
     fn presets_stand_for_their_keys() {
-        let preset = parse("preset = \"vlp-16\", columns = 900").unwrap().lidar;
+        let preset = parse("preset = \"vlp-16\", columns = 900").unwrap().lidar.unwrap();
         assert_eq!((preset.pattern, preset.range_m), (LidarPattern::Ring, 100.0));
         assert_eq!((preset.grid.rows, preset.grid.columns), (Some(16), Some(900)));
         assert!((preset.grid.lowest_rad.unwrap() + PI / 12.0).abs() < 1e-12);
         let camera = parse("preset = \"depth-camera\"").unwrap();
         assert_eq!(camera, parse("pattern = \"frustum\"").unwrap());
-        assert_eq!((camera.lidar.range_m, camera.lidar.scanner().rays()), (4.5, 4800));
-        assert_eq!(parse("preset = \"os1-64\"").unwrap().lidar.scanner().rays(), 65536);
+        assert_eq!((camera.lidar.unwrap().range_m, camera.lidar.unwrap().scanner().rays()), (4.5, 4800));
+        assert_eq!(parse("preset = \"os1-64\"").unwrap().lidar.unwrap().scanner().rays(), 65536);
     }
 
     #[test]

@@ -9,7 +9,7 @@ fn set(key: &str, value: impl Into<toml::Value>) -> Override {
 #[test]
 fn what_is_left_out_is_the_reference() {
     let scenario = Scenario::parse("s.toml", SMALL, &[]).unwrap();
-    assert_eq!(scenario.lidar.rays, 5124);
+    assert_eq!(scenario.lidar.unwrap().rays, 5124);
     assert_eq!(scenario.body.radius_m, 0.4);
     assert_eq!(scenario.duration_ticks(), Tick(3000));
     assert_eq!(scenario.map_seed(), 7);
@@ -188,7 +188,7 @@ fn errors_name_the_origin_of_a_value() {
     refuses(&text, &[set("lidar.range_m", -3)], "--set lidar.range_m: lidar.range_m = -3: expected a number above 0");
     let table: toml::Table = toml::from_str("range_m = -2").unwrap();
     refuses(&text, &[set("lidar", table), set("agents.count", 2)], "--set lidar: lidar.range_m = -2");
-    assert_eq!(Scenario::parse("s.toml", &text, &[set("lidar.range_m", 3)]).unwrap().lidar.range_m, 3.0);
+    assert_eq!(Scenario::parse("s.toml", &text, &[set("lidar.range_m", 3)]).unwrap().lidar.unwrap().range_m, 3.0);
     let inline = SMALL.replace("[agents]\ncount = 3\n", "") + "[agents]\nset = { x = 1 }\n\ncount = 0";
     refuses(&inline, &[], "s.toml:9: agents.count = 0");
     refuses(

@@ -1,9 +1,11 @@
 //! The table `[views]`: the visualisation topics, live and recorded. None of it changes a result.
 
+use msgs::ids::AgentId;
+use msgs::sensor_name::SensorName;
 use serde::{Deserialize, Serialize};
 
-use super::{Checker, LidarPattern, Scenario, ScenarioError};
-use crate::visualisation::{Equipment, VisualisationTopic};
+use super::{Checker, LidarPattern, LidarSection, Scenario, ScenarioError};
+use crate::visualisation::{Equipment, LidarTopics, VisualisationTopic};
 
 /// `[views]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -187,17 +189,21 @@ impl Scenario {
     /// What the bodies have that not all have.
     #[must_use]
     pub fn equipment(&self) -> Equipment {
-        Equipment {
-            has_ring: self.lidar.pattern == LidarPattern::Ring,
-            has_camera: self.lidar.pattern == LidarPattern::Frustum,
-            has_batteries: self.energy.is_some(),
-        }
+        let of_lidar = |(name, lidar): (Option<SensorName>, &LidarSection)| LidarTopics {
+            name,
+            has_ring: lidar.pattern == LidarPattern::Ring,
+            has_camera: lidar.pattern == LidarPattern::Frustum,
+        };
+        let of_agent = |agent| self.lidars_of(AgentId(agent)).map(of_lidar).collect();
+        Equipment { lidars: (0..self.agents.count).map(of_agent).collect(), has_batteries: self.energy.is_some() }
     }
 
     pub(super) fn check_views(&self, checker: &Checker<'_>) -> Result<(), ScenarioError> {
         const OF_RING: &str = "expected only with lidar.pattern = \"ring\"";
         const OF_FRUSTUM: &str = "expected only with lidar.pattern = \"frustum\"";
-        let Equipment { has_ring, has_camera, has_batteries } = self.equipment();
+        let has = |pattern: LidarPattern| self.lidars().any(|(_, lidar)| lidar.pattern == pattern);
+        let (has_ring, has_camera) = (has(LidarPattern::Ring), has(LidarPattern::Frustum));
+        let has_batteries = self.energy.is_some();
         let has_ring_field = self.views.points_fields.contains(&PointsField::Ring);
         checker.require("views.points_fields", "\"ring\"", !has_ring_field || has_ring, OF_RING)?;
         let conditional = [
@@ -241,7 +247,7 @@ mod tests {
             );
         }
         let all = parse("views = { record = [\"all\"] }").unwrap();
-        assert_eq!(all.equipment(), Equipment::default());
+        assert_eq!(all.equipment(), Equipment::of_each(2, LidarTopics::default()));
     }
 
     #[test]

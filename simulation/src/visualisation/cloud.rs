@@ -1,37 +1,46 @@
 //! Point clouds of LiDAR scans.
 
-use msgs::ids::AgentId;
 use msgs::sensor_msgs::{PointCloud2, PointField};
 use msgs::std_msgs::Header;
 use nalgebra::Point3;
 use protocol::map_views::{self, ExtraField};
 
+use super::SensorId;
 use crate::scenario::PointsField;
 use crate::wire::{body_frame, header};
 use world::World;
 use world::body::Pose;
-use world::lidar::{Measured, RayGrid, RayReturn, Scanner};
+use world::lidar::{Measured, Projection, RayGrid, RayReturn, Scanner};
 
 /// The intensity of a wall that a ray meets at a right angle: that of a matt white surface, as
 /// LiDARs that are calibrated to reflectivities report it.
 const INTENSITY_MAX: f64 = 100.0;
 
-/// The hits of the last scan of an agent, metres, in the frame of its body at the stamp, which is
+/// The hits of the last scan of a LiDAR, metres, in the frame of its body at the stamp, which is
 /// that of the scan; `None` before the first scan. More than fit into a message are thinned evenly
-/// over the rays: 4957 without further fields.
+/// over the rays: 4957 without further fields. Only a spinning LiDAR has the field `ring`.
 #[must_use]
-pub fn points(world: &World, agent: AgentId, fields: &[PointsField]) -> Option<PointCloud2> {
+pub fn points(world: &World, sensor: SensorId, fields: &[PointsField]) -> Option<PointCloud2> {
+    let SensorId { agent, number, .. } = sensor;
     let (pose, tick) = world.last_scan(agent)?;
     let header = Header { frame_id: body_frame(agent), ..header(tick) };
-    let returns = world.returns(agent, world.scanner());
-    Some(cloud(header, &pose, world.scanner(), &returns, fields))
+    let scanner = sensor.scanner(world)?;
+    let returns = world.returns(agent, number.into(), scanner);
+    Some(cloud(header, &pose, scanner, &returns, fields))
+}
+
+impl SensorId {
+    /// The LiDAR; `None` if the agent has no such one.
+    pub(super) fn scanner(self, world: &World) -> Option<&Scanner> {
+        world.sensors(self.agent).lidars().get(usize::from(self.number)).map(|lidar| &lidar.scanner)
+    }
 }
 
 fn cloud(header: Header, pose: &Pose, scanner: &Scanner, returns: &[RayReturn], fields: &[PointsField]) -> PointCloud2 {
     // As drivers order them.
     let fields = [PointsField::Intensity, PointsField::Ring, PointsField::Time]
         .into_iter()
-        .filter(|field| fields.contains(field));
+        .filter(|field| fields.contains(field) && (*field != PointsField::Ring || has_rings(scanner)));
     let fields: Vec<PointsField> = fields.collect();
     let extra: Vec<ExtraField> = fields.iter().copied().map(extra_field).collect();
     let hits: Vec<(&RayReturn, Point3<f64>, f64)> = returns.iter().filter_map(hit).collect();
@@ -47,6 +56,10 @@ fn cloud(header: Header, pose: &Pose, scanner: &Scanner, returns: &[RayReturn], 
         };
         ([cos * x + sin * y, cos * y - sin * x, z], fields.iter().flat_map(value).collect())
     })
+}
+
+fn has_rings(scanner: &Scanner) -> bool {
+    scanner.grid().is_some_and(|grid| matches!(grid.projection, Projection::Spherical { .. }))
 }
 
 fn hit(ray: &RayReturn) -> Option<(&RayReturn, Point3<f64>, f64)> {
@@ -74,7 +87,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use world::lidar::{Pattern, Projection};
+    use world::lidar::Pattern;
 
     /// A level ring of three lines.
     fn ring_of_three(pitch_rad: f64) -> Scanner {

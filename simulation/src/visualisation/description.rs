@@ -9,18 +9,18 @@ use protocol::limits::{MESSAGE_BYTES_BARE, VIEW_BYTES_MAX};
 use crate::wire::{body_frame, lidar_frame, obstacle_frame, optical_frame};
 use world::World;
 use world::collision::{Shape, Solid};
-use world::lidar::PlaceOnBody;
+use world::lidar::{NamedScanner, PlaceOnBody};
 
 /// One robot of all agents: the link `map`, and on it for each agent a sphere
-/// `agent_<id>/base_link` with a LiDAR `agent_<id>/lidar` where it is mounted, and the optical
-/// frame of a camera; and for each moving obstacle a link `obstacle_<number>`. What does not fit
-/// into a sample is left out.
+/// `agent_<id>/base_link` with its LiDARs where they are mounted, of which the only one is
+/// `agent_<id>/lidar`, and the optical frames of cameras; and for each moving obstacle a link
+/// `obstacle_<number>`. What does not fit into a sample is left out.
 pub(super) fn robots(world: &World) -> std_msgs::String {
     const END: &str = "</robot>\n";
     let mut data = "<?xml version=\"1.0\"?>\n<robot name=\"maes\">\n  <link name=\"map\"/>\n".to_owned();
     let robots = world.agents().map(|agent| {
         let radius_m = world.body(agent).model().radius_m;
-        robot(agent, radius_m, world.scanner().place_on_body())
+        robot(agent, radius_m, world.sensors(agent).lidars())
     });
     for one in robots.chain(world.moving_obstacles().iter().enumerate().map(|(number, solid)| obstacle(number, solid)))
     {
@@ -52,9 +52,9 @@ fn obstacle(number: usize, solid: &Solid) -> String {
 /// The optical frame in the frame of its camera.
 const OPTICAL: &str = "<origin xyz=\"0 0 0\" rpy=\"-1.5707963267948966 0 -1.5707963267948966\"/>";
 
-fn robot(agent: AgentId, radius_m: f64, PlaceOnBody { height_m, pitch_rad, is_camera }: PlaceOnBody) -> String {
+fn robot(agent: AgentId, radius_m: f64, lidars: &[NamedScanner]) -> String {
     let mut text = String::new();
-    let (body, lidar, optical) = (&body_frame(agent), &lidar_frame(agent), &optical_frame(agent));
+    let body = &body_frame(agent);
     let sphere = format!("<geometry><sphere radius=\"{radius_m}\"/></geometry>");
     let written = (|| {
         writeln!(text, "  <link name=\"{body}\">")?;
@@ -63,17 +63,22 @@ fn robot(agent: AgentId, radius_m: f64, PlaceOnBody { height_m, pitch_rad, is_ca
             "    <visual>{sphere}<material name=\"body\"><color rgba=\"0.2 0.5 0.9 1\"/></material></visual>"
         )?;
         writeln!(text, "    <collision>{sphere}</collision>\n  </link>")?;
-        writeln!(text, "  <link name=\"{lidar}\">\n    <visual><origin xyz=\"0 0 {radius_m}\"/><geometry>")?;
-        let (radius, length) = (radius_m / 3.0, radius_m / 4.0);
-        writeln!(text, "      <cylinder radius=\"{radius}\" length=\"{length}\"/></geometry></visual>\n  </link>")?;
-        let place = match (height_m, pitch_rad) {
-            (0.0, 0.0) => String::new(),
-            _ => format!("<origin xyz=\"0 0 {height_m}\" rpy=\"0 {} 0\"/>", -pitch_rad),
-        };
-        let mut joints = vec![("floating", "map", body, ""), ("fixed", body, lidar, &place)];
-        if is_camera {
-            writeln!(text, "  <link name=\"{optical}\"/>")?;
-            joints.push(("fixed", lidar, optical, OPTICAL));
+        let mut joints = vec![("floating", "map".to_owned(), body.clone(), String::new())];
+        for NamedScanner { name, scanner } in lidars {
+            let PlaceOnBody { height_m, pitch_rad, is_camera } = scanner.place_on_body();
+            let (lidar, optical) = (lidar_frame(agent, *name), optical_frame(agent, *name));
+            writeln!(text, "  <link name=\"{lidar}\">\n    <visual><origin xyz=\"0 0 {radius_m}\"/><geometry>")?;
+            let (radius, length) = (radius_m / 3.0, radius_m / 4.0);
+            writeln!(text, "      <cylinder radius=\"{radius}\" length=\"{length}\"/></geometry></visual>\n  </link>")?;
+            let place = match (height_m, pitch_rad) {
+                (0.0, 0.0) => String::new(),
+                _ => format!("<origin xyz=\"0 0 {height_m}\" rpy=\"0 {} 0\"/>", -pitch_rad),
+            };
+            joints.push(("fixed", body.clone(), lidar.clone(), place));
+            if is_camera {
+                writeln!(text, "  <link name=\"{optical}\"/>")?;
+                joints.push(("fixed", lidar, optical, OPTICAL.to_owned()));
+            }
         }
         for (kind, parent, child, place) in joints {
             writeln!(

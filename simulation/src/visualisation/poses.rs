@@ -6,6 +6,7 @@ use msgs::geometry_msgs::{
 };
 use msgs::ids::{AgentId, Tick};
 use msgs::nav_msgs::{Odometry, Path};
+use msgs::sensor_name::SensorName;
 use msgs::std_msgs::ColorRGBA;
 use msgs::std_msgs::Header;
 use msgs::tf2_msgs::TFMessage;
@@ -17,7 +18,7 @@ use protocol::limits::{MESSAGE_BYTES_BARE, POINT_BYTES, VIEW_BYTES_MAX};
 use crate::wire::{MAP_FRAME, body_frame, header, lidar_frame, optical_frame, point, rotation, vector};
 use world::World;
 use world::body::Pose as BodyPose;
-use world::lidar::PlaceOnBody;
+use world::lidar::{NamedScanner, PlaceOnBody};
 
 /// Bytes on the wire of a pose with a header, with padding.
 const POSE_BYTES: usize = 72;
@@ -35,12 +36,10 @@ const LINE_CELLS: f64 = 0.1;
 const LINE_COLOUR: ColorRGBA = ColorRGBA { r: 0.1, g: 0.8, b: 0.2, a: 0.9 };
 
 /// What decides the frames that do not move.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct StaticFrames {
-    /// Number of agents.
-    pub agents: u32,
-    /// Where the LiDARs are on the bodies.
-    pub lidar: PlaceOnBody,
+    /// By agent, the names of the LiDARs and where they are on the body.
+    pub lidars: Vec<Vec<(Option<SensorName>, PlaceOnBody)>>,
     /// Whether localisation drifts; otherwise the frame of each odometry is the map.
     pub has_drift: bool,
 }
@@ -49,7 +48,9 @@ impl StaticFrames {
     pub(super) fn of(world: &World) -> Self {
         let mut agents = world.agents();
         let has_drift = agents.next().is_some_and(|agent| world.frames(agent).is_some());
-        Self { agents: world.agents().count() as u32, lidar: world.scanner().place_on_body(), has_drift }
+        let place = |lidar: &NamedScanner| (lidar.name, lidar.scanner.place_on_body());
+        let of_agent = |agent| world.sensors(agent).lidars().iter().map(place).collect();
+        Self { lidars: world.agents().map(of_agent).collect(), has_drift }
     }
 }
 
@@ -58,14 +59,16 @@ pub(super) fn transforms(world: &World) -> impl Iterator<Item = TFMessage> + use
     in_parts(crate::wire::transforms(world).transforms)
 }
 
-/// The frames of these agents that do not move at a tick: of the LiDAR, of the images of a camera,
+/// The frames of these agents that do not move at a tick: of the LiDARs, of the images of cameras,
 /// and of odometry, where it is the map.
 pub(super) fn static_transforms(frames: &StaticFrames, tick: Tick) -> impl Iterator<Item = TFMessage> + use<> {
-    let StaticFrames { agents, lidar, has_drift } = *frames;
-    let (sin, cos) = libm::sincos(-0.5 * lidar.pitch_rad);
-    let on_body = Transform {
-        translation: Vector3 { z: lidar.height_m, ..Vector3::default() },
-        rotation: Quaternion { x: 0.0, y: sin + 0.0, z: 0.0, w: cos },
+    let StaticFrames { lidars, has_drift } = frames;
+    let on_body = |lidar: &PlaceOnBody| {
+        let (sin, cos) = libm::sincos(-0.5 * lidar.pitch_rad);
+        Transform {
+            translation: Vector3 { z: lidar.height_m, ..Vector3::default() },
+            rotation: Quaternion { x: 0.0, y: sin + 0.0, z: 0.0, w: cos },
+        }
     };
     // x to the right, y down, z ahead.
     let optical = Transform { rotation: Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 }, ..Transform::default() };
@@ -73,14 +76,18 @@ pub(super) fn static_transforms(frames: &StaticFrames, tick: Tick) -> impl Itera
         let header = Header { frame_id, ..header(tick) };
         TransformStamped { header, child_frame_id, transform }
     };
-    let of_agent = move |agent| {
-        let on_body = frame(body_frame(agent), lidar_frame(agent), on_body);
-        let optical = lidar.is_camera.then(|| frame(lidar_frame(agent), optical_frame(agent), optical));
+    let of_agent = |(agent, lidars): (u32, &Vec<(Option<SensorName>, PlaceOnBody)>)| {
+        let agent = AgentId(agent);
+        let of_lidar = |(name, lidar): &(Option<SensorName>, PlaceOnBody)| {
+            let own = lidar_frame(agent, *name);
+            let optical = lidar.is_camera.then(|| frame(own.clone(), optical_frame(agent, *name), optical));
+            [Some(frame(body_frame(agent), own, on_body(lidar))), optical]
+        };
         let odometry =
             (!has_drift).then(|| frame(MAP_FRAME.to_owned(), format!("agent_{agent}/odom"), Transform::default()));
-        [Some(on_body), optical, odometry].into_iter().flatten()
+        lidars.iter().flat_map(of_lidar).chain([odometry]).flatten().collect::<Vec<_>>()
     };
-    in_parts((0..agents).map(AgentId).flat_map(of_agent).collect())
+    in_parts((0..).zip(lidars).flat_map(of_agent).collect())
 }
 
 /// Transforms in messages of bounded size. Those of a body stay together.

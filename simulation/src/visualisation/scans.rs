@@ -4,11 +4,11 @@
 //! Distances without a return are what REP 117 says: +Inf without a wall within the range, -Inf
 //! before a wall that is too near, NaN for a return that noise has swallowed.
 
-use msgs::ids::AgentId;
 use msgs::sensor_msgs::{CameraInfo, Image, LaserScan};
 use msgs::std_msgs::Header;
 use protocol::map_views::CONTENT_BYTES_MAX;
 
+use super::SensorId;
 use crate::wire::{header, lidar_frame, optical_frame};
 use world::World;
 use world::body::Pose;
@@ -71,15 +71,15 @@ impl Camera {
     }
 }
 
-/// The depths (metres along the axis) that the last scan of an agent has measured, by pixel; `None`
-/// before the first scan, and without a camera.
-pub(super) fn depth_image(world: &World, agent: AgentId) -> Option<Image> {
-    let (pose, tick) = world.last_scan(agent)?;
-    let scanner = world.scanner();
+/// The depths (metres along the axis) that the last scan of a camera has measured, by pixel; `None`
+/// before the first scan, and of another LiDAR.
+pub(super) fn depth_image(world: &World, sensor: SensorId) -> Option<Image> {
+    let (pose, tick) = world.last_scan(sensor.agent)?;
+    let scanner = sensor.scanner(world)?;
     let camera = Camera::of(scanner.grid()?)?;
     let (origin, axis) = (scanner.origin(&pose), scanner.axis(pose.yaw_rad));
     let mut depths_m = vec![f32::NAN; (camera.width * camera.height) as usize];
-    for ray in world.returns(agent, scanner) {
+    for ray in world.returns(sensor.agent, sensor.number.into(), scanner) {
         let [row, column] = scanner.place_of(&ray.direction, pose.yaw_rad)?;
         if row % camera.step == 0 && column % camera.step == 0 {
             let pixel = row / camera.step * camera.width + column / camera.step;
@@ -87,7 +87,7 @@ pub(super) fn depth_image(world: &World, agent: AgentId) -> Option<Image> {
         }
     }
     Some(Image {
-        header: Header { frame_id: optical_frame(agent), ..header(tick) },
+        header: Header { frame_id: optical_frame(sensor.agent, sensor.name), ..header(tick) },
         height: camera.height,
         width: camera.width,
         encoding: "32FC1".to_owned(),
@@ -98,19 +98,20 @@ pub(super) fn depth_image(world: &World, agent: AgentId) -> Option<Image> {
 }
 
 /// The projection of [`depth_image`].
-pub(super) fn camera_info(world: &World, agent: AgentId) -> Option<CameraInfo> {
-    let (_, tick) = world.last_scan(agent)?;
-    let camera = Camera::of(world.scanner().grid()?)?;
-    Some(camera.info(Header { frame_id: optical_frame(agent), ..header(tick) }))
+pub(super) fn camera_info(world: &World, sensor: SensorId) -> Option<CameraInfo> {
+    let (_, tick) = world.last_scan(sensor.agent)?;
+    let camera = Camera::of(sensor.scanner(world)?.grid()?)?;
+    Some(camera.info(Header { frame_id: optical_frame(sensor.agent, sensor.name), ..header(tick) }))
 }
 
-/// The distances in the plane of an agent's LiDAR at its last scan, of the line that is closest to
-/// that plane; `None` before the first scan, and without rings.
-pub(super) fn laser_scan(world: &World, agent: AgentId) -> Option<LaserScan> {
+/// The distances in the plane of a LiDAR at its last scan, of the line that is closest to that
+/// plane; `None` before the first scan, and without rings.
+pub(super) fn laser_scan(world: &World, sensor: SensorId) -> Option<LaserScan> {
+    let SensorId { agent, number, name } = sensor;
     let (pose, tick) = world.last_scan(agent)?;
-    let line = world.scanner().middle_line()?;
+    let line = sensor.scanner(world)?.middle_line()?;
     let MiddleLine { grid, elevation_rad, scanner } = &line;
-    let returns = world.returns(agent, scanner);
+    let returns = world.returns(agent, number.into(), scanner);
     // Distances are those of the line, projected to the plane.
     let level = libm::cos(*elevation_rad);
     let span_rad = grid.horizontal_rad.min(std::f64::consts::TAU);
@@ -123,7 +124,7 @@ pub(super) fn laser_scan(world: &World, agent: AgentId) -> Option<LaserScan> {
     let period_s =
         world.scan_period_ticks(agent).map_or(0.0, |ticks| msgs::ids::Tick(ticks.into()).time_ns() as f64 / 1e9);
     Some(LaserScan {
-        header: Header { frame_id: lidar_frame(agent), ..header(tick) },
+        header: Header { frame_id: lidar_frame(agent, name), ..header(tick) },
         angle_min: -last_rad as f32,
         angle_max: last_rad as f32,
         angle_increment: increment_rad as f32,

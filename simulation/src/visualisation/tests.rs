@@ -49,11 +49,14 @@ fn run_status<'a>(lost: &'a BTreeSet<AgentId>, infos: &'a [String]) -> RunStatus
 }
 
 fn scheduler(record: Vec<RecordedView>) -> VisualisationScheduler {
-    VisualisationScheduler::new(ViewsSection { record, ..ViewsSection::default() }, 2, ALL, 5)
+    VisualisationScheduler::new(ViewsSection { record, ..ViewsSection::default() }, &all(2), 5)
 }
 
 /// All that bodies may have.
-const ALL: Equipment = Equipment { has_ring: true, has_camera: true, has_batteries: true };
+fn all(agents: u32) -> Equipment {
+    let lidar = LidarTopics { name: None, has_ring: true, has_camera: true };
+    Equipment { has_batteries: true, ..Equipment::of_each(agents, lidar) }
+}
 
 /// The number of messages of each topic that are published to subscribers.
 fn published(
@@ -82,10 +85,17 @@ fn published_at(
 
 #[test]
 fn topics_are_distinct_and_known() {
-    let topics: BTreeSet<String> = VisualisationTopic::all(3, ALL).map(|topic| topic.topic().to_string()).collect();
-    assert_eq!(topics.len(), VisualisationTopic::all(3, ALL).count());
+    let topics: BTreeSet<String> = VisualisationTopic::all(&all(3)).map(|topic| topic.topic().to_string()).collect();
+    assert_eq!(topics.len(), VisualisationTopic::all(&all(3)).count());
     let known: BTreeSet<String> = topics::all(3).iter().map(Topic::to_string).collect();
     assert!(topics.is_subset(&known));
+
+    let named = |name: &str, has_ring| LidarTopics { name: name.parse().ok(), has_ring, has_camera: !has_ring };
+    let several = Equipment { lidars: vec![vec![named("top", true), named("eye", false)]], has_batteries: false };
+    let names: Vec<String> = VisualisationTopic::all(&several).map(|topic| topic.topic().name).collect();
+    let of_agent = ["odom", "top/points", "eye/points", "path", "top/scan", "eye/depth/image", "eye/depth/camera_info"];
+    assert_eq!(names[names.len() - 7..], of_agent.map(|name| format!("/agent_0/{name}")));
+    assert!(names.iter().all(|name| topics::named(name).is_some()));
 }
 
 #[test]
@@ -141,12 +151,12 @@ fn path_is_the_remaining_task() {
 fn cloud_has_the_stamp_of_its_scan() {
     let mut world = world();
     let mut scheduler = scheduler(Vec::new());
-    let points = [(VisualisationTopic::Points(AgentId(0)), 1)];
+    let points = [(VisualisationTopic::Points(SensorId::only(AgentId(0))), 1)];
     assert_eq!(published(&mut scheduler, &mut world, &points, 0).len(), 0);
     step(&mut world, []);
-    let cloud = super::points(&world, AgentId(0), &[]).unwrap();
+    let cloud = super::points(&world, SensorId::only(AgentId(0)), &[]).unwrap();
     assert_eq!((cloud.header.stamp, cloud.header.frame_id.as_str()), (Tick(0).into(), "agent_0/base_link"));
-    let returns = world.returns(AgentId(0), world.scanner());
+    let returns = world.returns(AgentId(0), 0, &world.sensors(AgentId(0)).lidars()[0].scanner);
     let hits: Vec<_> = returns.iter().filter_map(world::lidar::RayReturn::point).collect();
     // Walls are half a metre away on five sides.
     assert!(hits.len() > 800 && hits.iter().all(|hit| (hit - Point3::new(1.5, 1.5, 1.5)).norm() < 1.0 + 1e-9));
@@ -265,7 +275,7 @@ fn recorded_topics_depend_on_sim_time_and_fit_into_samples() {
         recorded.iter().filter(|(_, topic, _)| *topic == wanted).map(|(tick, _, _)| tick.0).collect()
     };
     assert_eq!(ticks(VisualisationTopic::Odometry(AgentId(1))), (0..60).step_by(5).collect::<Vec<_>>());
-    assert_eq!(ticks(VisualisationTopic::Points(AgentId(1))), [1, 11, 21, 31, 41, 51]);
+    assert_eq!(ticks(VisualisationTopic::Points(SensorId::only(AgentId(1)))), [1, 11, 21, 31, 41, 51]);
     assert_eq!(ticks(VisualisationTopic::Map), [0]);
     assert_eq!(ticks(VisualisationTopic::Info), [0, 50]);
 }
@@ -339,7 +349,8 @@ fn with_moving_agents(mut publish: impl FnMut(&mut World, &BTreeMap<(String, u64
 
 #[test]
 fn transforms_of_a_stamp_precede_what_has_it_at_every_speed() {
-    let subscribers: Subscribers = VisualisationTopic::all(2, Equipment::default()).map(|topic| (topic, 1)).collect();
+    let subscribers: Subscribers =
+        VisualisationTopic::all(&Equipment::of_each(2, LidarTopics::default())).map(|topic| (topic, 1)).collect();
     for rtf in [1, 7, 20, 100] {
         let mut scheduler = scheduler(Vec::new());
         let (mut listener, mut ticks) = (Listener::default(), 0);
@@ -382,7 +393,8 @@ fn recorded_transforms_of_a_stamp_precede_what_has_it() {
     use RecordedView::{Odom, Path, Points};
     for period in [0, 5, 10, 7] {
         let settings = ViewsSection { record: vec![Odom, Points, Path], ..ViewsSection::default() };
-        let mut scheduler = VisualisationScheduler::new(settings, 2, Equipment::default(), period);
+        let mut scheduler =
+            VisualisationScheduler::new(settings, &Equipment::of_each(2, LidarTopics::default()), period);
         let mut listener = Listener::default();
         let (lost, infos) = (BTreeSet::new(), vec![String::new(); 2]);
         with_moving_agents(|world, poses| {

@@ -1,6 +1,7 @@
 //! The visualisation topics of a run.
 
 use msgs::ids::AgentId;
+use msgs::sensor_name::SensorName;
 use msgs::topics::{self, Topic};
 
 /// A visualisation topic.
@@ -12,14 +13,14 @@ pub enum VisualisationTopic {
     StaticTransforms,
     /// Pose and velocity of an agent.
     Odometry(AgentId),
-    /// The last scan of an agent, as a point cloud.
-    Points(AgentId),
-    /// The line of the last scan of an agent that is closest to the plane of its LiDAR.
-    Scan(AgentId),
-    /// The last scan of an agent, as a depth image.
-    DepthImage(AgentId),
+    /// The last scan of a LiDAR, as a point cloud.
+    Points(SensorId),
+    /// The line of the last scan of a LiDAR that is closest to its plane.
+    Scan(SensorId),
+    /// The last scan of a depth camera, as an image.
+    DepthImage(SensorId),
     /// The projection of that image.
-    CameraInfo(AgentId),
+    CameraInfo(SensorId),
     /// The battery of an agent.
     Battery(AgentId),
     /// The remaining waypoints of an agent.
@@ -56,20 +57,65 @@ pub enum VisualisationTopic {
     Result,
 }
 
-/// What the bodies of a run have that others do not, and that has topics of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// One of the LiDARs of an agent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SensorId {
+    /// The agent.
+    pub agent: AgentId,
+    /// Its place among those of the agent, from 0.
+    pub number: u8,
+    /// Its name; the only LiDAR of a body has none.
+    pub name: Option<SensorName>,
+}
+
+impl SensorId {
+    /// The only LiDAR of an agent.
+    #[must_use]
+    pub fn only(agent: AgentId) -> Self {
+        Self { agent, number: 0, name: None }
+    }
+}
+
+/// What the bodies of a run have that has topics of its own.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Equipment {
-    /// Whether the LiDARs have rings.
-    pub has_ring: bool,
-    /// Whether they are depth cameras.
-    pub has_camera: bool,
+    /// The LiDARs by agent.
+    pub lidars: Vec<Vec<LidarTopics>>,
     /// Whether the bodies have batteries.
     pub has_batteries: bool,
 }
 
+/// Which topics a LiDAR has beside its points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LidarTopics {
+    /// Its name; the only LiDAR of a body has none.
+    pub name: Option<SensorName>,
+    /// Whether it has rings.
+    pub has_ring: bool,
+    /// Whether it is a depth camera.
+    pub has_camera: bool,
+}
+
+impl Equipment {
+    /// Agents that have the same LiDAR each, and no batteries.
+    #[must_use]
+    pub fn of_each(agents: u32, lidar: LidarTopics) -> Self {
+        Self { lidars: vec![vec![lidar]; agents as usize], has_batteries: false }
+    }
+
+    /// The LiDARs of an agent of the run.
+    ///
+    /// # Panics
+    /// If the run has no such agent.
+    pub fn sensors_of(&self, agent: AgentId) -> impl Iterator<Item = (SensorId, LidarTopics)> {
+        let id = move |(number, lidar): (u8, &LidarTopics)| (SensorId { agent, number, name: lidar.name }, *lidar);
+        (0..=u8::MAX).zip(&self.lidars[agent.index()]).map(id)
+    }
+}
+
 impl VisualisationTopic {
-    /// All topics of a run with this many agents that are published live.
-    pub fn all(agents: u32, equipment: Equipment) -> impl Iterator<Item = Self> {
+    /// All topics of a run that are published live.
+    pub fn all(equipment: &Equipment) -> impl Iterator<Item = Self> {
         let of_run = [
             Self::Transforms,
             Self::StaticTransforms,
@@ -88,24 +134,26 @@ impl VisualisationTopic {
             Self::Digest,
             Self::Result,
         ];
-        let Equipment { has_ring, has_camera, has_batteries } = equipment;
-        let of_agent = move |agent| {
-            let of_sensors = [
-                (Self::Scan(agent), has_ring),
-                (Self::DepthImage(agent), has_camera),
-                (Self::CameraInfo(agent), has_camera),
-                (Self::Battery(agent), has_batteries),
-            ];
-            let of_sensors = of_sensors.into_iter().filter_map(|(topic, is_there)| is_there.then_some(topic));
-            [Self::Odometry(agent), Self::Points(agent), Self::Path(agent)].into_iter().chain(of_sensors)
+        let of_agent = |agent: AgentId| {
+            let mut topics = vec![Self::Odometry(agent)];
+            topics.extend(equipment.sensors_of(agent).map(|(sensor, _)| Self::Points(sensor)));
+            topics.push(Self::Path(agent));
+            for (sensor, LidarTopics { has_ring, has_camera, .. }) in equipment.sensors_of(agent) {
+                topics.extend(has_ring.then_some(Self::Scan(sensor)));
+                topics.extend([Self::DepthImage(sensor), Self::CameraInfo(sensor)].into_iter().filter(|_| has_camera));
+            }
+            topics.extend(equipment.has_batteries.then_some(Self::Battery(agent)));
+            topics
         };
-        of_run.into_iter().chain((0..agents).map(AgentId).flat_map(of_agent))
+        of_run.into_iter().chain((0..equipment.lidars.len()).map(AgentId::from_index).flat_map(of_agent))
     }
 
     /// The agent whose last scan it shows, with the stamp of that scan.
     pub(super) fn scanned_by(self) -> Option<AgentId> {
         match self {
-            Self::Points(agent) | Self::Scan(agent) | Self::DepthImage(agent) | Self::CameraInfo(agent) => Some(agent),
+            Self::Points(sensor) | Self::Scan(sensor) | Self::DepthImage(sensor) | Self::CameraInfo(sensor) => {
+                Some(sensor.agent)
+            }
             _ => None,
         }
     }
@@ -113,12 +161,12 @@ impl VisualisationTopic {
     /// The topic of which each message comes with one of this topic with the same stamp, as long as
     /// both have subscribers.
     pub(super) fn companion(self) -> Option<Self> {
-        if let Self::DepthImage(agent) = self { Some(Self::CameraInfo(agent)) } else { None }
+        if let Self::DepthImage(sensor) = self { Some(Self::CameraInfo(sensor)) } else { None }
     }
 
     /// The topic of which this one is the companion.
     pub(super) fn accompanies(self) -> Option<Self> {
-        if let Self::CameraInfo(agent) = self { Some(Self::DepthImage(agent)) } else { None }
+        if let Self::CameraInfo(sensor) = self { Some(Self::DepthImage(sensor)) } else { None }
     }
 
     /// Whether its messages have the stamp of their tick, and poses are looked up for it. What
@@ -182,10 +230,10 @@ impl VisualisationTopic {
             Self::Transforms => topics::tf(),
             Self::StaticTransforms => topics::tf_static(),
             Self::Odometry(agent) => topics::odometry(agent),
-            Self::Points(agent) => topics::points(agent),
-            Self::Scan(agent) => topics::scan(agent),
-            Self::DepthImage(agent) => topics::depth_image(agent),
-            Self::CameraInfo(agent) => topics::camera_info(agent),
+            Self::Points(SensorId { agent, name, .. }) => topics::points(agent, name),
+            Self::Scan(SensorId { agent, name, .. }) => topics::scan(agent, name),
+            Self::DepthImage(SensorId { agent, name, .. }) => topics::depth_image(agent, name),
+            Self::CameraInfo(SensorId { agent, name, .. }) => topics::camera_info(agent, name),
             Self::Battery(agent) => topics::battery(agent),
             Self::Path(agent) => topics::path(agent),
             Self::Map => topics::map(),

@@ -7,12 +7,20 @@ use std::sync::Arc;
 
 use nalgebra::{Point3, Vector3};
 
+use super::Scanner;
 use super::cast::Start;
 use crate::collision::{Crossing, Shape, Solid, Sphere};
 
 /// What moves, at the time of a scan; none of it if rays pass it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Bodies(Option<Arc<[Solid]>>);
+pub(crate) struct Bodies {
+    /// The bodies of other agents, then the moving obstacles.
+    solids: Option<Arc<[Solid]>>,
+    /// Number of the former.
+    agents: usize,
+    /// Whether rays end at the former.
+    has_agents: bool,
+}
 
 /// What the bodies are for one ray.
 #[derive(Debug, Clone, Copy)]
@@ -66,12 +74,21 @@ impl Bodies {
         let others = spheres.iter().enumerate().filter(|&(other, sphere)| other != index && sphere.radius_m > 0.0);
         let others =
             others.map(|(_, &Sphere { centre, radius_m })| Solid { centre, shape: Shape::Sphere { radius_m } });
-        Self(Some(others.chain(obstacles.iter().copied()).collect()))
+        let mut solids: Vec<Solid> = others.collect();
+        let agents = solids.len();
+        solids.extend_from_slice(obstacles);
+        Self { solids: Some(solids.into()), agents, has_agents: true }
+    }
+
+    /// The same for the rays of one of the LiDARs of a body.
+    pub(crate) fn met_by(&self, scanner: &Scanner) -> Self {
+        Self { has_agents: scanner.sees_agents(), ..self.clone() }
     }
 
     /// The first body on a ray (metres, frame `map`).
     pub(super) fn first_on(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<BodyHit> {
-        let solids = self.0.as_deref().unwrap_or_default();
+        let solids = self.solids.as_deref().unwrap_or_default();
+        let solids = if self.has_agents { solids } else { &solids[self.agents..] };
         let hits = solids.iter().filter_map(|solid| match solid.shape {
             Shape::Sphere { radius_m } => meet(&Sphere { centre: solid.centre, radius_m }, origin, direction),
             Shape::Box { half_m } => meet_box(&solid.centre, &half_m, origin, direction),

@@ -25,7 +25,8 @@ use crate::noise::SensorNoise;
 /// The lead in votes with which a cell is reported.
 const VOTES: i8 = 3;
 
-/// The engine of one noisy scan: noise parameters, agent and tick, which name its random stream.
+/// The engine of one noisy scan: noise parameters, agent, LiDAR and tick, which name its random
+/// stream.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct NoisyScan<'a> {
     /// The bodies of others.
@@ -34,6 +35,8 @@ pub(crate) struct NoisyScan<'a> {
     pub(crate) noise: &'a SensorNoise,
     /// The scanning agent.
     pub(crate) agent: AgentId,
+    /// Which of its LiDARs scans.
+    pub(crate) lidar: usize,
     /// Tick of the scan.
     pub(crate) tick: Tick,
 }
@@ -143,7 +146,7 @@ impl Scanner {
             Pattern::Shell { .. } => extent.cell_m(),
         };
         let (origin, blind_m) = (self.origin(pose), self.mount.min_range_m);
-        let mut rng = scan.noise.scan_stream(scan.agent, scan.tick);
+        let mut rng = scan.noise.scan_stream(scan.agent, scan.lidar, scan.tick);
         let mut crossed: Vec<(Cell, f64)> = Vec::new();
         for bundle in &*self.bundles(pose.yaw_rad) {
             for lane in bundle.lanes(start.cone()) {
@@ -240,7 +243,7 @@ mod tests {
         let (mut free, mut wall) = (Vec::new(), Vec::new());
         for tick in (0..scans).map(Tick) {
             let new = NewCells { free: &mut free, wall: &mut wall };
-            NoisyScan { noise, agent: AgentId(0), tick, bodies: &Bodies::default() }.cast(
+            NoisyScan { noise, agent: AgentId(0), lidar: 0, tick, bodies: &Bodies::default() }.cast(
                 &scanner(),
                 &mut memory,
                 &POSE,
@@ -262,7 +265,7 @@ mod tests {
         let exact = SensorNoise::default();
         // Cells that few rays hit have enough votes after some scans.
         assert_eq!(reported(&exact, 3), [free, wall]);
-        let scan = NoisyScan { noise: &exact, agent: AgentId(0), tick: Tick(0), bodies: &Bodies::default() };
+        let scan = NoisyScan { noise: &exact, agent: AgentId(0), lidar: 0, tick: Tick(0), bodies: &Bodies::default() };
         let view = scanner().view(&memory, &POSE);
         let noisy = scanner().view_noisy(&memory, &POSE, scan);
         assert_eq!((&view.free, &view.wall), (&noisy.free, &noisy.wall));
@@ -300,7 +303,8 @@ mod tests {
         let noise = SensorNoise { range_sigma_m: 0.5, ..SensorNoise::default() };
         let memory = SensorMemory::new(&hall());
         let hits = |agent, tick| {
-            let scan = NoisyScan { noise: &noise, agent: AgentId(agent), tick: Tick(tick), bodies: &Bodies::default() };
+            let (agent, tick) = (AgentId(agent), Tick(tick));
+            let scan = NoisyScan { noise: &noise, agent, lidar: 0, tick, bodies: &Bodies::default() };
             scanner().returns_noisy(&memory, &POSE, scan)
         };
         assert_eq!(hits(0, 1), hits(0, 1));

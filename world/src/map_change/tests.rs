@@ -235,7 +235,7 @@ proptest! {
         let starts = [at(1.5, 1.5), at(8.5, 7.5)];
         starts.iter().for_each(|start| { terrain.set(extent.cell_of(&start.position), Terrain::Free); });
         let params = params(rays);
-        let scanner = params.scanner.clone();
+        let scanner = params.sensors.lidars()[0].scanner.clone();
         let workers = Arc::new(Workers::new(threads).unwrap());
         let mut world = World::new(terrain, params, &starts);
         world.defer_scans();

@@ -145,7 +145,7 @@ fn rays_end_at_obstacles_and_maps_have_only_what_is_seen() {
     let index = |x| world.terrain().extent().index(Cell::new(x, 1, 1)).unwrap() as u32;
     assert!(seen.free.contains(&index(2)) && !seen.free.contains(&index(4)), "{seen:?}");
     assert!(!seen.wall.contains(&index(3)), "it is no wall");
-    let returns = world.returns(A, &Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU));
+    let returns = world.returns(A, 0, &Scanner::new(Pattern::Lattice { rays: 500 }, f64::INFINITY, TAU));
     let is_on_it = |one: &RayReturn| match one.measured {
         Measured::Surface { point, .. } => (point.x - 3.01).abs() < 1e-9,
         _ => false,

@@ -1,4 +1,4 @@
-//! The sensor of one agent. The loop requests its scans; the loop or a helper casts them.
+//! The LiDARs of one agent. The loop requests their scans; the loop or a helper casts them.
 //!
 //! While no scan is due, helpers cast scans ahead ([`SpeculativeEngine`]): those that are due next
 //! if the task of the body does not change and nothing is in its way.
@@ -13,7 +13,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
 use msgs::ids::{AgentId, Tick};
 
 use crate::body::{Body, Pose};
-use crate::lidar::{Bodies, Engine, NaiveEngine, NewCells, NoisyScan, Scanner, SensorMemory, SpeculativeEngine};
+use crate::lidar::{
+    Bodies, Engine, NaiveEngine, NewCells, NoisyScan, Scanner, SensorMemory, SensorSuite, SpeculativeEngine,
+};
 use crate::noise::SensorNoise;
 use crate::workers::Workers;
 
@@ -24,18 +26,18 @@ const AHEAD_MAX: u32 = 10;
 /// do, and what they cast too early is taken back.
 const TEAM_AHEAD: u32 = 100;
 
-/// What is common to the LiDARs of all agents.
+/// What is common to the LiDARs of all agents that have the same ones.
 #[derive(Debug)]
 pub(crate) struct Lidar {
-    pub(crate) scanner: Scanner,
-    pub(crate) noise: SensorNoise,
+    pub(crate) sensors: SensorSuite,
+    noise: SensorNoise,
     /// Scans that each sensor casts ahead at most.
     ahead_max: u32,
     /// The sensors with scans to cast ahead. Those that have waited longest come first.
     ahead: Mutex<VecDeque<Weak<SensorCell>>>,
 }
 
-/// The sensor of one agent; clones are the same sensor.
+/// The LiDARs of one agent, which scan together; clones are the same ones.
 #[derive(Debug, Clone)]
 pub(crate) struct Sensor(Arc<SensorCell>);
 
@@ -105,14 +107,19 @@ pub(super) struct ScanResult {
 
 impl Lidar {
     /// The LiDARs of a team of `agents`.
-    pub(crate) fn new(scanner: Scanner, noise: SensorNoise, agents: u32) -> Self {
+    pub(crate) fn new(sensors: SensorSuite, noise: SensorNoise, agents: u32) -> Self {
         let ahead_max = (TEAM_AHEAD / agents.max(1)).clamp(1, AHEAD_MAX);
-        Self { scanner, noise, ahead_max, ahead: Mutex::default() }
+        Self { sensors, noise, ahead_max, ahead: Mutex::default() }
     }
 
     /// Whether two scans from one pose may see different things, by noise or by bodies in the way.
     pub(crate) fn scans_differ(&self) -> bool {
-        self.noise.affects_scans() || self.scanner.meets_bodies()
+        self.noise.affects_scans() || self.sensors.meets_bodies()
+    }
+
+    /// The only LiDAR, whose scans may be cast ahead if they do not differ.
+    fn only_scanner(&self) -> Option<&Scanner> {
+        if let [only] = self.sensors.lidars() { Some(&only.scanner) } else { None }
     }
 
     fn ahead(&self) -> MutexGuard<'_, VecDeque<Weak<SensorCell>>> {
@@ -133,15 +140,21 @@ impl Sensor {
         Self(Arc::new(SensorCell { agent, lidar: Arc::clone(lidar), schedule, is_announced, state, found }))
     }
 
+    /// What the LiDARs are.
+    pub(crate) fn lidar(&self) -> &Lidar {
+        &self.0.lidar
+    }
+
     /// Has a scan cast once its results are collected, or by a helper that it is announced to.
     pub(super) fn request(&self, pose: Pose, tick: Tick, bodies: Bodies) {
         self.0.schedule().due.push_back((pose, tick, bodies));
     }
 
     /// Names the scans that are due next: in so many ticks, and then one in each period. `last` is
-    /// the pose of the last one. Returns whether any are cast ahead: with noise none are.
+    /// the pose of the last one. Returns whether any are cast ahead: with noise, and of several
+    /// LiDARs, none are.
     pub(super) fn expect(&self, body: &Body, last: Option<Pose>, ticks: u64, period_ticks: u32) -> bool {
-        if self.0.lidar.scans_differ() {
+        if self.0.lidar.scans_differ() || self.0.lidar.only_scanner().is_none() {
             return false;
         }
         let (body, period_ticks) = (body.clone(), period_ticks.into());
@@ -233,21 +246,36 @@ impl SensorCell {
             // Not held while casting.
             drop(schedule);
             let Some((pose, tick, bodies)) = next else { return };
-            let Lidar { scanner, noise, .. } = &*self.lidar;
-            let mut noisy = NoisyScan { noise, agent: self.agent, tick, bodies: &bodies };
-            let State { memory, engine } = state;
-            let mut naive = NaiveEngine::past(bodies.clone());
-            let engine: &mut dyn Engine = if noise.affects_scans() {
-                &mut noisy
-            } else if scanner.meets_bodies() {
-                &mut naive
-            } else {
-                engine
-            };
             self.found().add(tick, |new| {
-                engine.cast(scanner, memory, &pose, new);
+                for (number, scanner) in self.lidar.sensors.scanners().enumerate() {
+                    let new = NewCells { free: &mut *new.free, wall: &mut *new.wall };
+                    self.cast(state, (number, scanner), (&pose, tick), &bodies, new);
+                }
             });
         }
+    }
+
+    /// Casts the scan of one of the LiDARs.
+    fn cast(
+        &self,
+        State { memory, engine }: &mut State,
+        (lidar, scanner): (usize, &Scanner),
+        (pose, tick): (&Pose, Tick),
+        bodies: &Bodies,
+        new: NewCells<'_>,
+    ) {
+        let noise = &self.lidar.noise;
+        let bodies = bodies.met_by(scanner);
+        let mut noisy = NoisyScan { noise, agent: self.agent, lidar, tick, bodies: &bodies };
+        let mut naive = NaiveEngine::past(bodies.clone());
+        let engine: &mut dyn Engine = if noise.affects_scans() {
+            &mut noisy
+        } else if scanner.meets_bodies() {
+            &mut naive
+        } else {
+            engine
+        };
+        engine.cast(scanner, memory, pose, new);
     }
 
     /// Adds this sensor to those with scans to cast ahead, if it has any.
@@ -264,6 +292,7 @@ impl SensorCell {
         let mut schedule = self.schedule();
         schedule.is_listed = false;
         let Some(mut expected) = schedule.expected.take() else { return };
+        let Some(scanner) = self.lidar.only_scanner() else { return };
         drop(schedule);
         let is_at_end = expected.body.foresee(expected.ticks, Tick::TICK_S);
         let pose = *expected.body.pose();
@@ -271,7 +300,7 @@ impl SensorCell {
         let Ok(mut state) = self.state.try_lock() else { return };
         self.cast_due(&mut state);
         let State { memory, engine } = &mut *state;
-        if engine.cast_ahead(&self.lidar.scanner, memory, expected.previous.as_ref(), &pose) {
+        if engine.cast_ahead(scanner, memory, expected.previous.as_ref(), &pose) {
             expected.left -= 1;
         }
         drop(state);
@@ -317,7 +346,7 @@ mod tests {
             hall.set(voxels::Cell::new(12, 4, z), Terrain::Wall);
         }
         let scanner = Scanner::new(Pattern::Lattice { rays: 1500 }, 20.0, TAU);
-        let lidar = Arc::new(Lidar::new(scanner, SensorNoise::default(), 1));
+        let lidar = Arc::new(Lidar::new(scanner.into(), SensorNoise::default(), 1));
         Sensor::new(AgentId(0), &lidar, SensorMemory::new(&hall))
     }
 

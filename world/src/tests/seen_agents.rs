@@ -1,6 +1,6 @@
 //! LiDARs whose rays end at the bodies of others.
 
-use super::lidar::Measured;
+use super::lidar::{Measured, RayReturn};
 use super::*;
 
 const RADIUS_M: f64 = 0.4;
@@ -8,12 +8,17 @@ const RADIUS_M: f64 = 0.4;
 fn params_of(sees_agents: bool, noise: SensorNoise) -> WorldParams {
     let body = BodyModel { radius_m: RADIUS_M, ..BodyModel::default() };
     let scanner = Scanner::new(Pattern::Lattice { rays: 4000 }, f64::INFINITY, TAU).seeing_agents(sees_agents);
-    WorldParams { body, scanner, noise, ..params() }
+    WorldParams { body, sensors: scanner.into(), noise, ..params() }
 }
 
 /// Two bodies in a tunnel of 12 x 1 x 1 cells, at 1.5 m and 4.5 m.
 fn in_tunnel(sees_agents: bool, noise: SensorNoise) -> World {
     World::new(hall([12, 1, 1]), params_of(sees_agents, noise), &[at(1.5, 1.5, 1.5), at(4.5, 1.5, 1.5)])
+}
+
+/// What the rays of the only LiDAR of an agent measure.
+fn returns(world: &World) -> Vec<RayReturn> {
+    world.returns(A, 0, &world.sensors(A).lidars()[0].scanner)
 }
 
 #[test]
@@ -23,7 +28,7 @@ fn rays_end_at_bodies_of_others_which_are_nothing_of_the_map() {
     for sees_agents in [false, true] {
         let mut world = in_tunnel(sees_agents, SensorNoise::default());
         world.sense(&workers);
-        let returns = world.returns(A, &world.scanner().clone());
+        let returns = returns(&world);
         let ahead = returns.iter().max_by(|one, other| one.direction.x.total_cmp(&other.direction.x)).unwrap();
         let Measured::Surface { point, incidence_cos } = ahead.measured else { panic!("{ahead:?}") };
         let expected_m = if sees_agents { 4.5 - RADIUS_M } else { 13.0 };
@@ -88,7 +93,7 @@ fn bodies_seem_farther_or_nearer_with_noise() {
     let noise = SensorNoise { range_sigma_m: 0.2, seed: 1, ..SensorNoise::default() };
     let mut world = in_tunnel(true, noise);
     world.sense(&workers(1));
-    let returns = world.returns(A, &world.scanner().clone());
+    let returns = returns(&world);
     let on_body = returns.iter().filter(|ray| ray.direction.x > 0.995).filter_map(|ray| ray.point());
     let errors_m: Vec<f64> = on_body.map(|point| point.x - (4.5 - RADIUS_M)).collect();
     assert!(errors_m.iter().all(|error_m| error_m.abs() < 1.2), "{errors_m:?}");
@@ -99,11 +104,14 @@ fn bodies_seem_farther_or_nearer_with_noise() {
 fn bodies_that_are_too_near_are_not_seen() {
     let mount = crate::lidar::Mount { min_range_m: 3.0, ..Default::default() };
     let params = params_of(true, SensorNoise::default());
-    let scanner = params.scanner.clone().on(mount);
-    let mut world =
-        World::new(hall([12, 1, 1]), WorldParams { scanner, ..params }, &[at(1.5, 1.5, 1.5), at(4.5, 1.5, 1.5)]);
+    let scanner = params.sensors.lidars()[0].scanner.clone().on(mount);
+    let mut world = World::new(
+        hall([12, 1, 1]),
+        WorldParams { sensors: scanner.into(), ..params },
+        &[at(1.5, 1.5, 1.5), at(4.5, 1.5, 1.5)],
+    );
     world.sense(&workers(1));
-    let returns = world.returns(A, &world.scanner().clone());
+    let returns = returns(&world);
     let ahead = returns.iter().max_by(|one, other| one.direction.x.total_cmp(&other.direction.x)).unwrap();
     assert_eq!(ahead.measured, Measured::TooNear);
 }

@@ -33,7 +33,7 @@ const UNLIMITED: f64 = f64::INFINITY;
 
 /// All keys, table by table.
 #[rustfmt::skip]
-pub const TABLES: [Table; 26] = [
+pub const TABLES: [Table; 27] = [
     Table::new("", &[
         key("seed", Seed, Required, NONE,
             "seed of everything random: the map, unless map.seed is given, and the agents",
@@ -365,6 +365,13 @@ pub const TABLES: [Table; 26] = [
             .limits("within the radius of the smallest body"),
         key("mount_pitch_rad", Number("rad"), Unset("0"), between(-FRAC_PI_2, FRAC_PI_2),
             "by how much the sensor looks up", "ours").limits("-pi/2 to pi/2"),
+    ]),
+    Table::new("lidars", &[
+        key("name", Name, Required, NONE,
+            "part of its topics and frames", "ours").see("sensors.md#several-sensors")
+            .limits("a to z, 0 to 9 and single `_` inside, up to 32; of each agent once"),
+        key("agents", Ids, Unset("all"), NONE,
+            "agents that have it", "ours").limits("0 to `agents.count` - 1, each once"),
     ]),
     Table::new("communication", &[
         key("range_m", Number("m"), Is("inf"), at_least(0.0, UNLIMITED),

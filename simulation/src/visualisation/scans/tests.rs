@@ -8,6 +8,7 @@ use protocol::limits::VIEW_BYTES_MAX;
 use voxels::{Cell, Extent, Grid, Terrain, walk};
 
 use super::*;
+use msgs::ids::AgentId;
 use world::comms::{Comms, ContactModel};
 use world::lidar::{Mount, Pattern, Scanner};
 use world::noise::SensorNoise;
@@ -44,6 +45,8 @@ fn scanned(grid: RayGrid, range_m: f64, mount: Mount, noise: SensorNoise) -> Wor
     world.step(BTreeMap::new());
     world
 }
+
+const ONLY: SensorId = SensorId { agent: AgentId(0), number: 0, name: None };
 
 const MOUNT: Mount = Mount { height_m: 0.2, min_range_m: 0.0 };
 
@@ -93,7 +96,7 @@ fn ranges_are_those_of_rays_at_their_angles() {
         (TAU, 0.0, [0.0, 30.0 * degree], 0.0),
     ] {
         let world = scanned(ring(horizontal_rad, pitch_rad, lines), f64::INFINITY, MOUNT, SensorNoise::default());
-        let scan = laser_scan(&world, AgentId(0)).unwrap();
+        let scan = laser_scan(&world, ONLY).unwrap();
         assert_eq!((scan.header.frame_id.as_str(), scan.header.stamp), ("agent_0/lidar", msgs::ids::Tick(0).into()));
         assert_eq!((scan.ranges.len(), scan.scan_time, scan.time_increment), (90, 0.1, 0.0));
         assert!((f64::from(scan.angle_max - scan.angle_min) / 89.0 - horizontal_rad / 90.0).abs() < 1e-6);
@@ -114,7 +117,7 @@ fn distances_without_a_return_say_why() {
     let mount = Mount { min_range_m: 7.0, ..MOUNT };
     let lines = [-0.1, 0.1];
     let world = scanned(ring(TAU, 0.0, lines), 9.0, mount, SensorNoise::default());
-    let scan = laser_scan(&world, AgentId(0)).unwrap();
+    let scan = laser_scan(&world, ONLY).unwrap();
     let count = |kind: fn(f32) -> bool| scan.ranges.iter().filter(|&&range_m| kind(range_m)).count();
     assert!(count(|range_m| range_m == f32::INFINITY) > 5, "{:?}", scan.ranges);
     assert!(count(|range_m| range_m == f32::NEG_INFINITY) > 5, "{:?}", scan.ranges);
@@ -124,10 +127,10 @@ fn distances_without_a_return_say_why() {
 
     let noise = SensorNoise { missed_returns: 0.5, seed: 3, ..SensorNoise::default() };
     let world = scanned(ring(TAU, 0.0, lines), f64::INFINITY, MOUNT, noise);
-    let scan = laser_scan(&world, AgentId(0)).unwrap();
+    let scan = laser_scan(&world, ONLY).unwrap();
     let missed = scan.ranges.iter().filter(|range_m| range_m.is_nan()).count();
     assert!((20..70).contains(&missed), "{missed}");
-    let image = depth_image(&scanned(frustum(20, 10, 0.0), 8.0, MOUNT, noise), AgentId(0)).unwrap();
+    let image = depth_image(&scanned(frustum(20, 10, 0.0), 8.0, MOUNT, noise), ONLY).unwrap();
     assert!(depths_m(&image).iter().any(|depth_m| depth_m.is_nan()));
 }
 
@@ -143,7 +146,7 @@ fn pixels_are_projected_as_the_camera_info_says() {
         [(81, 60, 0.0, [81, 60]), (80, 61, -0.3, [80, 61]), (320, 240, 0.2, [107, 80])]
     {
         let world = scanned(frustum(columns, rows, pitch_rad), f64::INFINITY, MOUNT, SensorNoise::default());
-        let (image, info) = (depth_image(&world, AgentId(0)).unwrap(), camera_info(&world, AgentId(0)).unwrap());
+        let (image, info) = (depth_image(&world, ONLY).unwrap(), camera_info(&world, ONLY).unwrap());
         assert_eq!(([image.width, image.height], image.encoding.as_str(), image.step), (size, "32FC1", 4 * size[0]));
         assert_eq!((&info.header, info.width, info.height), (&image.header, image.width, image.height));
         assert_eq!(image.header.frame_id, "agent_0/camera_optical_frame");
@@ -163,7 +166,7 @@ fn pixels_are_projected_as_the_camera_info_says() {
 #[test]
 fn depths_beyond_the_range_are_infinite() {
     let world = scanned(frustum(80, 60, 0.0), 8.0, MOUNT, SensorNoise::default());
-    let depths_m = depths_m(&depth_image(&world, AgentId(0)).unwrap());
+    let depths_m = depths_m(&depth_image(&world, ONLY).unwrap());
     assert!(depths_m.contains(&f32::INFINITY) && depths_m.iter().any(|depth_m| depth_m.is_finite()));
     assert!(depths_m.iter().all(|&depth_m| depth_m == f32::INFINITY || depth_m <= 8.0));
 }
@@ -172,9 +175,9 @@ fn depths_beyond_the_range_are_infinite() {
 fn each_sensor_has_its_own_messages() {
     let camera = scanned(frustum(8, 6, 0.0), 4.5, MOUNT, SensorNoise::default());
     let rings = scanned(ring(TAU, 0.0, [-0.1, 0.1]), 4.5, MOUNT, SensorNoise::default());
-    assert!(laser_scan(&camera, AgentId(0)).is_none() && depth_image(&rings, AgentId(0)).is_none());
-    assert!(camera_info(&rings, AgentId(0)).is_none());
+    assert!(laser_scan(&camera, ONLY).is_none() && depth_image(&rings, ONLY).is_none());
+    assert!(camera_info(&rings, ONLY).is_none());
     // Angles are those of the body, whatever its heading.
-    let first = laser_scan(&rings, AgentId(0)).unwrap();
+    let first = laser_scan(&rings, ONLY).unwrap();
     assert!((f64::from(first.angle_min) + PI * 89.0 / 90.0).abs() < 1e-6);
 }
