@@ -15,7 +15,7 @@ use agent::bodies::legs_m;
 use agent::command::Motion;
 use agent::navigation::NavigationStatus;
 use agent::observation::Observation;
-use agent::path::{Neighbours, Path, quicker, straighten};
+use agent::path::{Goal, Neighbours, Path, Search, quicker, straighten};
 
 /// Cells of a path, or edges of the tree, that an agent follows one by one to get clear of other
 /// bodies before it takes straight legs.
@@ -66,6 +66,14 @@ pub(super) fn motion_to(
     let moves = ctx.graph(Neighbours::TwentySix);
     let path = paths.path(graph, moves, (ctx.cell(), to), &|cell| obstacles.occupy(cell))?;
     motion_along(ctx, &path, obstacles, waypoints)
+}
+
+/// The motion to the place of another cell that avoids the other agents, on the shortest path past
+/// them.
+pub(crate) fn way_round(ctx: &Ctx<'_>, to: Cell, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
+    let is_open = |cell| !obstacles.occupy(cell);
+    let search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Cell(to));
+    motion_along(ctx, &search.within(&is_open).run()?, obstacles, waypoints)
 }
 
 /// The motion along a path that avoids the other agents, if possible on the wanted waypoints; else
