@@ -33,7 +33,7 @@ const BLOCKAGES_MIN: u32 = 4;
 /// Sim time from the first of them to the last: 20 s.
 const STANDING_TICKS: u64 = 1000;
 
-/// Rest before the next plan: 10 s more for each further blockage, up to two minutes.
+/// Rest before the next plan: 10 s more each time, up to two minutes.
 const REST_TICKS: u64 = 500;
 const RESTS_MAX: u32 = 12;
 
@@ -109,8 +109,8 @@ impl Standing {
     /// The time of a rest before it: longer and longer, unless this agent is to leave its way as
     /// soon as it can.
     fn rest_ticks(&self) -> u64 {
-        let rests = if self.is_owed { 1 } else { self.blockages - BLOCKAGES_MIN + 1 };
-        REST_TICKS * u64::from(rests.min(RESTS_MAX))
+        let rests = if self.is_owed { 1 } else { self.stays };
+        REST_TICKS * u64::from(rests.clamp(1, RESTS_MAX))
     }
 }
 

@@ -286,6 +286,8 @@ mod tests {
     use super::*;
     use crate::testing::{World, flat};
     use agent::command::ScanRequest;
+    use agent::observation::FieldOfView;
+    use msgs::ids::Tick;
 
     const HALL: &str = "\
         ##########\n\
@@ -299,6 +301,32 @@ mod tests {
     fn controller(search_time: &str) -> Boustrophedon {
         let mut settings = Settings::parse(&[format!("search_time={search_time}")]).unwrap();
         Boustrophedon::new(&mut settings, voxels::random_streams::stream(1, 0, "test")).unwrap()
+    }
+
+    #[test]
+    fn what_is_left_to_see_comes_before_the_sweep_once_nothing_new_is_seen() {
+        let mut world = World::known(&HALL.replace("#........#", "#.......?#"), flat(1, 1));
+        let view = FieldOfView {
+            horizontal_rad: std::f64::consts::TAU,
+            lowest_rad: -0.3,
+            highest_rad: 0.3,
+            spacing_rad: 0.01,
+            min_range_m: 0.0,
+        };
+        world.run_info.field_of_view = Some(view);
+        world.run_info.lidar_range_m = 20.0;
+        world.observation.scan_tick = Some(Tick::ZERO);
+        let mut controller = controller("instant");
+        let sweeps = world.ask(&mut controller);
+        assert_eq!(sweeps.info, "ploughs");
+        world.arrive(&sweeps.motion);
+        world.wait(2000);
+        let looks = world.ask(&mut controller);
+        assert!(looks.info.starts_with("goes to "), "{looks:?}");
+        world.arrive(&looks.motion);
+        world.map.note_wall(&[world.map.extent().index(flat(8, 3)).unwrap() as u32]);
+        world.ask(&mut controller);
+        assert!(!controller.growth.has_stalled(&world.map, world.observation.tick));
     }
 
     #[test]

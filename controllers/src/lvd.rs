@@ -217,8 +217,9 @@ impl Lvd {
         self.destination = Some((goal, purpose));
         ctx.limit_searches(if ctx.is_confined() { WIDE_SEARCH_CELLS_MAX } else { SEARCH_CELLS_MAX });
         let to = ctx.approach(goal);
-        // As near as a wide body comes, and still it has not been visited.
-        let is_pointless = |to: Cell| ctx.is_confined() && to == ctx.cell() && purpose.is_visit();
+        // As near as a wide body comes, and still it has not been visited or shown anything.
+        let is_there = |to: Cell| ctx.is_confined() && to == ctx.cell();
+        let is_pointless = |to: Cell| is_there(to) && (purpose.is_visit() || purpose == Purpose::Viewpoint);
         let status = match to.filter(|&to| !is_pointless(to)) {
             Some(to) if ctx.is_clear_to(to) || !self.flood.is_cut_off(ctx.map(), to, ctx.cell(), POCKET_CELLS_MAX) => {
                 ctx.go_to_cell(to, self.search_time)
