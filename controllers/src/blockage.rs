@@ -37,11 +37,14 @@ const STANDING_TICKS: u64 = 1000;
 const REST_TICKS: u64 = 500;
 const RESTS_MAX: u32 = 12;
 
+/// The same for an agent that leaves the way as soon as it can: up to 30 s.
+const OWED_RESTS_MAX: u32 = 3;
+
 /// The rests, from 1 on, instead of which an agent leaves the way of one with a lower id that is
 /// shut in, or if it has not far to go; those at which it does so anyway, if only for where it is
 /// far from the others; and how much later it leaves that of one with a higher id.
 const TURNS: &[u32] = &[1, 5, 25, 125];
-const LATE_TURNS: &[u32] = &[3, 8, 20, 100];
+const LATE_TURNS: &[u32] = &[20, 100];
 const LATER: u32 = 2;
 
 /// What is not far, as a multiple of the distance at which the bodies touch.
@@ -75,6 +78,8 @@ pub(crate) struct Blockages {
     /// Whether it has tried to get round them since it last waited for one.
     has_detoured: bool,
     waiting: Option<Waiting>,
+    /// Whether it leaves no way.
+    only_rests: bool,
 }
 
 /// A body that has not moved between blockages.
@@ -109,8 +114,8 @@ impl Standing {
     /// The time of a rest before it: longer and longer, unless this agent is to leave its way as
     /// soon as it can.
     fn rest_ticks(&self) -> u64 {
-        let rests = if self.is_owed { 1 } else { self.stays };
-        REST_TICKS * u64::from(rests.clamp(1, RESTS_MAX))
+        let rests_max = if self.is_owed { OWED_RESTS_MAX } else { RESTS_MAX };
+        REST_TICKS * u64::from(self.stays.clamp(1, rests_max))
     }
 }
 
@@ -143,6 +148,12 @@ pub(crate) enum Yield {
 }
 
 impl Blockages {
+    /// The blockages of an agent that leaves no way, but rests: its controller would draw it back
+    /// at once.
+    pub(crate) fn with_rests_alone() -> Self {
+        Self { only_rests: true, ..Self::default() }
+    }
+
     /// [`Blockages::note`] for controllers that plan as if no body were in the way. Before bodies
     /// that are taken to stay they make a detour, if there is one, clear of all that are nearby;
     /// then steps aside, and only then they rest.
@@ -301,7 +312,7 @@ impl Blockages {
     /// is its turn and there is room anywhere.
     fn leaves_way(&mut self, staying: &[usize], observation: &Observation, ctx: &Ctx<'_>) -> Option<Command> {
         let before = self.standing[staying[0]];
-        let agent = before.agent?;
+        let agent = before.agent.filter(|_| !self.only_rests)?;
         let is_shut_in = room::is_shut_in((agent, before.at), observation, ctx);
         self.standing[staying[0]].is_shut_in = is_shut_in;
         let later = if agent < ctx.agent() { 0 } else { LATER };
@@ -321,7 +332,7 @@ impl Blockages {
         let standing = &mut self.standing[staying[0]];
         let motion = motion.filter(|motion| is_shut_in || is_late_turn || is_short(motion));
         // It is its turn still if bodies behind it are in the way.
-        standing.is_owed = motion.is_none() && (is_shut_in || is_late_turn);
+        standing.is_owed = motion.is_none() && is_shut_in;
         let motion = motion?;
         standing.leaves += 1;
         let until = Until::Left(AWAY_TICKS * u64::from(standing.leaves));

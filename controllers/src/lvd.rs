@@ -207,7 +207,7 @@ impl Lvd {
             refused: Vec::new(),
             wide: None,
             waits_until: Tick::ZERO,
-            blockages: Blockages::default(),
+            blockages: Blockages::with_rests_alone(),
             has_asked_for_view: false,
             last_info: String::new(),
         })

@@ -56,11 +56,11 @@ fn pocket() -> Grid<Terrain> {
 fn controller_that_takes_over_is_not_at_rest_before_it_says_so() {
     // The team rests by then, and the one that takes over never does.
     let keys = "duration_s = 1200.0\nbody = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\n\
-                agents = { count = 2, controller = \"dsvp\" }\n[[event]]\nat_s = 90.0\nkind = \"set\"\n\
+                agents = { count = 2, controller = \"dsvp\" }\n[[event]]\nat_s = 30.0\nkind = \"set\"\n\
                 set = { \"agents.controller\" = \"rbw\" }\n";
     let run = result(&pocket(), keys);
     assert_eq!(run.reason, "nothing more can be seen", "{}", run.explored);
-    assert!(run.tick > 4510, "{}", run.tick);
+    assert!(run.tick > 3000, "{}", run.tick);
 }
 
 #[test]

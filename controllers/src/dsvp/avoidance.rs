@@ -81,8 +81,9 @@ pub(crate) fn way_round(ctx: &Ctx<'_>, to: Cell, obstacles: &Obstacles, waypoint
 pub(crate) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
     let map = ctx.map();
     let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);
-    if let Some(motion) = ctx.recentring() {
-        return Some(motion).filter(is_clear);
+    let recentrings = ctx.recentrings();
+    if !recentrings.is_empty() {
+        return recentrings.into_iter().find(is_clear);
     }
     let NavigationStatus::Go(straight) = ctx.follow(path) else { return None };
     let after = |steps: usize| {
