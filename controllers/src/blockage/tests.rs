@@ -130,9 +130,8 @@ fn a_detour_comes_before_steps_aside_and_rests() {
     assert!(matches!(yields[4], Yield::Rest(_)) && is_detour(5) && matches!(yields[6], Yield::Rest(_)), "{yields:?}");
 }
 
-/// Controllers that explore until nothing is left, and choose goals of their own.
-const EXPLORERS: [&str; 9] =
-    ["lvd", "dsvp", "dsvp-auction", "dsvp-team", "hungarian", "rendezvous", "racer", "c2-explorer", "nearest-frontier"];
+/// Controllers that go to whatever frontier they can come to.
+const EXPLORERS: [&str; 2] = ["lvd", "nearest-frontier"];
 
 /// Free cells that a body comes to by steps to faces from where it is, past one that stands in a
 /// cell.
