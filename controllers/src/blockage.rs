@@ -6,8 +6,9 @@
 //! first leaves the way: the one with the higher id at once, and the one with the lower id if the
 //! other has not made way in the meantime. It backs out to where there is room (`room`), and stays
 //! there for a while. If the other body then stands where it stood, it has had no use for the room.
-//! The agent rests before it, and leaves the way again only after many more rests, since it may
-//! have had another one behind it.
+//! The agent rests before it, and leaves the way again only after more and more rests, since the
+//! other one may have had another one behind it: so do the bodies of a jam in a lane, the last one
+//! first. One that is due to leave and is shut in tries it again and again.
 //!
 //! A rest ends when that body moves or its contact ends, and after longer and longer times, since a
 //! body without a radio is noticed by collisions alone. A change of its map ends all that.
@@ -32,13 +33,16 @@ const BLOCKAGES_MIN: u32 = 4;
 /// Sim time from the first of them to the last: 20 s.
 const STANDING_TICKS: u64 = 1000;
 
-/// Rest before the next plan: 10 s more for each further blockage, up to two minutes.
+/// Rest before the next plan: 10 s more each time, up to two minutes.
 const REST_TICKS: u64 = 500;
 const RESTS_MAX: u32 = 12;
 
+/// The same for an agent that leaves the way as soon as it can: up to 30 s.
+const OWED_RESTS_MAX: u32 = 3;
+
 /// The rests, from 1 on, instead of which an agent leaves the way of one with a lower id that is
-/// shut in, or if it has not far to go; those at which it does so anyway; and how much later it
-/// leaves that of one with a higher id.
+/// shut in, or if it has not far to go; those at which it does so anyway, if only for where it is
+/// far from the others; and how much later it leaves that of one with a higher id.
 const TURNS: &[u32] = &[1, 5, 25, 125];
 const LATE_TURNS: &[u32] = &[20, 100];
 const LATER: u32 = 2;
@@ -71,6 +75,8 @@ pub(crate) struct Blockages {
     standing: Vec<Standing>,
     /// Steps aside before bodies that are taken to stay.
     steps_aside: u32,
+    /// Whether it has tried to get round them since it last waited for one.
+    has_detoured: bool,
     waiting: Option<Waiting>,
     /// Whether it leaves no way.
     only_rests: bool,
@@ -89,7 +95,7 @@ struct Standing {
     stays: u32,
     /// Whether it was found to be shut in by this agent and others.
     is_shut_in: bool,
-    /// How often this agent has left its way, and whether it was to do so and found no room.
+    /// How often this agent has left its way, and whether it was to do so and found no way.
     leaves: u32,
     is_owed: bool,
 }
@@ -105,9 +111,11 @@ impl Standing {
         wakes_at(if self.is_shut_in { until.min(now.after(LOOK_TICKS)) } else { until })
     }
 
-    /// The time of a rest before it: longer and longer.
+    /// The time of a rest before it: longer and longer, unless this agent is to leave its way as
+    /// soon as it can.
     fn rest_ticks(&self) -> u64 {
-        REST_TICKS * u64::from((self.blockages - BLOCKAGES_MIN + 1).min(RESTS_MAX))
+        let rests_max = if self.is_owed { OWED_RESTS_MAX } else { RESTS_MAX };
+        REST_TICKS * u64::from(self.stays.clamp(1, rests_max))
     }
 }
 
@@ -133,6 +141,8 @@ enum Until {
 pub(crate) enum Yield {
     /// A rest where the body is, or on its way to where there is room for the other one.
     Rest(Command),
+    /// A way round the body, or to another goal.
+    Detour(Command),
     /// A step aside, from where the next attempt may lead past.
     StepAside,
 }
@@ -144,15 +154,35 @@ impl Blockages {
         Self { only_rests: true, ..Self::default() }
     }
 
-    /// [`Blockages::note`] for controllers that find no path around a body but by steps aside,
-    /// which come before the rests.
-    pub(crate) fn note_between_steps(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Option<Yield> {
+    /// [`Blockages::note`] for controllers that plan as if no body were in the way. Before bodies
+    /// that are taken to stay they make a detour, if there is one, clear of all that are nearby;
+    /// then steps aside, and only then they rest.
+    pub(crate) fn note_between_steps(
+        &mut self,
+        observation: &Observation,
+        ctx: &Ctx<'_>,
+        detour: impl FnOnce(&Obstacles) -> Option<Command>,
+    ) -> Option<Yield> {
         let staying = self.count_all(observation, ctx)?;
+        if !self.has_detoured {
+            self.has_detoured = true;
+            let obstacles = Obstacles::of(observation, ctx);
+            if !obstacles.is_empty()
+                && let Some(command) = detour(&obstacles)
+            {
+                return Some(Yield::Detour(command));
+            }
+        }
         if self.steps_aside == STEPS_ASIDE_MAX {
             return Some(Yield::Rest(self.waits(&staying, observation, ctx)));
         }
         self.steps_aside += 1;
         Some(Yield::StepAside)
+    }
+
+    /// Whether the agent rests before a body or is out of its way.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.waiting.is_some()
     }
 
     /// Whether this body has run into one that is not in contact, at the same place again: it has
@@ -219,7 +249,7 @@ impl Blockages {
         let known_cells = ctx.map().free() + ctx.map().wall();
         if std::mem::replace(&mut self.known_cells, known_cells) != known_cells {
             self.standing.clear();
-            self.steps_aside = 0;
+            (self.steps_aside, self.has_detoured) = (0, false);
         }
         let now = observation.tick;
         let blocking = blocking(observation, ctx);
@@ -236,6 +266,7 @@ impl Blockages {
     /// Leaves the way of the first of the bodies that stay, or rests before it.
     fn waits(&mut self, staying: &[usize], observation: &Observation, ctx: &Ctx<'_>) -> Command {
         let now = observation.tick;
+        self.has_detoured = false;
         self.standing[staying[0]].stays += 1;
         if let Some(command) = self.leaves_way(staying, observation, ctx) {
             return command;
@@ -293,7 +324,10 @@ impl Blockages {
         let touch_m = ctx.body().radius_m + ctx.run_info().bodies.of(agent).radius_m;
         let places = staying.iter().map(|&number| self.standing[number]);
         let places: Vec<Point3<f64>> = places.filter(|standing| standing.agent.is_some()).map(|it| it.at).collect();
-        let motion = room::way_to_room(ctx, &Obstacles::of(observation, ctx), &places, CLEARANCE * touch_m);
+        let obstacles = Obstacles::of(observation, ctx);
+        let is_late_turn = is_late_turn || before.is_owed;
+        let back = || room::way_back(ctx, &obstacles, &places, SHORT * touch_m).filter(|_| is_late_turn);
+        let motion = room::way_to_room(ctx, &obstacles, &places, CLEARANCE * touch_m).or_else(back);
         let is_short = |motion: &Motion| path_length_m(&ctx.position(), motion) < SHORT * touch_m;
         let standing = &mut self.standing[staying[0]];
         let motion = motion.filter(|motion| is_shut_in || is_late_turn || is_short(motion));

@@ -8,8 +8,8 @@
 //! it, it takes the shortest path to the nearest one that no agent in contact is nearer to; else to
 //! the nearest of all. Cells that others report as covered are left out.
 //!
-//! A confined body cannot be in every free cell: once it knows no other cell to be in, it goes
-//! where it sees something unexplored (`viewpoints.rs`).
+//! A confined body cannot be in every free cell: once it knows no other cell to be in, or its map
+//! has not grown for long, it goes where it sees something unexplored (`viewpoints.rs`).
 //!
 //! It decides at the end of a line, so decisions are few. New free space is swept as soon as it is
 //! seen.
@@ -24,9 +24,10 @@ use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::blockage::{Blockages, Yield};
+use super::dsvp::avoidance::{Waypoints, way_round};
 use super::dsvp::obstacles::{self, Obstacles};
 use super::settings::{SettingError, Settings};
-use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
+use super::viewpoints::{Growth, NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, collision_recovery};
 use agent::command::{Command, Motion, Stage, WakeCondition};
 use agent::exploration_map::{CellState, ExplorationMap};
@@ -74,6 +75,7 @@ pub struct Boustrophedon {
     abandoned: BTreeSet<Cell>,
     /// Of a confined body, once it knows no other cell to be in.
     viewpoints: Option<Viewpoints>,
+    growth: Growth,
 }
 
 impl Boustrophedon {
@@ -90,6 +92,7 @@ impl Boustrophedon {
             blockages: Blockages::default(),
             abandoned: BTreeSet::new(),
             viewpoints: None,
+            growth: Growth::default(),
         })
     }
 
@@ -142,8 +145,21 @@ impl Boustrophedon {
     /// Another agent is in the way: rests before one that stays, else steps aside; the one
     /// with the lowest id continues first, so that two agents do not meet again and again.
     fn give_way(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
-        self.task = Task::None;
-        if let Some(Yield::Rest(command)) = self.blockages.note_between_steps(observation, ctx) {
+        let task = std::mem::replace(&mut self.task, Task::None);
+        let mut blockages = std::mem::take(&mut self.blockages);
+        let standing = blockages.note_between_steps(observation, ctx, |obstacles| {
+            let goal = match task {
+                Task::Transit(goal) if goal != ctx.cell() && !obstacles.occupy(goal) => Some(goal),
+                _ => self.nearest(observation, ctx, &|cell| !obstacles.occupy(cell)),
+            };
+            let goal = goal.filter(|&goal| goal != ctx.cell())?;
+            let motion = way_round(ctx, goal, obstacles, Waypoints::Fewest)?;
+            self.task = Task::Transit(goal);
+            let Cell { x, y, z } = goal;
+            Some(Command::new(motion, WakeCondition::TASK_DONE).with_info(format!("goes past a body to {x} {y} {z}")))
+        });
+        self.blockages = blockages;
+        if let Some(Yield::Rest(command) | Yield::Detour(command)) = standing {
             return command;
         }
         let is_near = |contact: &&Contact| {
@@ -152,6 +168,18 @@ impl Boustrophedon {
         let yields = observation.contacts.iter().filter(is_near).any(|contact| contact.agent < ctx.agent());
         let hold_ticks = if yields { LONG_HOLD_TICKS } else { collision_recovery::HOLD_TICKS };
         collision_recovery::step_aside_for(hold_ticks, &mut self.rng, ctx)
+    }
+
+    /// A goal that comes before the sweep, if the map has not grown for long.
+    fn viewpoint_first(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Poll<Option<Cell>> {
+        if !ctx.needs_viewpoints() || !self.growth.has_stalled(ctx.map(), observation.tick) {
+            return Poll::Ready(None);
+        }
+        let found = self.viewpoint(ctx);
+        if found == Poll::Ready(None) {
+            self.growth.note_all_seen();
+        }
+        found
     }
 
     /// Where a body that needs viewpoints sees something unexplored.
@@ -168,6 +196,10 @@ impl Boustrophedon {
 impl Controller for Boustrophedon {
     fn covers(&self) -> bool {
         true
+    }
+
+    fn is_blocked(&self) -> bool {
+        self.blockages.is_waiting()
     }
 
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
@@ -190,21 +222,26 @@ impl Controller for Boustrophedon {
             return command;
         }
         let obstacles = Obstacles::of(observation, ctx);
-        if let Some((step, end)) = Self::next_line(ctx, &obstacles) {
-            self.task = Task::Line(ctx.cell(), step);
-            let motion = Motion::Path(vec![ctx.place(end)]);
-            return Command::new(motion, WakeCondition::TASK_DONE).with_info("ploughs");
-        }
         let under_way = match self.task {
             Task::Transit(goal) if goal != ctx.cell() && ctx.map().state(goal) == CellState::Free => Some(goal),
             _ => None,
         };
-        let goal = match under_way.or_else(|| self.nearest(observation, ctx, &|cell| !obstacles.occupy(cell))) {
-            Some(goal) => Poll::Ready(Some(goal)),
-            None if !obstacles.is_empty() && self.nearest(observation, ctx, &|_| true).is_some() => {
-                return self.give_way(observation, ctx);
+        let first = if under_way.is_none() { self.viewpoint_first(observation, ctx) } else { Poll::Ready(None) };
+        let goal = if first == Poll::Ready(None) {
+            if let Some((step, end)) = Self::next_line(ctx, &obstacles) {
+                self.task = Task::Line(ctx.cell(), step);
+                let motion = Motion::Path(vec![ctx.place(end)]);
+                return Command::new(motion, WakeCondition::TASK_DONE).with_info("ploughs");
             }
-            None => self.viewpoint(ctx),
+            match under_way.or_else(|| self.nearest(observation, ctx, &|cell| !obstacles.occupy(cell))) {
+                Some(goal) => Poll::Ready(Some(goal)),
+                None if !obstacles.is_empty() && self.nearest(observation, ctx, &|_| true).is_some() => {
+                    return self.give_way(observation, ctx);
+                }
+                None => self.viewpoint(ctx),
+            }
+        } else {
+            first
         };
         let goal = match goal {
             Poll::Ready(Some(goal)) => goal,
@@ -249,6 +286,8 @@ mod tests {
     use super::*;
     use crate::testing::{World, flat};
     use agent::command::ScanRequest;
+    use agent::observation::FieldOfView;
+    use msgs::ids::Tick;
 
     const HALL: &str = "\
         ##########\n\
@@ -262,6 +301,32 @@ mod tests {
     fn controller(search_time: &str) -> Boustrophedon {
         let mut settings = Settings::parse(&[format!("search_time={search_time}")]).unwrap();
         Boustrophedon::new(&mut settings, voxels::random_streams::stream(1, 0, "test")).unwrap()
+    }
+
+    #[test]
+    fn what_is_left_to_see_comes_before_the_sweep_once_nothing_new_is_seen() {
+        let mut world = World::known(&HALL.replace("#........#", "#.......?#"), flat(1, 1));
+        let view = FieldOfView {
+            horizontal_rad: std::f64::consts::TAU,
+            lowest_rad: -0.3,
+            highest_rad: 0.3,
+            spacing_rad: 0.01,
+            min_range_m: 0.0,
+        };
+        world.run_info.field_of_view = Some(view);
+        world.run_info.lidar_range_m = 20.0;
+        world.observation.scan_tick = Some(Tick::ZERO);
+        let mut controller = controller("instant");
+        let sweeps = world.ask(&mut controller);
+        assert_eq!(sweeps.info, "ploughs");
+        world.arrive(&sweeps.motion);
+        world.wait(2000);
+        let looks = world.ask(&mut controller);
+        assert!(looks.info.starts_with("goes to "), "{looks:?}");
+        world.arrive(&looks.motion);
+        world.map.note_wall(&[world.map.extent().index(flat(8, 3)).unwrap() as u32]);
+        world.ask(&mut controller);
+        assert!(!controller.growth.has_stalled(&world.map, world.observation.tick));
     }
 
     #[test]

@@ -187,11 +187,23 @@ impl<'a> Ctx<'a> {
     /// others, and if there is no such cell.
     #[must_use]
     pub fn recentring(&self) -> Option<Motion> {
-        if !self.is_confined() || self.is_clear_to(self.cell()) {
-            return None;
+        self.recentrings().into_iter().next()
+    }
+
+    /// [`Ctx::recentring`] and other such motions, in order of preference: a ground body that hangs
+    /// over the edge of a step may also drive on over it.
+    pub(super) fn recentrings(&self) -> Vec<Motion> {
+        let here = self.cell();
+        if !self.is_confined() || self.is_clear_to(here) {
+            return Vec::new();
         }
-        let cell = self.graph(Neighbours::TwentySix).cells_near(self.cell()).find(|&cell| self.is_clear_to(cell))?;
-        Some(Motion::Path(vec![self.place(cell)]))
+        let graph = self.graph(Neighbours::TwentySix);
+        let level = graph.cells_near(here).find(|&cell| self.is_clear_to(cell));
+        let depth_max = (self.body().step_max_m / self.map.extent().cell_m()) as i32;
+        let is_ground = self.body().kind == BodyKind::Ground && !graph.is_usable(here);
+        let depths = 1..=if is_ground { depth_max.max(1) } else { 0 };
+        let over_edge = depths.map(|depth| here - Cell::new(0, 0, depth)).find(|&cell| graph.is_usable(cell));
+        level.into_iter().chain(over_edge).map(|cell| Motion::Path(vec![self.place(cell)])).collect()
     }
 
     /// The motion along a path that begins in the cell of the body, with as few legs as possible.

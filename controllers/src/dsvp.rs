@@ -380,6 +380,10 @@ enum Plan {
 }
 
 impl<C: Coordination> Controller for Dsvp<C> {
+    fn is_blocked(&self) -> bool {
+        self.is_resting || self.waits_until.is_some()
+    }
+
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         self.receive(observation, ctx);
         self.gain_estimator.limit_to(ctx.run_info().field_of_view.as_ref());

@@ -320,6 +320,10 @@ const UNDER_WAY: WakeCondition = WakeCondition {
 const NEVER: WakeCondition = WakeCondition { at: Tick(u64::MAX), events: EventMask::empty() };
 
 impl Controller for DsvpMaes3d {
+    fn is_blocked(&self) -> bool {
+        self.blockages.is_waiting()
+    }
+
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         if observation.collision.is_some() {
             self.legs.end();
@@ -346,7 +350,8 @@ impl Controller for DsvpMaes3d {
         }
         let evades = has_run_into_agent && (ctx.is_confined() || self.run_into.1 > RUN_INTO_MAX);
         let rest = self.blockages.still_waits(observation, ctx);
-        let standing = if has_run_into_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
+        let standing =
+            if has_run_into_agent { self.blockages.note_between_steps(observation, ctx, |_| None) } else { None };
         let command = if let Some(command) = rest {
             command
         } else if let Some(Yield::Rest(command)) = standing {

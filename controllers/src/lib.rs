@@ -81,6 +81,12 @@ pub trait Controller: Send {
         false
     }
 
+    /// Whether it waits for a body in its way, and not for lack of a goal: a wrapper that looks for
+    /// what its controller has left out leaves it alone then.
+    fn is_blocked(&self) -> bool {
+        false
+    }
+
     /// Why the last decision failed, if it did: then its command is not sent, and the agent ends.
     ///
     /// Controllers in Rust need it for nothing; those in other languages can raise errors.

@@ -6,7 +6,8 @@
 //!
 //! A controller that rests may still have left out what its frontiers do not show: a cell above a
 //! frontier is out of the band there, and in it from farther away. After [`REST_TICKS`] the wrapper
-//! goes to the viewpoints that remain ([`Viewpoints`]), and asks its controller again from each.
+//! goes to the viewpoints that remain ([`Viewpoints`]), and asks its controller again from each. One
+//! that waits for a body in its way is left alone.
 //!
 //! Invariants: without a field of view in the run info the wrapper is not there; those of
 //! [`Wrapped`].
@@ -23,7 +24,10 @@ use protocol::wake_condition::WakeCondition;
 use rand_chacha::ChaCha8Rng;
 use voxels::{BodyLattice, Cell};
 
+use super::blockage::{Blockages, Yield};
+use super::dsvp::avoidance::{Waypoints, way_round};
 use super::dsvp::gain::{GainEstimator, Likelihood};
+use super::dsvp::obstacles::Obstacles;
 use super::viewpoints::Viewpoints;
 use super::wrapped::{Wrapped, rests};
 use super::{Controller, Ctx, Failure, collision_recovery};
@@ -68,6 +72,8 @@ pub(super) struct LookAround {
     /// Finds what is unexplored around the body.
     rays: Option<GainEstimator>,
     viewpoints: Option<Viewpoints>,
+    /// The agents that it has run into on the way to them.
+    blockages: Blockages,
 }
 
 /// What it is doing.
@@ -83,6 +89,8 @@ enum Mode {
     Going,
     /// It makes way after a collision on the way there.
     Aside,
+    /// It waits for a body that stays in the way there.
+    Blocked,
 }
 
 impl LookAround {
@@ -98,6 +106,7 @@ impl LookAround {
             has_gone: false,
             rays: None,
             viewpoints: None,
+            blockages: Blockages::default(),
         }
     }
 
@@ -111,7 +120,8 @@ impl LookAround {
         }
         let tick = observation.tick;
         // One that waits for a time soon, such as that of a search, has something to do.
-        let is_idle = self.stage == Some(Stage::Waiting) && command.wake.at > tick.after(REST_TICKS);
+        let has_time = command.wake.at > tick.after(REST_TICKS);
+        let is_idle = self.stage == Some(Stage::Waiting) && has_time && !self.inner.is_blocked();
         self.resting_since = (rests(&command, observation) && is_idle).then(|| self.resting_since.unwrap_or(tick));
         if let Some(since) = self.resting_since {
             command.wake.at = command.wake.at.min(since.after(REST_TICKS).max(tick.next()));
@@ -196,16 +206,37 @@ impl LookAround {
         match ctx.go_to_cell(viewpoint.cell, SearchTime::Instant) {
             NavigationStatus::Go(motion) => {
                 (self.mode, self.has_gone) = (Mode::Going, true);
-                let Cell { x, y, z } = viewpoint.cell;
-                let wake = WakeCondition::TASK_DONE.or(WakeCondition::on(EventMask::COLLISION));
-                scanning(Command::new(motion, wake), ctx)
-                    .with_stage(Stage::Relocating)
-                    .with_info(format!("goes to the viewpoint {x} {y} {z}"))
+                goes(motion, viewpoint.cell, ctx)
             }
             NavigationStatus::Searching(wake) => Command::keep(wake),
             NavigationStatus::NoPath => {
                 viewpoints.visit(ctx.map().extent(), viewpoint.cell);
                 Command::keep(WakeCondition::NEXT_TICK)
+            }
+        }
+    }
+
+    /// A body is in the way to a viewpoint: goes to another one, makes way, or waits for it.
+    fn give_way(&mut self, observation: &Observation, ctx: &Ctx<'_>) -> Command {
+        let Self { blockages, viewpoints, .. } = self;
+        let standing = blockages.note_between_steps(observation, ctx, |obstacles: &Obstacles| {
+            let found = viewpoints.as_mut()?.next_within(ctx, &|cell| !obstacles.occupy(cell));
+            let Poll::Ready(Some(viewpoint)) = found else { return None };
+            let motion = way_round(ctx, viewpoint.cell, obstacles, Waypoints::Fewest)?;
+            Some(goes(motion, viewpoint.cell, ctx))
+        });
+        match standing {
+            Some(Yield::Detour(command)) => {
+                self.mode = Mode::Going;
+                command
+            }
+            Some(Yield::Rest(command)) => {
+                self.mode = Mode::Blocked;
+                command
+            }
+            Some(Yield::StepAside) | None => {
+                self.mode = Mode::Aside;
+                collision_recovery::step_aside(&mut self.rng, ctx)
             }
         }
     }
@@ -231,15 +262,18 @@ impl LookAround {
                 self.mode = Mode::Scanning(since, turns);
                 Command::keep(WakeCondition::NEXT_TICK)
             }
-            Mode::Going if observation.events.intersects(EventMask::COLLISION) => {
-                self.mode = Mode::Aside;
-                collision_recovery::step_aside(&mut self.rng, ctx)
-            }
+            Mode::Going if observation.events.intersects(EventMask::COLLISION) => self.give_way(observation, ctx),
             Mode::Going if observation.is_active && !is_revised => {
                 self.mode = Mode::Going;
                 Command::keep(self.wake)
             }
-            Mode::Going | Mode::Aside => {
+            mode @ (Mode::Going | Mode::Aside | Mode::Blocked) => {
+                if mode == Mode::Blocked
+                    && let Some(command) = self.blockages.still_waits(observation, ctx)
+                {
+                    self.mode = Mode::Blocked;
+                    return command;
+                }
                 if observation.is_active {
                     self.looked_from = None;
                     return self.ask(observation, ctx);
@@ -250,6 +284,15 @@ impl LookAround {
             }
         }
     }
+}
+
+/// The command of an agent that goes to a viewpoint.
+fn goes(motion: Motion, to: Cell, ctx: &Ctx<'_>) -> Command {
+    let Cell { x, y, z } = to;
+    let wake = WakeCondition::TASK_DONE.or(WakeCondition::on(EventMask::COLLISION));
+    scanning(Command::new(motion, wake), ctx)
+        .with_stage(Stage::Relocating)
+        .with_info(format!("goes to the viewpoint {x} {y} {z}"))
 }
 
 /// The command with a request for scans by the period of the scenario.
@@ -274,6 +317,10 @@ impl Controller for LookAround {
 
     fn covers(&self) -> bool {
         self.inner.covers()
+    }
+
+    fn is_blocked(&self) -> bool {
+        self.mode == Mode::Blocked || self.inner.is_blocked()
     }
 
     fn is_polled_between_wakes(&self) -> bool {

@@ -12,6 +12,9 @@
 //!    to the nearest unvisited cell with a known path; else it waits for map updates (`searching`).
 //!    It leaves search mode as soon as it sees an unvisited cell in its own region.
 //!
+//! A confined body, which many unvisited cells are out of reach of, goes to a viewpoint
+//! (`viewpoints.rs`) once it has seen nothing new for long, and if nothing else is left.
+//!
 //! Invariants: all its commands are legal, whatever it observes; on maps of any size, a decision
 //! examines at most 200 000 cells beside those in view, and longer searches continue in the next
 //! tick. Differences from the reference as coded: docs/reference-differences.md, and
@@ -36,9 +39,10 @@ use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::blockage::{Blockages, Yield};
+use super::dsvp::avoidance::{Waypoints, way_round};
 use super::failed_goals::FailedGoals;
 use super::settings::{SettingError, Settings};
-use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
+use super::viewpoints::{Growth, NOTHING_TO_SEE, Viewpoint, Viewpoints};
 use super::{Controller, Ctx};
 use agent::command::{Command, Motion, Stage, WakeCondition};
 use agent::exploration_map::CellState;
@@ -135,6 +139,7 @@ struct Wide {
     /// Destinations without a path.
     failed: FailedGoals,
     viewpoints: Viewpoints,
+    growth: Growth,
 }
 
 /// The exploration of one agent.
@@ -212,8 +217,9 @@ impl Lvd {
         self.destination = Some((goal, purpose));
         ctx.limit_searches(if ctx.is_confined() { WIDE_SEARCH_CELLS_MAX } else { SEARCH_CELLS_MAX });
         let to = ctx.approach(goal);
-        // As near as a wide body comes, and still it has not been visited.
-        let is_pointless = |to: Cell| ctx.is_confined() && to == ctx.cell() && purpose.is_visit();
+        // As near as a wide body comes, and still it has not been visited or shown anything.
+        let is_there = |to: Cell| ctx.is_confined() && to == ctx.cell();
+        let is_pointless = |to: Cell| is_there(to) && (purpose.is_visit() || purpose == Purpose::Viewpoint);
         let status = match to.filter(|&to| !is_pointless(to)) {
             Some(to) if ctx.is_clear_to(to) || !self.flood.is_cut_off(ctx.map(), to, ctx.cell(), POCKET_CELLS_MAX) => {
                 ctx.go_to_cell(to, self.search_time)
@@ -298,10 +304,20 @@ impl Lvd {
     /// if one of them has not moved for long.
     fn evade(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let destination = self.destination.take();
-        let standing = self.blockages.note_between_steps(observation, ctx);
+        let to = destination.and_then(|(goal, _)| ctx.approach(goal)).filter(|&to| to != ctx.cell());
+        let standing = self.blockages.note_between_steps(observation, ctx, |obstacles| {
+            let motion = way_round(ctx, to?, obstacles, Waypoints::Fewest)?;
+            let stage = destination.map_or(Stage::Relocating, |(_, purpose)| purpose.stage());
+            Some(Command::new(motion, WakeCondition::on(UNDER_WAY)).with_stage(stage))
+        });
         let is_standing = standing.is_some();
-        if let Some(Yield::Rest(command)) = standing {
-            return command;
+        match standing {
+            Some(Yield::Rest(command)) => return command,
+            Some(Yield::Detour(command)) => {
+                self.destination = destination;
+                return self.with_new_info(command, "going past a body in the way".to_owned());
+            }
+            Some(Yield::StepAside) | None => {}
         }
         if let Some((goal, purpose)) = destination.filter(|_| !is_standing) {
             self.refuse(purpose.aim(goal), observation.tick);
@@ -316,6 +332,16 @@ impl Lvd {
     }
 
     fn choose(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
+        let has_stalled = |wide: &mut Wide| wide.growth.has_stalled(ctx.map(), observation.tick);
+        if self.wide.as_mut().is_some_and(has_stalled) {
+            match self.viewpoint(ctx) {
+                Poll::Ready(Some(viewpoint)) => {
+                    return self.pursue(observation, ctx, viewpoint.cell, Purpose::Viewpoint);
+                }
+                Poll::Pending => return self.request_view(observation),
+                Poll::Ready(None) => {}
+            }
+        }
         let region = Region::new(observation, ctx);
         if let Some(goal) = self.nearest_unvisited(ctx, &region) {
             return self.pursue(observation, ctx, goal, Purpose::Explore);
@@ -355,11 +381,20 @@ impl Lvd {
         self.with_new_info(Command::keep(wake).with_stage(Stage::Waiting), info.to_owned())
     }
 
+    /// Where a confined body sees something unexplored.
+    fn viewpoint(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Viewpoint>> {
+        let Some(wide) = &mut self.wide else { return Poll::Ready(None) };
+        wide.viewpoints.visit(ctx.map().extent(), ctx.cell());
+        let found = wide.viewpoints.next(ctx);
+        if found == Poll::Ready(None) {
+            wide.growth.note_all_seen();
+        }
+        found
+    }
+
     /// A confined body goes where it sees something unexplored, if there is such a place.
     fn look_from_afar(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
-        let Some(wide) = &mut self.wide else { return Command::keep(WakeCondition::NEXT_TICK) };
-        wide.viewpoints.visit(ctx.map().extent(), ctx.cell());
-        match wide.viewpoints.next(ctx) {
+        match self.viewpoint(ctx) {
             Poll::Ready(Some(viewpoint)) => self.pursue(observation, ctx, viewpoint.cell, Purpose::Viewpoint),
             Poll::Pending => self.request_view(observation),
             Poll::Ready(None) => self.wait(observation.tick, NOTHING_TO_SEE),
@@ -393,6 +428,10 @@ fn is_refused(ctx: &Ctx<'_>, refused: &[(Cell, Tick)], wide: Option<&Wide>, cell
 }
 
 impl Controller for Lvd {
+    fn is_blocked(&self) -> bool {
+        self.blockages.is_waiting() || self.waits_until != Tick::ZERO
+    }
+
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
         if !ctx.map().extent().contains(ctx.cell()) {
@@ -410,6 +449,7 @@ impl Controller for Lvd {
             let wide = self.wide.get_or_insert_with(|| Wide {
                 failed: FailedGoals::new(radius_m, run_info.extent.cell_m()),
                 viewpoints: Viewpoints::new(run_info, radius_m),
+                growth: Growth::default(),
             });
             wide.failed.update(ctx.map());
             ctx.update_reachable();
@@ -427,6 +467,7 @@ impl Controller for Lvd {
         if now < self.waits_until {
             return Command::keep(WakeCondition::at(self.waits_until));
         }
+        self.waits_until = Tick::ZERO;
         if observation.events.intersects(EventMask::COLLISION) {
             return self.evade(observation, ctx);
         }

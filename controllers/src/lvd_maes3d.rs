@@ -327,6 +327,10 @@ fn is_own(own: Cell, others: &[Cell], cell: Cell) -> bool {
 }
 
 impl Controller for LvdMaes3d {
+    fn is_blocked(&self) -> bool {
+        self.blockages.is_waiting()
+    }
+
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         let now = observation.tick;
         let extent = ctx.map().extent();

@@ -10,8 +10,8 @@
 //! a viewpoint from which it sees that (`viewpoints.rs`), and rests once there is none.
 //!
 //! With `relays=on` it drops relays where it would lose contact ([`super::relays`]). It does not
-//! coordinate: agents with equal maps go to the same frontiers. It does not find a path around an
-//! agent that stays in a passage one cell wide.
+//! coordinate: agents with equal maps go to the same frontiers, and plan as if no other body were
+//! there until they run into one that stays.
 
 use std::collections::BTreeSet;
 use std::task::Poll;
@@ -23,6 +23,8 @@ use rand_chacha::ChaCha8Rng;
 use voxels::Cell;
 
 use super::blockage::{Blockages, Yield};
+use super::dsvp::avoidance::{Waypoints, way_round};
+use super::dsvp::obstacles::Obstacles;
 use super::relays::{RELAY_MARK, Relays};
 use super::settings::{SettingError, Settings};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoint, Viewpoints};
@@ -85,6 +87,31 @@ impl NearestFrontier {
         ctx.nearest(|map, cell| map.is_frontier(cell) && !self.abandoned.contains(&cell))
     }
 
+    fn goes(&mut self, motion: Motion) -> Command {
+        if let Motion::Path(waypoints) = &motion {
+            self.waypoints.clone_from(waypoints);
+        }
+        Command::new(motion, UNDER_WAY).with_stage(Stage::Relocating)
+    }
+
+    /// A way past the bodies nearby to the nearest goal that they leave open.
+    fn detour(&mut self, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Option<Command> {
+        let is_open = |cell| !obstacles.occupy(cell);
+        let cell = if ctx.needs_viewpoints() {
+            let Poll::Ready(found) = self.viewpoints.as_mut()?.next_within(ctx, &is_open) else { return None };
+            self.viewpoint = found;
+            found?.cell
+        } else {
+            self.goal = ctx.nearest_through(&is_open, |map, cell| {
+                map.is_frontier(cell) && cell != ctx.cell() && !self.abandoned.contains(&cell)
+            });
+            self.goal?
+        };
+        let Cell { x, y, z } = cell;
+        let motion = way_round(ctx, cell, obstacles, Waypoints::Fewest)?;
+        Some(self.goes(motion).with_info(format!("goes past a body to {x} {y} {z}")))
+    }
+
     /// The command, with a relay dropped here if needed.
     fn with_relay_if_needed(&mut self, command: Command, observation: &Observation, ctx: &Ctx<'_>) -> Command {
         let here = ctx.position();
@@ -136,12 +163,7 @@ impl NearestFrontier {
         let Cell { x, y, z } = goal.cell;
         match ctx.go_to_cell(goal.cell, self.search_time) {
             NavigationStatus::Go(motion) => {
-                if let Motion::Path(waypoints) = &motion {
-                    self.waypoints.clone_from(waypoints);
-                }
-                let command = Command::new(motion, UNDER_WAY)
-                    .with_stage(Stage::Relocating)
-                    .with_info(format!("goes to the viewpoint {x} {y} {z}"));
+                let command = self.goes(motion).with_info(format!("goes to the viewpoint {x} {y} {z}"));
                 self.with_relay_if_needed(command, observation, ctx)
             }
             NavigationStatus::Searching(wake) => {
@@ -157,6 +179,10 @@ impl NearestFrontier {
 }
 
 impl Controller for NearestFrontier {
+    fn is_blocked(&self) -> bool {
+        self.blockages.is_waiting()
+    }
+
     fn decide(&mut self, observation: &Observation, ctx: &mut Ctx<'_>) -> Command {
         // Before the first scan only the own cell is known. The task of the body, here none, is
         // unchanged.
@@ -173,7 +199,14 @@ impl Controller for NearestFrontier {
         if (self.goal.is_some() || self.viewpoint.is_some()) && observation.events.intersects(EventMask::COLLISION) {
             (self.goal, self.viewpoint) = (None, None);
             let has_met_agent = observation.collision.is_some_and(|collision| collision.with_agent);
-            let standing = if has_met_agent { self.blockages.note_between_steps(observation, ctx) } else { None };
+            let mut blockages = std::mem::take(&mut self.blockages);
+            let detour = |obstacles: &Obstacles| self.detour(ctx, obstacles);
+            let standing = if has_met_agent { blockages.note_between_steps(observation, ctx, detour) } else { None };
+            self.blockages = blockages;
+            if let Some(Yield::Detour(command)) = standing {
+                return self.with_relay_if_needed(command, observation, ctx);
+            }
+            (self.goal, self.viewpoint) = (None, None);
             return match standing {
                 Some(Yield::Rest(command)) => command,
                 _ => collision_recovery::step_aside(&mut self.rng, ctx),
@@ -205,12 +238,7 @@ impl Controller for NearestFrontier {
         let Cell { x, y, z } = goal;
         match ctx.go_to_cell(goal, self.search_time) {
             NavigationStatus::Go(motion) => {
-                if let Motion::Path(waypoints) = &motion {
-                    self.waypoints.clone_from(waypoints);
-                }
-                let command = Command::new(motion, UNDER_WAY)
-                    .with_stage(Stage::Relocating)
-                    .with_info(format!("goes to the frontier {x} {y} {z}"));
+                let command = self.goes(motion).with_info(format!("goes to the frontier {x} {y} {z}"));
                 self.with_relay_if_needed(command, observation, ctx)
             }
             // The body must stay at rest, since the path begins where it is now.
@@ -231,6 +259,7 @@ mod tests {
     use super::*;
     use crate::testing::{World, flat};
     use agent::command::ScanRequest;
+    use agent::observation::Contact;
 
     const CAVE: &str = "\
         ############\n\
@@ -354,6 +383,27 @@ mod tests {
         assert_eq!(world.ask(&mut controller), Command::keep(rest.wake));
         world.map.note_wall(&[7]);
         assert_ne!(world.ask(&mut controller), Command::keep(rest.wake));
+    }
+
+    #[test]
+    fn a_frontier_with_a_body_in_it_is_left_for_another_one() {
+        let mut world = World::known("?........?\n", flat(2, 0));
+        world.observation.scan_tick = Some(Tick::ZERO);
+        let position = world.map.extent().centre(flat(1, 0));
+        world.observation.contacts.push(Contact { agent: msgs::ids::AgentId(0), position });
+        let mut controller = controller("instant");
+        assert_eq!(world.ask(&mut controller).info, "goes to the frontier 1 0 0");
+        let detour = (0..8).find_map(|_| {
+            world.wait(500);
+            world.collide();
+            let command = world.ask(&mut controller);
+            command.info.starts_with("goes past").then_some(command)
+        });
+        let detour = detour.unwrap();
+        assert_eq!((destination(&world, &detour), detour.stage), (flat(8, 0), Some(Stage::Relocating)));
+        world.wait(10);
+        world.put(flat(3, 0));
+        assert_eq!(world.ask(&mut controller).motion, Motion::Keep, "that is its goal now");
     }
 
     #[test]

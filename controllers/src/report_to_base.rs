@@ -351,6 +351,10 @@ impl Controller for ReportToBase {
         self.inner.covers()
     }
 
+    fn is_blocked(&self) -> bool {
+        self.inner.is_blocked()
+    }
+
     fn failure(&mut self) -> Option<Failure> {
         self.inner.failure()
     }

@@ -20,13 +20,14 @@ mod beside;
 use std::cell::{Cell as Slot, RefCell};
 use std::task::Poll;
 
+use msgs::ids::Tick;
 use voxels::{BodyLattice, Cell, CellSet, Extent};
 
 use super::Ctx;
 use super::dsvp::gain::{GainEstimator, Likelihood};
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::observation::{FieldOfView, RunInfo};
-use agent::path::{Goal, Neighbours, Reachable, Search};
+use agent::path::{Goal, Graph, Neighbours, Reachable, Search};
 use beside::BesideFrontiers;
 
 /// Rays of a viewpoint: as many as those of the LiDAR of MAES3D, in the same directions. So many
@@ -56,8 +57,42 @@ const SPACINGS: [i32; 3] = [4, 2, 1];
 /// Edge of the blocks by which cells far from every frontier are left out, cells.
 const BLOCK_CELLS: i32 = 8;
 
+/// Which cells are meant, for example those through which paths may lead.
+pub(crate) type CellFilter<'o> = &'o dyn Fn(Cell) -> bool;
+
 /// What an agent says that rests because nothing unexplored can be seen from where its body can be.
 pub(crate) const NOTHING_TO_SEE: &str = "sees nothing more from where it can be";
+
+/// Time without a new cell on its map after which a body that needs viewpoints goes to one before
+/// anything else: 30 s. Controllers that visit cells have many more of those than there are places
+/// to look from.
+const STALLED_TICKS: u64 = 1500;
+
+/// How the map of an agent has grown.
+#[derive(Debug, Default)]
+pub(crate) struct Growth {
+    /// Cells known at the last look, and since when.
+    known_cells: usize,
+    since: Tick,
+    /// Whether no viewpoint would show more.
+    has_seen_all: bool,
+}
+
+impl Growth {
+    /// Whether the map has not grown for long, and a viewpoint may show more.
+    pub(crate) fn has_stalled(&mut self, map: &ExplorationMap, now: Tick) -> bool {
+        let known_cells = map.free() + map.wall();
+        if self.known_cells != known_cells {
+            *self = Self { known_cells, since: now, has_seen_all: false };
+        }
+        !self.has_seen_all && now >= self.since.after(STALLED_TICKS)
+    }
+
+    /// Notes that no viewpoint would show more on this map.
+    pub(crate) fn note_all_seen(&mut self) {
+        self.has_seen_all = true;
+    }
+}
 
 /// A viewpoint and what it is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,6 +162,15 @@ impl Viewpoints {
     /// The viewpoint to go to next. `None`: nothing unexplored can be seen from anywhere that the
     /// body can reach. Pending: more are left to examine in the next tick, with the body at rest.
     pub(crate) fn next(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Viewpoint>> {
+        self.next_among(ctx, None)
+    }
+
+    /// [`Viewpoints::next`] with a path through open cells alone; `None` says nothing about others.
+    pub(crate) fn next_within(&mut self, ctx: &Ctx<'_>, is_open: CellFilter<'_>) -> Poll<Option<Viewpoint>> {
+        self.next_among(ctx, Some(is_open))
+    }
+
+    fn next_among(&mut self, ctx: &Ctx<'_>, is_open: Option<CellFilter<'_>>) -> Poll<Option<Viewpoint>> {
         let map = ctx.map();
         if map.frontier_count() == 0 {
             return Poll::Ready(None);
@@ -134,17 +178,17 @@ impl Viewpoints {
         let now = (ctx.cell(), map.journal_len());
         self.reachable.update(ctx.graph(Neighbours::TwentySix), ctx.cell());
         if self.none_beside != Some(now) {
-            if let Some(viewpoint) = self.beside_frontier(ctx) {
+            if let Some(viewpoint) = self.beside_frontier(ctx, is_open) {
                 self.none_beside = None;
                 return Poll::Ready(Some(viewpoint));
             }
-            self.none_beside = Some(now);
+            self.none_beside = is_open.is_none().then_some(now);
         }
-        self.by_rays(ctx)
+        self.by_rays(ctx, is_open)
     }
 
     /// The nearest viewpoint beside a frontier.
-    fn beside_frontier(&mut self, ctx: &Ctx<'_>) -> Option<Viewpoint> {
+    fn beside_frontier(&mut self, ctx: &Ctx<'_>, is_open: Option<CellFilter<'_>>) -> Option<Viewpoint> {
         let (map, from, graph) = (ctx.map(), ctx.cell(), ctx.graph(Neighbours::TwentySix));
         let near = self.near.take();
         let mut near = near.unwrap_or_else(|| BesideFrontiers::new(map.extent(), self.beside));
@@ -165,7 +209,7 @@ impl Viewpoints {
             true => is_here,
             false => !self.is_exhausted(map, cell) && near.borrow_mut().holds(map, cell, is_one),
         };
-        let path = Search::new(graph, from, Goal::Where(&is_goal)).run();
+        let path = search(graph, from, &is_goal, is_open).run();
         self.near = Some(near.into_inner());
         let &cell = path?.cells.last()?;
         Some(Viewpoint { cell, target: self.target_beside(map, cell)? })
@@ -194,7 +238,7 @@ impl Viewpoints {
 
     /// Of the nearest viewpoints from which a ray meets an unexplored cell, the one with the most
     /// such cells for its path.
-    fn by_rays(&mut self, ctx: &Ctx<'_>) -> Poll<Option<Viewpoint>> {
+    fn by_rays(&mut self, ctx: &Ctx<'_>, is_open: Option<CellFilter<'_>>) -> Poll<Option<Viewpoint>> {
         let (map, extent) = (ctx.map(), ctx.map().extent());
         let near = NearFrontiers::of(map, (self.range_m / extent.cell_m()).ceil() as i32 + 1);
         let mut casts_left = (RAY_CELLS_MAX / self.rays.ray_cells(map)).max(1);
@@ -203,7 +247,7 @@ impl Viewpoints {
                 continue;
             }
             let key = (ctx.cell(), map.journal_len(), spacing);
-            let known = self.nearest.take().filter(|nearest| nearest.key == key);
+            let known = self.nearest.take().filter(|nearest| nearest.key == key && is_open.is_none());
             let mut nearest = known.unwrap_or_else(|| Nearest { key, cells: Vec::new(), is_all: false });
             let mut offers: Vec<(f64, Viewpoint)> = Vec::new();
             let mut is_out_of_casts = false;
@@ -215,7 +259,7 @@ impl Viewpoints {
                     let is_offered = |cell| offers.iter().any(|(_, offer)| offer.cell == cell);
                     let is_left = |cell| !self.is_exhausted(map, cell) && !is_offered(cell);
                     let count = (4 * nearest.cells.len()).max(NEAREST_MIN);
-                    nearest = Nearest::found(ctx, key, count, &near, (left, &is_left));
+                    nearest = Nearest::found(ctx, key, count, &near, (left, &is_left), is_open);
                     number = 0;
                 }
                 let Some(&(cell, length_cells)) = nearest.cells.get(number) else { break };
@@ -237,7 +281,7 @@ impl Viewpoints {
                 }
             }
             // Later lists leave out what is on offer.
-            self.nearest = offers.is_empty().then_some(nearest);
+            self.nearest = (offers.is_empty() && is_open.is_none()).then_some(nearest);
             if is_out_of_casts && offers.is_empty() {
                 return Poll::Pending;
             }
@@ -264,13 +308,14 @@ struct Nearest {
 
 impl Nearest {
     /// The first `count` of the cells near frontiers that are left to examine, or all up to the
-    /// last of them: their number, and which they are.
+    /// last of them: their number, and which they are. Paths lead through open cells alone.
     fn found(
         ctx: &Ctx<'_>,
         key: (Cell, usize, i32),
         count: usize,
         near: &NearFrontiers,
         (left, is_left): (usize, &dyn Fn(Cell) -> bool),
+        is_open: Option<CellFilter<'_>>,
     ) -> Self {
         let (_, _, spacing) = key;
         let cells = RefCell::new(Vec::new());
@@ -283,10 +328,19 @@ impl Nearest {
             }
             left.get() == 0 || cells.borrow().len() == count
         };
-        let mut search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Where(&is_last));
+        let mut search = search(ctx.graph(Neighbours::TwentySix), ctx.cell(), &is_last, is_open);
         let is_all = search.run().is_none() || left.get() == 0;
         let cells = cells.borrow().iter().map(|&cell| (cell, search.length_cells(cell))).collect();
         Self { key, cells, is_all }
+    }
+}
+
+/// The search for the nearest of the goals, through open cells if there is a choice of them.
+fn search<'a>(graph: Graph<'a>, from: Cell, is_goal: CellFilter<'a>, is_open: Option<CellFilter<'a>>) -> Search<'a> {
+    let search = Search::new(graph, from, Goal::Where(is_goal));
+    match is_open {
+        Some(is_open) => search.within(is_open),
+        None => search,
     }
 }
 

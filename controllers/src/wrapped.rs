@@ -75,6 +75,10 @@ impl Wrapped {
         self.controller.covers()
     }
 
+    pub(super) fn is_blocked(&self) -> bool {
+        self.controller.is_blocked()
+    }
+
     pub(super) fn is_polled_between_wakes(&self) -> bool {
         self.controller.is_polled_between_wakes()
     }

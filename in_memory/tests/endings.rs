@@ -42,17 +42,32 @@ fn event_ahead_is_waited_for() {
     assert!(result.tick > 60_000, "{}", result.tick);
 }
 
-#[test]
-fn walks_end_once_nothing_more_can_be_seen() {
-    // A room, and a hidden pocket behind a passage of one cell that turns.
+/// A room, and a hidden pocket behind a passage of one cell that turns.
+fn pocket() -> Grid<Terrain> {
     let mut room = solid([20, 20, 12], 0.2);
     fill(&mut room, [1..12, 1..12, 1..11], Terrain::Free);
     fill(&mut room, [12..14, 5..6, 5..6], Terrain::Free);
     fill(&mut room, [13..14, 5..16, 5..6], Terrain::Free);
     fill(&mut room, [10..16, 15..19, 4..8], Terrain::Free);
+    room
+}
+
+#[test]
+fn controller_that_takes_over_is_not_at_rest_before_it_says_so() {
+    // The team rests by then, and the one that takes over never does.
+    let keys = "duration_s = 1200.0\nbody = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\n\
+                agents = { count = 2, controller = \"dsvp\" }\n[[event]]\nat_s = 30.0\nkind = \"set\"\n\
+                set = { \"agents.controller\" = \"rbw\" }\n";
+    let run = result(&pocket(), keys);
+    assert_eq!(run.reason, "nothing more can be seen", "{}", run.explored);
+    assert!(run.tick > 3000, "{}", run.tick);
+}
+
+#[test]
+fn walks_end_once_nothing_more_can_be_seen() {
     let keys = "duration_s = 1200.0\nbody = { kind = \"aerial\", radius_m = 0.3 }\nlidar = { range_m = 4.5 }\n\
                 agents = { count = 2, controller = \"rbw\" }\n";
-    let result = result(&room, keys);
+    let result = result(&pocket(), keys);
     assert_eq!(result.reason, "nothing more can be seen", "{}", result.explored);
     assert!(result.explored < 1.0);
 }

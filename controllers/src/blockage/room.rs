@@ -58,6 +58,21 @@ pub(super) fn way_to_room(
     motion_along(ctx, &path, obstacles, Waypoints::Fewest)
 }
 
+/// The motion to the nearest place farther than a distance (metres) from all the bodies whose way
+/// it leaves, by a path clear of `obstacles`; `before` as in [`way_to_room`].
+pub(super) fn way_back(
+    ctx: &Ctx<'_>,
+    obstacles: &Obstacles,
+    before: &[Point3<f64>],
+    distance_m: f64,
+) -> Option<Motion> {
+    let is_far = |cell: Cell| before.iter().all(|at| (ctx.place(cell) - at).norm() > distance_m);
+    let is_open = |cell| !obstacles.occupy(cell);
+    let search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Where(&is_far));
+    let path = search.at_most(EXPANSIONS_MAX).within(&is_open).run()?;
+    motion_along(ctx, &path, obstacles, Waypoints::Fewest)
+}
+
 /// Whether an agent in contact that stands at a place (metres, frame `map`) comes to no frontier
 /// that is known here, because of this body and of others nearby.
 pub(super) fn is_shut_in((agent, at): (AgentId, Point3<f64>), observation: &Observation, ctx: &Ctx<'_>) -> bool {

@@ -1,3 +1,4 @@
+use proptest::prelude::*;
 use voxels::Cell;
 
 use super::*;
@@ -83,8 +84,9 @@ fn the_higher_id_leaves_first() {
     let numbers = [LOWER, HIGHER].map(|other| leaves(&mut meeting(LANE, flat(4, 2), other, flat(3, 2)), 20).unwrap().0);
     assert_eq!(numbers, [4, 4 + LATER as usize]);
     // One with a frontier before it is no reason to go far.
-    let far = |other| leaves(&mut meeting(LANE, flat(8, 2), other, flat(9, 2)), 10);
-    assert_eq!([far(LOWER), far(HIGHER)], [None; 2]);
+    let far = |other| leaves(&mut meeting(LANE, flat(8, 2), other, flat(9, 2)), 30).unwrap().0;
+    let late = 3 + LATE_TURNS[0] as usize;
+    assert_eq!([far(LOWER), far(HIGHER)], [late, late + LATER as usize]);
 }
 
 #[test]
@@ -108,4 +110,87 @@ fn it_stays_away_until_the_other_one_has_passed_or_for_a_time() {
             assert_eq!((0..10).filter(|_| still(&mut world, &mut blockages)).count(), 1);
         }
     }
+}
+
+#[test]
+fn a_detour_comes_before_steps_aside_and_rests() {
+    let mut world = meeting(LANE, flat(2, 2), HIGHER, flat(3, 2));
+    let mut blockages = Blockages::default();
+    let mut yields = Vec::new();
+    for _ in 0..10 {
+        world.wait(500);
+        let observation = world.observation.clone();
+        let detour = |_: &Obstacles| Some(Command::new(Motion::Stop, WakeCondition::NEXT_TICK));
+        yields.extend(blockages.note_between_steps(&observation, &world.ctx(), detour));
+    }
+    let is_detour = |number: usize| matches!(yields[number], Yield::Detour(_));
+    let is_step = |number: usize| yields[number] == Yield::StepAside;
+    assert!(is_detour(0) && is_step(1) && is_step(2) && is_step(3), "{yields:?}");
+    // After each rest it tries again to get past.
+    assert!(matches!(yields[4], Yield::Rest(_)) && is_detour(5) && matches!(yields[6], Yield::Rest(_)), "{yields:?}");
+}
+
+/// Controllers that go to whatever frontier they can come to.
+const EXPLORERS: [&str; 2] = ["lvd", "nearest-frontier"];
+
+/// Free cells that a body comes to by steps to faces from where it is, past one that stands in a
+/// cell.
+fn reached(world: &World, standing: Cell) -> Vec<Cell> {
+    let extent = world.map.extent();
+    let mut reached = vec![extent.cell_of(&world.observation.pose.position)];
+    let mut next = 0;
+    while let Some(&cell) = reached.get(next) {
+        next += 1;
+        for beside in cell.neighbours6() {
+            if beside != standing && world.map.state(beside).is_free() && !reached.contains(&beside) {
+                reached.push(beside);
+            }
+        }
+    }
+    reached
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+    #[test]
+    fn no_explorer_stands_still_before_a_body_that_stays(
+        walls in prop::collection::vec(prop::bool::weighted(0.3), 64), start in 0..64_usize, standing in 0..64_usize,
+    ) {
+        prop_assume!(!walls[start] && !walls[standing] && start != standing);
+        let row = |row: &[bool]| row.iter().map(|&is_wall| if is_wall { '#' } else { '.' }).collect::<String>();
+        let text: String = walls.chunks(8).map(|cells| row(cells) + "\n").collect();
+        let at = |index: usize| flat(index as i32 % 8, 7 - index as i32 / 8);
+        for name in EXPLORERS {
+            let mut world = World::new(&text, at(start)).aerial();
+            let position = world.map.extent().centre(at(standing));
+            world.observation.contacts.push(Contact { agent: HIGHER, position });
+            let mut controller = crate::build(name, &[], AgentId(1), &world.run_info).unwrap();
+            world.run(&mut *controller, 20_000);
+            let frontiers: Vec<Cell> =
+                reached(&world, at(standing)).into_iter().filter(|&cell| world.map.is_frontier(cell)).collect();
+            prop_assert!(frontiers.is_empty(), "{} leaves {:?} in\n{}: {:?}", name, frontiers, text, world.said.last());
+        }
+    }
+}
+
+#[test]
+fn the_last_one_of_a_jam_leaves_and_then_the_next_one() {
+    // This one is between two others, and the one behind it goes away.
+    let mut world = meeting(&LANE.replace('?', "#"), flat(7, 2), LOWER, flat(8, 2));
+    let behind = Contact { agent: AgentId(3), position: world.map.extent().centre(flat(6, 2)) };
+    world.observation.contacts.push(behind);
+    let mut blockages = Blockages::default();
+    let is_way = |command: &Option<Command>| matches!(command, Some(Command { motion: Motion::Path(_), .. }));
+    assert!(!(0..12).any(|_| is_way(&note(&mut blockages, &mut world))));
+    world.observation.contacts[1].position = world.map.extent().centre(flat(1, 1));
+    assert!(is_way(&note(&mut blockages, &mut world)));
+}
+
+#[test]
+fn without_room_it_goes_back_a_little() {
+    // A lane without a room: nowhere does a body let another one pass.
+    let lane = "##########\n#........?\n##########\n";
+    let mut world = meeting(lane, flat(6, 1), LOWER, flat(7, 1));
+    let (_, to) = leaves(&mut world, 30).unwrap();
+    assert!((1..=4).contains(&to.x), "{to:?}");
 }

@@ -15,7 +15,7 @@ use agent::bodies::legs_m;
 use agent::command::Motion;
 use agent::navigation::NavigationStatus;
 use agent::observation::Observation;
-use agent::path::{Neighbours, Path, quicker, straighten};
+use agent::path::{Goal, Neighbours, Path, Search, quicker, straighten};
 
 /// Cells of a path, or edges of the tree, that an agent follows one by one to get clear of other
 /// bodies before it takes straight legs.
@@ -68,13 +68,22 @@ pub(super) fn motion_to(
     motion_along(ctx, &path, obstacles, waypoints)
 }
 
+/// The motion to the place of another cell that avoids the other agents, on the shortest path past
+/// them.
+pub(crate) fn way_round(ctx: &Ctx<'_>, to: Cell, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
+    let is_open = |cell| !obstacles.occupy(cell);
+    let search = Search::new(ctx.graph(Neighbours::TwentySix), ctx.cell(), Goal::Cell(to));
+    motion_along(ctx, &search.within(&is_open).run()?, obstacles, waypoints)
+}
+
 /// The motion along a path that avoids the other agents, if possible on the wanted waypoints; else
 /// as few legs as possible, after as few single steps as needed to get clear of them.
 pub(crate) fn motion_along(ctx: &Ctx<'_>, path: &Path, obstacles: &Obstacles, waypoints: Waypoints) -> Option<Motion> {
     let map = ctx.map();
     let is_clear = |motion: &Motion| !obstacles.block_motion(&ctx.position(), motion);
-    if let Some(motion) = ctx.recentring() {
-        return Some(motion).filter(is_clear);
+    let recentrings = ctx.recentrings();
+    if !recentrings.is_empty() {
+        return recentrings.into_iter().find(is_clear);
     }
     let NavigationStatus::Go(straight) = ctx.follow(path) else { return None };
     let after = |steps: usize| {

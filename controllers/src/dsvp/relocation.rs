@@ -7,17 +7,16 @@ use std::task::Poll;
 use nalgebra::Point3;
 use rand::seq::IndexedRandom;
 
-use super::avoidance::{motion_along, motion_to};
+use super::avoidance::{motion_to, way_round};
 use super::coordination::Coordination;
 use super::goal::Goal;
 use super::obstacles::Obstacles;
 use super::{ATTEMPTS, Dsvp, Plan, by_distance};
 use crate::Ctx;
-use crate::viewpoints::Viewpoints;
+use crate::viewpoints::{Viewpoint, Viewpoints};
 use agent::abstract_graph::{AbstractGraph, Region, RegionId};
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::observation::{FieldOfView, Observation};
-use agent::path::{Goal as SearchGoal, Neighbours, Search};
 use voxels::{BodyLattice, Cell};
 
 impl<C: Coordination> Dsvp<C> {
@@ -81,16 +80,21 @@ impl<C: Coordination> Dsvp<C> {
             Poll::Ready(None) => return Plan::Nothing,
             Poll::Pending => return Plan::Pending,
         };
-        let is_open = |cell| !obstacles.occupy(cell);
-        let moves = ctx.graph(Neighbours::TwentySix);
-        let path = Search::new(moves, here, SearchGoal::Cell(viewpoint.cell)).within(&is_open).run();
-        match path.and_then(|path| motion_along(ctx, &path, obstacles, self.params.waypoints)) {
-            Some(motion) => Plan::Go(Goal::Sight { cell: viewpoint.cell, target: viewpoint.target }, motion),
-            None if obstacles.is_empty() => {
-                viewpoints.visit(extent, viewpoint.cell);
-                Plan::Pending
-            }
-            None => Plan::Blocked,
+        let waypoints = self.params.waypoints;
+        let go = |Viewpoint { cell, target }: Viewpoint| {
+            Some(Plan::Go(Goal::Sight { cell, target }, way_round(ctx, cell, obstacles, waypoints)?))
+        };
+        if let Some(plan) = go(viewpoint) {
+            return plan;
+        }
+        if obstacles.is_empty() {
+            viewpoints.visit(extent, viewpoint.cell);
+            return Plan::Pending;
+        }
+        // A body is in it or in the way there: another one.
+        match viewpoints.next_within(ctx, &|cell| !obstacles.occupy(cell)) {
+            Poll::Ready(Some(other)) => go(other).unwrap_or(Plan::Blocked),
+            Poll::Ready(None) | Poll::Pending => Plan::Blocked,
         }
     }
 
@@ -194,7 +198,7 @@ fn viewpoint(graph: &AbstractGraph, region: RegionId, centre: Cell, frontier: Ce
 
 #[cfg(test)]
 mod tests {
-    use agent::path::{Graph, Moves};
+    use agent::path::{Graph, Moves, Neighbours};
     use voxels::Extent;
 
     use super::*;

@@ -18,6 +18,19 @@ impl Controller for Resting {
     }
 }
 
+/// Waits for a body in its way.
+struct Blocked;
+
+impl Controller for Blocked {
+    fn decide(&mut self, _: &Observation, _: &mut Ctx<'_>) -> Command {
+        Command::new(Motion::Stop, WakeCondition::on(EventMask::MESSAGE)).with_stage(Stage::Waiting)
+    }
+
+    fn is_blocked(&self) -> bool {
+        true
+    }
+}
+
 /// A world with a field of view, a wrapped controller, and what that has observed.
 fn wrapped(map: &str, start: Cell, view: FieldOfView) -> (World, LookAround, Arc<Mutex<Vec<Observation>>>) {
     let mut world = World::known(map, start);
@@ -88,4 +101,43 @@ fn without_a_field_of_view_its_controller_is_alone() {
     let command = world.ask(&mut controller);
     assert_eq!(command, Command::new(Motion::Stop, WakeCondition::on(EventMask::MESSAGE)).with_stage(Stage::Waiting));
     assert_eq!(seen.lock().unwrap().len(), 1);
+}
+
+/// A ring LiDAR in a world with something unexplored round a corner.
+const CORNER: &str = "##########\n#........#\n#####.####\n#####.####\n#####...?#\n##########\n";
+const RING: FieldOfView = FieldOfView { horizontal_rad: TAU, ..CAMERA };
+
+#[test]
+fn a_controller_that_waits_for_a_body_is_left_alone() {
+    let (mut world, mut resting, _) = wrapped(CORNER, flat(1, 4), RING);
+    let mut blocked = LookAround::around(Box::new(Blocked), world.setup().rng);
+    assert_eq!(world.ask(&mut blocked).wake.at, Tick(u64::MAX));
+    world.wait(10 * REST_TICKS);
+    assert_eq!(world.ask(&mut blocked).motion, Motion::Keep);
+    assert!(blocked.is_blocked() && !resting.is_blocked());
+    assert_eq!(world.ask(&mut resting).wake.at, world.observation.tick.after(REST_TICKS));
+}
+
+#[test]
+fn a_body_in_the_way_to_a_viewpoint_is_waited_for() {
+    let (mut world, mut controller, _) = wrapped(CORNER, flat(4, 4), RING);
+    let position = world.map.extent().centre(flat(5, 4));
+    world.observation.contacts.push(protocol::observation::Contact { agent: msgs::ids::AgentId(2), position });
+    world.ask(&mut controller);
+    world.wait(REST_TICKS);
+    assert!(world.ask(&mut controller).info.starts_with("goes to the viewpoint "));
+    let waits = (0..30).any(|_| {
+        world.wait(500);
+        world.collide();
+        let command = world.ask(&mut controller);
+        let has_given_up = command.info == "waits for agent 2 to move";
+        if !has_given_up && command.info == "makes way" {
+            world.wait(400);
+            world.ask(&mut controller);
+            world.wait(2 * REST_TICKS);
+            world.ask(&mut controller);
+        }
+        has_given_up
+    });
+    assert!(waits && controller.is_blocked());
 }

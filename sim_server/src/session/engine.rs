@@ -430,6 +430,8 @@ impl<'a> Engine<'a> {
             if takes_over[agent.index()] && self.world.presence(agent) == Presence::Active {
                 self.world.hand_over(agent);
                 self.wake_conditions[agent.index()] = WakeCondition::NEXT_TICK;
+                // The next one names its own, or none.
+                self.stages[agent.index()] = None;
             }
         }
         self.changed.push(scenario);
