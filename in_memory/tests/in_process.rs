@@ -110,5 +110,5 @@ fn warnings_about_a_map_file_are_notes_of_the_run() {
     let scenario = Scenario::parse("the test's scenario", &text, &[]).expect("a legal scenario");
     let mut notes = Notes::default();
     run(&scenario, &AgentOptions::default(), &mut notes, &AtomicBool::new(false)).expect("it runs");
-    assert!(notes.0.iter().any(|note| note.starts_with("warning: the inside of the mesh is wall")), "{:?}", notes.0);
+    assert!(notes.0.iter().any(|note| note.starts_with("the inside of the mesh is wall")), "{:?}", notes.0);
 }
