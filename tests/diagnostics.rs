@@ -8,6 +8,14 @@ use crate::support::runs::Site;
 const SHORT: [&str; 6] = ["--agents", "2", "--size", "20", "--duration", "5"];
 
 #[test]
+fn errors_alone_are_none_of_a_run_over_ros() {
+    let site = Site::new();
+    let mut over_ros = site.binary("maes");
+    over_ros.arg("run").args(SHORT).env("RUST_LOG", "error");
+    assert_eq!(Process::start(&mut over_ros).ended().with_code(0).stderr, "");
+}
+
+#[test]
 fn events_of_all_processes_are_json_and_change_nothing() {
     let site = Site::new();
     let mut over_memory = site.binary("maes");

@@ -6,6 +6,7 @@
 use msgs::ids::{AgentId, Tick};
 use nalgebra::{Point3, Vector3};
 use voxels::Cell;
+use voxels::footing::Climb;
 
 use agent::bodies::{BodyKind, BodyModel};
 use agent::command::Motion;
@@ -199,9 +200,10 @@ impl<'a> Ctx<'a> {
         }
         let graph = self.graph(Neighbours::TwentySix);
         let level = graph.cells_near(here).find(|&cell| self.is_clear_to(cell));
-        let depth_max = (self.body().step_max_m / self.map.extent().cell_m()) as i32;
-        let is_ground = self.body().kind == BodyKind::Ground && !graph.is_usable(here);
-        let depths = 1..=if is_ground { depth_max.max(1) } else { 0 };
+        let body = self.body();
+        let climb = Climb::new(body.step_max_m, body.slope_max_rad, self.map.extent().cell_m());
+        let is_ground = body.kind == BodyKind::Ground && !graph.is_usable(here);
+        let depths = 1..=if is_ground { climb.cells_max() } else { 0 };
         let over_edge = depths.map(|depth| here - Cell::new(0, 0, depth)).find(|&cell| graph.is_usable(cell));
         level.into_iter().chain(over_edge).map(|cell| Motion::Path(vec![self.place(cell)])).collect()
     }

@@ -120,6 +120,11 @@ fn mirrored_boxes_of_a_house_whose_boxes_share_edges_do_not_leak() {
         let triangles: Vec<_> = (0..HOUSE.len()).flat_map(of_box).collect();
         let imported = read("a.obj", obj(&triangles), 0.1);
         assert_union(&imported, &HOUSE);
+        // An open sheet inside a wall, before all boxes.
+        let sheet =
+            [[[0.1, 0.1, 0.1], [0.2, 0.1, 0.1], [0.2, 0.2, 0.1]], [[0.1, 0.1, 0.1], [0.2, 0.2, 0.1], [0.1, 0.2, 0.1]]];
+        let with_sheet: Vec<_> = sheet.into_iter().chain(triangles).collect();
+        assert_union(&read("a.obj", obj(&with_sheet), 0.1), &HOUSE);
         let turned = format!("{} triangles that did not face outwards with the others", 12 * mirrored.count_ones());
         assert_eq!(note(&imported, "turned"), (mirrored > 0).then_some(turned.as_str()), "{mirrored:b}");
     }

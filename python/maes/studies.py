@@ -163,19 +163,23 @@ def study(
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "study.scenario.toml").write_text(wanted.to_toml(), encoding="utf-8")
     plan = folder / "study.toml"
-    # What JSON writes of these is TOML as well.
+    # What JSON writes of these is TOML as well, if it escapes no surrogates.
     plan.write_text(
-        f"title = {json.dumps(' and '.join(names))}\n"
+        f"title = {_text(' and '.join(names))}\n"
         f"seeds = {json.dumps([int(seed) for seed in seeds])}\n"
         'compare = "agents.controller"\n'
-        f"primary = {json.dumps(primary)}\n"
+        f"primary = {_text(primary)}\n"
         'scenario = "study.scenario.toml"\n'
-        f'[axes]\n"agents.controller" = {json.dumps(names)}\n',
+        f'[axes]\n"agents.controller" = {_text(names)}\n',
         encoding="utf-8",
     )
     shown = _has_tqdm() if progress is None else progress
     done = batch(plan, folder, jobs=jobs, controllers=classes, executor=executor, progress=shown)
     return Study(done, names, temporary)
+
+
+def _text(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _has_tqdm() -> bool:

@@ -225,7 +225,7 @@ fn tell_address(viewing: Option<&FoxgloveServer>, terminal: &mut Terminal) {
         // Others may read the log: it does not have the token. Who reads the terminal finds it
         // there.
         terminal.keep(&text(&format!("http://{}", viewing.address()), &format!("ws://{}", viewing.address())));
-        tracing::info!("{}", text(&viewing.url(), &viewing.websocket_url()));
+        tracing::info!(target: diagnostics::REQUESTED, "{}", text(&viewing.url(), &viewing.websocket_url()));
     }
 }
 
@@ -360,7 +360,7 @@ impl<'a> Job<'a> {
         terminal.clear();
         let mut traced = Ok(());
         if let (Some(profile), Some(trace)) = (&profile, self.trace) {
-            terminal.say(Level::Info, &profile.table("", &[]));
+            tracing::info!(target: diagnostics::REQUESTED, "{}", profile.table("", &[]));
             traced = trace.write(profile, &[]);
         }
         Ok(match ended {

@@ -49,8 +49,8 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
         body_of,
         lidar: maes_msgs::Lidar {
             rays,
-            range_m: greatest(scenario, |lidar| lidar.range_m),
-            fov_rad: greatest(scenario, |lidar| lidar.fov_rad),
+            range_m: least(scenario, |lidar| lidar.range_m),
+            fov_rad: least(scenario, |lidar| lidar.fov_rad),
             period_ticks: scenario.scan_timing().period_ticks,
         },
         communication_range_m: scenario.communication.range_m,
@@ -59,9 +59,9 @@ pub fn scenario(scenario: &Scenario, extent: &Extent, rays: u32) -> maes_msgs::S
     }
 }
 
-/// The greatest of a number of the LiDARs.
-fn greatest(scenario: &Scenario, number: impl Fn(&LidarSection) -> f64) -> f64 {
-    scenario.lidars().map(|(_, lidar)| number(lidar)).fold(0.0, f64::max)
+/// The least of a number of the LiDARs: no agent expects to see what it does not.
+fn least(scenario: &Scenario, number: impl Fn(&LidarSection) -> f64) -> f64 {
+    scenario.lidars().map(|(_, lidar)| number(lidar)).fold(f64::INFINITY, f64::min)
 }
 
 /// The different body models, and by agent the index of its own.

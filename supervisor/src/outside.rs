@@ -20,6 +20,7 @@ use protocol::signing;
 use simulation::scenario::team::ID_MARK;
 use simulation::scenario::{AgentsSection, Scenario};
 use simulation::wire;
+use system::diagnostics;
 use system::program;
 
 use crate::SupervisorError;
@@ -72,6 +73,7 @@ fn check_controller(
     program: &str,
     refused: &dyn Fn(String) -> SupervisorError,
 ) -> Result<(), SupervisorError> {
+    diagnostics::as_read(&mut command);
     // In a group of its own, so that what it starts ends with it.
     let child = command.process_group(0).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
     let child = child.map_err(|error| refused(format!("{program}: {error}")))?;

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use simulation::scenario::{OnAgentLoss, Scenario};
+use system::diagnostics;
 use system::exit_code as exit;
 use system::program;
 use system::summary::Summary;
@@ -197,7 +198,7 @@ impl Run<'_> {
         command.arg("--ready").arg(ready.path()).arg("--summary").arg(summary);
         if let Console::Quiet { stderr } = &self.console {
             let file = File::create(stderr).map_err(SupervisorError::of(stderr))?;
-            command.stdout(Stdio::null()).stderr(file);
+            diagnostics::as_read(command.stdout(Stdio::null()).stderr(file));
         }
         Ok(command)
     }

@@ -2,14 +2,16 @@
 //!
 //! An event of level INFO is its text; those of ERROR and WARN have `error: ` and `warning: `
 //! before it. With [`FORMAT`] = `json` each event is an object of JSON with its level, its module
-//! and the time. Libraries beneath the programs, such as that of DDS, are silent unless `RUST_LOG`
-//! names them; a level alone in `RUST_LOG` is that of everything.
+//! and the time. `RUST_LOG` names levels: one alone is that of the programs, `MODULE=LEVEL` that of a
+//! module. Libraries beneath the programs, such as that of DDS, are silent unless it names them.
+//! What was asked for, such as an address, is shown whatever it says ([`REQUESTED`]).
 //!
 //! Lines go above the progress bar, if there is one. A closed stderr is no failure. Control
 //! characters are escaped in the text, and by JSON: text may come from files and messages.
 
 use std::fmt;
 use std::io;
+use std::process::Command;
 use std::sync::OnceLock;
 
 use msgs::printable;
@@ -32,6 +34,9 @@ const WANTED: &str = "RUST_LOG";
 
 /// The crates that say something without it, from INFO on.
 pub const OWN: [&str; 5] = ["agent_node", "maes", "ros_node", "sim_server", "system"];
+
+/// The target of events that a flag has asked for.
+pub const REQUESTED: &str = "requested";
 
 /// The form of the lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -98,6 +103,11 @@ pub fn format_to_pass_on() -> Option<(&'static str, &'static str)> {
     CHOSEN.get().filter(|&&format| format != Format::default()).map(|format| (FORMAT, format.name()))
 }
 
+/// Lets a program whose stderr is read say its errors as text.
+pub fn as_read(command: &mut Command) {
+    command.env(FORMAT, Format::Text.name()).env_remove(WANTED);
+}
+
 /// A text of a level as the line of it on stderr, for a file beside it.
 #[must_use]
 pub fn line(level: Level, text: &str) -> String {
@@ -115,13 +125,14 @@ const WARNING: &str = "warning: ";
 
 /// What `RUST_LOG` shows, and why that could not be read.
 fn filter(wanted: Option<&str>) -> (Targets, Option<String>) {
-    let own = Targets::new().with_targets(OWN.map(|name| (name, LevelFilter::INFO)));
-    let Some(wanted) = wanted else { return (own, None) };
-    match wanted.parse::<Targets>() {
-        Ok(targets) if targets.default_level().is_some() => (targets, None),
-        Ok(targets) => (own.with_targets(targets), None),
-        Err(error) => (own, Some(format!("{wanted:?}: {error}"))),
-    }
+    let (named, unread) = match wanted.unwrap_or_default().parse::<Targets>() {
+        Ok(targets) => (targets, None),
+        Err(error) => (Targets::new(), wanted.map(|wanted| format!("{wanted:?}: {error}"))),
+    };
+    let level = named.default_level().unwrap_or(LevelFilter::INFO);
+    let filter = Targets::new().with_targets(OWN.map(|name| (name, level)));
+    let named = named.iter().map(|(name, level)| (name.to_owned(), level)).collect::<Vec<_>>();
+    (filter.with_targets(named).with_target(REQUESTED, LevelFilter::INFO), unread)
 }
 
 /// Events as text.
@@ -145,7 +156,7 @@ impl<S: Subscriber + for<'span> LookupSpan<'span>, N: for<'writer> FormatFields<
         let text = printable::text(&fields.0);
         // What the programs themselves say needs no name.
         let is_own = OWN.iter().any(|name| metadata.target().split("::").next() == Some(name));
-        if is_own && *metadata.level() <= tracing::Level::INFO {
+        if metadata.target() == REQUESTED || is_own && *metadata.level() <= tracing::Level::INFO {
             writeln!(to, "{before}{text}")
         } else {
             writeln!(to, "{before}{}: {text}", metadata.target())
@@ -244,11 +255,17 @@ mod tests {
     }
 
     #[test]
-    fn a_level_alone_is_that_of_everything() {
+    fn a_level_alone_is_that_of_the_programs() {
         let errors = "error: a \\u{1b}[31mred word\n";
         assert_eq!(Kept::text(Some("error"), events), errors);
-        assert!(Kept::text(Some("debug"), events).contains("debug: system::diagnostics::tests: details\n"));
+        let debug = Kept::text(Some("debug"), events);
+        assert!(
+            debug.contains("debug: system::diagnostics::tests: details\n") && !debug.contains("rustdds"),
+            "{debug}"
+        );
+        assert!(Kept::text(Some("error,rustdds=warn"), events).contains("warning: rustdds::discovery: no reply\n"));
         assert_eq!(Kept::text(Some("off"), events), "");
+        assert_eq!(Kept::text(Some("off"), || tracing::info!(target: REQUESTED, "the address")), "the address\n");
     }
 
     #[test]

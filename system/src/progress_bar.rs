@@ -5,10 +5,10 @@ use std::io::IsTerminal;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, WeakProgressBar};
 
-/// The bar of this process, which has one at a time.
-static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
+/// The bar of this process, which has one at a time; who shows it may drop it.
+static SHOWN: Mutex<Option<WeakProgressBar>> = Mutex::new(None);
 
 /// A bar on stderr with a message behind it, which is cut where the terminal ends; `None` if stderr
 /// is no terminal.
@@ -21,14 +21,15 @@ pub fn on_stderr(length: u64) -> Option<ProgressBar> {
         let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr());
         let style = ProgressStyle::with_template("{bar:10} {wide_msg}").expect("the template is right");
         bar.set_style(style);
-        *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
+        *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.downgrade());
         bar
     })
 }
 
 /// Writes to stderr what is to stay above the bar.
 pub fn above(write: impl FnOnce()) {
-    match &*SHOWN.lock().unwrap_or_else(PoisonError::into_inner) {
+    let shown = SHOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    match shown.as_ref().and_then(WeakProgressBar::upgrade) {
         Some(bar) => bar.suspend(write),
         None => write(),
     }

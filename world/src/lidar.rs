@@ -128,6 +128,16 @@ pub struct Scanner {
     meets_obstacles: bool,
 }
 
+impl PartialEq for Scanner {
+    fn eq(&self, other: &Self) -> bool {
+        let Self { rays, range_m, cone_cos, mount, sees_agents, meets_obstacles } = self;
+        // Those of a pattern are shared.
+        Arc::ptr_eq(rays, &other.rays)
+            && (range_m, cone_cos, mount) == (&other.range_m, &other.cone_cos, &other.mount)
+            && (sees_agents, meets_obstacles) == (&other.sees_agents, &other.meets_obstacles)
+    }
+}
+
 /// The rays of a pattern.
 struct Rays {
     pattern: Pattern,

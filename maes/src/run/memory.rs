@@ -16,7 +16,7 @@ use sim_server::profile::{Decision, Profile, Profiled, TraceFile};
 use sim_server::setup;
 use sim_server::terminal::{self, Terminal};
 use simulation::scenario::Scenario;
-use system::wall_clock;
+use system::{diagnostics, wall_clock};
 
 use super::RunArgs;
 use crate::output::print;
@@ -67,7 +67,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
     };
     terminal.clear();
     if let Some(times) = decision_times.as_ref().filter(|_| args.decision_times) {
-        tracing::info!("{}", summary(&times.sorted()));
+        tracing::info!(target: diagnostics::REQUESTED, "{}", summary(&times.sorted()));
     }
     let mut traced = Ok(());
     if let (Some(profile), Some(trace), Some(times)) = (&profile, &trace, &decision_times) {
@@ -76,7 +76,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
             .into_iter()
             .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
             .collect();
-        tracing::info!("{}", profile.table(&scenario.agents.controllers_label(), &decisions));
+        tracing::info!(target: diagnostics::REQUESTED, "{}", profile.table(&scenario.agents.controllers_label(), &decisions));
         traced = trace.write(profile, &decisions).context("--profile");
     }
     let outcome = finished

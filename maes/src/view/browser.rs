@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::thread;
 
+use system::diagnostics::REQUESTED;
+
 /// The program that opens an address on a desktop, with its first arguments.
 const OPENER: &[&str] = if cfg!(windows) {
     &["rundll32.exe", "url.dll,FileProtocolHandler"]
@@ -42,7 +44,7 @@ impl Browser {
                 // Without a browser the address is there still.
                 thread::spawn(move || drop(opener.status()));
             }
-            Self::Named => tracing::info!("open {url} in a browser"),
+            Self::Named => tracing::info!(target: REQUESTED, "open {url} in a browser"),
             Self::None => {}
         }
     }

@@ -178,17 +178,21 @@ impl Patches {
 
 /// The body of each triangle: a body ends, in the order of the file, where every edge of its
 /// triangles is passed an even number of times. Programs write one object after the other, so that
-/// boxes which share edges are told from each other.
+/// boxes which share edges are told from each other. Edges of open sheets, which the whole file
+/// passes an odd number of times, end nothing.
 fn bodies(count: usize, edges: &[Edge]) -> Vec<u32> {
-    let mut edges_of: Vec<Vec<u32>> = vec![Vec::new(); count];
-    for (edge, number) in around(edges).zip(0..) {
-        edge.iter().for_each(|&(_, _, triangle, _)| edges_of[triangle as usize].push(number));
+    let mut edges_of: Vec<[Option<u32>; 3]> = vec![[None; 3]; count];
+    for (edge, number) in around(edges).zip(0..).filter(|(edge, _)| edge.len() % 2 == 0) {
+        for &(_, _, triangle, _) in edge {
+            let free = edges_of[triangle as usize].iter_mut().find(|edge| edge.is_none());
+            *free.expect("a triangle has three edges") = Some(number);
+        }
     }
     let mut is_odd = vec![false; edges.len()];
     let (mut odd, mut body) = (0, 0);
-    let of_triangle = |edges: Vec<u32>| {
+    let of_triangle = |edges: [Option<u32>; 3]| {
         let here = body;
-        for edge in edges {
+        for edge in edges.into_iter().flatten() {
             let is_odd = &mut is_odd[edge as usize];
             *is_odd ^= true;
             odd += if *is_odd { 1 } else { -1 };

@@ -81,7 +81,8 @@ impl Keys {
                 (_, Value::Other) => return Err(wrong("a mapping or a reference", "the value itself")),
             };
             match key.as_str() {
-                "image" => image = Some(value).filter(|value| !value.is_empty()),
+                // A block may end with the end of a line.
+                "image" => image = Some(value.trim_end().to_owned()).filter(|value| !value.is_empty()),
                 "resolution" => {
                     let metres = number(&value)?;
                     Extent::new([1; 3], metres).map_err(|reason| FormatError::line(line, reason.to_string()))?;

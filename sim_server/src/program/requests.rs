@@ -12,6 +12,7 @@ use foxglove_server::{FoxgloveServer, IdleRequest};
 use msgs::ids::Tick;
 use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
+use system::diagnostics;
 use system::program::AGENTS_OF_START;
 
 use super::{Job, failed, join_policy, open_viewing, say_ready, stop_and_guard, tell_address};
@@ -163,6 +164,7 @@ fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> 
         for setting in simulation::wire::settings(choice.set) {
             check.arg("--set").arg(setting);
         }
+        diagnostics::as_read(&mut check);
         let checked = check.stdin(Stdio::null()).output();
         let checked = checked.map_err(|error| format!("{}: {error}", program.display()))?;
         if !checked.status.success() {

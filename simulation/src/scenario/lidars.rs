@@ -48,6 +48,11 @@ impl TryFrom<toml::Table> for LidarEntry {
         let wrong = |error: toml::de::Error| LidarEntryError(one_line(error.message()));
         let name = table.remove("name").ok_or_else(|| LidarEntryError("missing field `name`".to_owned()))?;
         let agents = table.remove("agents").map(toml::Value::try_into).transpose().map_err(wrong)?;
+        if agents.as_ref().is_some_and(Vec::is_empty) {
+            return Err(LidarEntryError(
+                "agents = []: expected at least one id of an agent, or no `agents` for all".to_owned(),
+            ));
+        }
         let keys: LidarKeys = table.try_into().map_err(wrong)?;
         let name: String = name.try_into().map_err(wrong)?;
         let name: SensorName = name.parse().map_err(|error| LidarEntryError(format!("name = {error}")))?;

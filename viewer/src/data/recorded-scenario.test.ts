@@ -24,11 +24,22 @@ describe("the scenario of a recording", () => {
       seed: null,
       lidarPattern: "shell",
       shellRadiusCells: 12,
+      hasRows: false,
       poseBoundM: Infinity,
       hasDrift: true,
       posesPeriodTicks: 0,
       obstacles: [],
     });
+  });
+
+  it.each([
+    ["[lidar]\nrange_m = 3.0", false],
+    ['lidar = { pattern = "lattice" }', false],
+    ['lidar = { pattern = "ring" }', true],
+    ['lidar = { preset = "d435" }', true],
+    ['[[lidars]]\nname = "top"', true],
+  ])("knows which rays are rows: %j", (toml, hasRows) => {
+    expect(recordedScenario(toml).hasRows).toBe(hasRows);
   });
 
   it("has the shapes of moving obstacles by number, null for one that it does not know", () => {
@@ -57,7 +68,7 @@ describe("the scenario of a recording", () => {
   it.each(["", "seed = ", "lidar = 3", '[lidar]\npattern = 7\nshell_radius_cells = "many"', "seed = 1.5"])(
     "has null for what is missing or malformed: %j",
     (toml) => {
-      expect(Object.values(recordedScenario(toml))).toEqual([null, null, null, null, false, null, []]);
+      expect(Object.values(recordedScenario(toml))).toEqual([null, null, null, false, null, false, null, []]);
     },
   );
 });

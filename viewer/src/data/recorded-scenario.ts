@@ -13,6 +13,8 @@ export interface RecordedScenario {
   readonly seed: string | null;
   readonly lidarPattern: string | null;
   readonly shellRadiusCells: number | null;
+  /** Whether the rays are rows and columns, or those of several LiDARs. */
+  readonly hasRows: boolean;
   readonly poseBoundM: number | null;
   /** Whether the localisation of the agents drifts. */
   readonly hasDrift: boolean;
@@ -24,11 +26,13 @@ export interface RecordedScenario {
 export function recordedScenario(toml: string): RecordedScenario {
   const root = parsed(toml);
   const seed = root["seed"];
-  const pattern = tableIn(root, "lidar")["pattern"];
+  const { pattern, preset } = tableIn(root, "lidar");
   return {
     seed: typeof seed === "bigint" || Number.isInteger(seed) ? String(seed) : null,
     lidarPattern: typeof pattern === "string" ? pattern : null,
     shellRadiusCells: numberIn(root, "lidar", "shell_radius_cells"),
+    hasRows:
+      pattern === "ring" || pattern === "frustum" || preset !== undefined || root["lidars"] !== undefined,
     poseBoundM: numberIn(root, "sensor", "pose_bound_m"),
     hasDrift: Object.values(tableIn(root, "localisation")).some((value) => Number(value) > 0),
     posesPeriodTicks: numberIn(root, "recording", "poses_period_ticks"),

@@ -180,7 +180,8 @@ export class RecordingReader {
   }
 
   /**
-   * The hits of an agent's last scan: the recorded points, else ray-cast from the pose of the scan.
+   * The hits of an agent's last scan: the recorded points, else ray-cast from the pose of the scan,
+   * unless the rays are rows and columns.
    */
   async hits(agent: number, untilTick: number, scan: ScanPose | null): Promise<ScanHits | null> {
     const recorded = await this.#recordedHits(agent, untilTick);

@@ -12,7 +12,7 @@ import { TICK_S, type Setup, type Terrain } from "./run.ts";
 import type { RecordedScenario } from "./recorded-scenario.ts";
 
 /** Limits of a scenario. */
-const RAYS_MAX = 1_000_000;
+const RAYS_MAX = 1 << 20;
 const SHELL_RADIUS_CELLS_MAX = 200;
 /** The present limit of a scenario, with a margin for later versions. */
 const AGENTS_MAX = 1 << 16;
@@ -57,10 +57,14 @@ export function runHeaderOf(
   };
 }
 
-export function lidarOf(message: Scenario, recorded: RecordedScenario): Lidar {
+/** The rays of the LiDAR; null if they are rows and columns, which are not cast here. */
+export function lidarOf(message: Scenario, recorded: RecordedScenario): Lidar | null {
   if (isShell(recorded)) {
     const radius = recorded.shellRadiusCells ?? 0;
     return shell(Math.min(radius, SHELL_RADIUS_CELLS_MAX), message.fovRad);
+  }
+  if (recorded.hasRows) {
+    return null;
   }
   return lattice(message.rays, message.rangeM, message.fovRad, message.cellM);
 }

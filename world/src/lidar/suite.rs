@@ -10,7 +10,7 @@ use protocol::field_of_view::FieldOfView;
 use super::Scanner;
 use crate::body::Pose;
 
-/// One or more LiDARs. Clones are the same suite, and a suite equals its clones alone.
+/// One or more LiDARs. Suites are equal if their LiDARs are, whatever their names.
 #[derive(Debug, Clone)]
 pub struct SensorSuite(Arc<[NamedScanner]>);
 
@@ -25,7 +25,7 @@ pub struct NamedScanner {
 
 impl PartialEq for SensorSuite {
     fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.0, &other.0)
+        Arc::ptr_eq(&self.0, &other.0) || self.scanners().eq(other.scanners())
     }
 }
 
@@ -137,6 +137,6 @@ mod tests {
     fn suite_of_one_sees_what_it_sees() {
         let alone = SensorSuite::from(camera(0.2));
         assert_eq!(alone.field_of_view(), camera(0.2).field_of_view());
-        assert!(alone == alone.clone() && alone != SensorSuite::from(camera(0.2)));
+        assert!(alone == SensorSuite::from(camera(0.2)) && alone != SensorSuite::from(camera(0.3)));
     }
 }
