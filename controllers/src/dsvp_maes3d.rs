@@ -176,7 +176,9 @@ impl DsvpMaes3d {
             if ctx.is_confined() {
                 return self.looks_from_afar(ctx);
             }
-            let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(scan_period(ctx)) };
+            // A body at rest sees nothing new before the next scan.
+            let period_ticks = u64::from(ctx.run_info().lidar_period_ticks.max(1));
+            let at = if trees.may_grow(map) { Tick::ZERO } else { ctx.tick().after(period_ticks) };
             return Command::keep(WakeCondition { at, events: EventMask::MESSAGE })
                 .with_stage(Stage::Exploring)
                 .with_info("exploration: no destination");
@@ -588,11 +590,6 @@ fn cell_of(at: Point3<f64>) -> Cell {
 
 fn in_cells(point: Point3<f64>, ctx: &Ctx<'_>) -> Point3<f64> {
     point / ctx.map().extent().cell_m()
-}
-
-/// Ticks after which a scan can have revealed something new to a body at rest.
-fn scan_period(ctx: &Ctx<'_>) -> u64 {
-    u64::from(ctx.run_info().lidar_period_ticks.max(1))
 }
 
 fn text(cell: Cell) -> String {

@@ -6,8 +6,8 @@
 //!
 //! A controller that rests may still have left out what its frontiers do not show: a cell above a
 //! frontier is out of the band there, and in it from farther away. After [`REST_TICKS`] the wrapper
-//! goes to the viewpoints that remain ([`Viewpoints`]), and asks its controller again from each. One
-//! that waits for a body in its way is left alone.
+//! goes to the viewpoints that remain ([`Viewpoints`]), and asks its controller again from each.
+//! One that waits for a body in its way is left alone.
 //!
 //! Invariants: without a field of view in the run info the wrapper is not there; those of
 //! [`Wrapped`].

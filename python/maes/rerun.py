@@ -214,7 +214,8 @@ class Sender:
                     self._stream.send_columns(path, after_last, columns)
 
     def _send_hits(self, agent: int, part: Recording) -> None:
-        for name in part.lidars(agent) or [None]:
+        names: list[str | None] = [*part.lidars(agent)]
+        for name in names or [None]:
             hits = [scan for scan in part.hits(agent, name) if len(scan.point_m)]
             if hits:
                 path = f"world/agents/agent_{agent}/{name or 'lidar'}"

@@ -2,8 +2,8 @@
 //!
 //! An event of level INFO is its text; those of ERROR and WARN have `error: ` and `warning: `
 //! before it. With [`FORMAT`] = `json` each event is an object of JSON with its level, its module
-//! and the time. `RUST_LOG` names levels: one alone is that of the programs, `MODULE=LEVEL` that of a
-//! module. Libraries beneath the programs, such as that of DDS, are silent unless it names them.
+//! and the time. `RUST_LOG` names levels: one alone is that of the programs, `MODULE=LEVEL` that of
+//! a module. Libraries beneath the programs, such as that of DDS, are silent unless it names them.
 //! What was asked for, such as an address, is shown whatever it says ([`REQUESTED`]).
 //!
 //! Lines go above the progress bar, if there is one. A closed stderr is no failure. Control

@@ -75,7 +75,16 @@ function start(program, words) {
 
 /** Serves a recording, and the page. */
 const serve = (file) =>
-  start(join(binaries, "sim_server"), ["view", file, "--address", "127.0.0.1:0", "--page", page]);
+  start(join(binaries, "maes"), [
+    "view",
+    file,
+    "--browser",
+    "false",
+    "--address",
+    "127.0.0.1:0",
+    "--page",
+    page,
+  ]);
 
 const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
 const report = (what, values) => process.stdout.write(`${JSON.stringify({ what, ...values })}\n`);

@@ -45,8 +45,14 @@ pub(super) fn changed(before: &toml::Table, changes: &[Change<'_>], read: &mut u
     Err(refusal)
 }
 
+/// A key that a change of the other one takes the place of, as a scenario has one of them.
+const IN_PLACE_OF: [(&str, &str); 2] = [("lidars", "lidar"), ("lidar", "lidars")];
+
 /// Sets or removes a dotted key; missing tables of its path are created.
 fn change_key(table: &mut toml::Table, key: &str, value: Option<toml::Value>) -> Result<(), String> {
+    for (_, other) in IN_PLACE_OF.iter().filter(|(changed, _)| *changed == key && value.is_some()) {
+        table.remove(*other);
+    }
     let (path, last) = match key.rsplit_once('.') {
         Some((path, last)) => (Some(path), last),
         None => (None, key),
@@ -87,6 +93,18 @@ mod tests {
         let refusal = changed(&base(), &changes, &mut read).unwrap_err();
         assert!(matches!(refusal, Refusal::Scenario(1234, ..)), "{refusal:?}");
         assert!(read <= 14, "{read}: once, and once for each halving");
+    }
+
+    #[test]
+    fn several_lidars_take_the_place_of_one() {
+        let one: toml::Table = toml::from_str("lidar = { rays = 9 }\nlidars = [{ name = \"top\" }]").unwrap();
+        let mut base = base();
+        base.insert("lidar".to_owned(), one["lidar"].clone());
+        let several = changed(&base, &[("lidars", Some(&one["lidars"]))], &mut 0).unwrap();
+        assert!(several.lidar.is_none() && several.lidars.is_some());
+        let changes = [("lidars", Some(&one["lidars"])), ("lidar", Some(&one["lidar"]))];
+        let single = changed(&base, &changes, &mut 0).unwrap();
+        assert!(single.lidar.is_some() && single.lidars.is_none());
     }
 
     #[test]

@@ -30,7 +30,7 @@ export class Servers {
   async view(file: string, beside?: string): Promise<string> {
     const second = beside === undefined ? [] : ["--beside", beside];
     const flags = ["--address", "127.0.0.1:0", "--page", PAGE, ...second];
-    const server = this.#start("sim_server", ["view", file, ...flags]);
+    const server = this.#start("maes", ["view", file, "--browser", "false", ...flags]);
     return (await server.prints("stdout", /^(http:\S+)$/m))[1]!;
   }
 
@@ -91,12 +91,12 @@ export class Servers {
   }
 
   async info(file: string): Promise<Info> {
-    return parseInfo(await outputOf(binary("sim_server"), ["info", file], this.#env));
+    return parseInfo(await outputOf(binary("maes"), ["info", file], this.#env));
   }
 
   /** The value of a scenario key, as the server reads it. */
   async scenarioKey(file: string, key: string): Promise<string> {
-    return (await outputOf(binary("sim_server"), ["scenario", file, "--get", key], this.#env)).trim();
+    return (await outputOf(binary("maes"), ["scenario", file, "--get", key], this.#env)).trim();
   }
 
   /** The digest of a run without observers. */
@@ -109,7 +109,7 @@ export class Servers {
     await Promise.all(this.#programs.map((program) => program.kill()));
   }
 
-  #start(name: "sim_server" | "agent_node", args: readonly string[]): Program {
+  #start(name: "maes" | "sim_server" | "agent_node", args: readonly string[]): Program {
     return this.#program(binary(name), args);
   }
 
