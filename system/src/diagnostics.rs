@@ -125,9 +125,11 @@ const WARNING: &str = "warning: ";
 
 /// What `RUST_LOG` shows, and why that could not be read.
 fn filter(wanted: Option<&str>) -> (Targets, Option<String>) {
-    let (named, unread) = match wanted.unwrap_or_default().parse::<Targets>() {
-        Ok(targets) => (targets, None),
-        Err(error) => (Targets::new(), wanted.map(|wanted| format!("{wanted:?}: {error}"))),
+    // Of no text at all, the level alone would be ERROR.
+    let (named, unread) = match wanted.map(str::parse::<Targets>) {
+        None => (Targets::new(), None),
+        Some(Ok(targets)) => (targets, None),
+        Some(Err(error)) => (Targets::new(), wanted.map(|wanted| format!("{wanted:?}: {error}"))),
     };
     let level = named.default_level().unwrap_or(LevelFilter::INFO);
     let filter = Targets::new().with_targets(OWN.map(|name| (name, level)));
