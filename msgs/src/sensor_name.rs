@@ -31,7 +31,8 @@ impl SensorName {
     #[must_use]
     pub fn as_str(&self) -> &str {
         let length = self.0.iter().position(|&byte| byte == 0).unwrap_or(self.0.len());
-        std::str::from_utf8(&self.0[..length]).expect("a name is ASCII")
+        // A name is ASCII.
+        str::from_utf8(&self.0[..length]).unwrap_or_default()
     }
 }
 

@@ -36,6 +36,9 @@ impl Components {
 
     /// Whether each component has a cell in the shell of the map, the outermost layer, or next to
     /// it. `terrain` is the map that they are of.
+    ///
+    /// # Panics
+    /// If it is another map, with more stretches of free cells.
     pub fn beside_shell(&self, terrain: &Grid<Terrain>) -> Vec<bool> {
         let [size_x, size_y, size_z] = terrain.extent().size().map(|cells| cells as usize);
         let mut is_beside = vec![false; self.sizes.len()];
