@@ -97,18 +97,19 @@ impl NearestFrontier {
     /// A way past the bodies nearby to the nearest goal that they leave open.
     fn detour(&mut self, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Option<Command> {
         let is_open = |cell| !obstacles.occupy(cell);
-        let cell = if ctx.needs_viewpoints() {
-            let Poll::Ready(found) = self.viewpoints.as_mut()?.next_within(ctx, &is_open) else { return None };
-            self.viewpoint = found;
-            found?.cell
+        let (cell, viewpoint) = if ctx.needs_viewpoints() {
+            let found = self.viewpoints.as_mut()?.next_within(ctx, &is_open);
+            let Poll::Ready(Some(viewpoint)) = found else { return None };
+            (viewpoint.cell, Some(viewpoint))
         } else {
-            self.goal = ctx.nearest_through(&is_open, |map, cell| {
+            let frontier = ctx.nearest_through(&is_open, |map, cell| {
                 map.is_frontier(cell) && cell != ctx.cell() && !self.abandoned.contains(&cell)
             });
-            self.goal?
+            (frontier?, None)
         };
-        let Cell { x, y, z } = cell;
         let motion = way_round(ctx, cell, obstacles, Waypoints::Fewest)?;
+        (self.goal, self.viewpoint) = (viewpoint.is_none().then_some(cell), viewpoint);
+        let Cell { x, y, z } = cell;
         Some(self.goes(motion).with_info(format!("goes past a body to {x} {y} {z}")))
     }
 
@@ -206,7 +207,6 @@ impl Controller for NearestFrontier {
             if let Some(Yield::Detour(command)) = standing {
                 return self.with_relay_if_needed(command, observation, ctx);
             }
-            (self.goal, self.viewpoint) = (None, None);
             return match standing {
                 Some(Yield::Rest(command)) => command,
                 _ => collision_recovery::step_aside(&mut self.rng, ctx),

@@ -63,7 +63,7 @@ use view::ViewArgs;
 #[command(name = "maes", version = BUILD, arg_required_else_help = true)]
 struct Cli {
     /// Form of the lines on stderr: text, or json, with an object for each event
-    #[arg(long, value_name = "FORMAT", value_parser = log_format)]
+    #[arg(long, value_name = "FORMAT")]
     log_format: Option<Format>,
     #[command(subcommand)]
     command: Command,
@@ -193,11 +193,6 @@ fn main() -> ExitCode {
         }
         _ => code,
     }
-}
-
-fn log_format(name: &str) -> Result<Format, String> {
-    let allowed = || format!("expected {}", Format::NAMES.map(|(name, _)| name).join(" or "));
-    Format::named(name).ok_or_else(allowed)
 }
 
 /// A command whose options take negative numbers as values, so that their own errors say what is

@@ -1,7 +1,7 @@
 //! Where the free space of a map lies: around what the file holds, or within it.
 //!
 //! A run keeps the largest connected part of free space. Around a cave, or a house, there may be
-//! more of it than inside, which nobody wants who does not say so.
+//! more of it than inside, which is seldom meant.
 
 use voxels::{Grid, Terrain, free_components};
 
@@ -22,7 +22,7 @@ pub(super) struct FreeSpace {
 }
 
 impl FreeSpace {
-    /// That of a map.
+    /// The free space of a map.
     pub(super) fn of(terrain: &Grid<Terrain>) -> Self {
         let components = free_components(terrain);
         let beside = components.beside_shell(terrain);

@@ -145,8 +145,9 @@ pub(super) fn resolution_m(bytes: &[u8]) -> Option<f64> {
 /// If one of the files is malformed, or too large for a map.
 pub(super) fn read_yaml(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let keys = Keys::read(&spec.bytes)?;
-    let picture = image(&spec.bytes).ok().and_then(|name| spec.companion(&name)).ok_or_else(|| {
-        FormatError::Companion { file: shown(keys.image.as_bytes()), reason: "it is not at hand".to_owned() }
+    let picture = spec.companion(Path::new(&keys.image)).ok_or_else(|| FormatError::Companion {
+        file: shown(keys.image.as_bytes()),
+        reason: "it is not at hand".to_owned(),
     })?;
     let cell_m = spec.cell_m.unwrap_or(keys.resolution_m);
     let times = libm::round(cell_m / keys.resolution_m);

@@ -33,12 +33,12 @@ impl RegressionMeasure {
     /// The value of a run, in ticks.
     fn value(self, fields: &BTreeMap<String, String>, duration_s: f64, row: &Place) -> Result<f64, RegressionError> {
         Ok(ticks(match self {
-            Self::Unseen => duration_s * (1.0 - number(fields, "area_under_explored", 1.0, row)?),
+            Self::Unseen => duration_s * (1.0 - number(fields, "area_under_explored", Some(1.0), row)?),
             Self::TimeTo(percent) => {
                 let name = format!("t{percent}_s");
                 match fields.get(&name).is_some_and(String::is_empty) {
                     true => duration_s,
-                    false => number(fields, &name, f64::MAX, row)?.min(duration_s),
+                    false => number(fields, &name, None, row)?.min(duration_s),
                 }
             }
         }))
@@ -84,11 +84,16 @@ impl fmt::Display for Place<'_> {
     }
 }
 
-/// A number of a column, from 0 to `most`.
-fn number(fields: &BTreeMap<String, String>, column: &str, most: f64, row: &Place) -> Result<f64, RegressionError> {
+/// A number of a column, from 0 to `most` if there is such a bound.
+fn number(
+    fields: &BTreeMap<String, String>,
+    column: &str,
+    most: Option<f64>,
+    row: &Place,
+) -> Result<f64, RegressionError> {
     let value = fields.get(column).map_or("", String::as_str);
-    let number = value.parse().ok().filter(|number: &f64| (0.0..=most).contains(number));
-    let expected = || if most == f64::MAX { "a number, 0 or more".to_owned() } else { format!("0 to {most}") };
+    let number = value.parse().ok().filter(|number: &f64| (0.0..=most.unwrap_or(f64::MAX)).contains(number));
+    let expected = || most.map_or_else(|| "a number, 0 or more".to_owned(), |most| format!("0 to {most}"));
     number.ok_or_else(|| unexpected(column, value, expected(), row))
 }
 
@@ -145,7 +150,7 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
         let controller = fields.get("controller").map_or("", String::as_str);
         let (variant, key) = names(axes.collect(), controller, seed(&fields, &place)?);
         let digest = fields.get("digest").cloned().unwrap_or_default();
-        let duration_s = number(&fields, "duration_s", f64::MAX, &place)?;
+        let duration_s = number(&fields, "duration_s", None, &place)?;
         let value = measure.value(&fields, duration_s, &place)?;
         let row = Row { value, duration_s, outcome: Outcome::Digest(digest) };
         if runs.entry(variant.clone()).or_default().insert(key.clone(), row).is_some() {

@@ -18,9 +18,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use msgs::ids::{AgentId, Tick};
 use serde_json::{Value, json};
-use world::World;
-
 use transport::Level;
+use world::World;
 
 use crate::session::{Phase, PhaseTimes, RunObserver};
 use system::wall_clock::now;

@@ -12,6 +12,7 @@
 use std::fmt;
 use std::io;
 use std::process::Command;
+use std::str::FromStr;
 use std::sync::OnceLock;
 
 use msgs::printable;
@@ -49,15 +50,6 @@ pub enum Format {
 }
 
 impl Format {
-    /// All of them, by their names.
-    pub const NAMES: [(&'static str, Self); 2] = [("text", Self::Text), ("json", Self::Json)];
-
-    /// The format of a name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        Self::NAMES.into_iter().find(|(other, _)| *other == name).map(|(_, format)| format)
-    }
-
     /// Its name.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -65,6 +57,15 @@ impl Format {
             Self::Text => "text",
             Self::Json => "json",
         }
+    }
+}
+
+impl FromStr for Format {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let format = [Self::Text, Self::Json].into_iter().find(|format| format.name() == name);
+        format.ok_or_else(|| "expected text or json".to_owned())
     }
 }
 
@@ -76,8 +77,8 @@ static CHOSEN: OnceLock<Format> = OnceLock::new();
 pub fn show(format: Option<Format>) {
     let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
     let named = variable(FORMAT);
-    let of_environment = named.as_deref().map(Format::named);
-    let format = format.or(of_environment.flatten()).unwrap_or_default();
+    let of_environment = named.as_deref().map(str::parse::<Format>);
+    let format = format.or(of_environment.clone().and_then(Result::ok)).unwrap_or_default();
     if CHOSEN.set(format).is_err() {
         return;
     }
@@ -89,8 +90,8 @@ pub fn show(format: Option<Format>) {
     };
     // Programs that embed this one may show events as they like.
     drop(tracing_subscriber::registry().with(lines.with_filter(filter)).try_init());
-    if let (Some(name), Some(None)) = (named, of_environment) {
-        tracing::warn!("{FORMAT} = {name:?}: expected text or json");
+    if let (Some(name), Some(Err(error))) = (named, of_environment) {
+        tracing::warn!("{FORMAT} = {name:?}: {error}");
     }
     if let Some(error) = unread {
         tracing::warn!("{WANTED} = {error}");
@@ -216,9 +217,9 @@ mod tests {
 
     /// What is written.
     #[derive(Clone, Default)]
-    struct Kept(Arc<Mutex<Vec<u8>>>);
+    struct Buffer(Arc<Mutex<Vec<u8>>>);
 
-    impl io::Write for Kept {
+    impl io::Write for Buffer {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.0.lock().unwrap().write(bytes)
         }
@@ -228,15 +229,15 @@ mod tests {
         }
     }
 
-    impl Kept {
+    impl Buffer {
         /// What events become, as text, with a value of `RUST_LOG`.
         fn text(wanted: Option<&str>, events: impl FnOnce()) -> String {
-            let kept = Self::default();
-            let writer = kept.clone();
+            let buffer = Self::default();
+            let writer = buffer.clone();
             let lines = tracing_subscriber::fmt::layer().event_format(Text).with_writer(move || writer.clone());
             let shown = tracing_subscriber::registry().with(lines.with_filter(filter(wanted).0));
             tracing::subscriber::with_default(shown, events);
-            String::from_utf8(kept.0.lock().unwrap().clone()).unwrap()
+            String::from_utf8(buffer.0.lock().unwrap().clone()).unwrap()
         }
     }
 
@@ -251,23 +252,23 @@ mod tests {
     #[test]
     fn levels_are_words_and_libraries_are_silent() {
         let own = "error: a \\u{1b}[31mred word\nwarning: late agent=3\n3 agents\n";
-        assert_eq!(Kept::text(None, events), own);
+        assert_eq!(Buffer::text(None, events), own);
         let library = "warning: rustdds::discovery: no reply\n";
-        assert_eq!(Kept::text(Some("rustdds=warn"), events), format!("{own}{library}"));
+        assert_eq!(Buffer::text(Some("rustdds=warn"), events), format!("{own}{library}"));
     }
 
     #[test]
     fn a_level_alone_is_that_of_the_programs() {
         let errors = "error: a \\u{1b}[31mred word\n";
-        assert_eq!(Kept::text(Some("error"), events), errors);
-        let debug = Kept::text(Some("debug"), events);
+        assert_eq!(Buffer::text(Some("error"), events), errors);
+        let debug = Buffer::text(Some("debug"), events);
         assert!(
             debug.contains("debug: system::diagnostics::tests: details\n") && !debug.contains("rustdds"),
             "{debug}"
         );
-        assert!(Kept::text(Some("error,rustdds=warn"), events).contains("warning: rustdds::discovery: no reply\n"));
-        assert_eq!(Kept::text(Some("off"), events), "");
-        assert_eq!(Kept::text(Some("off"), || tracing::info!(target: REQUESTED, "the address")), "the address\n");
+        assert!(Buffer::text(Some("error,rustdds=warn"), events).contains("warning: rustdds::discovery: no reply\n"));
+        assert_eq!(Buffer::text(Some("off"), events), "");
+        assert_eq!(Buffer::text(Some("off"), || tracing::info!(target: REQUESTED, "the address")), "the address\n");
     }
 
     #[test]
@@ -275,6 +276,9 @@ mod tests {
         let (_, unread) = filter(Some("rustdds=loud"));
         assert!(unread.unwrap().starts_with("\"rustdds=loud\": "));
         assert!(filter(Some("rustdds=debug")).1.is_none());
-        assert_eq!(["text", "json", "xml"].map(Format::named), [Some(Format::Text), Some(Format::Json), None]);
+        assert_eq!(
+            ["text", "json", "xml"].map(|name| name.parse().ok()),
+            [Some(Format::Text), Some(Format::Json), None]
+        );
     }
 }

@@ -385,15 +385,16 @@ impl World {
                 state.last_bodies = Bodies::others(others, index, self.moving_obstacles.solids());
             }
             let last = state.last_scan.filter(|scan| scan.1 >= since).map(|(last, _)| last);
-            let is_repeated =
-                !lidar.scans_differ() && last.is_some_and(|last| lidar.sensors.sees_the_same(&last, &pose));
+            let same = |a: &Pose, b: &Pose| lidar.sensors.sees_the_same(a, b);
+            let not_cast = NotCast::of_scan(same, lidar.scans_differ(), last.as_ref(), &pose);
             state.last_scan = Some((pose, tick));
             self.note_scan(index);
-            if is_repeated {
-                self.totals.scans.add(&CastCount::without(1, NotCast::SamePose));
-            } else {
-                self.totals.scans.add(&CastCount::of(1));
-                self.request_scan(index, workers);
+            match not_cast {
+                Some(reason) => self.totals.scans.add(&CastCount::without(1, reason)),
+                None => {
+                    self.totals.scans.add(&CastCount::of(1));
+                    self.request_scan(index, workers);
+                }
             }
         }
         if !workers.has_helpers() && !self.has_no_pending_scans() {

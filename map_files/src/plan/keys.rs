@@ -91,9 +91,9 @@ impl Keys {
                 "occupied_thresh" => occupied_thresh = number(&value)?,
                 "free_thresh" => free_thresh = number(&value)?,
                 "negate" => {
-                    negate = match value.to_ascii_lowercase().as_str() {
-                        "0" | "false" | "no" | "off" => false,
-                        "1" | "true" | "yes" | "on" => true,
+                    negate = match value.as_str() {
+                        "0" | "false" | "False" | "FALSE" | "no" | "No" | "NO" | "off" | "Off" | "OFF" => false,
+                        "1" | "true" | "True" | "TRUE" | "yes" | "Yes" | "YES" | "on" | "On" | "ON" => true,
                         _ => return Err(wrong(&shown(value.as_bytes()), "0 or 1")),
                     }
                 }

@@ -19,8 +19,6 @@ use ros_node::{
 };
 
 use super::services::{ServiceEvent, Services};
-use transport::Level;
-
 use crate::terminal::{self, Terminal};
 use recording::Recording;
 use recording::replay::{
@@ -28,6 +26,7 @@ use recording::replay::{
 };
 use simulation::parameters;
 use system::wall_clock::now;
+use transport::Level;
 
 const NODE: &str = "replay";
 

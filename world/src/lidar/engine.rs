@@ -42,12 +42,17 @@ impl NotCast {
     /// Number of reasons.
     const COUNT: usize = Self::OutsideView as usize + 1;
 
-    /// Why a scan of `scanner` that is due from `pose` need not be cast; `None`: it has to be.
-    /// `last` is the pose of the scan before; `differs`: two scans from one pose may see different
-    /// things.
+    /// Why a scan that is due from `pose` need not be cast; `None`: it has to be. `last` is the
+    /// pose of the scan before, `sees_the_same` whether scans from two poses do; `differs`: two
+    /// scans from one pose may see different things.
     #[must_use]
-    pub fn of_scan(scanner: &Scanner, differs: bool, last: Option<&Pose>, pose: &Pose) -> Option<Self> {
-        let is_repeated = !differs && last.is_some_and(|last| scanner.sees_the_same(last, pose));
+    pub fn of_scan(
+        sees_the_same: impl FnOnce(&Pose, &Pose) -> bool,
+        differs: bool,
+        last: Option<&Pose>,
+        pose: &Pose,
+    ) -> Option<Self> {
+        let is_repeated = !differs && last.is_some_and(|last| sees_the_same(last, pose));
         is_repeated.then_some(Self::SamePose)
     }
 }

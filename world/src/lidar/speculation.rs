@@ -53,7 +53,7 @@ impl SpeculativeEngine {
         previous: Option<&Pose>,
         pose: &Pose,
     ) -> bool {
-        if NotCast::of_scan(scanner, false, previous, pose).is_some() {
+        if NotCast::of_scan(|a, b| scanner.sees_the_same(a, b), false, previous, pose).is_some() {
             return false;
         }
         let place_of = |pose| self.ahead.iter().position(|scan| scanner.sees_the_same(&scan.pose, pose));

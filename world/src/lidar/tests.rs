@@ -547,7 +547,9 @@ fn a_body_that_keeps_still_scans_once() {
     let all_around = Scanner::new(Pattern::Lattice { rays: 10 }, 5.0, TAU);
     let ahead = Scanner::new(Pattern::Lattice { rays: 10 }, 5.0, 3.0);
     let (here, turned) = (pose([1.0; 3], 0.0), pose([1.0; 3], 1.0));
-    let reason = NotCast::of_scan;
+    let reason = |scanner: &Scanner, differs: bool, last: Option<&Pose>, pose: &Pose| {
+        NotCast::of_scan(|a, b| scanner.sees_the_same(a, b), differs, last, pose)
+    };
     assert_eq!(reason(&all_around, exact, None, &here), None, "the first scan");
     assert_eq!(reason(&all_around, exact, Some(&here), &turned), Some(NotCast::SamePose));
     assert_eq!(reason(&ahead, exact, Some(&here), &turned), None);

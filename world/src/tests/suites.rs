@@ -44,8 +44,8 @@ fn way() -> Vec<Pose> {
     vec![at(2.5, 0.0), at(2.5, 0.0), at(2.5, 2.0), at(7.2, 2.0), at(7.4, -1.0), at(2.5, 3.0), at(13.5, 0.5)]
 }
 
-/// What an agent is told on the way, and the last view.
-fn told(sensors: &SensorSuite, noise: SensorNoise, threads: usize) -> (Cells, Cells) {
+/// The cells of the observations of an agent on the way, and its last view.
+fn observed(sensors: &SensorSuite, noise: SensorNoise, threads: usize) -> (Cells, Cells) {
     let workers = workers(threads);
     let params = WorldParams { sensors: sensors.clone(), noise, ..params() };
     let mut world = World::new(pillars(), params, &way()[..1]);
@@ -76,7 +76,7 @@ fn agent_is_told_once_what_its_lidars_see_together() {
         let view = |pose: &Pose| scanners.iter().map(|scanner| scanner.view(&memory, pose)).collect::<Vec<_>>();
         let views: Vec<_> = way().iter().flat_map(view).collect();
         let sensors = suite(scanners);
-        let (seen, last) = told(&sensors, SensorNoise::default(), 1);
+        let (seen, last) = observed(&sensors, SensorNoise::default(), 1);
         let (free, wall) = (set(seen.free.clone()), set(seen.wall.clone()));
         assert_eq!((free.len(), wall.len()), (seen.free.len(), seen.wall.len()), "{number}: each cell once");
         assert_eq!(free, set(views.iter().flat_map(|view| view.free.clone())), "{number}");
@@ -84,7 +84,7 @@ fn agent_is_told_once_what_its_lidars_see_together() {
         let of_last = &views[views.len() - scanners.len()..];
         assert_eq!(set(last.free.clone()), set(of_last.iter().flat_map(|view| view.free.clone())), "{number}");
         assert!(last.free.is_sorted() && last.wall.is_sorted());
-        assert_eq!(told(&sensors, SensorNoise::default(), 3), (seen, last), "{number}: whatever the helpers");
+        assert_eq!(observed(&sensors, SensorNoise::default(), 3), (seen, last), "{number}: whatever the helpers");
     }
 }
 
@@ -96,7 +96,7 @@ fn noise_of_each_lidar_is_its_own() {
     world.sense(&workers(1));
     let [first, second] = [0, 1].map(|lidar| world.returns(A, lidar, &camera()));
     assert!(first != second && first.len() == second.len());
-    assert_eq!(told(&two, noise, 1), told(&two, noise, 3));
+    assert_eq!(observed(&two, noise, 1), observed(&two, noise, 3));
 }
 
 #[test]
