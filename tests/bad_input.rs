@@ -87,18 +87,21 @@ fn maps_larger_than_memory() {
     let scenario = site.file("s.toml", LEGAL);
     let mut server = site.binary("sim_server");
     server.arg("run").arg(&scenario).args(["--size", "1024"]);
-    let mut generate = site.binary("maes");
-    generate.args(["map", "generate", "--size", "1024", "--output", "large.txt"]);
+    let generate = |size: &str| {
+        let mut generate = site.binary("maes");
+        generate.args(["map", "generate", "--size", size, "--output", "large.txt"]);
+        generate
+    };
     let map = ["a map of 1024x1024x1024 cells", "MiB of memory, which cannot be had"];
-    // The map takes a gigabyte, and so does the text.
-    let text = ["large.txt", "a map of 1073741824 cells takes more memory than can be had"];
+    // The map takes 128 MiB, and so does the text.
+    let text = ["large.txt", "a map of 134217728 cells takes more memory than can be had"];
     for (command, limit_kib, words) in
-        [(&server, 4_000_000, &map), (&generate, 1_000_000, &map), (&generate, 1_900_000, &text)]
+        [(server, 4_000_000, map), (generate("1024"), 1_000_000, map), (generate("512"), 265_000, text)]
     {
         let mut limited = site.command("bash");
         limited.args(["-c", &format!("ulimit -v {limit_kib}; exec \"$@\""), "bash"]);
         limited.arg(command.get_program()).args(command.get_args());
-        assert_bad_input(&Process::start(&mut limited).ended(), words);
+        assert_bad_input(&Process::start(&mut limited).ended(), &words);
     }
 }
 

@@ -178,12 +178,19 @@ fn members_share_the_features_of_the_workspace() {
              dependencies, with all of these crates? {other:#?}"
         );
     }
-    // The Python package as the tests build it, with the crates of the workspace.
-    let arguments = ["-p", "maes_python", "--features", "unified"];
-    let python = crates(&[&arguments[..], &["-e", "normal"]].concat(), "{f}");
-    let all = crates(&["--workspace", "-e", "normal"], "{f}");
-    let other: Vec<_> = python.difference(&all).filter(|(name, ..)| name != "maes_python").collect();
-    assert!(other.is_empty(), "the feature `unified` of maes_python lacks features of the workspace: {other:#?}");
+    // The programs and the Python package as the tests build them, with the crates of the workspace.
+    let with_members = crates(&["--workspace", "-e", "normal,build,dev"], "{f}");
+    for arguments in [
+        &["-p", "sim_server", "-p", "agent_node", "-p", "maes", "-e", "normal,build,dev"][..],
+        &["-p", "maes_python", "--features", "unified", "-e", "normal"],
+    ] {
+        let built = crates(arguments, "{f}");
+        let other: Vec<_> = built.difference(&with_members).filter(|(name, ..)| name != "maes_python").collect();
+        assert!(
+            other.is_empty(),
+            "{arguments:?} builds crates that a build of the workspace builds otherwise: {other:#?}"
+        );
+    }
 }
 
 /// The members of the workspace that are built with unified features.

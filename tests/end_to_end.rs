@@ -105,6 +105,8 @@ mod services;
 #[cfg(feature = "zenoh")]
 mod zenoh;
 
+/// The viewer in a browser. Tests start in the order of their names, and these take longest.
+mod browser;
 /// The configurations of RViz 2 and Foxglove.
 mod layouts;
 /// Maps in the programs of others.
@@ -114,11 +116,10 @@ mod rerun;
 
 /// The Foxglove server: live stream, control, served recordings.
 mod foxglove_server;
-/// The viewer in a browser.
+/// Agents over sockets of the system instead of ROS 2.
 mod unix_sockets;
 /// Attacks on the page and the WebSocket, each without effect.
 mod view_attacks;
-mod viewer;
 
 /// Foreign crates: licences, duplicate versions, sources, features.
 mod dependencies;

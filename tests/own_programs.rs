@@ -22,7 +22,8 @@ const FEATURES: &str = "tests/workspace_features";
 /// The crates of this repository that the template needs, and those that depend on the copy of the
 /// DDS library in it. Cargo builds them again: to it, a folder seen from another workspace is
 /// another package.
-const BUILT_AGAIN: [&str; 6] = ["agent_node", "msgs", "ros2-client", "ros_node", "rustdds", "voxels"];
+const BUILT_AGAIN: [&str; 9] =
+    ["agent", "agent_node", "controllers", "msgs", "protocol", "ros2-client", "ros_node", "rustdds", "voxels"];
 
 /// The template, built outside of the workspace, with the foreign crates, their features and the
 /// profile of the workspace, so that what is built already is not built again. What has to be is

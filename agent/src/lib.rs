@@ -28,7 +28,6 @@ pub mod map_markers;
 pub mod navigation;
 pub mod path;
 pub mod sharing;
-#[cfg(any(test, feature = "testing"))]
 pub mod testing;
 
 pub use protocol::{command, observation};

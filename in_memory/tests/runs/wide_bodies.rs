@@ -1,12 +1,10 @@
 //! Complete runs of bodies wider than a cell: they move, see all that can be seen from where they
 //! can be, say so, and rest.
 
-mod support;
-
+use crate::support::{fill, result, solid};
 use msgs::counters::CounterName;
 use msgs::maes_msgs::Result as RunResult;
 use proptest::prelude::*;
-use support::{fill, result, solid};
 use voxels::{Cell, CellSet, Clearance, Grid, Terrain};
 use world::body::Pose;
 use world::lidar::{Pattern, Scanner, SensorMemory};

@@ -1,11 +1,9 @@
 //! Complete runs with a base station: agents that report bring it the map, from far out of contact,
 //! and the results say when it has it.
 
-mod support;
-
+use crate::support::{fill, result, result_with, solid};
 use msgs::counters::CounterName;
 use msgs::maes_msgs::Result as RunResult;
-use support::{fill, result, result_with, solid};
 use voxels::{Grid, Terrain};
 
 /// A hall with the start, and three rooms of 10 x 10 x 4 cells behind bent passages, out of sight

@@ -1,9 +1,7 @@
 //! Complete runs of ground bodies: every controller explores what they can see, and the run ends;
 //! stairs lead one kind on and not the other.
 
-mod support;
-
-use support::{fill, result, solid};
+use crate::support::{fill, result, solid};
 use voxels::{Grid, Terrain};
 
 /// Two rooms, the second one two steps higher, with a window between them above the stairs, and a

@@ -1,9 +1,7 @@
 //! Complete runs of bodies that do not see all around: controllers turn, and look at what is above
 //! and below them from elsewhere, until all is explored.
 
-mod support;
-
-use support::{fill, result, result_with, solid};
+use crate::support::{fill, result, result_with, solid};
 use voxels::{Grid, Terrain};
 
 /// Controllers that see all of a hall with depth cameras and with rings, and rest then.

@@ -1,9 +1,7 @@
 //! Complete runs of teams that never see all: they end by themselves, and say why.
 
-mod support;
-
+use crate::support::{fill, result, solid};
 use msgs::maes_msgs::Result as RunResult;
-use support::{fill, result, solid};
 use voxels::{Grid, Terrain};
 
 /// A room, a lane as wide as one body, and a hall behind it.

@@ -1,10 +1,8 @@
 //! Complete runs of teams that have to get past each other: none stands for ever while one of them
 //! could go on.
 
-mod support;
-
+use crate::support::{fill, result, solid};
 use msgs::counters::CounterName;
-use support::{fill, result, solid};
 use voxels::{Grid, Terrain};
 
 /// A room of 27 cells, in which the team starts, and a lane as wide as one body.

@@ -1,10 +1,8 @@
 //! Bodies pass every corridor that is as wide as they are: from one room to another, whatever the
 //! length of the cells.
 
-mod support;
-
+use crate::support::{fill, result, solid};
 use proptest::prelude::*;
-use support::{fill, result, solid};
 use voxels::Terrain;
 
 /// Two rooms and a corridor between them that turns twice, `wide` cells wide and high.

@@ -1,11 +1,10 @@
 //! Complete runs with moving obstacles: teams explore around them, and recordings of such runs
 //! verify and fork.
 
-mod support;
-
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use crate::support::{fill, result, result_with, solid};
 use in_memory::in_process::{AgentOptions, CompletedRun, fork, run as run_scenario};
 use msgs::ids::Tick;
 use msgs::tf2_msgs::TFMessage;
@@ -14,7 +13,6 @@ use sim_server::session::NullObserver;
 use sim_server::setup;
 use sim_server::verify::verify;
 use simulation::scenario::Scenario;
-use support::{fill, result, result_with, solid};
 use voxels::{Grid, Terrain};
 
 /// Two rooms of 8 x 8 x 3 cells with a passage of 3 x 3 cells between them.
@@ -61,7 +59,7 @@ fn look_ahead_and_threads_do_not_change_the_run() {
 /// A run of the scenario file `people.toml`, recorded in a file with the visualisation messages
 /// that `views.record` names.
 fn people(file: &Path, views: &str) -> Scenario {
-    let text = include_str!("../../launch_scripts/scenarios/people.toml");
+    let text = include_str!("../../../launch_scripts/scenarios/people.toml");
     let record =
         format!("duration_s = 60.0\nexecution = {{ threads = 1, record = {file:?} }}\nviews = {{ record = {views} }}");
     Scenario::parse("people.toml", &text.replace("duration_s = 900.0", &record), &[]).expect("a legal scenario")

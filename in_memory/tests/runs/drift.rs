@@ -1,11 +1,9 @@
 //! Complete runs with localisation that drifts: every controller explores on a displaced map, and
 //! the figures are those of the noise.
 
-mod support;
-
+use crate::support::{fill, result, result_with, solid};
 use msgs::counters::CounterName;
 use msgs::maes_msgs::Result as RunResult;
-use support::{fill, result, result_with, solid};
 use voxels::{Grid, Terrain};
 
 /// A ring of passages of 3 x 3 cells with rooms at its corners.

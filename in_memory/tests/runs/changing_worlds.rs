@@ -1,11 +1,10 @@
 //! Complete runs in which cells become wall or free: teams explore what opens, rest where something
 //! has closed, and no body ends inside a wall.
 
-mod support;
-
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use crate::support::{fill, result, result_with, solid};
 use in_memory::in_process::{AgentOptions, CompletedRun, run as run_scenario};
 use msgs::ids::Tick;
 use msgs::maes_msgs::{MapChange, Result as RunResult};
@@ -13,7 +12,6 @@ use recording::Recording;
 use sim_server::session::NullObserver;
 use sim_server::verify::verify;
 use simulation::scenario::Scenario;
-use support::{fill, result, solid};
 use voxels::{Grid, Terrain};
 
 /// Controllers that go on once something has changed.
@@ -93,7 +91,7 @@ fn runs_with_changes_are_repeatable() {
                 "duration_s = 180.0\nagents = {{ count = 3, controller = \"{controller}\" }}\nevent = [{events}]\n\
                  stop_when_explored = false\n"
             );
-            support::result_with(&with_door(), &keys, execution).digest
+            result_with(&with_door(), &keys, execution).digest
         })
         .collect();
         assert!(digests.iter().all(|digest| *digest == digests[0]), "{controller}");
@@ -116,7 +114,7 @@ fn map_is_as_good_as_one_that_was_so_from_the_start() {
 
 /// A run of the scenario file `doors.toml`, recorded in a file.
 fn doors(file: &Path) -> Scenario {
-    let text = include_str!("../../launch_scripts/scenarios/doors.toml");
+    let text = include_str!("../../../launch_scripts/scenarios/doors.toml");
     let record = format!("duration_s = 120.0\nexecution = {{ threads = 1, record = {file:?} }}");
     Scenario::parse("doors.toml", &text.replace("duration_s = 600.0", &record), &[]).expect("a legal scenario")
 }

@@ -1,11 +1,9 @@
 //! Complete runs of bodies with batteries: whatever the controller, no body runs empty while it
 //! knows a way home, the team comes back, and the figures say so.
 
-mod support;
-
+use crate::support::{fill, result, result_with, solid};
 use msgs::counters::CounterName;
 use msgs::maes_msgs::Result as RunResult;
-use support::{fill, result, result_with, solid};
 use voxels::{Grid, Terrain};
 
 /// Controllers that see all of the rooms, and rest then.
