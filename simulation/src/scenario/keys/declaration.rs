@@ -225,7 +225,7 @@ pub const TABLES: [Table; 27] = [
             "probability that a cell of a wall or roof breaks out", "ours"),
     ]).checked_by_mapgen(),
     Table::new("map.scene", &[
-        key("name", Word(&["office", "octagon-maze", "tunnels", "garage"]), Is("\"office\""), NONE,
+        key("name", Word(&["office", "octagon-maze", "tunnels", "garage", "pillars", "campus", "forest"]), Is("\"office\""), NONE,
             "which place", "ours; see [maps.md](maps.md#scenes-at-true-scale)"),
     ]).checked_by_mapgen(),
     Table::new("agents", &[
