@@ -5,9 +5,10 @@
 //! who has the build can execute any of them again ([`verify`]), and [`schedule`] says how long the
 //! whole takes on many cores. Tracks, metrics and rules: docs/exploration-1.md.
 //!
-//! Invariant: what is measured is fixed by the name of the benchmark. A change of worlds, teams,
-//! radios, seeds or score is a benchmark with another name.
+//! Invariant: what is measured is fixed by the name of the benchmark ([`Benchmark`]). A change of
+//! worlds, teams, radios, localisation, seeds or score is a benchmark with another name.
 
+mod definition;
 mod results;
 pub mod schedule;
 
@@ -22,61 +23,10 @@ use crate::plan::{Plan, PlanError};
 use crate::rows::RunRow;
 use crate::store::{Store, StoreError};
 
+pub use definition::{Benchmark, EXPLORATION_1, EXPLORATION_2, SEEDS};
+use definition::{BenchmarkWorld, Named, STATION};
 pub use results::{ResultFile, Run, Track, read, table};
 use results::{results, rounded};
-
-/// The name of the benchmark.
-pub const EXPLORATION_1: &str = "exploration-1";
-
-/// File name of the results, in the folder of the runs.
-pub const RESULT_FILE: &str = "exploration-1.json";
-
-/// Number of seeds of each track.
-pub const SEEDS: usize = 30;
-
-/// The teams.
-pub const TEAMS: [u32; 5] = [1, 2, 5, 10, 20];
-
-/// The radios: name, and `[communication]`.
-const RADIOS: [(&str, &str); 2] =
-    [("perfect", "{ model = \"line_of_sight\" }"), ("lossy", "{ range_m = 15.0, loss = 0.3, bytes_per_s = 20000.0 }")];
-
-/// A world: its name, the greatest sim time, and what a scenario has beside team and radio.
-struct BenchmarkWorld {
-    name: &'static str,
-    duration_s: u32,
-    map: &'static str,
-    spawn: &'static str,
-}
-
-/// The imported world, which is written beside its plan.
-const STATION: (&str, &str) = ("station.obj", include_str!("benchmark/station.obj"));
-
-const WORLDS: [BenchmarkWorld; 6] = [
-    BenchmarkWorld { name: "cave-50", duration_s: 300, map: "{ kind = \"spheres\", size = 50 }", spawn: NEAR },
-    BenchmarkWorld { name: "cave-75", duration_s: 600, map: "{ kind = \"spheres\", size = 75 }", spawn: NEAR },
-    BenchmarkWorld { name: "cave-100", duration_s: 900, map: "{ kind = \"spheres\", size = 100 }", spawn: NEAR },
-    BenchmarkWorld { name: "noise", duration_s: 600, map: "{ kind = \"noise\", size = 60 }", spawn: NEAR },
-    BenchmarkWorld {
-        name: "building",
-        duration_s: 600,
-        map: "{ kind = \"building\", size = [60, 60, 13] }",
-        spawn: "{ kind = \"entrances\" }",
-    },
-    BenchmarkWorld {
-        name: "station",
-        duration_s: 300,
-        map: "{ kind = \"file\", file = \"station.obj\", cell_m = 1.0, import = { free_from = [20.5, 20.5, 2.5] } }",
-        spawn: "{ kind = \"scattered\", min_distance_m = 1.0 }",
-    },
-];
-
-const NEAR: &str = "{ kind = \"nearest_origin\" }";
-
-/// The names of the worlds.
-pub fn worlds() -> impl Iterator<Item = &'static str> {
-    WORLDS.iter().map(|world| world.name)
-}
 
 /// An entry: a controller with its settings, built in or in a program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -108,14 +58,15 @@ pub struct Scope {
 impl Scope {
     /// The public seeds, in all worlds.
     #[must_use]
-    pub fn public() -> Self {
-        Self { worlds: worlds().map(str::to_owned).collect(), seeds: (1..=SEEDS as u64).collect(), phrase: None }
+    pub fn public(benchmark: &Benchmark) -> Self {
+        let worlds = benchmark.worlds().map(str::to_owned).collect();
+        Self { worlds, seeds: (1..=SEEDS as u64).collect(), phrase: None }
     }
 
     /// Seeds made from a phrase, in all worlds: whoever does not know it cannot tune for them.
     #[must_use]
-    pub fn held_out(phrase: &str) -> Self {
-        let mut bytes = blake3::Hasher::new_derive_key("maes exploration-1 seeds v1");
+    pub fn held_out(benchmark: &Benchmark, phrase: &str) -> Self {
+        let mut bytes = blake3::Hasher::new_derive_key(&format!("maes {} seeds v1", benchmark.name));
         let mut stream = bytes.update(phrase.as_bytes()).finalize_xof();
         let mut seeds = BTreeSet::new();
         while seeds.len() < SEEDS {
@@ -125,15 +76,15 @@ impl Scope {
             let seed = u64::from_le_bytes(number) >> 1;
             seeds.extend((seed > 1_000_000).then_some(seed));
         }
-        let hash = blake3::derive_key("maes exploration-1 phrase v1", phrase.as_bytes());
+        let hash = blake3::derive_key(&format!("maes {} phrase v1", benchmark.name), phrase.as_bytes());
         let phrase = Some(blake3::Hash::from_bytes(hash).to_hex().to_string());
-        Self { seeds: seeds.into_iter().collect(), phrase, ..Self::public() }
+        Self { seeds: seeds.into_iter().collect(), phrase, ..Self::public(benchmark) }
     }
 
     /// Whether it has all worlds, and as many seeds as the benchmark.
     #[must_use]
-    pub fn is_whole(&self) -> bool {
-        self.worlds.len() == WORLDS.len() && self.seeds.len() == SEEDS
+    pub fn is_whole(&self, benchmark: &Benchmark) -> bool {
+        self.worlds.len() == benchmark.worlds.len() && self.seeds.len() == SEEDS
     }
 }
 
@@ -167,6 +118,7 @@ pub struct Executed {
 /// # Errors
 /// If the entry is not legal, or the folder cannot be used.
 pub fn execute(
+    benchmark: &'static Benchmark,
     entry: &Entry,
     scope: &Scope,
     folder: &Path,
@@ -177,10 +129,11 @@ pub fn execute(
     let mut summary = Summary::default();
     let mut runs = Vec::new();
     // All plans are checked before the first one is executed.
-    let plans: Vec<(&BenchmarkWorld, Plan)> = WORLDS
+    let plans: Vec<(&BenchmarkWorld, Plan)> = benchmark
+        .worlds
         .iter()
         .filter(|world| scope.worlds.contains(world.name))
-        .map(|world| Ok((world, plan(entry, &scope.seeds, world, &folder.join(world.name))?)))
+        .map(|world| Ok((world, plan(benchmark, entry, &scope.seeds, world, &folder.join(world.name))?)))
         .collect::<Result<_, BenchmarkError>>()?;
     for (world, plan) in plans {
         let folder = folder.join(world.name);
@@ -195,22 +148,29 @@ pub fn execute(
         }
         let store = Store::open(&folder)?;
         let records = store.records()?;
-        runs.extend(records.iter().map(|record| run(world, &record.row)));
+        runs.extend(records.iter().map(|record| run(benchmark, world, &record.row)));
     }
     if summary.failed + summary.left > 0 {
         return Ok(Executed { summary, results: None });
     }
-    let results = results(entry, scope, runs);
+    let results = results(benchmark, entry, scope, runs);
+    let result_file = benchmark.result_file();
     let text = serde_json::to_string_pretty(&results).map_err(|source| {
-        let file = folder.join(RESULT_FILE).display().to_string();
+        let file = folder.join(&result_file).display().to_string();
         BenchmarkError::NoResult { file, source }
     })?;
-    Store::write_in(folder, RESULT_FILE, (text + "\n").as_bytes())?;
+    Store::write_in(folder, &result_file, (text + "\n").as_bytes())?;
     Ok(Executed { summary, results: Some(results) })
 }
 
 /// The plan of a world, whose map file, if it has one, is written into the folder.
-fn plan(entry: &Entry, seeds: &[u64], world: &BenchmarkWorld, folder: &Path) -> Result<Plan, BenchmarkError> {
+fn plan(
+    benchmark: &Benchmark,
+    entry: &Entry,
+    seeds: &[u64],
+    world: &BenchmarkWorld,
+    folder: &Path,
+) -> Result<Plan, BenchmarkError> {
     if world.map.contains(STATION.0) {
         Store::create(folder)?;
         Store::write_in(&folder.join("files"), STATION.0, STATION.1.as_bytes())?;
@@ -231,28 +191,35 @@ fn plan(entry: &Entry, seeds: &[u64], world: &BenchmarkWorld, folder: &Path) -> 
     if !entry.command.is_empty() {
         agents.insert("command".to_owned(), entry.command.clone().into());
     }
-    let radios = RADIOS.map(|(_, radio)| radio).join(", ");
-    let BenchmarkWorld { name, duration_s, map, spawn } = world;
+    let axis = |choices: &[Named]| choices.iter().map(|choice| choice.keys).collect::<Vec<_>>().join(", ");
+    let Benchmark { name: benchmark_name, teams, radios, localisations, common, .. } = benchmark;
+    let BenchmarkWorld { name, duration_s, map, spawn, lidar } = world;
+    let localisation =
+        if localisations.is_empty() { String::new() } else { format!("localisation = [{}]\n", axis(localisations)) };
+    let lidar = if *lidar == "{}" { String::new() } else { format!("lidar = {lidar}\n") };
     // Texts of the entry, which may be a stranger's, are values of the plan and never part of its
     // syntax.
-    let title = toml::Value::from(format!("{EXPLORATION_1}, {name}: {}", entry.controller));
+    let title = toml::Value::from(format!("{benchmark_name}, {name}: {}", entry.controller));
     let text = format!(
         "title = {title}\nfolder = \"files\"\nseeds = {seeds:?}\n\n[axes]\n\
-         \"agents.count\" = {TEAMS:?}\ncommunication = [{radios}]\n\n[scenario]\nduration_s = {duration_s}.0\nmap = {map}\n\
-         spawn = {spawn}\nagents = {agents}\n",
+         \"agents.count\" = {teams:?}\ncommunication = [{radios}]\n{localisation}\n[scenario]\n\
+         duration_s = {duration_s}.0\nmap = {map}\nspawn = {spawn}\n{common}{lidar}agents = {agents}\n",
+        radios = axis(radios),
         agents = toml::Value::Table(agents),
     );
-    Ok(Plan::parse(&format!("{EXPLORATION_1}, {name}"), &text, folder)?)
+    Ok(Plan::parse(&format!("{benchmark_name}, {name}"), &text, folder)?)
 }
 
-fn run(world: &BenchmarkWorld, row: &RunRow) -> Run {
-    let label = row.axes.get("communication").map(String::as_str).unwrap_or_default();
-    // The lossy radio is the only one that loses anything.
-    let (radio, _) = RADIOS[usize::from(label.contains("loss"))];
+fn run(benchmark: &Benchmark, world: &BenchmarkWorld, row: &RunRow) -> Run {
+    let chosen = |choices: &[Named], axis: &str| {
+        let label = row.axes.get(axis);
+        choices.iter().find(|choice| Some(&choice.label()) == label).map(|choice| choice.name.to_owned())
+    };
     Run {
         world: world.name.to_owned(),
         agents: row.agents,
-        radio: radio.to_owned(),
+        radio: chosen(benchmark.radios, "communication").unwrap_or_default(),
+        localisation: chosen(benchmark.localisations, "localisation"),
         seed: row.seed,
         id: row.id.clone(),
         area: rounded(row.area_under_explored),
@@ -284,17 +251,18 @@ pub fn verify(
     stop: &Stop,
 ) -> Result<Verified, BenchmarkError> {
     let mut differences = Vec::new();
+    let benchmark = results.benchmark;
     let worlds: BTreeSet<String> = results.runs.iter().map(|run| run.world.clone()).collect();
     let scope = Scope { worlds, seeds: results.seeds.clone(), phrase: results.phrase.clone() };
-    let recomputed = results::results(&results.entry, &scope, results.runs.clone());
+    let recomputed = results::results(benchmark, &results.entry, &scope, results.runs.clone());
     if recomputed != *results {
         differences.push("score, tracks or their order do not follow from the runs".to_owned());
     }
     let drawn = drawn(&results.runs, draw);
     let mut again = 0;
-    for world in WORLDS.iter().filter(|world| scope.worlds.contains(world.name)) {
+    for world in benchmark.worlds.iter().filter(|world| scope.worlds.contains(world.name)) {
         let folder = folder.join(world.name);
-        let plan = plan(&results.entry, &scope.seeds, world, &folder)?;
+        let plan = plan(benchmark, &results.entry, &scope.seeds, world, &folder)?;
         let claimed: BTreeSet<&str> =
             results.runs.iter().filter(|run| run.world == world.name).map(|run| run.id.as_str()).collect();
         let planned: BTreeSet<&str> = plan.runs.iter().map(|run| run.id.as_str()).collect();
@@ -312,11 +280,10 @@ pub fn verify(
         again += summary.done;
         let store = Store::open(&folder)?;
         for claimed in drawn.iter().filter(|run| run.world == world.name) {
-            let Run { agents, radio, seed, .. } = claimed;
-            let what = format!("{}, {agents} agents, {radio} radio, seed {seed}", world.name);
+            let what = format!("{}, seed {}", claimed.track(), claimed.seed);
             match store.run(&claimed.id)? {
                 None => differences.push(format!("{what}: was not executed to its end")),
-                Some(stored) if run(world, &stored.row) != **claimed => {
+                Some(stored) if run(benchmark, world, &stored.row) != **claimed => {
                     let digest = &stored.row.digest;
                     differences.push(format!("{what}: digest {digest}, in the file {}", claimed.digest));
                 }
@@ -356,32 +323,45 @@ mod tests {
     #[test]
     fn every_world_has_a_plan_of_the_whole_benchmark() {
         let site = tempfile::tempdir().unwrap();
-        for world in &WORLDS {
-            let plan = plan(&entry("dsvp"), &Scope::public().seeds, world, &site.path().join(world.name)).unwrap();
-            assert_eq!(plan.runs.len(), SEEDS * TEAMS.len() * RADIOS.len(), "{}", world.name);
-            for run in plan.runs.iter().filter(|run| run.scenario.agents.count == 20).take(2) {
-                sim_server::setup::build(&run.scenario).unwrap();
+        for (benchmark, tracks) in [(&EXPLORATION_1, 5 * 2), (&EXPLORATION_2, 4 * 3 * 2)] {
+            for world in benchmark.worlds {
+                let seeds = Scope::public(benchmark).seeds;
+                let folder = site.path().join(world.name);
+                let plan = plan(benchmark, &entry("dsvp"), &seeds, world, &folder).unwrap();
+                assert_eq!(plan.runs.len(), SEEDS * tracks, "{}", world.name);
+                let largest = benchmark.teams.iter().max();
+                for run in plan.runs.iter().filter(|run| Some(&run.scenario.agents.count) == largest).take(2) {
+                    sim_server::setup::build(&run.scenario).unwrap();
+                }
             }
         }
     }
 
     #[test]
+    fn worlds_belong_to_one_benchmark() {
+        let names: Vec<&str> = Benchmark::ALL.iter().flat_map(|benchmark| benchmark.worlds()).collect();
+        assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "{names:?}");
+    }
+
+    #[test]
     fn name_of_a_controller_adds_nothing_to_a_plan() {
         let site = tempfile::tempdir().unwrap();
-        let world = &WORLDS[0];
+        let world = &EXPLORATION_1.worlds[0];
         let name = "x\"\nfolder = \"files\"\nseeds = [1]\n[[variant]]\nname = \"v\"\n\"agents.command\" = [\"sh\", \
                     \"{id}\"]\ncommand_signs = \"\"\"";
-        let refused = plan(&entry(name), &[1], world, site.path()).unwrap_err().to_string();
+        let refused = plan(&EXPLORATION_1, &entry(name), &[1], world, site.path()).unwrap_err().to_string();
         // Written as it is, it would close the title, and be a plan of its own.
         assert!(refused.contains("agents.controller") && refused.contains("unknown"), "{refused}");
     }
 
     #[test]
     fn held_out_seeds_follow_from_the_phrase() {
-        let scope = Scope::held_out("a secret");
-        assert_eq!(scope, Scope::held_out("a secret"));
-        assert!(scope.is_whole() && scope.seeds.len() == SEEDS);
-        assert!(scope.seeds.iter().all(|seed| !Scope::held_out("another").seeds.contains(seed)));
+        let of = |phrase: &str| Scope::held_out(&EXPLORATION_1, phrase);
+        let scope = of("a secret");
+        assert_eq!(scope, of("a secret"));
+        assert!(scope.is_whole(&EXPLORATION_1) && scope.seeds.len() == SEEDS);
+        let other = Scope::held_out(&EXPLORATION_2, "a secret");
+        assert!(scope.seeds.iter().all(|seed| !of("another").seeds.contains(seed) && !other.seeds.contains(seed)));
         assert!(!scope.phrase.unwrap().contains("secret"));
     }
 
@@ -394,7 +374,10 @@ mod tests {
     fn results_are_resumed_and_verified() {
         let site = tempfile::tempdir().unwrap();
         let (out, again) = (site.path().join("out"), site.path().join("again"));
-        let go = || execute(&entry("nearest-frontier"), &small(), &out, &options(), &mut (), &Stop::default()).unwrap();
+        let go = || {
+            execute(&EXPLORATION_1, &entry("nearest-frontier"), &small(), &out, &options(), &mut (), &Stop::default())
+                .unwrap()
+        };
         let first = go();
         assert_eq!(first.summary, Summary { done: 20, ..Summary::default() });
         let results = first.results.unwrap();
@@ -403,7 +386,7 @@ mod tests {
         let resumed = go();
         assert_eq!(resumed.summary.skipped, 20);
         assert_eq!(resumed.results.as_ref(), Some(&results));
-        let file = out.join(RESULT_FILE);
+        let file = out.join(EXPLORATION_1.result_file());
         assert_eq!(read(&file).unwrap(), results);
         assert_eq!(table(&results).lines().count(), 4);
         let check = |results: &ResultFile, folder: &str| {
@@ -415,7 +398,7 @@ mod tests {
         let mut forged = results.clone();
         let place = forged.runs.iter().position(|run| *run == drawn).unwrap();
         forged.runs[place].area = 0.999;
-        let forged = super::results(&forged.entry.clone(), &small(), forged.runs);
+        let forged = super::results(&EXPLORATION_1, &forged.entry.clone(), &small(), forged.runs);
         let found = check(&forged, "forged").differences;
         assert!(found.len() == 1 && found[0].contains("station"), "{found:?}");
         // And one who has embellished the score alone.

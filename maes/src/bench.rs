@@ -11,7 +11,7 @@ use agent_node::controllers::Registry;
 use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use experiments::benchmark::schedule::Schedule;
-use experiments::benchmark::{self, Entry, RESULT_FILE, SEEDS, Scope};
+use experiments::benchmark::{self, Benchmark, EXPLORATION_1, EXPLORATION_2, Entry, SEEDS, Scope};
 use experiments::execute::{Options, Part, Stop, Transport};
 use experiments::store::Store;
 use sim_server::cli::{positive, whole};
@@ -27,8 +27,12 @@ use crate::view;
 pub(crate) enum BenchCommand {
     /// Explore caves of three sizes, passages, a building and an imported station with 1 to 20
     /// agents, over perfect and lossy radios, on 30 seeds
-    #[command(name = benchmark::EXPLORATION_1)]
+    #[command(name = EXPLORATION_1.name)]
     Exploration1(ExplorationArgs),
+    /// Explore scenes at true scale with 1 to 10 small aerial bodies, over three radios, with exact
+    /// and drifting localisation, on 30 seeds
+    #[command(name = EXPLORATION_2.name)]
+    Exploration2(ExplorationArgs),
     /// Check a result file: execute a random tenth of its runs again, and compare the digests
     Verify(VerifyArgs),
     /// Say how long the whole benchmark takes on many cores: simulates the schedule of a cluster
@@ -51,7 +55,7 @@ pub(crate) struct ScheduleArgs {
     extra: f64,
 }
 
-/// Arguments of `bench exploration-1`.
+/// Arguments of `bench exploration-1` and `exploration-2`.
 #[derive(Debug, Args)]
 pub(crate) struct ExplorationArgs {
     /// The folder for the runs and the result file; runs that are there already are skipped
@@ -122,7 +126,8 @@ fn setting(text: &str) -> Result<(String, toml::Value), String> {
 /// Executes a benchmark, or verifies results.
 pub(crate) fn run(command: &BenchCommand) -> anyhow::Result<ExitCode> {
     match command {
-        BenchCommand::Exploration1(args) => explore(args),
+        BenchCommand::Exploration1(args) => explore(&EXPLORATION_1, args),
+        BenchCommand::Exploration2(args) => explore(&EXPLORATION_2, args),
         BenchCommand::Verify(args) => verify(args),
         BenchCommand::Schedule(args) => schedule(args),
     }
@@ -143,7 +148,7 @@ fn schedule(args: &ScheduleArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
+fn explore(benchmark: &'static Benchmark, args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
     let paths = args.command.iter().filter(|word| word.contains('/')).map(PathBuf::from);
     let entry = Entry {
         controller: args.controller.clone(),
@@ -151,12 +156,15 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
         command: args.command.iter().map(|word| local(word)).collect(),
         files: files(paths)?,
     };
-    let mut scope = args.phrase.as_deref().map_or_else(Scope::public, Scope::held_out);
+    let mut scope = match &args.phrase {
+        Some(phrase) => Scope::held_out(benchmark, phrase),
+        None => Scope::public(benchmark),
+    };
     if let Some(seeds) = args.seeds {
         scope.seeds = (1..=seeds).collect();
     }
-    if let Some(unknown) = args.world.iter().find(|name| benchmark::worlds().all(|world| world != **name)) {
-        bail!("--world {unknown}: expected one of {}", benchmark::worlds().collect::<Vec<_>>().join(", "));
+    if let Some(unknown) = args.world.iter().find(|name| benchmark.worlds().all(|world| world != **name)) {
+        bail!("--world {unknown}: expected one of {}", benchmark.worlds().collect::<Vec<_>>().join(", "));
     }
     if !args.world.is_empty() {
         scope.worlds = args.world.iter().cloned().collect::<BTreeSet<_>>();
@@ -164,7 +172,7 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
     let options = options(args.jobs, &entry)?;
     let executed = interruptible(|stop| {
         let mut display = ProgressDisplay::default();
-        let executed = benchmark::execute(&entry, &scope, &args.out, &options, &mut display, stop)?;
+        let executed = benchmark::execute(benchmark, &entry, &scope, &args.out, &options, &mut display, stop)?;
         if executed.summary.left == 0 && !args.no_recordings && entry.command.is_empty() {
             for world in &scope.worlds {
                 record_world(&args.out.join(world), options.jobs, stop);
@@ -173,7 +181,7 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
         Ok(executed)
     })?;
     if executed.summary.left == 0 {
-        match report::entry::write(&args.out, &entry, executed.results.as_ref(), beside(&args.out)) {
+        match report::entry::write(benchmark, &args.out, &entry, executed.results.as_ref(), beside(&args.out)) {
             Ok(page) => print(&format!("{}", page.display())),
             Err(error) => tracing::info!("note: no page of the entry: {error}"),
         }
@@ -189,7 +197,7 @@ fn explore(args: &ExplorationArgs) -> anyhow::Result<ExitCode> {
     print(benchmark::table(&results).trim_end());
     let part = if results.is_whole { "" } else { " of a part of the benchmark" };
     print(&format!("score{part}: {:.2}; build {}", results.score, results.build));
-    print(&format!("{}", args.out.join(RESULT_FILE).display()));
+    print(&format!("{}", args.out.join(benchmark.result_file()).display()));
     Ok(ExitCode::SUCCESS)
 }
 

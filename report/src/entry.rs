@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use experiments::benchmark::{Entry, ResultFile, worlds};
+use experiments::benchmark::{Benchmark, Entry, ResultFile};
 use experiments::rows::RunRecord;
 use experiments::store::{self, Store};
 
@@ -18,9 +18,6 @@ use super::page::{figure, head};
 use super::study::{Study, StudyError};
 use super::svg::escape;
 use super::{ReportError, routes, write_file};
-
-/// File name of the page, in the folder of the runs.
-pub const PAGE: &str = "exploration-1.html";
 
 /// Nothing is loaded and nothing is executed.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
@@ -51,6 +48,7 @@ pub fn examples(world: &Path) -> Result<BTreeSet<String>, StudyError> {
 /// # Errors
 /// If there is no run, one cannot be read, or the page cannot be written.
 pub fn write(
+    benchmark: &Benchmark,
     folder: &Path,
     entry: &Entry,
     results: Option<&ResultFile>,
@@ -58,10 +56,10 @@ pub fn write(
 ) -> Result<PathBuf, ReportError> {
     let has_runs = |world: &&str| folder.join(world).join(store::RUNS).is_dir();
     let mut studies = Vec::new();
-    for world in worlds().filter(has_runs) {
+    for world in benchmark.worlds().filter(has_runs) {
         studies.push((world, Study::read(&folder.join(world))?));
     }
-    let mut text = head(&format!("exploration-1: {}", entry.controller), &about(entry, results), POLICY);
+    let mut text = head(&format!("{}: {}", benchmark.name, entry.controller), &about(entry, results), POLICY);
     if let Some(results) = results {
         text.push_str(&tracks(results));
     }
@@ -70,7 +68,7 @@ pub fn write(
         text.push_str(&section(folder, world, study, viewer)?);
     }
     text.push_str("</body>\n</html>\n");
-    let page = folder.join(PAGE);
+    let page = folder.join(format!("{}.html", benchmark.name));
     write_file(&page, text.as_bytes())?;
     Ok(page)
 }
@@ -111,6 +109,7 @@ fn tracks(results: &ResultFile) -> String {
             track.world.clone(),
             track.agents.to_string(),
             track.radio.clone(),
+            track.localisation.clone().unwrap_or_else(|| "exact".to_owned()),
             format!("{:.1}", track.score),
             format!("{} of {}", track.reach_99, track.runs),
             format!("{:.1}", track.mean_99_s),
@@ -118,7 +117,7 @@ fn tracks(results: &ResultFile) -> String {
     };
     let caption = "Score: mean of the area under the explored share, in per cent. A run that does not reach 99 % counts \
                    with the duration in the mean time.";
-    let head = ["world", "agents", "radio", "score", "reach 99 %", "mean time to 99 % (s)"];
+    let head = ["world", "agents", "radio", "localisation", "score", "reach 99 %", "mean time to 99 % (s)"];
     let content = table(caption, &head, results.tracks.iter().map(row));
     format!("<details id=\"tracks\">\n<summary>Tracks</summary>\n{content}</details>\n")
 }

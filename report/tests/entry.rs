@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use experiments::benchmark::Entry;
+use experiments::benchmark::{EXPLORATION_1, Entry};
 use experiments::rows::{FailedRun, RunMetadata};
 use experiments::store::Store;
 use report::entry;
@@ -52,7 +52,7 @@ fn entry_has_a_page_that_escapes_everything() {
     let kept = examples.first().unwrap();
     fs::create_dir(world.join("recordings")).unwrap();
     fs::write(world.join(format!("recordings/{kept}.mcap")), "").unwrap();
-    let page = entry::write(site.path(), &entry, None, Some("page/index.html")).unwrap();
+    let page = entry::write(&EXPLORATION_1, site.path(), &entry, None, Some("page/index.html")).unwrap();
     let text = fs::read_to_string(page).unwrap();
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let tree = Document::parse_with_options(&text, options).unwrap();

@@ -191,20 +191,21 @@ mod tests {
         .into_iter()
         .zip(
             [
-                ("capacity_j", "ring", "kind = \"aerial\""),
+                ("capacity_j", "pattern = \"ring\"", "kind = \"aerial\""),
+                ("capacity_j", "pattern = \"ring\", elevations_rad = [0.0, 0.1]", "kind = \"aerial\""),
                 (
                     "endurance_s",
-                    "frustum",
+                    "pattern = \"frustum\"",
                     "kind = \"ground\", drive = \"holonomic\", step_max_m = 0.2, slope_max_rad = 0.3",
                 ),
             ]
             .into_iter()
             .cycle(),
         )
-        .map(|((map, spawn), (capacity, pattern, body))| {
+        .map(|((map, spawn), (capacity, lidar, body))| {
             let energy = format!("{{ {capacity} = 60.0, bases = [[1.0, 2.0, 3.0]] }}");
             scenario(&format!(
-                "map = {map}\nspawn = {spawn}\nenergy = {energy}\nlidar = {{ pattern = \"{pattern}\", sees_agents = true }}\n\
+                "map = {map}\nspawn = {spawn}\nenergy = {energy}\nlidar = {{ {lidar}, sees_agents = true }}\n\
                  body = {{ {body} }}\n{common}"
             ))
         })

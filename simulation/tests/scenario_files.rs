@@ -127,6 +127,7 @@ fn type_and_unit(key: &Key) -> String {
         Kind::Position(unit) => of("[x, y, z]", unit),
         Kind::Positions(unit) => of("list of [x, y, z]", unit),
         Kind::Corners(unit) => of("[x, y, z, x, y, z]", unit),
+        Kind::Numbers(unit) => of("list of numbers", unit),
         Kind::Bytes => "list of integers".to_owned(),
         Kind::Poses => "list of poses, m and rad".to_owned(),
         Kind::Size => "integer or [x, y, z], cells".to_owned(),
@@ -210,6 +211,7 @@ fn schema_of_key(key: &Key) -> Value {
         Kind::Position(_) => numbers(3),
         Kind::Positions(_) => json!({ "type": "array", "items": numbers(3) }),
         Kind::Corners(_) => numbers(6),
+        Kind::Numbers(_) => json!({ "type": "array", "items": { "type": "number" } }),
         Kind::Bytes => json!({ "type": "array", "items": { "type": "integer", "minimum": 0, "maximum": 255 } }),
         Kind::Poses => {
             let pose = json!({ "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 4 });

@@ -58,7 +58,7 @@ use culling::{Culling, CullingEngine};
 pub use engine::{CastCount, NotCast};
 pub(super) use engine::{Engine, NewCells};
 use grid::TurningRays;
-pub use grid::{Projection, RayGrid};
+pub use grid::{Elevations, Projection, RayGrid};
 pub use memory::SensorMemory;
 pub(super) use naive::NaiveEngine;
 pub use naive::ScanView;
@@ -70,7 +70,7 @@ pub(super) use speculation::SpeculativeEngine;
 pub use suite::{NamedScanner, SensorSuite};
 
 /// The directions of the rays of a scan.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Pattern {
     /// A Fibonacci lattice: ray i of n has the azimuth `2 pi i / golden ratio` about the x axis of
     /// the map and the angle `acos(1 - 2 (i + 0.5) / n)` from it.
@@ -162,14 +162,14 @@ impl Rays {
         present.unwrap_or_else(|| {
             let directions = pattern.directions();
             let count = directions.len() as u32;
-            let rays = Arc::new(match pattern {
+            let rays = Arc::new(match &pattern {
                 Pattern::Grid(grid) if grid.turns() => {
                     let turning = Some(TurningRays::new(directions));
                     Self { pattern, count, bundles: Vec::new(), turning, culling: None }
                 }
                 _ => {
                     let bundles = Bundle::pack(directions);
-                    let culling = Culling::of_many(pattern, count, &bundles);
+                    let culling = Culling::of_many(&pattern, count, &bundles);
                     Self { pattern, count, bundles, turning: None, culling }
                 }
             });
@@ -241,7 +241,7 @@ impl Scanner {
 
     /// What it sees of its surroundings; `None` for a lattice and a shell.
     pub fn field_of_view(&self) -> Option<FieldOfView> {
-        match self.rays.pattern {
+        match &self.rays.pattern {
             Pattern::Grid(grid) => Some(grid.field_of_view(self.mount.min_range_m)),
             Pattern::Lattice { .. } | Pattern::Shell { .. } => None,
         }
@@ -251,7 +251,7 @@ impl Scanner {
     /// grid; else this one.
     #[must_use]
     pub fn swept(&self) -> Self {
-        match self.rays.pattern {
+        match &self.rays.pattern {
             Pattern::Grid(grid) if grid.turns() => Self { rays: Rays::of(Pattern::Grid(grid.swept())), ..self.clone() },
             _ => self.clone(),
         }
@@ -263,7 +263,7 @@ impl Scanner {
         PlaceOnBody {
             height_m: self.mount.height_m,
             pitch_rad: grid.map_or(0.0, |grid| grid.pitch_rad),
-            is_camera: grid.is_some_and(|grid| matches!(grid.projection, Projection::Pinhole { .. })),
+            is_camera: grid.is_some_and(RayGrid::is_camera),
         }
     }
 

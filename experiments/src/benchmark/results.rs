@@ -3,17 +3,20 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use system::input_file::{self, TEXT_BYTES_MAX};
 
-use super::{BenchmarkError, EXPLORATION_1, Entry, RADIOS, Scope, TEAMS, WORLDS, worlds};
+use super::{Benchmark, BenchmarkError, Entry, Scope};
 use crate::plan::BUILD;
 
 /// The results of an entry.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResultFile {
-    pub benchmark: String,
+    /// By its name.
+    #[serde(serialize_with = "name_of", deserialize_with = "named")]
+    pub benchmark: &'static Benchmark,
     /// See [`BUILD`].
     pub build: String,
     pub entry: Entry,
@@ -30,13 +33,16 @@ pub struct ResultFile {
     pub runs: Vec<Run>,
 }
 
-/// A world, a team and a radio.
+/// A world, a team, a radio and a localisation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Track {
     pub world: String,
     pub agents: u32,
     pub radio: String,
+    /// Of a benchmark with several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub localisation: Option<String>,
     /// Mean over the seeds of the area under the explored share, in per cent.
     pub score: f64,
     /// Number of runs.
@@ -54,6 +60,9 @@ pub struct Run {
     pub world: String,
     pub agents: u32,
     pub radio: String,
+    /// Of a benchmark with several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub localisation: Option<String>,
     pub seed: u64,
     pub id: String,
     /// Area under the explored share over the duration, 0 to 1.
@@ -73,9 +82,6 @@ pub fn read(file: &Path) -> Result<ResultFile, BenchmarkError> {
     let results: ResultFile =
         serde_json::from_str(&text).map_err(|source| BenchmarkError::NoResult { file: name.clone(), source })?;
     let unfit = |reason: String| Err(BenchmarkError::Unfit { file: name.clone(), reason });
-    if results.benchmark != EXPLORATION_1 {
-        return unfit(format!("benchmark {:?}: expected {EXPLORATION_1:?}", results.benchmark));
-    }
     if results.build != BUILD {
         return unfit(format!(
             "made by build {}; this is build {BUILD}, whose runs have other digests: verify it with that build",
@@ -91,21 +97,25 @@ pub(super) fn rounded(number: f64) -> f64 {
 }
 
 /// The results of runs, which get their order here.
-pub(super) fn results(entry: &Entry, scope: &Scope, mut runs: Vec<Run>) -> ResultFile {
-    let place = |name: &str| worlds().position(|world| world == name);
-    let radio = |name: &str| RADIOS.iter().position(|(radio, _)| *radio == name);
-    runs.sort_by_key(|run| (place(&run.world), run.agents, radio(&run.radio), run.seed));
+pub(super) fn results(benchmark: &'static Benchmark, entry: &Entry, scope: &Scope, mut runs: Vec<Run>) -> ResultFile {
+    let place = |name: &str| benchmark.worlds().position(|world| world == name);
+    let radio = |name: &str| benchmark.radios().position(|radio| radio == name);
+    let localisation = |name: Option<&str>| benchmark.localisations().position(|localisation| localisation == name);
+    runs.sort_by_key(|run| {
+        let localisation = localisation(run.localisation.as_deref());
+        (place(&run.world), run.agents, radio(&run.radio), localisation, run.seed)
+    });
     let mut tracks: Vec<Track> = Vec::new();
-    for of_track in
-        runs.chunk_by(|one, other| (&one.world, one.agents, &one.radio) == (&other.world, other.agents, &other.radio))
-    {
+    for of_track in runs.chunk_by(|one, other| one.track() == other.track()) {
         let first = &of_track[0];
-        let duration_s = WORLDS.iter().find(|world| world.name == first.world).map_or(0, |world| world.duration_s);
+        let world = benchmark.worlds.iter().find(|world| world.name == first.world);
+        let duration_s = world.map_or(0, |world| world.duration_s);
         let count = of_track.len() as f64;
         tracks.push(Track {
             world: first.world.clone(),
             agents: first.agents,
             radio: first.radio.clone(),
+            localisation: first.localisation.clone(),
             score: rounded(100.0 * of_track.iter().map(|run| run.area).sum::<f64>() / count),
             runs: of_track.len(),
             reach_99: of_track.iter().filter(|run| run.t99_s.is_some()).count(),
@@ -115,38 +125,70 @@ pub(super) fn results(entry: &Entry, scope: &Scope, mut runs: Vec<Run>) -> Resul
         });
     }
     ResultFile {
-        benchmark: EXPLORATION_1.to_owned(),
+        benchmark,
         build: BUILD.to_owned(),
         entry: entry.clone(),
         seeds: scope.seeds.clone(),
         phrase: scope.phrase.clone(),
-        is_whole: scope.is_whole(),
+        is_whole: scope.is_whole(benchmark),
         score: rounded(tracks.iter().map(|track| track.score).sum::<f64>() / tracks.len().max(1) as f64),
         tracks,
         runs,
     }
 }
 
-/// The table of the tracks, for people: one row for each world and radio, one column for each team.
+/// The table of the tracks, for people: one row for each world, radio and localisation, one column
+/// for each team.
 #[must_use]
 pub fn table(results: &ResultFile) -> String {
-    let mut text = String::from("| world | radio |");
-    TEAMS.iter().for_each(|team| write!(text, " {team} |").expect("a text grows"));
-    text += " mean |\n|---|---|";
-    text += &"---|".repeat(TEAMS.len() + 1);
-    text.push('\n');
-    for of_row in results.tracks.chunk_by(|one, other| one.world == other.world) {
-        for (radio, _) in RADIOS {
-            let tracks: Vec<&Track> = of_row.iter().filter(|track| track.radio == radio).collect();
-            let score = |team: u32| tracks.iter().find(|track| track.agents == team).map(|track| track.score);
-            write!(text, "| {} | {radio} |", of_row[0].world).expect("a text grows");
-            for team in TEAMS {
-                let shown = score(team).map_or_else(|| "-".to_owned(), |score| format!("{score:.1}"));
-                write!(text, " {shown} |").expect("a text grows");
-            }
-            let mean = tracks.iter().map(|track| track.score).sum::<f64>() / tracks.len().max(1) as f64;
-            writeln!(text, " {mean:.1} |").expect("a text grows");
+    let teams = results.benchmark.teams;
+    let has_localisations = results.tracks.iter().any(|track| track.localisation.is_some());
+    let mut heads = vec!["world".to_owned(), "radio".to_owned()];
+    heads.extend(has_localisations.then(|| "localisation".to_owned()));
+    heads.extend(teams.iter().map(u32::to_string));
+    heads.push("mean".to_owned());
+    let mut text = format!("| {} |\n|{}\n", heads.join(" | "), "---|".repeat(heads.len()));
+    let mut rows: Vec<(&Track, Vec<&Track>)> = Vec::new();
+    for track in &results.tracks {
+        let is_same = |first: &Track| {
+            (&first.world, &first.radio, &first.localisation) == (&track.world, &track.radio, &track.localisation)
+        };
+        match rows.iter_mut().find(|(first, _)| is_same(first)) {
+            Some((_, tracks)) => tracks.push(track),
+            None => rows.push((track, vec![track])),
         }
     }
+    for (first, tracks) in rows {
+        let mut cells = vec![first.world.clone(), first.radio.clone()];
+        cells.extend(has_localisations.then(|| first.localisation.clone().unwrap_or_default()));
+        let score = |team: &u32| tracks.iter().find(|track| track.agents == *team).map(|track| track.score);
+        cells
+            .extend(teams.iter().map(|team| score(team).map_or_else(|| "-".to_owned(), |score| format!("{score:.1}"))));
+        let mean = tracks.iter().map(|track| track.score).sum::<f64>() / tracks.len() as f64;
+        cells.push(format!("{mean:.1}"));
+        writeln!(text, "| {} |", cells.join(" | ")).expect("a text grows");
+    }
     text
+}
+
+impl Run {
+    /// Its track, for people.
+    #[must_use]
+    pub fn track(&self) -> String {
+        let Self { world, agents, radio, localisation, .. } = self;
+        let localisation = localisation.as_ref().map_or_else(String::new, |name| format!(", {name}"));
+        format!("{world}, {agents} agents, {radio} radio{localisation}")
+    }
+}
+
+fn name_of<S: Serializer>(benchmark: &&'static Benchmark, serializer: S) -> Result<S::Ok, S::Error> {
+    benchmark.name.serialize(serializer)
+}
+
+fn named<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static Benchmark, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    Benchmark::named(&name).ok_or_else(|| {
+        let names = Benchmark::ALL.map(|benchmark| format!("{:?}", benchmark.name)).join(" or ");
+        D::Error::custom(format!("benchmark {name:?}: expected {names}"))
+    })
 }

@@ -12,8 +12,9 @@ use std::collections::BinaryHeap;
 use std::num::NonZero;
 use std::path::Path;
 
-use super::{BenchmarkError, BenchmarkWorld, RADIOS, SEEDS, TEAMS, WORLDS, run};
+use super::{Benchmark, BenchmarkError, EXPLORATION_1, Run, SEEDS, run};
 use crate::plan::Plan;
+use crate::rows::RunRecord;
 use crate::store::{PLAN, Store};
 
 /// A simulated schedule of a whole benchmark.
@@ -47,25 +48,32 @@ impl Schedule {
 /// # Errors
 /// If there is no run of a track, or no folder, or it cannot be read.
 pub fn schedule(folder: &Path, cores: NonZero<usize>, extra_s: f64) -> Result<Schedule, BenchmarkError> {
+    let unfit = |reason: String| Err(BenchmarkError::Unfit { file: folder.display().to_string(), reason });
     if !folder.is_dir() {
-        let reason = "no folder; expected that of `maes bench exploration-1 --out`".to_owned();
-        return Err(BenchmarkError::Unfit { file: folder.display().to_string(), reason });
+        return unfit("no folder; expected that of `maes bench exploration-1 --out`".to_owned());
     }
+    // No two benchmarks have a world in common.
+    let has_world = |benchmark: &&Benchmark| benchmark.worlds().any(|world| folder.join(world).is_dir());
+    let benchmark = Benchmark::ALL.into_iter().find(has_world).unwrap_or(&EXPLORATION_1);
     let mut tracks = Vec::new();
-    for world in &WORLDS {
-        for (agents, radio) in TEAMS.iter().flat_map(|&team| RADIOS.map(|(radio, _)| (team, radio))) {
-            let times = times(world, agents, radio, &folder.join(world.name))?;
-            if times.is_empty() {
-                return Err(BenchmarkError::Unfit {
-                    file: folder.display().to_string(),
-                    reason: format!(
-                        "no run of {}, {agents} agents, {radio} radio; expected one of each track at least, as with \
-                         --seeds 1",
+    for world in benchmark.worlds {
+        let runs = runs(benchmark, world.name, folder)?;
+        for &team in benchmark.teams {
+            for (radio, localisation) in conditions(benchmark) {
+                let is_of =
+                    |run: &Run| (run.agents, &*run.radio, run.localisation.as_deref()) == (team, radio, localisation);
+                let mut times: Vec<&Timed> = runs.iter().filter(|timed| is_of(&timed.run)).collect();
+                if times.is_empty() {
+                    let localisation = localisation.map_or_else(String::new, |name| format!(", {name}"));
+                    return unfit(format!(
+                        "no run of {}, {team} agents, {radio} radio{localisation}; expected one of each track at least, \
+                         as with --seeds 1",
                         world.name
-                    ),
-                });
+                    ));
+                }
+                times.sort_by_key(|timed| timed.run.seed);
+                tracks.push(times.iter().map(|timed| (timed.cost, timed.wall_s)).collect());
             }
-            tracks.push(times);
         }
     }
     Ok(of_tracks(&tracks, cores, extra_s))
@@ -89,21 +97,35 @@ fn of_tracks(tracks: &[Vec<(u64, f64)>], cores: NonZero<usize>, extra_s: f64) ->
     }
 }
 
-/// Expected cost and measured wall time of the runs of a track, by seed.
-fn times(world: &BenchmarkWorld, agents: u32, radio: &str, folder: &Path) -> Result<Vec<(u64, f64)>, BenchmarkError> {
+/// A run that is there.
+struct Timed {
+    run: Run,
+    /// Expected cost of the runs of its team.
+    cost: u64,
+    wall_s: f64,
+}
+
+/// The radios and localisations of a benchmark.
+fn conditions(benchmark: &Benchmark) -> impl Iterator<Item = (&'static str, Option<&'static str>)> {
+    benchmark.radios().flat_map(|radio| benchmark.localisations().map(move |localisation| (radio, localisation)))
+}
+
+/// The runs of a world that are there.
+fn runs(benchmark: &Benchmark, name: &str, folder: &Path) -> Result<Vec<Timed>, BenchmarkError> {
+    let folder = folder.join(name);
+    let Some(world) = benchmark.worlds.iter().find(|world| world.name == name) else { return Ok(Vec::new()) };
     if !folder.join(PLAN).is_file() {
         return Ok(Vec::new());
     }
     let plan = Plan::load(&folder.join(PLAN))?;
-    let cost = plan.runs.iter().find(|run| run.scenario.agents.count == agents).map_or(0, |run| run.cost);
-    let records = Store::open(folder)?.records()?;
-    let of_track = records.iter().filter(|record| {
-        let run = run(world, &record.row);
-        run.agents == agents && run.radio == radio
-    });
-    let mut times: Vec<(u64, f64)> = of_track.map(|record| (record.row.seed, record.row.wall.wall_s)).collect();
-    times.sort_by_key(|&(seed, _)| seed);
-    Ok(times.into_iter().map(|(_, time_s)| (cost, time_s)).collect())
+    let cost_of =
+        |agents: u32| plan.runs.iter().find(|run| run.scenario.agents.count == agents).map_or(0, |run| run.cost);
+    let records = Store::open(&folder)?.records()?;
+    let timed = |record: &RunRecord| {
+        let run = run(benchmark, world, &record.row);
+        Timed { cost: cost_of(run.agents), run, wall_s: record.row.wall.wall_s }
+    };
+    Ok(records.iter().map(timed).collect())
 }
 
 /// The time until all tasks have ended, if each in turn goes to the first core that is free. The
@@ -217,18 +239,22 @@ mod tests {
         };
         let worlds = BTreeSet::from(["cave-50".to_owned()]);
         let scope = Scope { worlds, seeds: vec![2, 1], phrase: None };
-        execute(&entry, &scope, site.path(), &options, &mut (), &Stop::default()).unwrap();
+        execute(&EXPLORATION_1, &entry, &scope, site.path(), &options, &mut (), &Stop::default()).unwrap();
         refused("cave-75");
-        let world = &WORLDS[0];
-        let of_track = |agents| times(world, agents, "lossy", &site.path().join(world.name)).unwrap();
+        let runs = runs(&EXPLORATION_1, "cave-50", site.path()).unwrap();
+        let of_track = |agents| {
+            let is_of = move |timed: &&Timed| timed.run.agents == agents && timed.run.radio == "lossy";
+            runs.iter().filter(is_of).collect::<Vec<_>>()
+        };
         let (small, large) = (of_track(1), of_track(20));
         assert_eq!((small.len(), large.len()), (2, 2));
-        assert!(small[0].0 < large[0].0, "the larger team costs more");
-        let records = Store::open(&site.path().join(world.name)).unwrap().records().unwrap();
-        let is_first = |record: &&crate::rows::RunRecord| {
+        assert!(small[0].cost < large[0].cost, "the larger team costs more");
+        let records = Store::open(&site.path().join("cave-50")).unwrap().records().unwrap();
+        let is_first = |record: &&RunRecord| {
             let row = &record.row;
             row.seed == 1 && row.agents == 20 && row.axes["communication"].contains("loss")
         };
-        assert_eq!(large[0].1, records.iter().find(is_first).unwrap().row.wall.wall_s);
+        let first = large.iter().find(|timed| timed.run.seed == 1).unwrap();
+        assert_eq!(first.wall_s, records.iter().find(is_first).unwrap().row.wall.wall_s);
     }
 }

@@ -139,7 +139,7 @@ fn variants_are_named_sets_of_any_keys() {
     assert_eq!((far.lidar.unwrap().range_m, far.agents.controller.as_str(), far.bodies.len()), (20.0, "lvd", 0));
     assert_eq!(wire::settings(&far.agents.set), ["visit_radius_m=5.0"]);
     assert_eq!(
-        (near.lidar.unwrap().range_m, near.lidar.unwrap().rays, near.agents.controller.as_str()),
+        (near.lidar.as_ref().unwrap().range_m, near.lidar.as_ref().unwrap().rays, near.agents.controller.as_str()),
         (5.0, 100, "rbw")
     );
     assert_eq!(near.bodies.len(), 1);

@@ -315,6 +315,7 @@ fn fits(key: &Key, value: &Value) -> Fit {
         Kind::Position(_) => is_triple(value) && are(value, &is_number),
         Kind::Positions(_) => are(value, &|place| is_triple(place) && are(place, &is_number)),
         Kind::Corners(_) => value.as_array().is_some_and(|list| list.len() == 6) && are(value, &is_number),
+        Kind::Numbers(_) => are(value, &is_number),
         Kind::Bytes => are(value, &|byte| byte.as_integer().is_some_and(|byte| (0..=255).contains(&byte))),
         Kind::Poses => are(value, &|pose| are(pose, &is_number)),
         Kind::Size => is_cell_count(value) || is_triple(value) && are(value, &is_cell_count),

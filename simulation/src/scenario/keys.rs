@@ -84,6 +84,8 @@ pub enum Kind {
     Positions(&'static str),
     /// `[x, y, z, x, y, z]`, the lowest corner of a box and its highest one.
     Corners(&'static str),
+    /// A list of numbers.
+    Numbers(&'static str),
     /// A list of numbers from 0 to 255.
     Bytes,
     /// A list of `[x, y, z]` and `[x, y, z, yaw]`, metres and radians.
@@ -310,6 +312,7 @@ impl Key {
             Kind::Position(unit) => format!("expected [x, y, z]{}", of_unit(unit)),
             Kind::Positions(unit) => format!("expected a list of [x, y, z]{}", of_unit(unit)),
             Kind::Corners(unit) => format!("expected [x, y, z, x, y, z]{}", of_unit(unit)),
+            Kind::Numbers(unit) => format!("expected a list of numbers{} such as [-0.1, 0.0]", of_unit(unit)),
             Kind::Bytes => "expected a list of numbers from 0 to 255 such as [2, 6]".to_owned(),
             Kind::Poses => "expected a list of [x, y, z] or [x, y, z, yaw] (m and rad)".to_owned(),
             Kind::Size => "expected a number of cells from 1 to 1024, or three such as [100, 80, 30]".to_owned(),

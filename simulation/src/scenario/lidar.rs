@@ -4,26 +4,27 @@
 //! A preset stands for its keys: the identity of a scenario has these and not the preset. Keys of a
 //! pattern that the scenario does not use are refused, and are no part of its identity.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::radio::is_default;
 use super::{Checker, Scenario, ScenarioError};
-use world::lidar::{Mount, Pattern, PlaceOnBody, Projection, RayGrid, Scanner};
+use world::lidar::{Elevations, Mount, Pattern, PlaceOnBody, Projection, RayGrid, Scanner};
 
 /// The patterns with rows and columns.
 const GRIDS: [LidarPattern; 2] = [LidarPattern::Ring, LidarPattern::Frustum];
 
-/// Most rays of a ring or a frustum.
+/// Most rays of a ring or a frustum, and most of its rows.
 pub(super) const GRID_RAYS_MAX: u32 = 1 << 20;
+const ROWS_MAX: usize = 1024;
 
 /// Widest angle of a frustum, radians: its rays go through a plane.
 const FRUSTUM_RAD_MAX: f64 = 3.0;
 
 /// `[lidar]`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "LidarKeys")]
 pub struct LidarSection {
     /// How rays are spread.
@@ -50,7 +51,7 @@ pub struct LidarSection {
 }
 
 /// The keys of rings and frustums; with these patterns all that the pattern has are given.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct GridKeys {
     /// Full horizontal angle about the heading, radians.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -64,6 +65,10 @@ pub struct GridKeys {
     /// Elevation of its highest line, radians.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub highest_rad: Option<f64>,
+    /// Elevations of the lines of a ring that has them at other than equal distances, radians,
+    /// from the lowest to the highest; then it has neither the two keys before nor `rows`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub elevations_rad: Option<Vec<f64>>,
     /// Rays of a row.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub columns: Option<u32>,
@@ -163,7 +168,7 @@ impl Preset {
 const FRUSTUM_RANGE_M: f64 = 4.5;
 
 /// The keys of the table, all of them optional.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct LidarKeys {
     preset: Option<Preset>,
@@ -179,6 +184,7 @@ pub(super) struct LidarKeys {
     vertical_rad: Option<f64>,
     lowest_rad: Option<f64>,
     highest_rad: Option<f64>,
+    elevations_rad: Option<Vec<f64>>,
     columns: Option<u32>,
     rows: Option<u32>,
     min_range_m: Option<f64>,
@@ -204,12 +210,19 @@ impl TryFrom<LidarKeys> for LidarSection {
         }
         let pattern = keys.pattern.or(keys.preset.map(Preset::pattern)).unwrap_or(LidarPattern::Lattice);
         let usual_range_m = if pattern == LidarPattern::Frustum { FRUSTUM_RANGE_M } else { f64::INFINITY };
-        let (preset_range_m, preset) = keys.preset.map_or((usual_range_m, GridKeys::default()), Preset::keys);
+        let (preset_range_m, mut preset) = keys.preset.map_or((usual_range_m, GridKeys::default()), Preset::keys);
+        let mut elevations_rad = keys.elevations_rad;
+        if let Some(elevations_rad) = &mut elevations_rad {
+            // In one order, since the identity of the scenario has them.
+            elevations_rad.sort_by(f64::total_cmp);
+            preset = GridKeys { lowest_rad: None, highest_rad: None, rows: None, ..preset };
+        }
         let grid = GridKeys {
             horizontal_rad: keys.horizontal_rad.or(preset.horizontal_rad),
             vertical_rad: keys.vertical_rad.or(preset.vertical_rad),
             lowest_rad: keys.lowest_rad.or(preset.lowest_rad),
             highest_rad: keys.highest_rad.or(preset.highest_rad),
+            elevations_rad,
             columns: keys.columns.or(preset.columns),
             rows: keys.rows.or(preset.rows),
             min_range_m: keys.min_range_m.or(preset.min_range_m),
@@ -243,6 +256,9 @@ impl Default for LidarSection {
 impl GridKeys {
     /// With the defaults of a pattern.
     fn completed(self, pattern: LidarPattern) -> Self {
+        if !GRIDS.contains(&pattern) {
+            return self;
+        }
         let placed = Self {
             min_range_m: self.min_range_m.or(Some(0.0)),
             mount_height_m: self.mount_height_m.or(Some(0.0)),
@@ -250,28 +266,44 @@ impl GridKeys {
             ..self
         };
         match pattern {
-            LidarPattern::Lattice | LidarPattern::Shell => self,
-            LidarPattern::Ring => Self {
-                horizontal_rad: self.horizontal_rad.or(Some(TAU)),
-                lowest_rad: self.lowest_rad.or(Some((-15.0_f64).to_radians())),
-                highest_rad: self.highest_rad.or(Some(15.0_f64.to_radians())),
-                columns: self.columns.or(Some(1024)),
-                rows: self.rows.or(Some(16)),
-                ..placed
-            },
+            LidarPattern::Lattice | LidarPattern::Shell => placed,
+            LidarPattern::Ring => {
+                let around = Self {
+                    horizontal_rad: placed.horizontal_rad.or(Some(TAU)),
+                    columns: placed.columns.or(Some(1024)),
+                    ..placed
+                };
+                if around.elevations_rad.is_some() {
+                    return around;
+                }
+                Self {
+                    lowest_rad: around.lowest_rad.or(Some((-15.0_f64).to_radians())),
+                    highest_rad: around.highest_rad.or(Some(15.0_f64.to_radians())),
+                    rows: around.rows.or(Some(16)),
+                    ..around
+                }
+            }
             LidarPattern::Frustum => Self {
-                horizontal_rad: self.horizontal_rad.or(Some(80.0_f64.to_radians())),
-                vertical_rad: self.vertical_rad.or(Some(60.0_f64.to_radians())),
-                columns: self.columns.or(Some(80)),
-                rows: self.rows.or(Some(60)),
+                horizontal_rad: placed.horizontal_rad.or(Some(80.0_f64.to_radians())),
+                vertical_rad: placed.vertical_rad.or(Some(60.0_f64.to_radians())),
+                columns: placed.columns.or(Some(80)),
+                rows: placed.rows.or(Some(60)),
                 ..placed
             },
         }
     }
 
-    /// The keys that are given, with their values.
+    /// Number of its rows.
+    fn rows(&self) -> u32 {
+        let lines = self.elevations_rad.as_ref().map(|elevations_rad| elevations_rad.len() as u32);
+        lines.or(self.rows).unwrap_or(1)
+    }
+
+    /// The keys that are given, with their values; of a list the first one.
     fn given(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let first = self.elevations_rad.as_ref().map(|elevations_rad| elevations_rad.first().copied());
         let keys = [
+            ("elevations_rad", first.map(Option::unwrap_or_default)),
             ("horizontal_rad", self.horizontal_rad),
             ("vertical_rad", self.vertical_rad),
             ("lowest_rad", self.lowest_rad),
@@ -304,7 +336,7 @@ impl LidarSection {
             LidarPattern::Lattice => self.rays,
             LidarPattern::Shell => self.scanner().rays(),
             LidarPattern::Ring | LidarPattern::Frustum => {
-                self.grid.columns.unwrap_or(1).saturating_mul(self.grid.rows.unwrap_or(1))
+                self.grid.columns.unwrap_or(1).saturating_mul(self.grid.rows())
             }
         }
     }
@@ -317,7 +349,6 @@ impl LidarSection {
             Pattern::Grid(RayGrid {
                 projection,
                 columns: grid.columns.unwrap_or(1),
-                rows: grid.rows.unwrap_or(1),
                 horizontal_rad: grid.horizontal_rad.unwrap_or(TAU),
                 pitch_rad: grid.mount_pitch_rad.unwrap_or_default(),
             })
@@ -325,12 +356,16 @@ impl LidarSection {
         let pattern = match self.pattern {
             LidarPattern::Lattice => Pattern::Lattice { rays: self.rays },
             LidarPattern::Shell => Pattern::Shell { radius_cells: self.shell_radius_cells },
-            LidarPattern::Ring => of_grid(Projection::Spherical {
-                lowest_rad: grid.lowest_rad.unwrap_or_default(),
-                highest_rad: grid.highest_rad.unwrap_or_default(),
+            LidarPattern::Ring => of_grid(match grid.elevations_rad.clone().and_then(Elevations::new) {
+                Some(elevations) => Projection::Lines(elevations),
+                None => Projection::Spherical {
+                    lowest_rad: grid.lowest_rad.unwrap_or_default(),
+                    highest_rad: grid.highest_rad.unwrap_or_default(),
+                    rows: grid.rows(),
+                },
             }),
             LidarPattern::Frustum => {
-                of_grid(Projection::Pinhole { vertical_rad: grid.vertical_rad.unwrap_or_default() })
+                of_grid(Projection::Pinhole { vertical_rad: grid.vertical_rad.unwrap_or_default(), rows: grid.rows() })
             }
         };
         Scanner::new(pattern, self.range_m, self.fov_rad).seeing_agents(self.sees_agents).on(Mount {
@@ -355,7 +390,7 @@ impl Scenario {
         for (name, value) in grid.given() {
             let (patterns, words) = match name {
                 "vertical_rad" => (&[LidarPattern::Frustum][..], "\"frustum\""),
-                "lowest_rad" | "highest_rad" => (&[LidarPattern::Ring][..], "\"ring\""),
+                "lowest_rad" | "highest_rad" | "elevations_rad" => (&[LidarPattern::Ring][..], "\"ring\""),
                 _ => (&GRIDS[..], "\"ring\" or \"frustum\""),
             };
             let allowed = format!("expected only with {path}.pattern = {words}");
@@ -371,7 +406,10 @@ impl Scenario {
         let of_others = format!("expected {path}.horizontal_rad instead with {path}.pattern = \"ring\" or \"frustum\"");
         require("fov_rad", *fov_rad, *fov_rad == TAU, &of_others)?;
         let number = |value: Option<f64>| value.unwrap_or_default();
-        let (columns, rows) = (grid.columns.unwrap_or_default(), grid.rows.unwrap_or_default());
+        if let Some(elevations_rad) = &grid.elevations_rad {
+            Self::check_elevations(checker, path, grid, elevations_rad)?;
+        }
+        let (columns, rows) = (grid.columns.unwrap_or_default(), grid.rows());
         let allowed = format!("expected at most {GRID_RAYS_MAX} rays, and {path}.columns = {columns}");
         let count = u64::from(columns) * u64::from(rows);
         require("rows", rows.into(), count <= GRID_RAYS_MAX.into(), &allowed)?;
@@ -392,6 +430,33 @@ impl Scenario {
         let height_m = number(grid.mount_height_m);
         let allowed = format!("expected less than the radius of the smallest body, {radius_m} m, up or down");
         require("mount_height_m", height_m, height_m.abs() < radius_m, &allowed)
+    }
+
+    /// Checks the elevations of the lines of a ring, which are sorted.
+    fn check_elevations(
+        checker: &Checker<'_>,
+        path: &str,
+        grid: &GridKeys,
+        elevations_rad: &[f64],
+    ) -> Result<(), ScenarioError> {
+        let key = format!("{path}.elevations_rad");
+        let beside =
+            [("lowest_rad", grid.lowest_rad), ("highest_rad", grid.highest_rad), ("rows", grid.rows.map(f64::from))];
+        for (name, value) in beside {
+            let allowed = format!("expected only without {key}");
+            checker.require(&format!("{path}.{name}"), value.unwrap_or_default(), value.is_none(), &allowed)?;
+        }
+        let count = elevations_rad.len();
+        let allowed = format!("expected 1 to {ROWS_MAX} elevations");
+        checker.require(&key, format!("{count} elevations"), (1..=ROWS_MAX).contains(&count), &allowed)?;
+        for &elevation_rad in elevations_rad {
+            let holds = elevation_rad.abs() <= FRAC_PI_2;
+            checker.require(&key, elevation_rad, holds, "expected elevations from -pi/2 to pi/2")?;
+        }
+        for pair in elevations_rad.windows(2) {
+            checker.require(&key, pair[0], pair[0] < pair[1], "expected each elevation once")?;
+        }
+        Ok(())
     }
 }
 
@@ -429,8 +494,25 @@ mod tests {
         assert!((preset.grid.lowest_rad.unwrap() + PI / 12.0).abs() < 1e-12);
         let camera = parse("preset = \"depth-camera\"").unwrap();
         assert_eq!(camera, parse("pattern = \"frustum\"").unwrap());
-        assert_eq!((camera.lidar.unwrap().range_m, camera.lidar.unwrap().scanner().rays()), (4.5, 4800));
+        let camera = camera.lidar.unwrap();
+        assert_eq!((camera.range_m, camera.scanner().rays()), (4.5, 4800));
         assert_eq!(parse("preset = \"os1-64\"").unwrap().lidar.unwrap().scanner().rays(), 65536);
+    }
+
+    #[test]
+    fn lines_may_have_elevations_of_their_own() {
+        let scenario = parse("pattern = \"ring\", columns = 360, elevations_rad = [0.1, -0.4, 0.0]").unwrap();
+        let lidar = scenario.lidar.as_ref().unwrap();
+        assert_eq!((lidar.rays(), lidar.scanner().rays()), (3 * 360, 3 * 360));
+        let view = lidar.scanner().field_of_view().unwrap();
+        assert_eq!((view.lowest_rad, view.highest_rad, view.spacing_rad), (-0.4, 0.1, 0.4));
+        let identity = scenario.identity();
+        assert!(identity.contains("elevations_rad") && !identity.contains("rows"), "{identity}");
+        assert_eq!(Scenario::parse("identity", &identity, &[]).unwrap(), scenario);
+        // The order makes no difference, and those of a preset are replaced.
+        assert_eq!(parse("pattern = \"ring\", columns = 360, elevations_rad = [-0.4, 0.0, 0.1]").unwrap(), scenario);
+        let changed = parse("preset = \"os1-64\", elevations_rad = [-0.1, 0.1]").unwrap().lidar.unwrap();
+        assert_eq!((changed.rays(), changed.range_m, changed.grid.lowest_rad), (2048, 120.0, None));
     }
 
     #[test]
@@ -460,6 +542,16 @@ mod tests {
         assert!(refused("pattern = \"frustum\", min_range_m = 5.0").contains("less than lidar.range_m = 4.5"));
         let high = refused("pattern = \"frustum\", mount_height_m = -0.4");
         assert!(high.ends_with("the radius of the smallest body, 0.4 m, up or down"), "{high}");
+        let lines = |lines: &str| refused(&format!("pattern = \"ring\", elevations_rad = [{lines}]"));
+        let beside = refused("pattern = \"ring\", rows = 2, elevations_rad = [0.0, 0.1]");
+        assert!(beside.contains("lidar.rows = 2: expected only without lidar.elevations_rad"), "{beside}");
+        assert!(lines("").contains("lidar.elevations_rad = 0 elevations: expected 1 to 1024"));
+        assert!(lines("0.0, 1.6").contains("lidar.elevations_rad = 1.6: expected elevations from -pi/2 to pi/2"));
+        assert!(lines("nan").contains("lidar.elevations_rad = NaN: expected elevations from"));
+        assert!(lines("0.1, 0.0, 0.1").contains("lidar.elevations_rad = 0.1: expected each elevation once"));
+        assert!(lines("\"0\"").contains("expected a list of numbers (rad) such as [-0.1, 0.0]"));
+        let camera = refused("pattern = \"frustum\", elevations_rad = [0.0]");
+        assert!(camera.contains("lidar.elevations_rad = 0: expected only with lidar.pattern = \"ring\""), "{camera}");
         let many = refused("pattern = \"ring\", rows = 1024, columns = 2048");
         assert!(many.contains("lidar.rows = 1024: expected at most 1048576 rays"), "{many}");
     }

@@ -113,8 +113,8 @@ impl Scenario {
     /// When the LiDARs scan.
     #[must_use]
     pub fn scan_timing(&self) -> ScanTiming {
-        let first = self.lidars().next().map(|(_, lidar)| *lidar);
-        ScanTiming::of(&first.unwrap_or_default())
+        let first = self.lidars().next().map(|(_, lidar)| ScanTiming::of(lidar));
+        first.unwrap_or_else(|| ScanTiming::of(&LidarSection::default()))
     }
 
     /// The LiDARs of the first agent, and those of the agents that have others.

@@ -9,7 +9,7 @@ fn set(key: &str, value: impl Into<toml::Value>) -> Override {
 #[test]
 fn what_is_left_out_is_the_reference() {
     let scenario = Scenario::parse("s.toml", SMALL, &[]).unwrap();
-    assert_eq!(scenario.lidar.unwrap().rays, 5124);
+    assert_eq!(scenario.lidar.as_ref().unwrap().rays, 5124);
     assert_eq!(scenario.body.radius_m, 0.4);
     assert_eq!(scenario.duration_ticks(), Tick(3000));
     assert_eq!(scenario.map_seed(), 7);

@@ -10,7 +10,7 @@ use crate::scenario::PointsField;
 use crate::wire::{body_frame, header};
 use world::World;
 use world::body::Pose;
-use world::lidar::{Measured, Projection, RayGrid, RayReturn, Scanner};
+use world::lidar::{Measured, RayReturn, Scanner};
 
 /// The intensity of a wall that a ray meets at a right angle: that of a matt white surface, as
 /// LiDARs that are calibrated to reflectivities report it.
@@ -59,7 +59,7 @@ fn cloud(header: Header, pose: &Pose, scanner: &Scanner, returns: &[RayReturn], 
 }
 
 fn has_rings(scanner: &Scanner) -> bool {
-    scanner.grid().is_some_and(|grid| matches!(grid.projection, Projection::Spherical { .. }))
+    scanner.grid().is_some_and(|grid| !grid.is_camera())
 }
 
 fn hit(ray: &RayReturn) -> Option<(&RayReturn, Point3<f64>, f64)> {
@@ -70,7 +70,7 @@ fn hit(ray: &RayReturn) -> Option<(&RayReturn, Point3<f64>, f64)> {
 /// The line of a ray, 0 for the lowest.
 fn ring(scanner: &Scanner, ray: &RayReturn, yaw_rad: f64) -> u16 {
     let place = scanner.grid().zip(scanner.place_of(&ray.direction, yaw_rad));
-    place.map_or(0, |(RayGrid { rows, .. }, [row, _])| u16::try_from(rows - 1 - row).unwrap_or(u16::MAX))
+    place.map_or(0, |(grid, [row, _])| u16::try_from(grid.rows() - 1 - row).unwrap_or(u16::MAX))
 }
 
 fn extra_field(field: PointsField) -> ExtraField {
@@ -87,12 +87,12 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use world::lidar::Pattern;
+    use world::lidar::{Pattern, Projection, RayGrid};
 
     /// A level ring of three lines.
     fn ring_of_three(pitch_rad: f64) -> Scanner {
-        let projection = Projection::Spherical { lowest_rad: -0.5, highest_rad: 0.5 };
-        let grid = RayGrid { projection, columns: 8, rows: 3, horizontal_rad: std::f64::consts::TAU, pitch_rad };
+        let projection = Projection::Spherical { lowest_rad: -0.5, highest_rad: 0.5, rows: 3 };
+        let grid = RayGrid { projection, columns: 8, horizontal_rad: std::f64::consts::TAU, pitch_rad };
         Scanner::new(Pattern::Grid(grid), f64::INFINITY, std::f64::consts::TAU)
     }
 

@@ -35,8 +35,8 @@ impl Camera {
     /// otherwise for every second or third one of each row and column, and so on. `None`: it is no
     /// frustum.
     fn of(grid: &RayGrid) -> Option<Self> {
-        let Projection::Pinhole { vertical_rad } = grid.projection else { return None };
-        let size = |step: u32| [grid.columns.div_ceil(step), grid.rows.div_ceil(step)];
+        let Projection::Pinhole { vertical_rad, rows } = grid.projection else { return None };
+        let size = |step: u32| [grid.columns.div_ceil(step), rows.div_ceil(step)];
         let fits = |step: &u32| {
             let [width, height] = size(*step).map(u64::from);
             width * height * u64::from(PIXEL_BYTES) <= CONTENT_BYTES_MAX as u64
@@ -50,8 +50,8 @@ impl Camera {
             width,
             height,
             step,
-            focal: [focal(grid.columns, grid.horizontal_rad), focal(grid.rows, vertical_rad)],
-            centre: [centre(grid.columns), centre(grid.rows)],
+            focal: [focal(grid.columns, grid.horizontal_rad), focal(rows, vertical_rad)],
+            centre: [centre(grid.columns), centre(rows)],
         })
     }
 

@@ -18,6 +18,9 @@ export const SCENES = {
   "octagon-maze": { size: [202, 202, 22], cellM: 0.1, lidarRangeM: 5 },
   tunnels: { size: [512, 362, 42], cellM: 0.2, lidarRangeM: 15 },
   garage: { size: [252, 152, 36], cellM: 0.2, lidarRangeM: 15 },
+  pillars: { size: [102, 102, 17], cellM: 0.2, lidarRangeM: 5 },
+  campus: { size: [202, 152, 32], cellM: 0.5, lidarRangeM: 20 },
+  forest: { size: [127, 127, 27], cellM: 0.4, lidarRangeM: 15 },
 } as const;
 
 export type SceneName = keyof typeof SCENES;

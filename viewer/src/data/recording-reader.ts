@@ -201,20 +201,39 @@ export class RecordingReader {
     if (!pointClouds || count === 0 || !this.#fetchBytes) {
       return null;
     }
-    const row = pointClouds.array.subarray((count - 1) * CLOUD.columns, count * CLOUD.columns);
-    const start = row[CLOUD.start]!;
-    const timeNs = BigInt(row[CLOUD.tick]!) * TICK_NS;
+    const rowAt = (number: number) =>
+      pointClouds.array.subarray(number * CLOUD.columns, (number + 1) * CLOUD.columns);
+    const tick = rowAt(count - 1)[CLOUD.tick]!;
+    // A message of each LiDAR of the agent that has scanned in this tick.
+    const rows = new Map<number, Float64Array>();
+    for (let number = count - 1; number >= 0 && rowAt(number)[CLOUD.tick] === tick; number--) {
+      const channel = rowAt(number)[CLOUD.channel]!;
+      if (!rows.has(channel)) rows.set(channel, rowAt(number).slice());
+    }
     try {
-      if (this.#chunk?.start !== start) {
-        const record = await this.#fetchBytes(start, row[CLOUD.length]!);
-        this.#chunk = { start, content: chunkContent(record, this.#zstd) };
+      const clouds = [];
+      for (const row of rows.values()) {
+        const bytes = await this.#pointCloudAt(row);
+        if (bytes) clouds.push(messages.pointCloud(bytes));
       }
-      const bytes = messageIn(this.#chunk.content, row[CLOUD.channel]!, timeNs);
-      return bytes && { ...messages.pointCloud(bytes), isInBodyFrame: true };
+      const [first] = clouds;
+      return first
+        ? { timeS: first.timeS, points: joined(clouds.map(({ points }) => points)), isInBodyFrame: true }
+        : null;
     } catch {
       // The file is gone or was changed since; hits are ray-cast instead.
       return null;
     }
+  }
+
+  /** The message at a row of the recorded point clouds. */
+  async #pointCloudAt(row: Float64Array): Promise<Uint8Array | null> {
+    const start = row[CLOUD.start]!;
+    if (this.#chunk?.start !== start) {
+      const record = await this.#fetchBytes!(start, row[CLOUD.length]!);
+      this.#chunk = { start, content: chunkContent(record, this.#zstd) };
+    }
+    return messageIn(this.#chunk.content, row[CLOUD.channel]!, BigInt(row[CLOUD.tick]!) * TICK_NS);
   }
 
   #attachment(name: string, bytes: Uint8Array): void {
@@ -381,12 +400,23 @@ export class RecordingReader {
 
 /** Parses a topic name. */
 function channelOf(topic: string): Channel {
-  const ofAgent = /^\/agent_(\d{1,9})\/(join|observation|command|points)$/.exec(topic);
+  // LiDARs with a name have a part of their own in the topic.
+  const ofAgent = /^\/agent_(\d{1,9})\/(?:(join|observation|command)|(?:[a-z0-9_]+\/)?(points))$/.exec(topic);
   if (ofAgent) {
-    return { topic, kind: ofAgent[2]!, agent: Number(ofAgent[1]) };
+    return { topic, kind: (ofAgent[2] ?? ofAgent[3])!, agent: Number(ofAgent[1]) };
   }
   const ofRun = /^(?:\/sim\/(scenario|progress|result|intervention|map_change)|\/(tf))$/.exec(topic);
   return { topic, kind: ofRun?.[1] ?? ofRun?.[2] ?? "", agent: -1 };
+}
+
+function joined(parts: readonly Float32Array[]): Float32Array {
+  const whole = new Float32Array(parts.reduce((length, part) => length + part.length, 0));
+  let at = 0;
+  for (const part of parts) {
+    whole.set(part, at);
+    at += part.length;
+  }
+  return whole;
 }
 
 function problemOf(end: McapEnd): string | null {

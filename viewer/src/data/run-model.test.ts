@@ -330,6 +330,25 @@ describe("hits", () => {
     expect(rounded((await run.hitsAt(0, 0.2))!.positions)).toEqual([2.5, 2.5, 1.5]);
   });
 
+  test("are those of all LiDARs of an agent", async () => {
+    const named = (name: string, tick: number, x: number) => {
+      const one = make.points(0, tick, [[x, 0, 0]]);
+      return { ...one, topic: one.topic.replace("points", `${name}/points`) };
+    };
+    const run = await runOf([
+      make.poses(0, [POSITION]),
+      named("top", 0, 3),
+      named("front_low", 0, 4),
+      make.poses(10, [POSITION]),
+      named("top", 10, 1),
+      named("front_low", 10, 2),
+    ]);
+    const xs = async (timeS: number) =>
+      Array.from((await run.hitsAt(0, timeS))!.positions.filter((_, at) => at % 3 === 0)).sort();
+    expect(await xs(0.1)).toEqual([3, 4].map((x) => POSITION[0] + x));
+    expect(await xs(0.2)).toEqual([1, 2].map((x) => POSITION[0] + x));
+  });
+
   test("are ray-cast from the last scan if none were recorded", async () => {
     const run = await runOf([
       make.observation(0, 0, { position: POSITION }),

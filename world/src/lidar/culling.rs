@@ -192,12 +192,12 @@ thread_local! {
 
 impl Culling {
     /// The reach of these bundles, or `None` if there are too few rays to gain from it.
-    pub(super) fn of_many(pattern: Pattern, rays: u32, bundles: &[Bundle]) -> Option<Arc<Self>> {
+    pub(super) fn of_many(pattern: &Pattern, rays: u32, bundles: &[Bundle]) -> Option<Arc<Self>> {
         (rays >= RAYS_MIN).then(|| Arc::new(Self::new(pattern, bundles, OFFSET_BITS)))
     }
 
     /// The reach of bundles that are sorted by octant, followed for `1 << offset_bits` cells.
-    pub(super) fn new(pattern: Pattern, bundles: &[Bundle], offset_bits: u32) -> Self {
+    pub(super) fn new(pattern: &Pattern, bundles: &[Bundle], offset_bits: u32) -> Self {
         let mut octants = Vec::new();
         let mut begin = 0;
         for bundles in bundles.chunk_by(|a, b| a.goes_down == b.goes_down) {

@@ -6,6 +6,7 @@
 //! culling do not allow, so all of them are cast.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 use protocol::field_of_view::FieldOfView;
@@ -13,22 +14,20 @@ use protocol::field_of_view::FieldOfView;
 use super::pattern::{Bundle, LANES, octant};
 
 /// Rows and columns of rays about the heading, the first row highest, the first column leftmost.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RayGrid {
-    /// How the rays are spread.
+    /// The rows, and how the rays are spread.
     pub projection: Projection,
     /// Rays of a row, at least 1.
     pub columns: u32,
-    /// Number of rows, at least 1.
-    pub rows: u32,
     /// Full horizontal angle, radians; from 2 pi on the rows are rings.
     pub horizontal_rad: f64,
     /// By how much it looks up, radians; negative: down.
     pub pitch_rad: f64,
 }
 
-/// How the rays of a grid are spread.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The rows of a grid, and how its rays are spread.
+#[derive(Debug, Clone, PartialEq)]
 pub enum Projection {
     /// At equal angles: each row at one elevation, from `lowest_rad` to `highest_rad` (radians,
     /// ends included), each ray in the middle of its column. A single row is halfway.
@@ -37,12 +36,52 @@ pub enum Projection {
         lowest_rad: f64,
         /// Elevation of the first row, radians.
         highest_rad: f64,
+        /// Number of rows, at least 1.
+        rows: u32,
     },
+    /// Each row at an elevation of its own, each ray in the middle of its column.
+    Lines(Elevations),
     /// Through the centres of the pixels of a pinhole camera.
     Pinhole {
         /// Full vertical angle at the middle column, radians.
         vertical_rad: f64,
+        /// Number of rows, at least 1.
+        rows: u32,
     },
+}
+
+/// The elevations of the lines of a spinning LiDAR, radians: at least one, from the highest to the
+/// lowest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Elevations(Arc<[f64]>);
+
+impl Elevations {
+    /// Of elevations in any order, radians; `None` if there are none or one is no number.
+    #[must_use]
+    pub fn new(mut elevations_rad: Vec<f64>) -> Option<Self> {
+        elevations_rad.sort_by(|one, other| other.total_cmp(one));
+        let are_some = !elevations_rad.is_empty() && elevations_rad.iter().all(|elevation| elevation.is_finite());
+        are_some.then(|| Self(elevations_rad.into()))
+    }
+
+    /// The lowest and the highest one.
+    fn band_rad(&self) -> [f64; 2] {
+        [self.0[self.0.len() - 1], self.0[0]]
+    }
+
+    /// The greatest angle between neighbours; 0 for a single line.
+    fn gap_max_rad(&self) -> f64 {
+        self.0.windows(2).map(|pair| pair[0] - pair[1]).fold(0.0, f64::max)
+    }
+
+    /// The number of the line closest to an elevation, the upper of two.
+    fn closest(&self, elevation_rad: f64) -> u32 {
+        let above = self.0.partition_point(|&line| line > elevation_rad);
+        let distance = |line: &usize| self.0.get(*line).map_or(f64::INFINITY, |at| (at - elevation_rad).abs());
+        let upper = above.saturating_sub(1);
+        let closest = if distance(&above) < distance(&upper) { above } else { upper };
+        closest as u32
+    }
 }
 
 /// A turn within which a tilted ring sees much the same, radians: it takes its front for all.
@@ -52,20 +91,35 @@ impl RayGrid {
     /// Whether its rays turn with the body: all but level rings.
     #[must_use]
     pub fn turns(&self) -> bool {
-        let is_ring = matches!(self.projection, Projection::Spherical { .. }) && self.horizontal_rad >= TAU;
+        let is_ring = !self.is_camera() && self.horizontal_rad >= TAU;
         !is_ring || self.pitch_rad != 0.0
+    }
+
+    /// Whether it is that of a camera, not of a spinning LiDAR.
+    #[must_use]
+    pub fn is_camera(&self) -> bool {
+        matches!(self.projection, Projection::Pinhole { .. })
+    }
+
+    /// Number of its rows, at least 1.
+    #[must_use]
+    pub fn rows(&self) -> u32 {
+        match &self.projection {
+            Projection::Spherical { rows, .. } | Projection::Pinhole { rows, .. } => *rows,
+            Projection::Lines(elevations) => elevations.0.len() as u32,
+        }
     }
 
     /// Number of its rays.
     #[must_use]
     pub fn rays(&self) -> u32 {
-        self.columns * self.rows
+        self.columns * self.rows()
     }
 
     /// The directions of its rays in the frame of the body, row by row; unit vectors.
     pub(super) fn directions(&self) -> Vec<Vector3<f64>> {
         let (sin, cos) = libm::sincos(self.pitch_rad);
-        let rays = (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| (row, column)));
+        let rays = (0..self.rows()).flat_map(|row| (0..self.columns).map(move |column| (row, column)));
         rays.map(|(row, column)| {
             let level = self.level_direction(row, column);
             Vector3::new(cos * level.x - sin * level.z, level.y, sin * level.x + cos * level.z)
@@ -77,29 +131,31 @@ impl RayGrid {
     fn level_direction(&self, row: u32, column: u32) -> Vector3<f64> {
         // From 1 at the first to -1 at the last, at the middle of each.
         let middle = |at: u32, count: u32| 1.0 - (2.0 * f64::from(at) + 1.0) / f64::from(count);
-        match self.projection {
-            Projection::Spherical { lowest_rad, highest_rad } => {
-                let elevation_rad = self.elevation_rad(row, lowest_rad, highest_rad);
-                let azimuth_rad = self.horizontal_rad.min(TAU) / 2.0 * middle(column, self.columns);
-                let (up, ahead) = libm::sincos(elevation_rad);
-                let (left, forward) = libm::sincos(azimuth_rad);
-                Vector3::new(ahead * forward, ahead * left, up)
-            }
-            Projection::Pinhole { vertical_rad } => {
-                let left = libm::tan(self.horizontal_rad / 2.0) * middle(column, self.columns);
-                let up = libm::tan(vertical_rad / 2.0) * middle(row, self.rows);
-                Vector3::new(1.0, left, up).normalize()
-            }
+        if let Projection::Pinhole { vertical_rad, rows } = self.projection {
+            let left = libm::tan(self.horizontal_rad / 2.0) * middle(column, self.columns);
+            let up = libm::tan(vertical_rad / 2.0) * middle(row, rows);
+            return Vector3::new(1.0, left, up).normalize();
         }
+        let elevation_rad = self.elevation_rad(row).unwrap_or_default();
+        let azimuth_rad = self.horizontal_rad.min(TAU) / 2.0 * middle(column, self.columns);
+        let (up, ahead) = libm::sincos(elevation_rad);
+        let (left, forward) = libm::sincos(azimuth_rad);
+        Vector3::new(ahead * forward, ahead * left, up)
     }
 
-    /// The elevation of a row of those from a lowest to a highest one.
-    fn elevation_rad(&self, row: u32, lowest_rad: f64, highest_rad: f64) -> f64 {
-        let below = match self.rows {
-            1 => 0.5,
-            rows => f64::from(row) / f64::from(rows - 1),
-        };
-        highest_rad - below * (highest_rad - lowest_rad)
+    /// The elevation of a line of a spinning LiDAR, radians; `None` for a camera.
+    fn elevation_rad(&self, row: u32) -> Option<f64> {
+        match &self.projection {
+            Projection::Spherical { lowest_rad, highest_rad, rows } => {
+                let below = match rows {
+                    1 => 0.5,
+                    rows => f64::from(row) / f64::from(rows - 1),
+                };
+                Some(highest_rad - below * (highest_rad - lowest_rad))
+            }
+            Projection::Lines(elevations) => elevations.0.get(row as usize).copied(),
+            Projection::Pinhole { .. } => None,
+        }
     }
 
     /// The row and the column of a ray by its direction in the frame of the body. Rows that lie on
@@ -110,53 +166,57 @@ impl RayGrid {
             (cos * direction.x + sin * direction.z, direction.y, cos * direction.z - sin * direction.x);
         // The number of that of `count` places which has this at its middle, from 1 to -1.
         let numbered = |middle: f64, count: u32| (1.0 - middle) * f64::from(count) / 2.0 - 0.5;
-        let (row, column) = match self.projection {
-            Projection::Spherical { lowest_rad, highest_rad } => {
-                let below_rad = highest_rad - libm::atan2(up, libm::hypot(ahead, left));
+        let elevation_rad = || libm::atan2(up, libm::hypot(ahead, left));
+        let around = || numbered(libm::atan2(left, ahead) / (self.horizontal_rad.min(TAU) / 2.0), self.columns);
+        let (row, column) = match &self.projection {
+            Projection::Spherical { lowest_rad, highest_rad, rows } => {
+                let below_rad = highest_rad - elevation_rad();
                 let span_rad = highest_rad - lowest_rad;
-                let row = if span_rad > 0.0 { below_rad / span_rad * f64::from(self.rows - 1) } else { 0.0 };
-                let azimuth_rad = libm::atan2(left, ahead);
-                (row, numbered(azimuth_rad / (self.horizontal_rad.min(TAU) / 2.0), self.columns))
+                let row = if span_rad > 0.0 { below_rad / span_rad * f64::from(rows - 1) } else { 0.0 };
+                (row, around())
             }
-            Projection::Pinhole { vertical_rad } => (
-                numbered(up / ahead / libm::tan(vertical_rad / 2.0), self.rows),
+            Projection::Lines(elevations) => (f64::from(elevations.closest(elevation_rad())), around()),
+            Projection::Pinhole { vertical_rad, rows } => (
+                numbered(up / ahead / libm::tan(vertical_rad / 2.0), *rows),
                 numbered(left / ahead / libm::tan(self.horizontal_rad / 2.0), self.columns),
             ),
         };
         let whole = |number: f64, count: u32| libm::round(number).clamp(0.0, f64::from(count - 1)) as u32;
-        [whole(row, self.rows), whole(column, self.columns)]
+        [whole(row, self.rows()), whole(column, self.columns)]
     }
 
     /// The row of a spinning LiDAR that is closest to the plane of the sensor, the upper of two, as
     /// a grid of its own, and its elevation, radians; `None` for a camera.
     pub(super) fn middle_row(&self) -> Option<(Self, f64)> {
-        let Projection::Spherical { lowest_rad, highest_rad } = self.projection else { return None };
-        let of_row = |row: u32| self.elevation_rad(row, lowest_rad, highest_rad);
+        let lines = (0..self.rows()).map_while(|row| self.elevation_rad(row));
         // Rounding must not choose between two that are as close.
-        let distance = |row: &u32| libm::round(of_row(*row).abs() * 1e9) as u64;
-        let elevation_rad = of_row((0..self.rows).min_by_key(distance)?);
-        let projection = Projection::Spherical { lowest_rad: elevation_rad, highest_rad: elevation_rad };
-        Some((Self { projection, rows: 1, ..*self }, elevation_rad))
+        let elevation_rad = lines.min_by_key(|elevation_rad| libm::round(elevation_rad.abs() * 1e9) as u64)?;
+        let projection = Projection::Spherical { lowest_rad: elevation_rad, highest_rad: elevation_rad, rows: 1 };
+        Some((Self { projection, ..*self }, elevation_rad))
     }
 
     /// The greatest angle between neighbouring rays, radians, across the columns and the rows.
     fn spacing_rad(&self) -> [f64; 2] {
         let of_row = self.horizontal_rad.min(TAU);
         let apart = |angle_rad: f64, count: u32| 2.0 * libm::tan(angle_rad / 2.0) / f64::from(count);
-        match self.projection {
-            Projection::Spherical { lowest_rad, highest_rad } => {
-                let gaps = f64::from(self.rows.saturating_sub(1).max(1));
-                [of_row / f64::from(self.columns), (highest_rad - lowest_rad) / gaps]
+        let around = of_row / f64::from(self.columns);
+        match &self.projection {
+            Projection::Spherical { lowest_rad, highest_rad, rows } => {
+                let gaps = f64::from(rows.saturating_sub(1).max(1));
+                [around, (highest_rad - lowest_rad) / gaps]
             }
-            Projection::Pinhole { vertical_rad } => [apart(of_row, self.columns), apart(vertical_rad, self.rows)],
+            Projection::Lines(elevations) => [around, elevations.gap_max_rad()],
+            Projection::Pinhole { vertical_rad, rows } => [apart(of_row, self.columns), apart(*vertical_rad, *rows)],
         }
     }
 
     /// What it sees of its surroundings, if walls up to a distance (metres) are not seen.
     pub(super) fn field_of_view(&self, min_range_m: f64) -> FieldOfView {
-        let (lowest_rad, highest_rad, horizontal_rad) = match self.projection {
-            Projection::Spherical { lowest_rad, highest_rad } => (lowest_rad, highest_rad, self.horizontal_rad),
-            Projection::Pinhole { vertical_rad } => (-vertical_rad / 2.0, vertical_rad / 2.0, self.horizontal_rad),
+        let horizontal_rad = self.horizontal_rad;
+        let [lowest_rad, highest_rad] = match &self.projection {
+            Projection::Spherical { lowest_rad, highest_rad, .. } => [*lowest_rad, *highest_rad],
+            Projection::Lines(elevations) => elevations.band_rad(),
+            Projection::Pinhole { vertical_rad, .. } => [-vertical_rad / 2.0, vertical_rad / 2.0],
         };
         let is_tilted_ring = self.turns() && horizontal_rad >= TAU;
         let [across, along] = self.spacing_rad();
@@ -173,14 +233,17 @@ impl RayGrid {
     /// that pass between its own.
     pub(super) fn swept(&self) -> Self {
         if !self.turns() {
-            return *self;
+            return self.clone();
         }
         let FieldOfView { lowest_rad, highest_rad, .. } = self.field_of_view(0.0);
         let spacing_rad = self.spacing_rad().map(|spacing| spacing.max(SWEPT_SPACING_MIN_RAD));
         Self {
-            projection: Projection::Spherical { lowest_rad, highest_rad },
+            projection: Projection::Spherical {
+                lowest_rad,
+                highest_rad,
+                rows: ((highest_rad - lowest_rad) / spacing_rad[1]).ceil() as u32 + 1,
+            },
             columns: (TAU / spacing_rad[0]).ceil() as u32,
-            rows: ((highest_rad - lowest_rad) / spacing_rad[1]).ceil() as u32 + 1,
             horizontal_rad: TAU,
             pitch_rad: 0.0,
         }

@@ -19,10 +19,10 @@ pub(super) type Cone = (Vector3<f64>, f64);
 impl Pattern {
     /// The directions of the rays in cell units; their length is the unit of distances along them.
     /// Those of a grid are at heading 0.
-    pub(super) fn directions(self) -> Vec<Vector3<f64>> {
+    pub(super) fn directions(&self) -> Vec<Vector3<f64>> {
         match self {
-            Pattern::Lattice { rays } => (0..rays).map(|ray| lattice::direction(ray, rays)).collect(),
-            Pattern::Shell { radius_cells } => shell(radius_cells),
+            &Pattern::Lattice { rays } => (0..rays).map(|ray| lattice::direction(ray, rays)).collect(),
+            &Pattern::Shell { radius_cells } => shell(radius_cells),
             Pattern::Grid(grid) => grid.directions(),
         }
     }

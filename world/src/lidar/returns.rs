@@ -113,7 +113,7 @@ impl Scanner {
     #[must_use]
     pub fn middle_line(&self) -> Option<MiddleLine> {
         let (grid, elevation_rad) = self.grid()?.middle_row()?;
-        let pattern = Pattern::Grid(grid);
+        let pattern = Pattern::Grid(grid.clone());
         let turning = Some(TurningRays::new(pattern.directions()));
         let rays = Rays { pattern, count: grid.rays(), bundles: Vec::new(), turning, culling: None };
         let scanner = Self { rays: rays.into(), ..self.clone() };

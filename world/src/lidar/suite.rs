@@ -109,8 +109,8 @@ mod tests {
     use crate::lidar::{Pattern, Projection, RayGrid};
 
     fn camera(pitch_rad: f64) -> Scanner {
-        let projection = Projection::Pinhole { vertical_rad: 1.0 };
-        let grid = RayGrid { projection, columns: 8, rows: 6, horizontal_rad: 1.4, pitch_rad };
+        let projection = Projection::Pinhole { vertical_rad: 1.0, rows: 6 };
+        let grid = RayGrid { projection, columns: 8, horizontal_rad: 1.4, pitch_rad };
         Scanner::new(Pattern::Grid(grid), 4.5, TAU)
     }
 

@@ -24,7 +24,7 @@ fn scanned(scanner: &Scanner, memory: &mut SensorMemory, pose: &Pose) -> (Vec<u3
 }
 
 /// The rays of a pattern that lie within the field of view, by the angle itself.
-fn used(pattern: Pattern, yaw_rad: f64, fov_rad: f64) -> impl Iterator<Item = Vector3<f64>> {
+fn used(pattern: &Pattern, yaw_rad: f64, fov_rad: f64) -> impl Iterator<Item = Vector3<f64>> + use<> {
     let (sin, cos) = libm::sincos(yaw_rad);
     let heading = Vector3::new(cos, sin, 0.0);
     let turns = matches!(pattern, Pattern::Grid(grid) if grid.turns());
@@ -37,7 +37,7 @@ fn used(pattern: Pattern, yaw_rad: f64, fov_rad: f64) -> impl Iterator<Item = Ve
 fn by_definition(
     terrain: &Grid<Terrain>,
     pose: &Pose,
-    pattern: Pattern,
+    pattern: &Pattern,
     range_m: f64,
     fov_rad: f64,
     mount: Mount,
@@ -202,16 +202,19 @@ fn any_world() -> impl Strategy<Value = (Grid<Terrain>, [f64; 3])> {
 
 /// Rings, level and tilted, and cameras.
 fn any_grid() -> impl Strategy<Value = Pattern> {
+    let rows = 1..16_u32;
     let projection = prop_oneof![
-        (-1.5..1.5, 0.0..1.0)
-            .prop_map(|(lowest_rad, band)| Projection::Spherical { lowest_rad, highest_rad: lowest_rad + band }),
-        (0.1..2.9).prop_map(|vertical_rad| Projection::Pinhole { vertical_rad }),
+        (-1.5..1.5, 0.0..1.0, rows.clone()).prop_map(|(lowest_rad, band, rows)| {
+            Projection::Spherical { lowest_rad, highest_rad: lowest_rad + band, rows }
+        }),
+        prop::collection::vec(-1.5..1.5, 1..16).prop_map(|lines| Projection::Lines(Elevations::new(lines).unwrap())),
+        (0.1..2.9, rows).prop_map(|(vertical_rad, rows)| Projection::Pinhole { vertical_rad, rows }),
     ];
-    (projection, 1..24_u32, 1..16_u32, prop_oneof![Just(TAU), 0.1..2.9], prop_oneof![Just(0.0), -1.5..1.5]).prop_map(
-        |(projection, columns, rows, angle_rad, pitch_rad)| {
-            let is_camera = matches!(projection, Projection::Pinhole { .. });
-            let horizontal_rad = if is_camera { angle_rad.min(2.9) } else { angle_rad };
-            Pattern::Grid(RayGrid { projection, columns, rows, horizontal_rad, pitch_rad })
+    (projection, 1..24_u32, prop_oneof![Just(TAU), 0.1..2.9], prop_oneof![Just(0.0), -1.5..1.5]).prop_map(
+        |(projection, columns, angle_rad, pitch_rad)| {
+            let grid = RayGrid { projection, columns, horizontal_rad: angle_rad, pitch_rad };
+            let horizontal_rad = if grid.is_camera() { angle_rad.min(2.9) } else { angle_rad };
+            Pattern::Grid(RayGrid { horizontal_rad, ..grid })
         },
     )
 }
@@ -226,14 +229,20 @@ fn any_scanner() -> impl Strategy<Value = (Pattern, f64, f64)> {
 }
 
 /// A scanner whose rays are followed for `1 << offset_bits` cells to see whether they need be cast.
-fn with_culling(pattern: Pattern, range_m: f64, fov_rad: f64, offset_bits: u32) -> Scanner {
-    let scanner = Scanner::new(pattern, range_m, fov_rad);
+fn with_culling(pattern: &Pattern, range_m: f64, fov_rad: f64, offset_bits: u32) -> Scanner {
+    let scanner = Scanner::new(pattern.clone(), range_m, fov_rad);
     if scanner.rays.turning.is_some() {
         return scanner;
     }
     let culling = Some(Arc::new(Culling::new(pattern, &scanner.rays.bundles, offset_bits)));
-    let Rays { count, ref bundles, .. } = *scanner.rays;
-    Scanner { rays: Arc::new(Rays { pattern, count, bundles: bundles.clone(), turning: None, culling }), ..scanner }
+    let rays = Rays {
+        pattern: pattern.clone(),
+        count: scanner.rays.count,
+        bundles: scanner.rays.bundles.clone(),
+        turning: None,
+        culling,
+    };
+    Scanner { rays: Arc::new(rays), ..scanner }
 }
 
 /// The cells that an engine finds, ascending, and the count of its rays.
@@ -278,7 +287,7 @@ proptest! {
         sees_at_random in any::<bool>(),
         steps in prop::collection::vec(prop::array::uniform3(prop_oneof![Just(0.0), -0.4..0.4, -1.5..1.5]), 1..24),
     ) {
-        let scanner = with_culling(pattern, range_m, fov_rad, offset_bits);
+        let scanner = with_culling(&pattern, range_m, fov_rad, offset_bits);
         let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
         if sees_at_random {
             memories.iter_mut().for_each(|memory| see(memory, &seen));
@@ -313,7 +322,7 @@ proptest! {
             1..24,
         ),
     ) {
-        let scanner = with_culling(pattern, range_m, fov_rad, offset_bits);
+        let scanner = with_culling(&pattern, range_m, fov_rad, offset_bits);
         let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
         if sees_at_random {
             memories.iter_mut().for_each(|memory| see(memory, &seen));
@@ -345,8 +354,8 @@ proptest! {
     ) {
         let body = pose(position, yaw_rad);
         prop_assume!(terrain.extent().contains(terrain.extent().cell_of(&body.position)));
-        let scanner = Scanner::new(pattern, range_m, fov_rad);
-        let (free, wall) = by_definition(&terrain, &body, pattern, range_m, fov_rad, Mount::default());
+        let scanner = Scanner::new(pattern.clone(), range_m, fov_rad);
+        let (free, wall) = by_definition(&terrain, &body, &pattern, range_m, fov_rad, Mount::default());
         let sorted = |set: BTreeSet<u32>| set.into_iter().collect::<Vec<u32>>();
         let expected = (sorted(free), sorted(wall));
 
@@ -366,7 +375,7 @@ proptest! {
             let marks = memory.parts().marks;
             marks.see(start.slot(), &mut new);
             let rays = kernel.scan(marks, &start, &scanner.bundles(yaw_rad), 0.0, &mut new);
-            prop_assert_eq!(rays, used(pattern, yaw_rad, fov_rad).count() as u64);
+            prop_assert_eq!(rays, used(&pattern, yaw_rad, fov_rad).count() as u64);
             prop_assert_eq!((free.len(), wall.len()), (expected.0.len(), expected.1.len()));
             let seen: Vec<usize> = memory.seen_cells().collect();
             prop_assert_eq!(seen.len(), free.len() + wall.len());
@@ -390,11 +399,11 @@ proptest! {
             let cell = extent.cell_of(&(pose.position + Vector3::z() * *up));
             extent.contains(cell) && !is_wall_at(&terrain, cell)
         });
-        let scanner = with_culling(pattern, range_m, fov_rad, offset_bits).on(mount);
+        let scanner = with_culling(&pattern, range_m, fov_rad, offset_bits).on(mount);
         let [mut naive, mut culled] = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
         let mut known = BTreeSet::new();
         for pose in poses(extent, position, steps).into_iter().filter(is_free) {
-            let (free, wall) = by_definition(&terrain, &pose, pattern, range_m, fov_rad, mount);
+            let (free, wall) = by_definition(&terrain, &pose, &pattern, range_m, fov_rad, mount);
             let view = scanner.view(&naive, &pose);
             prop_assert!(view.free.iter().eq(&free) && view.wall.iter().eq(&wall));
             let returns = scanner.returns(&naive, &pose, &Bodies::default());
@@ -415,11 +424,11 @@ proptest! {
     ) {
         let poses = [pose(position, 0.0), pose([0, 1, 2].map(|axis| position[axis] + shift[axis]), 2.0)];
         let is_free = |pose: &&Pose| !is_wall_at(&terrain, terrain.extent().cell_of(&pose.position));
-        let scanner = Scanner::new(pattern, range_m, fov_rad);
+        let scanner = Scanner::new(pattern.clone(), range_m, fov_rad);
         let mut memory = SensorMemory::new(&terrain);
         let mut known = BTreeSet::new();
         for pose in poses.iter().filter(is_free) {
-            let (free, wall) = by_definition(&terrain, pose, pattern, range_m, fov_rad, Mount::default());
+            let (free, wall) = by_definition(&terrain, pose, &pattern, range_m, fov_rad, Mount::default());
             let all: BTreeSet<u32> = free.union(&wall).copied().collect();
             let (new_free, new_wall) = scanned(&scanner, &mut memory, pose);
             let new: BTreeSet<u32> = new_free.iter().chain(&new_wall).copied().collect();
@@ -455,7 +464,7 @@ fn scans_of_a_known_place_cast_few_rays() {
     let extent = Extent::new([40; 3], 1.0).unwrap();
     let spec = mapgen::MapSpec::Spheres(mapgen::SpheresSpec::default());
     let terrain = mapgen::generate(&spec, extent, 1).unwrap().terrain;
-    let scanner = with_culling(Pattern::Lattice { rays: 2000 }, f64::INFINITY, TAU, 5);
+    let scanner = with_culling(&Pattern::Lattice { rays: 2000 }, f64::INFINITY, TAU, 5);
     let mut memories = [SensorMemory::new(&terrain), SensorMemory::new(&terrain)];
     let [naive, culled] = &mut memories;
     let mut counts = CastCount::default();
@@ -475,7 +484,7 @@ fn rays_leap_over_what_is_known_to_be_free() {
     let extent = Extent::new([40; 3], 1.0).unwrap();
     let mut terrain = Grid::new(extent, Terrain::Free);
     voxels::close_shell(&mut terrain, 1);
-    let scanner = with_culling(Pattern::Lattice { rays: 2000 }, f64::INFINITY, TAU, 5);
+    let scanner = with_culling(&Pattern::Lattice { rays: 2000 }, f64::INFINITY, TAU, 5);
     let mut memory = SensorMemory::new(&terrain);
     let is_known: Vec<bool> = extent.cells().map(|cell| !is_wall_at(&terrain, cell)).collect();
     see(&mut memory, &is_known);
@@ -491,16 +500,15 @@ fn rays_leap_over_what_is_known_to_be_free() {
 #[test]
 fn grids_have_their_angles() {
     let degrees = |angle: f64| angle.to_radians();
-    let ring = Projection::Spherical { lowest_rad: degrees(-15.0), highest_rad: degrees(15.0) };
-    let level = RayGrid { projection: ring, columns: 36, rows: 16, horizontal_rad: TAU, pitch_rad: 0.0 };
+    let ring = Projection::Spherical { lowest_rad: degrees(-15.0), highest_rad: degrees(15.0), rows: 16 };
+    let level = RayGrid { projection: ring, columns: 36, horizontal_rad: TAU, pitch_rad: 0.0 };
     let elevations: Vec<f64> =
         level.directions().iter().step_by(36).map(|ray| libm::asin(ray.z).to_degrees().round()).collect();
     assert_eq!(elevations, (0..16).map(|line| f64::from(15 - 2 * line)).collect::<Vec<f64>>());
     assert!(!level.turns() && RayGrid { pitch_rad: 0.1, ..level }.turns());
     let camera = RayGrid {
-        projection: Projection::Pinhole { vertical_rad: degrees(60.0) },
+        projection: Projection::Pinhole { vertical_rad: degrees(60.0), rows: 60 },
         columns: 80,
-        rows: 60,
         horizontal_rad: degrees(80.0),
         pitch_rad: degrees(-20.0),
     };
@@ -511,7 +519,7 @@ fn grids_have_their_angles() {
     let corner = Vector3::new(cos * ahead - sin * up, left, sin * ahead + cos * up).normalize();
     let mirrored = Vector3::new(corner.x, -corner.y, corner.z);
     assert!((rays[0] - corner).norm() < 1e-12 && (rays[79] - mirrored).norm() < 1e-12);
-    let view = Scanner::new(Pattern::Grid(camera), 4.5, TAU).field_of_view().unwrap();
+    let view = Scanner::new(Pattern::Grid(camera.clone()), 4.5, TAU).field_of_view().unwrap();
     let [lowest, highest] = [view.lowest_rad, view.highest_rad].map(|angle| angle.to_degrees().round());
     assert_eq!((lowest, highest, view.horizontal_rad.to_degrees().round()), (-50.0, 10.0, 80.0));
     assert!((0.9..1.3).contains(&view.spacing_rad.to_degrees()), "{view:?}");
@@ -520,11 +528,34 @@ fn grids_have_their_angles() {
 }
 
 #[test]
+fn lines_have_their_elevations() {
+    let lines = |lines: &[f64]| Projection::Lines(Elevations::new(lines.to_vec()).unwrap());
+    // Denser about the horizon, as those of many automotive LiDARs, and in no order.
+    let ring =
+        RayGrid { projection: lines(&[-0.1, 0.3, 0.0, -0.4, 0.05]), columns: 24, horizontal_rad: TAU, pitch_rad: 0.0 };
+    let rays = ring.directions();
+    let elevations: Vec<f64> = rays.iter().step_by(24).map(|ray| (libm::asin(ray.z) * 1e6).round() / 1e6).collect();
+    assert_eq!(elevations, [0.3, 0.05, 0.0, -0.1, -0.4]);
+    for (number, ray) in (0..).zip(&rays) {
+        assert_eq!(ring.place_of(ray), [number / 24, number % 24]);
+    }
+    let (middle, elevation_rad) = ring.middle_row().unwrap();
+    assert_eq!((middle.rows(), elevation_rad), (1, 0.0));
+    let view = ring.field_of_view(0.0);
+    assert_eq!((view.lowest_rad, view.highest_rad, view.spacing_rad), (-0.4, 0.3, 0.4 - 0.1));
+    // At equal distances they are the rays of such a ring.
+    let equal = Projection::Spherical { lowest_rad: -0.25, highest_rad: 0.25, rows: 3 };
+    let same = RayGrid { projection: lines(&[0.25, -0.25, 0.0]), ..ring.clone() };
+    assert_eq!(same.directions(), RayGrid { projection: equal, ..ring }.directions());
+    assert!(Elevations::new(Vec::new()).is_none() && Elevations::new(vec![0.0, f64::NAN]).is_none());
+}
+
+#[test]
 fn body_with_a_camera_knows_the_cells_it_is_in() {
     let mut terrain = Grid::new(Extent::new([9; 3], 0.5).unwrap(), Terrain::Free);
     voxels::close_shell(&mut terrain, 1);
-    let projection = Projection::Pinhole { vertical_rad: 0.5 };
-    let camera = RayGrid { projection, columns: 9, rows: 9, horizontal_rad: 0.5, pitch_rad: 0.0 };
+    let projection = Projection::Pinhole { vertical_rad: 0.5, rows: 9 };
+    let camera = RayGrid { projection, columns: 9, horizontal_rad: 0.5, pitch_rad: 0.0 };
     let scanner = Scanner::new(Pattern::Grid(camera), 4.0, TAU);
     let body = pose([2.25, 2.25, 1.4], 0.0);
     let seen = |radius_m: f64| {

@@ -7,8 +7,8 @@ use protocol::observation::Cells;
 use super::lidar::{NamedScanner, Projection, RayGrid};
 use super::*;
 
-fn grid(projection: Projection, [columns, rows]: [u32; 2], horizontal_rad: f64, pitch_rad: f64) -> Scanner {
-    let grid = RayGrid { projection, columns, rows, horizontal_rad, pitch_rad };
+fn grid(projection: Projection, columns: u32, horizontal_rad: f64, pitch_rad: f64) -> Scanner {
+    let grid = RayGrid { projection, columns, horizontal_rad, pitch_rad };
     Scanner::new(Pattern::Grid(grid), 6.0, TAU)
 }
 
@@ -17,11 +17,11 @@ fn lattice(rays: u32, range_m: f64) -> Scanner {
 }
 
 fn ring() -> Scanner {
-    grid(Projection::Spherical { lowest_rad: -0.3, highest_rad: 0.3 }, [120, 12], TAU, 0.0)
+    grid(Projection::Spherical { lowest_rad: -0.3, highest_rad: 0.3, rows: 12 }, 120, TAU, 0.0)
 }
 
 fn camera() -> Scanner {
-    grid(Projection::Pinhole { vertical_rad: 1.0 }, [40, 30], 1.4, 0.4)
+    grid(Projection::Pinhole { vertical_rad: 1.0, rows: 30 }, 40, 1.4, 0.4)
 }
 
 fn suite(scanners: &[Scanner]) -> SensorSuite {

@@ -12,8 +12,8 @@ use crate::scenario::{AGENTS_MAX, PointsField, RecordedView};
 
 use super::DefaultValue::{Is, Required, Unset};
 use super::Kind::{
-    Boolean, Bytes, Corners, Ids, Integer, Keys, Name, Number, NumberOrMax, Path, Poses, Position, Positions, Seed,
-    Settings, Size, Texts, Word, Words,
+    Boolean, Bytes, Corners, Ids, Integer, Keys, Name, Number, NumberOrMax, Numbers, Path, Poses, Position, Positions,
+    Seed, Settings, Size, Texts, Word, Words,
 };
 use super::{POSITIVE, Range, Table, above, at_least, between, key};
 
@@ -225,7 +225,7 @@ pub const TABLES: [Table; 27] = [
             "probability that a cell of a wall or roof breaks out", "ours"),
     ]).checked_by_mapgen(),
     Table::new("map.scene", &[
-        key("name", Word(&["office", "octagon-maze", "tunnels", "garage"]), Is("\"office\""), NONE,
+        key("name", Word(&["office", "octagon-maze", "tunnels", "garage", "pillars", "campus", "forest"]), Is("\"office\""), NONE,
             "which place", "ours; see [maps.md](maps.md#scenes-at-true-scale)"),
     ]).checked_by_mapgen(),
     Table::new("agents", &[
@@ -352,6 +352,9 @@ pub const TABLES: [Table; 27] = [
             "elevation of the lowest line of a ring", "ours").limits("-pi/2 to `highest_rad`"),
         key("highest_rad", Number("rad"), Unset("15 degrees"), between(-FRAC_PI_2, FRAC_PI_2),
             "elevation of the highest line", "ours").limits("`lowest_rad` to pi/2"),
+        key("elevations_rad", Numbers("rad"), Unset("at equal distances"), NONE,
+            "elevations of the lines of a ring; without the two keys before and the rows", "ours")
+            .limits("1 to 1024 different numbers from -pi/2 to pi/2"),
         key("columns", Integer(""), Unset("1024; of a frustum 80"), between(1.0, 8192.0),
             "rays of a row", "ours"),
         key("rows", Integer(""), Unset("16; of a frustum 60"), between(1.0, 1024.0),

@@ -51,13 +51,13 @@ const ONLY: SensorId = SensorId { agent: AgentId(0), number: 0, name: None };
 const MOUNT: Mount = Mount { height_m: 0.2, min_range_m: 0.0 };
 
 fn ring(horizontal_rad: f64, pitch_rad: f64, [lowest_rad, highest_rad]: [f64; 2]) -> RayGrid {
-    let projection = Projection::Spherical { lowest_rad, highest_rad };
-    RayGrid { projection, columns: 90, rows: 16, horizontal_rad, pitch_rad }
+    let projection = Projection::Spherical { lowest_rad, highest_rad, rows: 16 };
+    RayGrid { projection, columns: 90, horizontal_rad, pitch_rad }
 }
 
 fn frustum(columns: u32, rows: u32, pitch_rad: f64) -> RayGrid {
-    let projection = Projection::Pinhole { vertical_rad: 1.0 };
-    RayGrid { projection, columns, rows, horizontal_rad: 1.4, pitch_rad }
+    let projection = Projection::Pinhole { vertical_rad: 1.0, rows };
+    RayGrid { projection, columns, horizontal_rad: 1.4, pitch_rad }
 }
 
 /// The distance of the wall that a ray meets, metres, found with nothing of the LiDAR.

@@ -21,7 +21,7 @@ pub(super) struct Passing {
 impl Passing {
     /// The tables of bundles of one octant, of which `bundles_per_group` are a group, for offsets
     /// below `1 << offset_bits` cells along each axis.
-    pub(super) fn new(pattern: Pattern, bundles: &[Bundle], bundles_per_group: usize, offset_bits: u32) -> Self {
+    pub(super) fn new(pattern: &Pattern, bundles: &[Bundle], bundles_per_group: usize, offset_bits: u32) -> Self {
         let mut cells = vec![0; 1 << (3 * offset_bits)];
         for (group, bundles) in bundles.chunks(bundles_per_group).enumerate() {
             for bundle in bundles {
@@ -75,7 +75,7 @@ fn of_blocks(cells: &[Groups], place: u32, offset_bits: u32) -> Vec<Groups> {
 
 /// Calls `enter` with the offset of each cell below `side` that a ray can enter from some position
 /// in the body's cell; `direction` has no negative component.
-fn for_each_entered(pattern: Pattern, direction: [f64; 3], side: u32, mut enter: impl FnMut([u32; 3])) {
+fn for_each_entered(pattern: &Pattern, direction: [f64; 3], side: u32, mut enter: impl FnMut([u32; 3])) {
     let longest = direction.into_iter().fold(0.0, f64::max);
     // In lengths of the direction; from there on the ray is beyond all offsets.
     let mut end = f64::from(side + 1) / longest;
