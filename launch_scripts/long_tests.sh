@@ -5,8 +5,9 @@
 #
 # All browser tests of the page, movies, the example in C++, plans of own programs, the notebooks
 # and the API pages of the Python package, trainings by six libraries for learning, plans over Dask,
-# Ray and submitit, SIERRA, exported maps in trimesh, Open3D, pyoctomap and PCL, the viewer Rerun
-# without a window, which needs a driver for Vulkan (Debian: mesa-vulkan-drivers), what
+# Ray and submitit, SIERRA, exported maps in trimesh, Open3D, pyoctomap and PCL, recordings and topics
+# in kappe, baglint, tracecheck, libraries of Foxglove and the buffer of tf2 (Debian 12), the viewer
+# Rerun without a window, which needs a driver for Vulkan (Debian: mesa-vulkan-drivers), what
 # `cargo install` installs, and the programs and libraries without ROS 2; without words also runs
 # over Zenoh, every code block of the documents that takes long, such as movies and benchmarks, the
 # site with its links, the first ten minutes of docs/newcomers.md with a stopwatch, and runs in

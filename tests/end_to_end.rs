@@ -86,6 +86,8 @@ mod trajectories;
 /// Verification and comparison of recordings.
 mod verify;
 
+/// Client libraries, checkers and converters of others, and the buffer of tf2.
+mod clients;
 /// External ROS 2 nodes as agents.
 mod external_agents;
 /// Observers on a real ROS 2 and on a second DDS do not change a run.

@@ -583,7 +583,7 @@ fn diff_names_the_first_difference() {
     record(&site, "run.mcap", &[]);
     record(&site, "again.mcap", &[]);
     let same = diff(&site, "run.mcap", "again.mcap").with_code(0);
-    assert!(same.stdout.starts_with("the same run: the same bytes, "), "{same}");
+    assert!(same.stdout.starts_with("the same run: the same bytes"), "{same}");
 
     record(&site, "seed.mcap", &["--set", "seed=6"]);
     let other = diff(&site, "run.mcap", "seed.mcap").with_code(1);

@@ -5,12 +5,11 @@
 //!
 //! This module reads no file.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 
 use msgs::printable;
-use recording::comparison::{Checker, Comparison, Difference, count_of_run, is_of_run};
+use recording::comparison::{Checker, Comparison, Difference, is_of_run};
 use recording::difference::Field;
 use recording::{End, MAP_ATTACHMENT, Message, Recording, SCENARIO_ATTACHMENT};
 
@@ -23,13 +22,11 @@ const BATCHES_AHEAD: usize = 4;
 /// The comparison of two recordings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Verdict {
-    /// Whether the files are equal, byte for byte.
-    pub same_bytes: bool,
     /// The first key of the scenarios that differs.
     pub scenario: Option<Field>,
     /// Whether all attachments except the scenario are equal: the map.
     pub same_documents: bool,
-    /// Number of equal messages, from the start on.
+    /// Number of messages that were compared and are equal, from the start on.
     pub messages: u64,
     pub outcome: MessageOutcome,
     /// The first refusal counter that differs; it is not part of the run.
@@ -39,6 +36,8 @@ pub struct Verdict {
 /// The comparison of the messages of two recordings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum MessageOutcome {
+    /// The files are equal, byte for byte; no message was read.
+    SameBytes,
     Same,
     /// The first difference.
     Different(Box<Difference>),
@@ -54,20 +53,20 @@ impl Verdict {
     /// Whether they are recordings of the same run.
     #[must_use]
     pub fn is_same_run(&self) -> bool {
-        self.outcome == MessageOutcome::Same && self.scenario.is_none() && self.same_documents
+        let has_same_messages = matches!(self.outcome, MessageOutcome::SameBytes | MessageOutcome::Same);
+        has_same_messages && self.scenario.is_none() && self.same_documents
     }
 }
 
-/// Compares two recordings. Of files with the same bytes one is read for its messages.
+/// Compares two recordings.
 #[must_use]
 pub fn diff(first: &Recording, second: &Recording) -> Verdict {
-    if let Some(messages) = same_bytes(first, second) {
+    if first.has_same_bytes(second) {
         return Verdict {
-            same_bytes: true,
             scenario: None,
             same_documents: true,
-            messages,
-            outcome: MessageOutcome::Same,
+            messages: 0,
+            outcome: MessageOutcome::SameBytes,
             refusals: None,
         };
     }
@@ -95,27 +94,12 @@ pub fn diff(first: &Recording, second: &Recording) -> Verdict {
         documents
     };
     Verdict {
-        same_bytes: false,
         scenario: scenarios(&first.scenario(), &second.scenario()),
         same_documents: rest(first) == rest(second),
         messages: comparison.compared(),
         outcome,
         refusals: comparison.refusals().cloned(),
     }
-}
-
-/// The number of messages of the run if the files are equal, byte for byte; `None` if not. One
-/// thread compares the bytes while another counts.
-fn same_bytes(first: &Recording, second: &Recording) -> Option<u64> {
-    if first.length() != second.length() {
-        return None;
-    }
-    let is_different = AtomicBool::new(false);
-    let messages = thread::scope(|scope| {
-        scope.spawn(|| is_different.store(!first.has_same_bytes(second), Ordering::Relaxed));
-        count_of_run(first, || is_different.load(Ordering::Relaxed))
-    });
-    (!is_different.into_inner()).then_some(messages)
 }
 
 /// Passes the messages of the second recording to the comparison, which reads the first, up to the
@@ -222,9 +206,7 @@ pub fn text(verdict: &Verdict, first: &Recording, second: &Recording) -> String 
                 printable::line(&end.to_string())
             ));
         }
-        MessageOutcome::Same if verdict.same_bytes => {
-            lines.push(format!("the same run: the same bytes, {messages} messages"))
-        }
+        MessageOutcome::SameBytes => lines.push("the same run: the same bytes".to_owned()),
         MessageOutcome::Same if verdict.scenario.is_none() && verdict.same_documents => {
             lines.push(format!("the same run: {messages} messages are the same"));
         }
@@ -271,16 +253,14 @@ mod tests {
     #[test]
     fn files_with_the_same_bytes_are_the_same_run() {
         let verdict = diff(&recording(&[1, 2, 3]), &recording(&[1, 2, 3]));
-        assert!(verdict.same_bytes && verdict.is_same_run());
-        assert_eq!((verdict.messages, verdict.scenario, verdict.refusals), (3, None, None));
+        assert_eq!((&verdict.outcome, verdict.is_same_run()), (&MessageOutcome::SameBytes, true));
 
         // How well a digest is compressed depends on it.
         let others: Vec<Recording> = (100..=u8::MAX).map(|digest| recording(&[1, 2, digest])).collect();
         let pair = others.windows(2).find(|pair| pair[0].length() == pair[1].length());
         let [first, second] = pair.expect("two have one length") else { unreachable!("a window of two") };
         let verdict = diff(first, second);
-        assert!(!verdict.same_bytes && !verdict.is_same_run());
-        assert_eq!(verdict.messages, 2);
+        assert_eq!((verdict.messages, verdict.is_same_run()), (2, false));
     }
 
     #[test]

@@ -310,15 +310,6 @@ fn poses_period_ticks(scenario: &str) -> u64 {
     period.and_then(|period| u64::try_from(period).ok()).unwrap_or(default)
 }
 
-/// The number of messages of a recording that belong to the run, up to its end or until `stop`
-/// returns true.
-#[must_use]
-pub fn count_of_run(recording: &Recording, stop: impl Fn() -> bool) -> u64 {
-    let period = poses_period_ticks(&recording.scenario());
-    let of_run = recording.messages_on(is_of_run).take_while(|_| !stop());
-    of_run.filter(|message| belongs_to_run(message, period)).count() as u64
-}
-
 /// Whether a message belongs to the run, and is not there for observers alone.
 fn belongs_to_run(message: &Message, poses_period_ticks: u64) -> bool {
     MessageKind::of(&message.channel.topic)

@@ -391,8 +391,10 @@ impl Messages<'_> {
         if let Some(chunk) = &mut self.chunk {
             let known = &mut self.known;
             let message = chunk.next(self.frames.window.source, &mut self.hasher, |kind, data| known.read(kind, data));
-            if message.is_none() {
-                self.chunk = None;
+            if message.is_none()
+                && let Some(chunk) = self.chunk.take()
+            {
+                self.frames.reuse(chunk);
             }
             return message.transpose();
         }

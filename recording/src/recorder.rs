@@ -1,8 +1,8 @@
 //! The recorder: it writes a run as an MCAP file (profile `ros2`, `ros2msg` schemas, `cdr`
 //! messages).
 //!
-//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end at fixed sim
-//! times or sizes; everything written before the last [`Recorder::save_provisionally`] survives a
+//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end by sim time
+//! and size; everything written before the last [`Recorder::save_provisionally`] survives a
 //! kill of the process, because the open chunk is appended behind the last whole one and
 //! overwritten once it is complete; a recording that fails or is aborted has no end record.
 //!
@@ -20,6 +20,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{Cursor, ErrorKind, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use mcap::records::MessageHeader;
 use mcap::{Attachment, Compression, McapResult, WriteOptions, Writer};
@@ -35,10 +36,15 @@ pub use queue::{RecorderQueue, RunRecorder};
 use sink::Sink;
 pub use sink::Store;
 
-/// Sim time per chunk. Long chunks compress better; what a crash may cost does not depend on it.
+/// Sim time after which a chunk ends unless it is small beside what precedes it, so that a cut file
+/// has lost little.
 const CHUNK_TICKS: u64 = 500;
 
-/// Bytes after which a chunk ends early, so that readers need little memory.
+/// A chunk is small below this share of the bytes of the chunks before: large ones compress better.
+const SMALL_CHUNK_SHARE: usize = 4;
+
+/// Bytes of messages after which a chunk ends in any case, so that readers and provisional saves
+/// need little memory and time. What a crash may cost does not depend on it.
 const CHUNK_BYTES_MAX: usize = 1 << 20;
 
 /// The program that a recording names; its version follows.
@@ -88,15 +94,24 @@ pub struct Recorder {
     is_published: bool,
     sink: Sink,
     writer: Writer<Sink>,
-    channels: Vec<Topic>,
-    /// Number of messages, by channel.
-    messages: Vec<u64>,
+    channels: Vec<RecordedTopic>,
     /// The ticks of the first and the latest message.
     ticks: Option<(Tick, Tick)>,
     channel_of_topic: BTreeMap<String, usize>,
     /// Channels that the writer knows: later ones are added with the open chunk.
     channels_known: usize,
+    /// Bytes of the messages in whole chunks.
+    bytes_closed: usize,
     open: OpenChunk,
+}
+
+/// A topic of a recording.
+struct RecordedTopic {
+    topic: Topic,
+    /// Its schema, which every provisional save repeats.
+    definition: String,
+    /// Number of its messages.
+    messages: u64,
 }
 
 /// Messages of the open chunk.
@@ -149,10 +164,10 @@ impl Recorder {
             sink,
             writer,
             channels: Vec::new(),
-            messages: Vec::new(),
             ticks: None,
             channel_of_topic: BTreeMap::new(),
             channels_known: 0,
+            bytes_closed: 0,
             open: OpenChunk::default(),
         }
     }
@@ -187,21 +202,21 @@ impl Recorder {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
-        if self.open.is_ended_by(tick, cdr.len()) {
+        if self.open.is_ended_by(tick, cdr.len(), self.bytes_closed) {
             self.end_chunk()?;
         }
         let channel = match self.channel_of_topic.get(&topic.name) {
             Some(&channel) => channel,
             None => {
                 let channel = self.channels.len();
-                self.channels.push(topic.clone());
-                self.messages.push(0);
+                let definition = schema::text(topic.message);
+                self.channels.push(RecordedTopic { topic: topic.clone(), definition, messages: 0 });
                 self.channel_of_topic.insert(topic.name.clone(), channel);
                 channel
             }
         };
         self.open.push(channel, tick, cdr);
-        self.messages[channel] += 1;
+        self.channels[channel].messages += 1;
         let first = self.ticks.map_or(tick, |(first, _)| first);
         self.ticks = Some((first, tick));
         Ok(())
@@ -244,13 +259,12 @@ impl Recorder {
         let mut topics: Vec<BagTopic> = self
             .channels
             .iter()
-            .zip(&self.messages)
-            .map(|(topic, &messages)| BagTopic {
+            .map(|RecordedTopic { topic, messages, .. }| BagTopic {
                 name: topic.name.clone(),
                 type_name: topic.message.to_string(),
                 offered_qos: topic.qos.offered_qos_profiles(),
                 type_hash: type_hash::of(topic.message),
-                messages,
+                messages: *messages,
             })
             .collect();
         topics.sort_by(|one, other| one.name.cmp(&other.name));
@@ -263,6 +277,7 @@ impl Recorder {
         let ended =
             open.write(&mut self.writer, &self.channels, self.channels_known).and_then(|()| self.writer.flush());
         self.channels_known = self.channels.len();
+        self.bytes_closed += open.bytes.len();
         self.is_unsynced = true;
         ended.map_err(|source| self.mcap_error(source))
     }
@@ -309,10 +324,11 @@ pub fn check_destination(file: &Path) -> Result<(), RecordError> {
 }
 
 impl OpenChunk {
-    fn is_ended_by(&self, tick: Tick, bytes: usize) -> bool {
-        self.messages.first().is_some_and(|&(_, first, _)| {
-            tick.0 / CHUNK_TICKS != first.0 / CHUNK_TICKS || self.bytes.len() + bytes > CHUNK_BYTES_MAX
-        })
+    /// Whether a message belongs to the next chunk; `bytes_closed` are those of the chunks before.
+    fn is_ended_by(&self, tick: Tick, bytes: usize, bytes_closed: usize) -> bool {
+        let Some(&(_, first, _)) = self.messages.first() else { return false };
+        let is_over = tick.0 / CHUNK_TICKS != first.0 / CHUNK_TICKS;
+        self.bytes.len() + bytes > CHUNK_BYTES_MAX || is_over && self.bytes.len() >= bytes_closed / SMALL_CHUNK_SHARE
     }
 
     fn push(&mut self, channel: usize, tick: Tick, cdr: &[u8]) {
@@ -321,9 +337,14 @@ impl OpenChunk {
     }
 
     /// Writes the messages, after the channels from index `known` on.
-    fn write<W: Write + Seek>(&self, writer: &mut Writer<W>, channels: &[Topic], known: usize) -> McapResult<()> {
-        for (number, channel) in channels.iter().enumerate().skip(known) {
-            let id = add_channel(writer, channel)?;
+    fn write<W: Write + Seek>(
+        &self,
+        writer: &mut Writer<W>,
+        channels: &[RecordedTopic],
+        known: usize,
+    ) -> McapResult<()> {
+        for (number, RecordedTopic { topic, definition, .. }) in channels.iter().enumerate().skip(known) {
+            let id = add_defined_channel(writer, topic, definition)?;
             assert_eq!(id, channel_id(number), "channels are numbered in order");
         }
         let mut start = 0;
@@ -367,7 +388,11 @@ fn open_writer<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
 
 /// Writer options of recordings and live streams.
 pub(crate) fn options() -> WriteOptions {
-    WriteOptions::new().profile("ros2").library(format!("{LIBRARY} {}", env!("CARGO_PKG_VERSION")))
+    // Kept, because new ones count the processors.
+    static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
+        WriteOptions::new().profile("ros2").library(format!("{LIBRARY} {}", env!("CARGO_PKG_VERSION")))
+    });
+    OPTIONS.clone()
 }
 
 /// Attaches documents to a new file.
@@ -391,7 +416,10 @@ fn channel_id(number: usize) -> u16 {
 
 /// Adds the channel of a topic.
 pub(crate) fn add_channel<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic) -> McapResult<u16> {
-    let definition = schema::text(topic.message);
+    add_defined_channel(writer, topic, &schema::text(topic.message))
+}
+
+fn add_defined_channel<W: Write + Seek>(writer: &mut Writer<W>, topic: &Topic, definition: &str) -> McapResult<u16> {
     let schema = writer.add_schema(&topic.message.to_string(), "ros2msg", definition.as_bytes())?;
     let metadata = BTreeMap::from([
         (QOS_KEY.to_owned(), topic.qos.offered_qos_profiles()),

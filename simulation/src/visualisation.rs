@@ -120,7 +120,7 @@ impl VisualisationScheduler {
                 while self.recorded.chunk(topic, world, &mut messages) {}
             }
         }
-        self.recorded_transforms.precede(world, messages)
+        self.recorded_transforms.precede(world, messages, |_| false)
     }
 
     /// The messages to publish now; of a chunked topic at most one chunk.
@@ -171,7 +171,7 @@ impl VisualisationScheduler {
         if !subscribers.contains_key(&VisualisationTopic::Transforms) {
             return messages;
         }
-        let messages = self.live_transforms.precede(world, messages);
+        let messages = self.live_transforms.precede(world, messages, |agent| has_scans(subscribers, agent));
         if self.live_transforms.is_complete_at(world.tick()) {
             let entry = self.live.entry(VisualisationTopic::Transforms);
             if entry.published != Some(world.tick()) {
@@ -182,20 +182,22 @@ impl VisualisationScheduler {
         messages
     }
 
-    /// The transform that precedes sensor messages of an agent with the stamp of this tick, if it
-    /// was not published yet and its topic has subscribers.
+    /// The transforms that precede sensor messages of an agent with the stamp of this tick, if they
+    /// were not published yet and their topic has subscribers.
     pub fn due_before_sensors(
         &mut self,
         world: &World,
         agent: AgentId,
         subscribers: &Subscribers,
-    ) -> Option<VisualisationMessage> {
-        let is_due = subscribers.contains_key(&VisualisationTopic::Transforms)
-            && self.live_transforms.insert(world, agent, world.tick());
-        is_due.then(|| {
-            let transforms = crate::wire::present_transforms(world, agent);
-            VisualisationMessage::Transforms(TFMessage { transforms })
-        })
+    ) -> Vec<VisualisationMessage> {
+        if !subscribers.contains_key(&VisualisationTopic::Transforms) {
+            return Vec::new();
+        }
+        let of_scan = has_scans(subscribers, agent).then(|| self.live_transforms.of_scan(world, agent)).flatten();
+        let present = self.live_transforms.insert(world, agent, world.tick());
+        let present = present.then(|| crate::wire::present_transforms(world, agent));
+        let parts = of_scan.map(|(_, transforms)| transforms).into_iter().chain(present);
+        parts.map(|transforms| VisualisationMessage::Transforms(TFMessage { transforms })).collect()
     }
 
     /// Whether a message that the session makes itself, such as the digest, may be published now.
@@ -209,6 +211,11 @@ impl VisualisationScheduler {
         }
         may
     }
+}
+
+/// Whether a topic with scans of an agent has subscribers.
+fn has_scans(subscribers: &Subscribers, agent: AgentId) -> bool {
+    subscribers.keys().any(|topic| topic.scanned_by() == Some(agent))
 }
 
 /// The name in a scenario of a topic that can be recorded; the others are always or never recorded.

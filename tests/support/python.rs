@@ -15,6 +15,12 @@ pub(crate) fn for_recordings() -> &'static Path {
     PYTHON.get_or_init(|| environment("recording"))
 }
 
+/// The interpreter with programs that check, convert and read recordings.
+pub(crate) fn for_clients() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| environment("clients"))
+}
+
 /// The interpreter with the viewer Rerun.
 pub(crate) fn for_rerun() -> &'static Path {
     static PYTHON: OnceLock<PathBuf> = OnceLock::new();

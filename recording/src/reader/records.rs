@@ -75,12 +75,14 @@ pub(super) struct Frames<'a> {
     previous: u8,
     /// Whether the data section lies behind.
     is_in_summary: bool,
+    /// A reader between two chunks, with the memory that it has taken for earlier ones.
+    spare: Option<LinearReader>,
 }
 
 impl<'a> Frames<'a> {
     /// From an offset on; `step` are the bytes that are read at once.
     pub(super) fn new(source: &'a Source, at: u64, step: usize) -> Self {
-        Self { window: Window::new(source, step), next_at: at, previous: op::CHUNK, is_in_summary: false }
+        Self { window: Window::new(source, step), next_at: at, previous: op::CHUNK, is_in_summary: false, spare: None }
     }
 
     /// The end of the record that was returned last.
@@ -197,27 +199,40 @@ impl<'a> Frames<'a> {
     pub(super) fn chunk(&mut self, frame: &Frame, hasher: &mut Option<Hasher>) -> Result<ChunkRecords, Flaw> {
         let header = ChunkHeader::read(self, frame)?;
         let source = self.window.source;
-        let records = |is_kept, checks| ChunkRecords {
-            reader: LinearReader::new_with_options(
+        let reader = |is_kept, checks| {
+            LinearReader::new_with_options(
                 LinearReaderOptions::default()
                     .with_skip_start_magic(true)
                     .with_skip_end_magic(true)
                     .with_prevalidate_chunk_crcs(is_kept)
                     .with_validate_chunk_crcs(checks)
                     .with_record_length_limit(record_bytes_max(source) as usize),
-            ),
+            )
+        };
+        let records = |reader, is_hashed, is_reusable| ChunkRecords {
+            reader,
             frame: *frame,
             position: frame.at,
-            is_hashed: is_kept || checks,
+            is_hashed,
+            is_reusable,
         };
         if header.has_checksum && header.bytes.max(frame.length) <= KEPT_CHUNK_BYTES {
-            return Ok(records(true, false));
+            let spare = self.spare.take().filter(|_| header.is_compressed);
+            return Ok(records(spare.unwrap_or_else(|| reader(true, false)), true, header.is_compressed));
         }
-        let mut first_pass = records(false, true);
+        let mut first_pass = records(reader(false, true), true, false);
         while let Some(read) = first_pass.next(source, hasher, |_, _| Ok(Some(()))) {
             read?;
         }
-        Ok(records(false, false))
+        Ok(records(reader(false, false), false, false))
+    }
+
+    /// Takes back what [`Frames::chunk`] has returned, once it has no more records, for the next
+    /// chunk.
+    pub(super) fn reuse(&mut self, records: ChunkRecords) {
+        if records.is_reusable && records.position == records.frame.end() {
+            self.spare = Some(records.reader);
+        }
     }
 }
 
@@ -268,6 +283,7 @@ struct ChunkHeader {
     /// Decompressed.
     bytes: u64,
     has_checksum: bool,
+    is_compressed: bool,
 }
 
 impl ChunkHeader {
@@ -294,7 +310,8 @@ impl ChunkHeader {
         if data_bytes.checked_add(data_at as u64) != Some(frame.length) || name.is_empty() && bytes != data_bytes {
             return Err(frame.damage("a chunk whose length does not match its header"));
         }
-        Ok(Self { bytes, has_checksum })
+        let is_compressed = !name.is_empty();
+        Ok(Self { bytes, has_checksum, is_compressed })
     }
 }
 
@@ -305,6 +322,9 @@ pub(super) struct ChunkRecords {
     position: u64,
     /// Whether the bytes are added to the checksum of the file as they are read.
     is_hashed: bool,
+    /// Whether the reader can go on with another chunk. Of a compressed chunk it asks for no more
+    /// bytes than there are, but of others it does if their last record is too long.
+    is_reusable: bool,
 }
 
 impl ChunkRecords {
@@ -328,6 +348,9 @@ impl ChunkRecords {
                 Err(McapError::UnexpectedEof) => return Some(Err(frame.damage("a chunk that ends within a record"))),
                 Err(error) => return Some(Err(frame.damage(error.to_string()))),
             };
+            if self.is_reusable && self.position == frame.end() {
+                return None;
+            }
             let left = usize::try_from(frame.end() - self.position).unwrap_or(usize::MAX);
             let count = wanted.min(left).min(WINDOW_BYTES);
             let bytes = self.reader.insert(count);

@@ -106,11 +106,11 @@ impl Observers {
     }
 
     /// Sends the odometry and the scans of this tick to an externally controlled agent, and before
-    /// them its transform to observers.
+    /// them its transforms to observers.
     pub(super) fn send_sensors(&mut self, world: &World, agent: AgentId, transport: &mut dyn Transport) {
         let subscribers = transport.subscribers();
-        let transform = subscribers.and_then(|subscribers| self.views.due_before_sensors(world, agent, subscribers));
-        if let Some(transform) = transform {
+        let due = subscribers.map(|subscribers| self.views.due_before_sensors(world, agent, subscribers));
+        for transform in due.unwrap_or_default() {
             transport.publish(VisualisationTopic::Transforms, &transform);
         }
         let has_scan = world.last_scan(agent).is_some_and(|(_, tick)| tick == world.tick());

@@ -4,7 +4,9 @@
 //! Topics are thinned, each at its own time, and tf2 interpolates between the transforms that it
 //! has: without the transform of its stamp, a scan is shown where its body was not. So each message
 //! with a stamp is preceded by the transforms of that stamp. No transform is sent twice, which tf2
-//! warns of.
+//! warns of. Stamps of a body ascend: where a scan is still to come, its transform comes before later
+//! ones, because a reader of several topics may take the scan before the transform sent just before
+//! it, and would interpolate between those that enclose it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -60,8 +62,21 @@ impl SentTransforms {
         stamps.insert(stamp)
     }
 
-    /// The messages with the transforms of their stamps before them.
-    pub(super) fn precede(&mut self, world: &World, messages: VisualisationMessages) -> VisualisationMessages {
+    /// The transforms of the last scan of an agent with their stamp, unless they were sent before.
+    pub(super) fn of_scan(&mut self, world: &World, agent: AgentId) -> Option<(Tick, Vec<TransformStamped>)> {
+        let (pose, scan) = world.last_scan(agent)?;
+        let frames = world.frames_at_last_scan(agent);
+        self.insert(world, agent, scan).then(|| (scan, wire::transforms_of(agent, scan, &pose, frames.as_ref())))
+    }
+
+    /// The messages with the transforms of their stamps before them; scans of the agents that
+    /// `may_follow` names may be sent later.
+    pub(super) fn precede(
+        &mut self,
+        world: &World,
+        messages: VisualisationMessages,
+        may_follow: impl Fn(AgentId) -> bool,
+    ) -> VisualisationMessages {
         if messages.is_empty() {
             return messages;
         }
@@ -70,16 +85,21 @@ impl SentTransforms {
         let mut preceding: BTreeMap<Tick, Vec<TransformStamped>> = BTreeMap::new();
         for (topic, _) in &messages {
             if let Some(agent) = topic.scanned_by()
-                && let Some((pose, scan)) = world.last_scan(agent)
-                && self.insert(world, agent, scan)
+                && let Some((scan, transforms)) = self.of_scan(world, agent)
             {
-                let frames = world.frames_at_last_scan(agent);
-                preceding.entry(scan).or_default().extend(wire::transforms_of(agent, scan, &pose, frames.as_ref()));
+                preceding.entry(scan).or_default().extend(transforms);
             }
         }
         let is_due = messages.iter().any(|(topic, _)| topic.needs_present_transforms());
         if has_all || is_due {
             for agent in world.agents().filter(|&agent| world.presence(agent).is_in_world()) {
+                let is_earlier = world.last_scan(agent).is_some_and(|(_, scan)| scan < world.tick());
+                if is_earlier
+                    && may_follow(agent)
+                    && let Some((scan, transforms)) = self.of_scan(world, agent)
+                {
+                    preceding.entry(scan).or_default().extend(transforms);
+                }
                 // Those of a message among these come with it.
                 if self.insert(world, agent, world.tick()) && !has_all {
                     preceding.entry(world.tick()).or_default().extend(wire::present_transforms(world, agent));
