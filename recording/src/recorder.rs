@@ -1,8 +1,8 @@
 //! The recorder: it writes a run as an MCAP file (profile `ros2`, `ros2msg` schemas, `cdr`
 //! messages).
 //!
-//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end by sim time
-//! and size; everything written before the last [`Recorder::save_provisionally`] survives a
+//! Invariants: equal runs give equal bytes, so every stamp is sim time and chunks end at fixed sim
+//! times or sizes; everything written before the last [`Recorder::save_provisionally`] survives a
 //! kill of the process, because the open chunk is appended behind the last whole one and
 //! overwritten once it is complete; a recording that fails or is aborted has no end record.
 //!
@@ -36,15 +36,12 @@ pub use queue::{RecorderQueue, RunRecorder};
 use sink::Sink;
 pub use sink::Store;
 
-/// Sim time after which a chunk ends unless it is small beside what precedes it, so that a cut file
-/// has lost little.
+/// Sim time per chunk. Long chunks compress better, but a full disk costs the open one; what a
+/// crash may cost does not depend on it.
 const CHUNK_TICKS: u64 = 500;
 
-/// A chunk is small below this share of the bytes of the chunks before: large ones compress better.
-const SMALL_CHUNK_SHARE: usize = 4;
-
-/// Bytes of messages after which a chunk ends in any case, so that readers and provisional saves
-/// need little memory and time. What a crash may cost does not depend on it.
+/// Bytes of messages after which a chunk ends early, so that readers and provisional saves need
+/// little memory and time.
 const CHUNK_BYTES_MAX: usize = 1 << 20;
 
 /// The program that a recording names; its version follows.
@@ -100,8 +97,6 @@ pub struct Recorder {
     channel_of_topic: BTreeMap<String, usize>,
     /// Channels that the writer knows: later ones are added with the open chunk.
     channels_known: usize,
-    /// Bytes of the messages in whole chunks.
-    bytes_closed: usize,
     open: OpenChunk,
 }
 
@@ -167,7 +162,6 @@ impl Recorder {
             ticks: None,
             channel_of_topic: BTreeMap::new(),
             channels_known: 0,
-            bytes_closed: 0,
             open: OpenChunk::default(),
         }
     }
@@ -202,7 +196,7 @@ impl Recorder {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&mut self, topic: &Topic, tick: Tick, cdr: &[u8]) -> Result<(), RecordError> {
-        if self.open.is_ended_by(tick, cdr.len(), self.bytes_closed) {
+        if self.open.is_ended_by(tick, cdr.len()) {
             self.end_chunk()?;
         }
         let channel = match self.channel_of_topic.get(&topic.name) {
@@ -277,7 +271,6 @@ impl Recorder {
         let ended =
             open.write(&mut self.writer, &self.channels, self.channels_known).and_then(|()| self.writer.flush());
         self.channels_known = self.channels.len();
-        self.bytes_closed += open.bytes.len();
         self.is_unsynced = true;
         ended.map_err(|source| self.mcap_error(source))
     }
@@ -324,11 +317,11 @@ pub fn check_destination(file: &Path) -> Result<(), RecordError> {
 }
 
 impl OpenChunk {
-    /// Whether a message belongs to the next chunk; `bytes_closed` are those of the chunks before.
-    fn is_ended_by(&self, tick: Tick, bytes: usize, bytes_closed: usize) -> bool {
-        let Some(&(_, first, _)) = self.messages.first() else { return false };
-        let is_over = tick.0 / CHUNK_TICKS != first.0 / CHUNK_TICKS;
-        self.bytes.len() + bytes > CHUNK_BYTES_MAX || is_over && self.bytes.len() >= bytes_closed / SMALL_CHUNK_SHARE
+    /// Whether a message belongs to the next chunk.
+    fn is_ended_by(&self, tick: Tick, bytes: usize) -> bool {
+        self.messages.first().is_some_and(|&(_, first, _)| {
+            tick.0 / CHUNK_TICKS != first.0 / CHUNK_TICKS || self.bytes.len() + bytes > CHUNK_BYTES_MAX
+        })
     }
 
     fn push(&mut self, channel: usize, tick: Tick, cdr: &[u8]) {

@@ -57,26 +57,6 @@ fn written_messages_are_read_back() {
 }
 
 #[test]
-fn chunks_grow_with_the_recording() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("a.mcap");
-    let mut recorder = Recorder::create(&file, &[SCENARIO]).unwrap();
-    write(&mut recorder, 0..40_000);
-    recorder.finish().unwrap();
-    let bytes = std::fs::read(&file).unwrap();
-    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
-    let chunks: Vec<usize> = summary.chunk_indexes.iter().map(|chunk| chunk.uncompressed_size as usize).collect();
-    assert_eq!(chunks.iter().filter(|chunk| **chunk < 2 * chunks[0]).count(), 8, "ten seconds each: {chunks:?}");
-    assert!(chunks.len() < 40, "80 parts of ten seconds: {chunks:?}");
-    let frames = 40_000 * 50;
-    assert!(chunks.iter().all(|chunk| *chunk < CHUNK_BYTES_MAX + frames / chunks.len()), "{chunks:?}");
-    for (number, chunk) in chunks.iter().enumerate() {
-        let before: usize = chunks[..number].iter().sum();
-        assert!(*chunk <= chunks[0] + chunks[0] / 4 + before / SMALL_CHUNK_SHARE, "{number}: {chunks:?}");
-    }
-}
-
-#[test]
 fn provisional_saves_leave_the_finished_file_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let files = ["plain", "saved"].map(|name| folder.path().join(name));
