@@ -35,10 +35,10 @@ mod tests;
 use std::ops::Range;
 
 use msgs::ids::AgentId;
-use voxels::{Cell, CellSet, Extent, bits};
+use voxels::{Cell, CellSet, Extent, Terrain, bits};
 
 pub use around::Around;
-use blocks::{Blocks, Words, ends, row_of};
+use blocks::{Blocks, Words, ends, row_from, row_of};
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, with_delta};
 use delta::{SIDE, cell_in};
@@ -174,6 +174,17 @@ impl ExplorationMap {
         }
     }
 
+    /// What the cell with this index, which is inside the map, is known to be; `None`: unexplored.
+    #[must_use]
+    #[inline]
+    pub fn terrain_at(&self, index: usize) -> Option<Terrain> {
+        match () {
+            () if self.free_cells.contains(index) => Some(Terrain::Free),
+            () if self.wall_cells.contains(index) => Some(Terrain::Wall),
+            () => None,
+        }
+    }
+
     /// Whether a cell is known to be free, covered or not.
     #[must_use]
     #[inline]
@@ -262,14 +273,7 @@ impl ExplorationMap {
     /// The changes at these positions of the journal, in order; neighbours in the journal that are
     /// in the same block are one report.
     pub(crate) fn reports(&self, positions: Range<usize>) -> impl Iterator<Item = Block> + '_ {
-        let mut entries = self.journal.entries(positions).peekable();
-        std::iter::from_fn(move || {
-            let mut report = entries.next()?.report();
-            while let Some(entry) = entries.next_if(|entry| entry.place().0 == report.index) {
-                report.say(entry.report());
-            }
-            Some(report)
-        })
+        self.journal.reports(positions)
     }
 
     /// The cells changed from a position of the journal on, in order, each with what was found.
@@ -328,10 +332,58 @@ impl ExplorationMap {
 
     fn note(&mut self, cells: &[u32], finding: Finding) {
         let volume = self.extent().volume();
-        for &cell in cells.iter().filter(|&&cell| (cell as usize) < volume) {
-            self.learn(self.layout.place_of(cell), cell as usize, finding, OWN);
+        let mut rest = cells;
+        while let Some(&first) = rest.first() {
+            let (run, left) = rest.split_at(self.count_in_row(rest));
+            rest = left;
+            if first as usize >= volume || self.explore_row(run, finding) {
+                continue;
+            }
+            for &cell in run {
+                self.learn(self.layout.place_of(cell), cell as usize, finding, OWN);
+            }
         }
         self.update_frontiers();
+    }
+
+    /// How many of some cells (by index) follow each other from the first on in a row of one block;
+    /// at least 1.
+    #[inline]
+    fn count_in_row(&self, cells: &[u32]) -> usize {
+        let [size_x, ..] = self.extent().size();
+        let x = cells[0] % size_x;
+        let room = (SIDE - x % SIDE).min(size_x - x) as usize;
+        1 + (1..room.min(cells.len())).take_while(|&by| cells[by].wrapping_sub(cells[0]) == by as u32).count()
+    }
+
+    /// Learns what the own sensor has found of cells of the map in a row of one block, if they are
+    /// all unexplored; returns whether they are.
+    #[inline]
+    fn explore_row(&mut self, run: &[u32], finding: Finding) -> bool {
+        let (block, first) = self.layout.place_of(run[0]);
+        let cells = row_from(first, run.len());
+        let words = self.blocks.of(block);
+        if words.known & cells != 0 {
+            return false;
+        }
+        words.known |= cells;
+        words.own |= cells;
+        words.scanned |= cells;
+        let (start, row) = (run[0] as usize, (1 << run.len()) - 1);
+        if finding == Finding::Wall {
+            words.wall |= cells;
+            self.wall += run.len();
+            self.wall_cells.insert_four(start, row);
+        } else {
+            self.free += run.len();
+            self.free_cells.insert_four(start, row);
+        }
+        self.blocks.note_changed(block, cells);
+        for number in bits(cells) {
+            self.journal.push(Entry::new((block, number), finding, OWN));
+        }
+        self.blocks.note_revealed(block, self.journal.len());
+        true
     }
 
     /// Records a visit to a cell, which makes it free as well. Ignored in walls and outside the

@@ -188,3 +188,10 @@ pub(super) fn row_of(cells: u64, y: u32, z: u32) -> u8 {
     let row = cells >> first;
     (row & 3 | row >> 6 & 12) as u8
 }
+
+/// So many cells of a row of a block along x, from the one with this number on.
+#[inline]
+pub(super) fn row_from(first: u32, count: usize) -> u64 {
+    let row = ((1 << count) - 1) << (first & 1 | first >> 2 & 2);
+    (row & 3 | (row & 12) << 6) << (first & !9)
+}

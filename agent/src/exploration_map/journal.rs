@@ -87,6 +87,34 @@ impl Journal {
         }
     }
 
+    /// The entries at these positions as reports, in order: neighbours of one block are one report.
+    /// What was packed as words stays words, so this costs less than to go through the entries.
+    pub(super) fn reports(&self, positions: Range<usize>) -> impl Iterator<Item = Block> + '_ {
+        let end = positions.end.min(self.len());
+        let start = positions.start.min(end);
+        let plain_from = self.packed.len() * SECTION;
+        let of_last = |position: usize| position.max(plain_from) - plain_from;
+        let is_same_block = |a: &Entry, b: &Entry| a.place().0 == b.place().0;
+        let plain = self.last[of_last(start)..of_last(end)].chunk_by(is_same_block).map(|entries| {
+            let mut report = entries[0].report();
+            entries[1..].iter().for_each(|entry| report.say(entry.report()));
+            report
+        });
+        let sections = self.packed.get(start / SECTION..).unwrap_or_default().iter();
+        let left = end.min(plain_from).saturating_sub(start);
+        let skipped = if left == 0 { 0 } else { start % SECTION };
+        let mut pieces = Pieces { sections, section: Unpacked::new(&[]), left: skipped + left };
+        pieces.leave_out(skipped);
+        let mut pieces = pieces.chain(plain).peekable();
+        std::iter::from_fn(move || {
+            let mut report = pieces.next()?;
+            while let Some(later) = pieces.next_if(|later| later.index == report.index) {
+                report.say(later);
+            }
+            Some(report)
+        })
+    }
+
     /// The entries at these positions, in order; there are none beyond the end.
     pub(super) fn entries(&self, positions: Range<usize>) -> impl Iterator<Item = Entry> + '_ {
         let end = positions.end.min(self.len());
@@ -146,6 +174,43 @@ fn put(bytes: &mut Vec<u8>, mut number: u32) {
     bytes.push(number as u8);
 }
 
+/// Reports of successive entries in packed sections; those of one block may be several.
+struct Pieces<'b> {
+    sections: std::slice::Iter<'b, Box<[u8]>>,
+    section: Unpacked<'b>,
+    /// Entries to report.
+    left: usize,
+}
+
+impl Pieces<'_> {
+    /// Leaves out so many entries, at most those that are left.
+    fn leave_out(&mut self, count: usize) {
+        let end = self.left - count;
+        while self.left > end && self.piece(self.left - end).is_some() {}
+    }
+
+    /// The next report, of at most so many entries.
+    #[inline]
+    fn piece(&mut self, entries_max: usize) -> Option<Block> {
+        loop {
+            if let Some((report, entries)) = self.section.piece(entries_max) {
+                self.left -= entries;
+                return Some(report);
+            }
+            self.section = Unpacked::new(self.sections.next()?);
+        }
+    }
+}
+
+impl Iterator for Pieces<'_> {
+    type Item = Block;
+
+    #[inline]
+    fn next(&mut self) -> Option<Block> {
+        if self.left == 0 { None } else { self.piece(self.left) }
+    }
+}
+
 /// The entries of a packed section.
 struct Unpacked<'b> {
     bytes: std::slice::Iter<'b, u8>,
@@ -177,24 +242,15 @@ impl<'b> Unpacked<'b> {
         self.bytes = rest.iter();
         Some(u64::from_le_bytes(*word))
     }
-}
 
-impl Iterator for Unpacked<'_> {
-    type Item = Entry;
-
+    /// Reads up to the next byte that is a change, and returns it; `None` before many cells, and at
+    /// the end.
     #[inline]
-    fn next(&mut self) -> Option<Entry> {
-        loop {
-            if self.many.known != 0 {
-                let number = self.many.known.trailing_zeros();
-                self.many.known &= self.many.known - 1;
-                let from = self.source.wrapping_sub(1);
-                return Some(Entry::new((self.block, number), self.many.finding(number), from));
-            }
+    fn change(&mut self) -> Option<u8> {
+        while self.many.known == 0 {
             let byte = *self.bytes.next()?;
             if byte & 3 != 0 {
-                let what = self.block << 8 | u32::from(byte);
-                return Some(Entry { what, from: self.source.wrapping_sub(1) });
+                return Some(byte);
             }
             match byte >> 2 {
                 FAR => {
@@ -210,6 +266,49 @@ impl Iterator for Unpacked<'_> {
                 near => self.block = self.block.wrapping_add_signed(i32::from(near) - BIAS),
             }
         }
+        None
+    }
+
+    fn entry(&self, byte: u8) -> Entry {
+        Entry { what: self.block << 8 | u32::from(byte), from: self.source.wrapping_sub(1) }
+    }
+
+    /// A report of the next entries, as far as they follow each other in one block and are at most
+    /// so many, and their number.
+    #[inline]
+    fn piece(&mut self, entries_max: usize) -> Option<(Block, usize)> {
+        let Some(byte) = self.change() else {
+            let known = self.many.known;
+            let count = known.count_ones() as usize;
+            let taken = count.min(entries_max);
+            self.many.known = if taken == count { 0 } else { (0..taken).fold(known, |left, _| left & (left - 1)) };
+            let cells = known & !self.many.known;
+            let Block { index, wall, covered, .. } = self.many;
+            return (cells != 0)
+                .then_some((Block { index, known: cells, wall: wall & cells, covered: covered & cells }, taken));
+        };
+        let mut report = self.entry(byte).report();
+        let next = self.bytes.as_slice().iter().take(entries_max - 1).take_while(|&byte| byte & 3 != 0);
+        let more = next.map(|&byte| report.say(self.entry(byte).report())).count();
+        self.bytes = self.bytes.as_slice()[more..].iter();
+        Some((report, 1 + more))
+    }
+}
+
+impl Iterator for Unpacked<'_> {
+    type Item = Entry;
+
+    #[inline]
+    fn next(&mut self) -> Option<Entry> {
+        if let Some(byte) = self.change() {
+            return Some(self.entry(byte));
+        }
+        if self.many.known == 0 {
+            return None;
+        }
+        let number = self.many.known.trailing_zeros();
+        self.many.known &= self.many.known - 1;
+        Some(Entry::new((self.block, number), self.many.finding(number), self.source.wrapping_sub(1)))
     }
 }
 
@@ -247,6 +346,12 @@ mod tests {
             for (start, end) in ranges {
                 let expected = entries.get(start.min(entries.len())..end.min(entries.len())).unwrap_or_default();
                 prop_assert!(journal.entries(start..end).eq(expected.iter().copied()));
+                let reports = expected.chunk_by(|a, b| a.place().0 == b.place().0).map(|entries| {
+                    let mut report = entries[0].report();
+                    entries.iter().for_each(|entry| report.say(entry.report()));
+                    report
+                });
+                prop_assert!(journal.reports(start..end).eq(reports));
             }
         }
     }

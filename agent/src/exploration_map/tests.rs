@@ -354,6 +354,28 @@ proptest! {
 
 proptest! {
     #[test]
+    fn rows_of_cells_noted_at_once_are_the_cells_noted_one_by_one(
+        size in [1u32..11, 1u32..6, 1u32..6],
+        rows in prop::collection::vec((0u32..300, 1u32..14, any::<bool>()), 0..14),
+    ) {
+        let extent = Extent::new(size, 1.0).unwrap();
+        let (mut at_once, mut one_by_one) = (ExplorationMap::new(extent), ExplorationMap::new(extent));
+        for (start, count, is_wall) in rows {
+            let note = if is_wall { ExplorationMap::note_wall } else { ExplorationMap::note_free };
+            let cells: Vec<u32> = (start..start + count).collect();
+            note(&mut at_once, &cells);
+            cells.iter().for_each(|&cell| note(&mut one_by_one, &[cell]));
+            prop_assert_eq!(at_once.frontiers().collect::<Vec<_>>(), swept(&at_once));
+        }
+        prop_assert!(at_once.changes_since(0).eq(one_by_one.changes_since(0)));
+        prop_assert_eq!(states(&at_once), states(&one_by_one));
+        let counts = |map: &ExplorationMap| (map.free(), map.wall(), map.corrections(), map.contradictions());
+        prop_assert_eq!(counts(&at_once), counts(&one_by_one));
+    }
+}
+
+proptest! {
+    #[test]
     fn walls_and_free_cells_around_a_cell_are_those_of_its_states(
         kinds in prop::collection::vec(0..4, 5 * 4 * 6),
         at in (0..5_i32, 0..4_i32, 0..6_i32),

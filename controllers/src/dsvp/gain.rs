@@ -11,7 +11,7 @@ mod rays;
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use voxels::{BodyLattice, Cell};
+use voxels::{BodyLattice, Cell, Terrain};
 
 use super::expectation::{Expectation, Place};
 use agent::exploration_map::{Around, CellState, ExplorationMap};
@@ -186,14 +186,14 @@ impl GainEstimator {
         let extent = map.extent();
         let index = extent.index(viewpoint)?;
         let met_by = |ray: u32| {
-            let ray = rays.ray(ray);
+            let (ray, offsets) = (rays.ray(ray), &rays.offsets[rays.places(ray)]);
             // A ray is straight, so it lies inside the map if its last cell does.
             let end = if ray.last().is_none_or(|last| extent.contains(viewpoint + last.by)) {
-                ray.iter().find(|at| !map.is_free_at(index.wrapping_add_signed(at.offset as isize)))
+                offsets.iter().position(|&offset| !map.is_free_at(index.wrapping_add_signed(offset as isize)))
             } else {
-                ray.iter().find(|at| !map.is_free(viewpoint + at.by))
+                ray.iter().position(|at| !map.is_free(viewpoint + at.by))
             };
-            let end = viewpoint + end?.by;
+            let end = viewpoint + ray[end?].by;
             (map.state(end) == CellState::Unexplored).then_some(end)
         };
         let count = rays.ends.len() as u32;
@@ -271,38 +271,43 @@ impl GainEstimator {
     ) {
         let extent = map.extent();
         let Some(index) = extent.index(viewpoint) else { return };
-        let state = |at: &RayCell| map.state_at(index.wrapping_add_signed(at.offset as isize));
-        let mut start = 0;
-        for &end in &rays.ends {
-            let ray = &rays.cells[start..end as usize];
-            start = end as usize;
+        let reach = Cell::new(rays.reach(), rays.reach(), rays.reach());
+        let are_inside = extent.contains(viewpoint - reach) && extent.contains(viewpoint + reach);
+        for ray in 0..rays.ends.len() as u32 {
+            let (ray, offsets) = (rays.ray(ray), &rays.offsets[rays.places(ray)]);
             // A ray is straight, so it lies inside the map if its last cell does.
-            if ray.last().is_none_or(|last| extent.contains(viewpoint + last.by)) {
-                self.follow(ray, viewpoint, state, meet);
+            if are_inside || ray.last().is_none_or(|last| extent.contains(viewpoint + last.by)) {
+                let terrain = |&offset: &i32| map.terrain_at(index.wrapping_add_signed(offset as isize));
+                self.follow(ray, viewpoint, offsets.iter().map(terrain), meet);
             } else {
                 // Cells outside the map are walls.
-                self.follow(ray, viewpoint, |at| map.state(viewpoint + at.by), meet);
+                let terrain = |at: &RayCell| match extent.index(viewpoint + at.by) {
+                    Some(index) => map.terrain_at(index),
+                    None => Some(Terrain::Wall),
+                };
+                self.follow(ray, viewpoint, ray.iter().map(terrain), meet);
             }
         }
     }
 
-    /// The same for one ray, with the states of its cells.
+    /// The same for one ray, with what is known of its cells.
     #[inline(always)]
     fn follow(
         &self,
         ray: &[RayCell],
         viewpoint: Cell,
-        state: impl Fn(&RayCell) -> CellState,
+        terrain: impl Iterator<Item = Option<Terrain>>,
         meet: &mut impl FnMut(VisitedCell) -> bool,
     ) {
         let mut unexplored = 0;
-        for at in ray {
-            match state(at) {
-                CellState::Wall => break,
-                CellState::Free | CellState::Covered => {}
-                CellState::Unexplored => {
-                    let cell = viewpoint + at.by;
-                    let is_followed = meet(VisitedCell { cell, place: at.place as usize, before: unexplored });
+        for (number, terrain) in terrain.enumerate() {
+            match terrain {
+                Some(Terrain::Wall) => break,
+                Some(Terrain::Free) => {}
+                None => {
+                    let RayCell { by, place } = ray[number];
+                    let cell = viewpoint + by;
+                    let is_followed = meet(VisitedCell { cell, place: place as usize, before: unexplored });
                     unexplored += 1;
                     if unexplored == self.depth || !is_followed {
                         break;

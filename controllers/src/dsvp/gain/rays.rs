@@ -5,7 +5,7 @@
 //!
 //! Invariant: every cell lies within [`Pattern::reach`] of the viewpoint along each axis.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use agent::observation::FieldOfView;
@@ -18,6 +18,9 @@ pub(super) struct Rays {
     map_size: [u32; 3],
     /// The cells of all rays, ray by ray, nearest first; without that of the viewpoint.
     pub(super) cells: Vec<RayCell>,
+    /// By how much the index of each of them in the map differs from that of the viewpoint: apart
+    /// from the rest, since it is all that is read of most of them.
+    pub(super) offsets: Vec<i32>,
     /// End of each ray.
     pub(super) ends: Vec<u32>,
     /// Cells of the cube around the viewpoint.
@@ -44,8 +47,6 @@ pub(super) struct RayCell {
     pub(super) by: Cell,
     /// Its index in the cube around the viewpoint.
     pub(super) place: u32,
-    /// By how much its index in the map differs from that of the viewpoint.
-    pub(super) offset: i32,
 }
 
 /// All tables in use.
@@ -88,7 +89,7 @@ impl Rays {
         let home = Cell::new(reach, reach, reach);
         let [size_x, size_y, _] = map_size.map(|cells| cells as i32);
         let from = pattern.from.place(cube, home);
-        let mut cells = Vec::new();
+        let (mut cells, mut offsets) = (Vec::new(), Vec::new());
         let mut ends = Vec::new();
         for ray in 0..pattern.rays {
             let direction = lattice::direction(ray, pattern.rays);
@@ -99,13 +100,14 @@ impl Rays {
                 if cell != home {
                     let by = cell - home;
                     let place = cube.index(cell).expect("the cube contains all rays") as u32;
-                    cells.push(RayCell { by, place, offset: (by.z * size_y + by.y) * size_x + by.x });
+                    cells.push(RayCell { by, place });
+                    offsets.push((by.z * size_y + by.y) * size_x + by.x);
                 }
                 ControlFlow::Continue(())
             });
             ends.push(cells.len() as u32);
         }
-        Self { pattern, map_size, cells, ends, cube_cells: cube.volume(), through: OnceLock::new() }
+        Self { pattern, map_size, cells, offsets, ends, cube_cells: cube.volume(), through: OnceLock::new() }
     }
 
     /// Half the side of the cube that contains all rays, cells.
@@ -113,10 +115,15 @@ impl Rays {
         self.pattern.reach()
     }
 
+    /// The places of the cells of a ray among those of all rays.
+    pub(super) fn places(&self, number: u32) -> Range<usize> {
+        let start = number.checked_sub(1).map_or(0, |before| self.ends[before as usize]);
+        start as usize..self.ends[number as usize] as usize
+    }
+
     /// The cells of a ray.
     pub(super) fn ray(&self, number: u32) -> &[RayCell] {
-        let start = number.checked_sub(1).map_or(0, |before| self.ends[before as usize]);
-        &self.cells[start as usize..self.ends[number as usize] as usize]
+        &self.cells[self.places(number)]
     }
 
     /// The numbers of the rays that pass a cell of the cube, relative to the viewpoint, ascending.
@@ -148,8 +155,8 @@ mod tests {
             FieldOfView { horizontal_rad: 1.0, lowest_rad: -0.1, highest_rad: 0.1, spacing_rad: 0.1, min_range_m: 0.0 };
         let level = Rays::shared(Pattern { view: Some(view), ..pattern }, [40, 30, 20]);
         assert!(level.cells.len() < rays.cells.len() / 5 && level.cells.iter().all(|cell| cell.by.z == 0));
-        for cell in &rays.cells {
-            assert_eq!(cell.offset, (cell.by.z * 30 + cell.by.y) * 40 + cell.by.x);
+        for (cell, &offset) in rays.cells.iter().zip(&rays.offsets) {
+            assert_eq!(offset, (cell.by.z * 30 + cell.by.y) * 40 + cell.by.x);
         }
     }
 }

@@ -128,11 +128,13 @@ fn cast<const LIMITED: bool, const SIDE: usize>(
     }
     let mut slots = [0; SIDE];
     let mut is_beyond = [0; SIDE];
-    let mut active = [0; SIDE];
-    for (lane, active) in active.iter_mut().enumerate() {
-        *active = mask(on >> lane & 1 != 0);
-    }
     while on != 0 {
+        // From the bits each time: an array in which single lanes are ended would have to be in
+        // memory.
+        let mut active = [0; SIDE];
+        for (lane, active) in active.iter_mut().enumerate() {
+            *active = mask(on >> lane & 1 != 0);
+        }
         for lane in 0..SIDE {
             let is_x = next_x[lane] <= next_y[lane] && next_x[lane] <= next_z[lane];
             let is_y = !is_x && next_y[lane] <= next_z[lane];
@@ -157,20 +159,26 @@ fn cast<const LIMITED: bool, const SIDE: usize>(
         }
         if LIMITED {
             let mut beyond: LaneSet = 0;
-            for lane in 0..SIDE {
-                beyond |= ((is_beyond[lane] & active[lane]) as LaneSet & 1) << lane;
+            for (lane, is_beyond) in is_beyond.iter().enumerate() {
+                beyond |= (*is_beyond as LaneSet & 1) << lane;
             }
-            on &= !end(beyond, &mut active);
+            on &= !beyond;
         }
         let passes = marks.passes();
+        // Their number is a power of two and each combination of bits is a slot, so this changes no
+        // place; it shows the compiler that all of them are in bounds.
+        let Some(places) = passes.len().checked_sub(1) else { return };
+        let mut words = [0; SIDE];
+        for (lane, word_there) in words.iter_mut().enumerate() {
+            *word_there = passes[word(slots[lane]) & places];
+        }
         let mut passing: LaneSet = 0;
         for (lane, &slot) in slots.iter().enumerate() {
-            passing |= ((passes[word(slot)] >> (slot & 63)) as LaneSet & 1) << lane;
+            passing |= ((words[lane] >> (slot & 63)) as LaneSet & 1) << lane;
         }
         let halted = on & !passing;
         if halted != 0 {
-            let ended = see_lanes(marks, &slots, halted, new);
-            on &= !end(ended, &mut active);
+            on &= !see_lanes(marks, &slots, halted, new);
         }
     }
 }
@@ -198,17 +206,6 @@ fn pass_boundaries<const SIDE: usize>(next: &mut [f64; SIDE], between: &[f64; SI
 #[inline(always)]
 fn mask(condition: bool) -> u64 {
     u64::from(condition).wrapping_neg()
-}
-
-/// Ends the rays of these lanes.
-#[inline(always)]
-fn end(lanes: LaneSet, active: &mut [u64]) -> LaneSet {
-    let mut left = lanes;
-    while left != 0 {
-        active[left.trailing_zeros() as usize] = 0;
-        left &= left - 1;
-    }
-    lanes
 }
 
 /// Sees the cells of the lanes that have met one that they do not just pass; returns the lanes
