@@ -4,9 +4,9 @@
 //! Topics are thinned, each at its own time, and tf2 interpolates between the transforms that it
 //! has: without the transform of its stamp, a scan is shown where its body was not. So each message
 //! with a stamp is preceded by the transforms of that stamp. No transform is sent twice, which tf2
-//! warns of. Stamps of a body ascend: where a scan is still to come, its transform comes before later
-//! ones, because a reader of several topics may take the scan before the transform sent just before
-//! it, and would interpolate between those that enclose it.
+//! warns of. Stamps of a body ascend: where a scan is still to come, its transform comes before
+//! later ones, because a reader of several topics may take the scan before the transform sent just
+//! before it, and would interpolate between those that enclose it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
