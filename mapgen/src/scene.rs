@@ -151,7 +151,9 @@ impl Canvas {
     fn post(&mut self, [x_m, y_m]: [f64; 2], radius_m: f64, [low_m, high_m]: [f64; 2]) {
         let middle_m = [x_m, y_m, (low_m + high_m) / 2.0];
         let half_m = [radius_m, radius_m, (high_m - low_m) / 2.0];
-        self.wall_where(middle_m, half_m, |[x_m, y_m, z_m]| x_m.hypot(y_m) <= radius_m && z_m.abs() <= half_m[2]);
+        self.wall_where(middle_m, half_m, |[x_m, y_m, z_m]| {
+            libm::hypot(x_m, y_m) <= radius_m && z_m.abs() <= half_m[2]
+        });
         // Thin ones are a cell wide.
         let [left_m, front_m] = [x_m, y_m].map(|at_m| (at_m / self.cell_m()).floor() * self.cell_m());
         self.wall([left_m, front_m, low_m], [left_m + self.cell_m(), front_m + self.cell_m(), high_m]);
