@@ -80,6 +80,8 @@ pub(super) struct MovingObstacles {
     obstacles: Vec<MovingObstacle>,
     /// Where they are, by number.
     solids: Vec<Solid>,
+    /// The tick in which one has moved last.
+    moved: Option<Tick>,
 }
 
 impl ObstacleModel {
@@ -171,6 +173,7 @@ impl MovingObstacles {
         Self {
             obstacles: models.iter().map(obstacle).collect(),
             solids: models.iter().map(ObstacleModel::at_start).collect(),
+            moved: None,
         }
     }
 
@@ -186,20 +189,31 @@ impl World {
         self.moving_obstacles.solids()
     }
 
+    /// Whether an obstacle has moved in a tick or later, or has not begun its path yet.
+    #[must_use]
+    pub fn have_obstacles_moved_since(&self, tick: Tick) -> bool {
+        let MovingObstacles { obstacles, moved, .. } = &self.moving_obstacles;
+        *moved >= Some(tick) || obstacles.iter().any(|obstacle| self.tick < obstacle.model.start)
+    }
+
     /// Moves the obstacles for the tick that ends.
     pub(super) fn move_obstacles(&mut self) {
         let Self { moving_obstacles, spheres, terrain, map_revision, tick, .. } = self;
-        let MovingObstacles { obstacles, solids } = moving_obstacles;
+        let MovingObstacles { obstacles, solids, moved } = moving_obstacles;
         for (obstacle, solid) in obstacles.iter_mut().zip(solids) {
             if *tick < obstacle.model.start {
                 continue;
             }
+            let before = solid.centre;
             obstacle.advance(solid, |solid, step| {
                 // Seen from the obstacle, the bodies move.
                 let meets = |body: &Sphere| solid.first_contact(&body.centre, &-step, body.radius_m).is_some();
                 let meets_wall = || *map_revision > 0 && solid.meets_wall(terrain, &(solid.centre + step));
                 !spheres.iter().any(|body| body.is_solid() && meets(body)) && !meets_wall()
             });
+            if solid.centre != before {
+                *moved = Some(*tick);
+            }
         }
     }
 }

@@ -33,6 +33,22 @@ fn team_before_a_blocked_lane_ends_as_one_that_stands_still() {
 }
 
 #[test]
+fn obstacle_at_rest_is_no_reason_to_go_on() {
+    // It goes into the lane and stays there, or comes back.
+    let with = |repeat: &str| {
+        let keys = format!(
+            "duration_s = 1500.0\nlidar = {{ range_m = 4.0 }}\nagents = {{ count = 2, controller = \"dsvp-auction\" }}\n\
+             spawn = {{ kind = \"list\", poses = [[4.5, 4.5, 3.5], [4.5, 10.5, 3.5]] }}\n\
+             obstacle = [{{ kind = \"sphere\", radius_m = 0.45, path = [[21.5, 7.5, 3.5], [20.5, 7.5, 3.5]], \
+             speed_m_s = 1.0, repeat = \"{repeat}\" }}]\n"
+        );
+        result(&lane(), &keys)
+    };
+    assert_eq!(with("once").reason, "the team stands still");
+    assert_eq!(with("to_and_fro").reason, "duration");
+}
+
+#[test]
 fn event_ahead_is_waited_for() {
     let freed = "[[event]]\nat_s = 1200.0\nkind = \"leave\"\nagent = 0\n";
     let result = in_the_lane("dsvp-team", freed);

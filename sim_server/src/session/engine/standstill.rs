@@ -72,9 +72,9 @@ impl Engine<'_> {
         PLACE_RADII * self.world.body(agent).model().radius_m.max(cell_m)
     }
 
-    /// Whether a body has left its place or has been charged since the bodies were noted, cells
-    /// have been seen or have become known at a base, an agent waits for a time or may go on by
-    /// itself, or an event is ahead.
+    /// Whether a body has left its place or has been charged since the bodies were noted, an
+    /// obstacle has moved or will, cells have been seen or have become known at a base, an agent
+    /// waits for a time or may go on by itself, or an event is ahead.
     fn is_anything_going_on(&self) -> bool {
         let now = self.tick();
         let end = self.scenario().duration_ticks().0.saturating_sub(1);
@@ -90,7 +90,7 @@ impl Engine<'_> {
         last_new > self.standstill.since
             || self.standstill.known_at_base != self.world.coverage().known_at_base_count()
             || self.is_event_ahead()
-            || !self.scenario().obstacle.is_empty()
+            || self.world.have_obstacles_moved_since(self.standstill.since)
             || !self.reserve().is_empty()
             || self.world.agents().filter(|&agent| self.takes_part(agent)).any(goes_on)
     }
