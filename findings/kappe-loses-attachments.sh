@@ -28,9 +28,19 @@ with open("in.mcap", "wb") as stream:
     writer.finish()
 PY
 printf 'splits:\n  - start: 0\n    end: 10\n    name: whole.mcap\n' >cut.yaml
-"$dir/venv/bin/kappe" --progress false convert in.mcap converted >log 2>&1
-"$dir/venv/bin/kappe" --progress false cut --config cut.yaml --output cut in.mcap >>log 2>&1
-if grep -i 'attachment\|WARNING' log; then exit 1; fi
+ends() { # COMMAND...
+    "$@" >>log 2>&1 || {
+        cat log
+        echo "changed: $* ended with $?" >&2
+        exit 1
+    }
+}
+ends "$dir/venv/bin/kappe" --progress false convert in.mcap converted
+ends "$dir/venv/bin/kappe" --progress false cut --config cut.yaml --output cut in.mcap
+if grep -i 'attachment\|WARNING' log; then
+    echo "changed: it says something of attachments" >&2
+    exit 1
+fi
 "$dir/venv/bin/python" - <<'PY'
 import sys
 from mcap.reader import make_reader

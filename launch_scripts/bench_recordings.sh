@@ -3,10 +3,11 @@
 #
 #   launch_scripts/bench_recordings.sh [ROUNDS] [FOLDER]      default: 5 rounds, a temporary folder
 #
-# Bytes of half an hour of ten agents, as the run and as Python's `mcap` writes it; processor time of a recorded run and of `maes verify`, each
-# by that of a run in memory, in runs whose order turns from round to round; `maes diff` of two
-# recordings of 1 GB with the same bytes, and of one and what `mcap` makes of it. Takes 3 GB of the
-# folder, and packages of PyPI. With MAES_BIN_DIR set, its binaries run. The machine should have nothing else to do.
+# Bytes of half an hour of ten agents, as the run and as Python's `mcap` writes it; processor time
+# of a recorded run and of `maes verify`, each by that of a run in memory, in runs whose order turns
+# from round to round; `maes diff` of two recordings of 1 GB with the same bytes, and of one and
+# what `mcap` makes of it. Takes 3 GB of the folder, and packages of PyPI. With MAES_BIN_DIR set,
+# its binaries run. The machine should have nothing else to do.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 maes=$("$here/build.sh")/maes

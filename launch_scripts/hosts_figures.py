@@ -3,12 +3,12 @@
 
     sudo launch_scripts/hosts_figures.py [--bin DIR] [--rounds N] [--only WORD]
 
-Prints Markdown tables of docs/scaling.md:
+Prints Markdown tables:
   delay   ticks/s asked at every tick against the delay of the link, and the model
   link    10 dsvp agents, half an hour, 1 ms each way, 1 % loss: x real time, and the digest in memory
   model   the cost of a tick, fitted to agents and processes, and checked at three other points
-Each figure is the best of the rounds, which other work on the machine disturbs least. Needs root, iproute2, /dev/net/tun and Python 3; the folder
-of --bin (default: target/release) has maes, sim_server, agent_node and link_emulator:
+Each figure is the best of the rounds, which other work on the machine disturbs least. Needs root,
+iproute2, /dev/net/tun and Python 3; the folder of --bin (default: target/release) has maes, sim_server, agent_node and link_emulator:
 cargo build --release --bins. Nothing else should run.
 """
 

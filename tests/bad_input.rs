@@ -93,7 +93,8 @@ fn maps_larger_than_memory() {
         generate
     };
     let map = ["a map of 1024x1024x1024 cells", "MiB of memory, which cannot be had"];
-    // The map takes 128 MiB, and so does the text.
+    // The map takes 128 MiB, and so does the text: the first fits beside the program and what the
+    // allocator reserves for a thread, 64 MiB, and both do not.
     let text = ["large.txt", "a map of 134217728 cells takes more memory than can be had"];
     for (command, limit_kib, words) in
         [(server, 4_000_000, map), (generate("1024"), 1_000_000, map), (generate("512"), 265_000, text)]

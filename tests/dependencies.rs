@@ -188,7 +188,8 @@ fn members_share_the_features_of_the_workspace() {
         let other: Vec<_> = built.difference(&with_members).filter(|(name, ..)| name != "maes_python").collect();
         assert!(
             other.is_empty(),
-            "{arguments:?} builds crates that a build of the workspace builds otherwise: {other:#?}"
+            "{arguments:?} builds crates that a build of the workspace builds otherwise: give them there the features \
+             that the workspace gives them (`default-features`, or `unified` of python/Cargo.toml): {other:#?}"
         );
     }
 }

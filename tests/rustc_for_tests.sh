@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
-# A RUSTC_WRAPPER for those who build all tests and run them once, as .ci/run does: test
-# programs are compiled without link-time optimisation, which takes a third of their compile time
-# and which they seldom repay, and those that run for a moment without any optimisation, which takes
-# most of it. Libraries and programs are compiled as ever.
+# A RUSTC_WRAPPER for those who build all tests and run them once, as .ci/run does: test programs
+# that run for a moment are compiled without any optimisation, which takes most of their compile
+# time. Libraries and programs are compiled as ever.
 set -eu
 name=
 is_test=
@@ -15,7 +14,7 @@ done
 if [[ -z $is_test ]]; then exec "$@"; fi
 case $name in
 msgs | protocol | simulation | system | transport)
-    exec "$@" -C lto=off -C opt-level=0
+    exec "$@" -C opt-level=0
     ;;
-*) exec "$@" -C lto=off ;;
+*) exec "$@" ;;
 esac

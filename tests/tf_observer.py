@@ -13,8 +13,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profi
 from sensor_msgs.msg import PointCloud2
 from tf2_msgs.msg import TFMessage
 
-# A listener of tf2_ros keeps 100.
-TRANSFORMS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+# As a listener of tf2_ros.
+TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -40,7 +40,7 @@ def main():
     node.create_subscription(TFMessage, "/tf", add_transforms, TRANSFORMS)
     node.create_subscription(PointCloud2, "/agent_0/points", add_cloud, qos_profile_sensor_data)
     node.create_subscription(Result, "/sim/result", ended.append, LATCHED)
-    # The run may begin once the server knows of the subscriptions.
+    # The run begins after that; what arrives before the server knows of a subscription is not missed.
     while not all(node.count_publishers(topic) for topic in ("/tf", "/agent_0/points", "/sim/result")):
         rclpy.spin_once(node, timeout_sec=0.1)
     print("ready", flush=True)

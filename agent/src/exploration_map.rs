@@ -353,7 +353,7 @@ impl ExplorationMap {
         let [size_x, ..] = self.extent().size();
         let x = cells[0] % size_x;
         let room = (SIDE - x % SIDE).min(size_x - x) as usize;
-        1 + (1..room.min(cells.len())).take_while(|&by| cells[by].wrapping_sub(cells[0]) == by as u32).count()
+        1 + (1..room.min(cells.len())).take_while(|&by| cells[by].checked_sub(cells[0]) == Some(by as u32)).count()
     }
 
     /// Learns what the own sensor has found of cells of the map in a row of one block, if they are

@@ -28,6 +28,9 @@ pub mod map_markers;
 pub mod navigation;
 pub mod path;
 pub mod sharing;
+/// Drawn maps for tests: a module without a feature of its own, so that the workspace and its
+/// programs build one and the same crate.
+#[doc(hidden)]
 pub mod testing;
 
 pub use protocol::{command, observation};

@@ -148,7 +148,9 @@ pub fn execute(
         }
         let store = Store::open(&folder)?;
         let records = store.records()?;
-        runs.extend(records.iter().map(|record| run(benchmark, world, &record.row)));
+        for record in &records {
+            runs.push(run(benchmark, world, &record.row)?);
+        }
     }
     if summary.failed + summary.left > 0 {
         return Ok(Executed { summary, results: None });
@@ -196,7 +198,7 @@ fn plan(
     let BenchmarkWorld { name, duration_s, map, spawn, lidar } = world;
     let localisation =
         if localisations.is_empty() { String::new() } else { format!("localisation = [{}]\n", axis(localisations)) };
-    let lidar = if *lidar == "{}" { String::new() } else { format!("lidar = {lidar}\n") };
+    let lidar = lidar.map_or_else(String::new, |lidar| format!("lidar = {lidar}\n"));
     // Texts of the entry, which may be a stranger's, are values of the plan and never part of its
     // syntax.
     let title = toml::Value::from(format!("{benchmark_name}, {name}: {}", entry.controller));
@@ -210,22 +212,47 @@ fn plan(
     Ok(Plan::parse(&format!("{benchmark_name}, {name}"), &text, folder)?)
 }
 
-fn run(benchmark: &Benchmark, world: &BenchmarkWorld, row: &RunRow) -> Run {
-    let chosen = |choices: &[Named], axis: &str| {
-        let label = row.axes.get(axis);
-        choices.iter().find(|choice| Some(&choice.label()) == label).map(|choice| choice.name.to_owned())
-    };
-    Run {
+/// The name of the choice that a run has made on an axis of its plan.
+///
+/// # Errors
+/// If it is none of them, as in a folder of another build.
+fn chosen(choices: &[Named], axis: &str, row: &RunRow) -> Result<String, BenchmarkError> {
+    let label = row.axes.get(axis).map_or("", String::as_str);
+    let choice = choices.iter().find(|choice| choice.label() == label);
+    choice.map(|choice| choice.name.to_owned()).ok_or_else(|| {
+        let labels: Vec<String> = choices.iter().map(Named::label).collect();
+        let reason = format!("{axis} = {label:?}: expected one of {}", labels.join(", "));
+        BenchmarkError::Unfit { file: format!("the run {}", row.id), reason }
+    })
+}
+
+impl Benchmark {
+    /// The names of the radio and of the localisation of a run.
+    ///
+    /// # Errors
+    /// If it has others than the benchmark.
+    pub fn conditions_of(&self, row: &RunRow) -> Result<(String, Option<String>), BenchmarkError> {
+        let localisation = match self.localisations {
+            [] => None,
+            localisations => Some(chosen(localisations, "localisation", row)?),
+        };
+        Ok((chosen(self.radios, "communication", row)?, localisation))
+    }
+}
+
+fn run(benchmark: &Benchmark, world: &BenchmarkWorld, row: &RunRow) -> Result<Run, BenchmarkError> {
+    let (radio, localisation) = benchmark.conditions_of(row)?;
+    Ok(Run {
         world: world.name.to_owned(),
         agents: row.agents,
-        radio: chosen(benchmark.radios, "communication").unwrap_or_default(),
-        localisation: chosen(benchmark.localisations, "localisation"),
+        radio,
+        localisation,
         seed: row.seed,
         id: row.id.clone(),
         area: rounded(row.area_under_explored),
         t99_s: row.t99_s,
         digest: row.digest.clone(),
-    }
+    })
 }
 
 /// What a verification found.
@@ -283,7 +310,7 @@ pub fn verify(
             let what = format!("{}, seed {}", claimed.track(), claimed.seed);
             match store.run(&claimed.id)? {
                 None => differences.push(format!("{what}: was not executed to its end")),
-                Some(stored) if run(benchmark, world, &stored.row) != **claimed => {
+                Some(stored) if run(benchmark, world, &stored.row)? != **claimed => {
                     let digest = &stored.row.digest;
                     differences.push(format!("{what}: digest {digest}, in the file {}", claimed.digest));
                 }
@@ -329,6 +356,18 @@ mod tests {
                 let folder = site.path().join(world.name);
                 let plan = plan(benchmark, &entry("dsvp"), &seeds, world, &folder).unwrap();
                 assert_eq!(plan.runs.len(), SEEDS * tracks, "{}", world.name);
+                let is_of_one = |choices: &[Named], label: Option<&String>| {
+                    choices.iter().filter(|choice| Some(&choice.label()) == label).count() == 1
+                };
+                for run in &plan.runs {
+                    assert!(is_of_one(benchmark.radios, run.axes.get("communication")), "{:?}", run.axes);
+                    let localisation = run.axes.get("localisation");
+                    assert!(
+                        localisation.is_none() || is_of_one(benchmark.localisations, localisation),
+                        "{localisation:?}"
+                    );
+                    assert_eq!(localisation.is_none(), benchmark.localisations.is_empty());
+                }
                 let largest = benchmark.teams.iter().max();
                 for run in plan.runs.iter().filter(|run| Some(&run.scenario.agents.count) == largest).take(2) {
                     sim_server::setup::build(&run.scenario).unwrap();

@@ -65,7 +65,11 @@ const ANSWERS: &[(&str, u8, &[&str])] = &[
         &["--size 12: map.spheres: radius_max is 8, allowed is 3 to 4", "--set map.spheres.radius_max=VALUE"],
     ),
     ("run --map sphere --size 20", 2, &["--map sphere: map.kind = \"sphere\"", "did you mean \"spheres\"?"]),
-    ("bench schedule nofolder", 2, &["nofolder: no folder; expected that of `maes bench exploration-1 --out`"]),
+    (
+        "bench schedule nofolder",
+        2,
+        &["nofolder: no folder; expected that of `maes bench exploration-1 --out` or `maes bench exploration-2 --out`"],
+    ),
     ("run --size 3x4", 2, &["--size 3x4: expected a number of cells, or three joined by x"]),
     ("run --size 5000", 2, &["--size 5000", "map.size"]),
     ("run --size -3", 2, &["--size -3: expected a number of cells"]),

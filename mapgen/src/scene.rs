@@ -4,7 +4,7 @@
 //! An office of cubicles, an octagonal maze, tunnels with junctions as of SubT, a garage with
 //! ramps, a hall of pillars, a campus and a forest; each in a file of its own. Lengths are those of
 //! such places, so that a body, a sensor and a speed of the literature meet what they were made
-//! for; the seed decides all but the garage.
+//! for; the seed decides doors, gaps, junctions, pillars, buildings and trees; the garage has none.
 //!
 //! Invariants: one solid layer stands around it on every side, and its free space is connected but
 //! for pockets, which are filled as in every map.

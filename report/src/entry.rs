@@ -65,7 +65,7 @@ pub fn write(
     }
     text.push_str(&causes(&studies));
     for (world, study) in &studies {
-        text.push_str(&section(folder, world, study, viewer)?);
+        text.push_str(&section(benchmark, folder, world, study, viewer)?);
     }
     text.push_str("</body>\n</html>\n");
     let page = folder.join(format!("{}.html", benchmark.name));
@@ -145,7 +145,13 @@ fn causes(studies: &[(&str, Study)]) -> String {
 }
 
 /// A world: routes, curves, and its runs that have not seen everything.
-fn section(folder: &Path, world: &str, study: &Study, viewer: Option<&str>) -> Result<String, ReportError> {
+fn section(
+    benchmark: &Benchmark,
+    folder: &Path,
+    world: &str,
+    study: &Study,
+    viewer: Option<&str>,
+) -> Result<String, ReportError> {
     let dir = folder.join(world);
     let (routes, notes) = routes::pictures(&dir, study)?;
     let mut text = format!("<h2 id=\"{world}\">{world}</h2>\n");
@@ -157,7 +163,8 @@ fn section(folder: &Path, world: &str, study: &Study, viewer: Option<&str>) -> R
     if !pictures.is_empty() {
         write!(text, "<details>\n<summary>Routes</summary>\n{pictures}</details>\n").expect("a String can be written");
     }
-    text.push_str(&incomplete(&Store::open(&dir).map_err(StudyError::from)?, world, study, viewer));
+    let store = Store::open(&dir).map_err(StudyError::from)?;
+    text.push_str(&incomplete(benchmark, &store, world, study, viewer));
     Ok(text)
 }
 
@@ -171,27 +178,30 @@ fn of_world(world: &str, mut figure: Figure) -> Figure {
 }
 
 /// The runs of a world that have not seen 99 %, by cause, with links to their recordings.
-fn incomplete(store: &Store, world: &str, study: &Study, viewer: Option<&str>) -> String {
+fn incomplete(benchmark: &Benchmark, store: &Store, world: &str, study: &Study, viewer: Option<&str>) -> String {
     let mut runs: Vec<(Cause, &RunRecord)> = study.runs.iter().filter_map(|run| Some((Cause::of(run)?, run))).collect();
     if runs.is_empty() {
         return String::new();
     }
     let order = |(cause, run): &(Cause, &RunRecord)| (*cause, run.row.agents, run.row.seed, run.row.id.clone());
     runs.sort_by_key(order);
-    let head: String = ["cause", "agents", "radio", "seed", "explored (%)", "end (s)", "end reason", "look at it"]
-        .map(|name| format!("<th scope=\"col\">{name}</th>"))
-        .concat();
+    let head: String =
+        ["cause", "agents", "radio", "localisation", "seed", "explored (%)", "end (s)", "end reason", "look at it"]
+            .map(|name| format!("<th scope=\"col\">{name}</th>"))
+            .concat();
     let mut text = format!(
         "<details>\n<summary>{} runs that have not seen 99 %</summary>\n<div class=\"wide\">\n<table>\n\
          <thead><tr>{head}</tr></thead>\n<tbody>\n",
         runs.len()
     );
     for (cause, RunRecord { row, .. }) in runs {
-        let radio = row.axes.get("communication").map_or("\u{2013}", String::as_str);
+        // A failed run has the conditions of its plan as well; one of another plan has none.
+        let (radio, localisation) = benchmark.conditions_of(row).unwrap_or_else(|_| ("\u{2013}".to_owned(), None));
         let cells = [
             cause.name().to_owned(),
             row.agents.to_string(),
-            radio.to_owned(),
+            radio,
+            localisation.unwrap_or_else(|| "exact".to_owned()),
             row.seed.to_string(),
             format!("{:.1}", 100.0 * row.explored),
             format!("{:.1}", row.end_s),

@@ -290,7 +290,7 @@ impl GainEstimator {
         }
     }
 
-    /// The same for one ray, with what is known of its cells.
+    /// Follows one ray, with what is known of its cells.
     #[inline(always)]
     fn follow(
         &self,

@@ -36,12 +36,12 @@ pub(super) struct BenchmarkWorld {
     pub(super) duration_s: u32,
     pub(super) map: &'static str,
     pub(super) spawn: &'static str,
-    /// `[lidar]`.
-    pub(super) lidar: &'static str,
+    /// `[lidar]`, unless it is the usual one.
+    pub(super) lidar: Option<&'static str>,
 }
 
 impl Benchmark {
-    /// All of them.
+    /// All benchmarks.
     pub const ALL: [&'static Self; 2] = [&EXPLORATION_1, &EXPLORATION_2];
 
     /// The benchmark of a name.
@@ -102,14 +102,14 @@ pub static EXPLORATION_1: Benchmark = Benchmark {
             duration_s: 600,
             map: "{ kind = \"building\", size = [60, 60, 13] }",
             spawn: "{ kind = \"entrances\" }",
-            lidar: "{}",
+            lidar: None,
         },
         BenchmarkWorld {
             name: "station",
             duration_s: 300,
             map: "{ kind = \"file\", file = \"station.obj\", cell_m = 1.0, import = { free_from = [20.5, 20.5, 2.5] } }",
             spawn: "{ kind = \"scattered\", min_distance_m = 1.0 }",
-            lidar: "{}",
+            lidar: None,
         },
     ],
 };
@@ -117,7 +117,7 @@ pub static EXPLORATION_1: Benchmark = Benchmark {
 const NEAR: &str = "{ kind = \"nearest_origin\" }";
 
 const fn cave(name: &'static str, duration_s: u32, map: &'static str) -> BenchmarkWorld {
-    BenchmarkWorld { name, duration_s, map, spawn: NEAR, lidar: "{}" }
+    BenchmarkWorld { name, duration_s, map, spawn: NEAR, lidar: None }
 }
 
 /// The imported world, which is written beside its plan: its name and text.
@@ -199,5 +199,5 @@ const CAMERA: &str = "{ preset = \"depth-camera\" }";
 const RING: &str = "{ preset = \"vlp-16\", columns = 360, range_m = 15.0 }";
 
 const fn scene(name: &'static str, duration_s: u32, map: &'static str, lidar: &'static str) -> BenchmarkWorld {
-    BenchmarkWorld { name, duration_s, map, spawn: NEAR, lidar }
+    BenchmarkWorld { name, duration_s, map, spawn: NEAR, lidar: Some(lidar) }
 }

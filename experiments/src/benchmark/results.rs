@@ -14,7 +14,7 @@ use crate::plan::BUILD;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResultFile {
-    /// By its name.
+    /// The file has its name.
     #[serde(serialize_with = "name_of", deserialize_with = "named")]
     pub benchmark: &'static Benchmark,
     /// See [`BUILD`].
@@ -40,7 +40,7 @@ pub struct Track {
     pub world: String,
     pub agents: u32,
     pub radio: String,
-    /// Of a benchmark with several.
+    /// Name of the localisation, if the benchmark has several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub localisation: Option<String>,
     /// Mean over the seeds of the area under the explored share, in per cent.
@@ -60,7 +60,7 @@ pub struct Run {
     pub world: String,
     pub agents: u32,
     pub radio: String,
-    /// Of a benchmark with several.
+    /// Name of the localisation, if the benchmark has several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub localisation: Option<String>,
     pub seed: u64,

@@ -12,7 +12,7 @@ use std::collections::BinaryHeap;
 use std::num::NonZero;
 use std::path::Path;
 
-use super::{Benchmark, BenchmarkError, EXPLORATION_1, Run, SEEDS, run};
+use super::{Benchmark, BenchmarkError, BenchmarkWorld, Run, SEEDS, run};
 use crate::plan::Plan;
 use crate::rows::RunRecord;
 use crate::store::{PLAN, Store};
@@ -49,15 +49,20 @@ impl Schedule {
 /// If there is no run of a track, or no folder, or it cannot be read.
 pub fn schedule(folder: &Path, cores: NonZero<usize>, extra_s: f64) -> Result<Schedule, BenchmarkError> {
     let unfit = |reason: String| Err(BenchmarkError::Unfit { file: folder.display().to_string(), reason });
+    let commands = Benchmark::ALL.map(|benchmark| format!("`maes bench {} --out`", benchmark.name)).join(" or ");
     if !folder.is_dir() {
-        return unfit("no folder; expected that of `maes bench exploration-1 --out`".to_owned());
+        return unfit(format!("no folder; expected that of {commands}"));
     }
     // No two benchmarks have a world in common.
-    let has_world = |benchmark: &&Benchmark| benchmark.worlds().any(|world| folder.join(world).is_dir());
-    let benchmark = Benchmark::ALL.into_iter().find(has_world).unwrap_or(&EXPLORATION_1);
+    let has_world = |benchmark: &&&Benchmark| benchmark.worlds().any(|world| folder.join(world).is_dir());
+    let benchmark = match Benchmark::ALL.iter().filter(has_world).collect::<Vec<_>>()[..] {
+        [benchmark] => benchmark,
+        [] => return unfit(format!("no runs of a benchmark; expected those of {commands}")),
+        _ => return unfit("runs of several benchmarks; expected a folder for each".to_owned()),
+    };
     let mut tracks = Vec::new();
     for world in benchmark.worlds {
-        let runs = runs(benchmark, world.name, folder)?;
+        let runs = runs(benchmark, world, folder)?;
         for &team in benchmark.teams {
             for (radio, localisation) in conditions(benchmark) {
                 let is_of =
@@ -111,9 +116,8 @@ fn conditions(benchmark: &Benchmark) -> impl Iterator<Item = (&'static str, Opti
 }
 
 /// The runs of a world that are there.
-fn runs(benchmark: &Benchmark, name: &str, folder: &Path) -> Result<Vec<Timed>, BenchmarkError> {
-    let folder = folder.join(name);
-    let Some(world) = benchmark.worlds.iter().find(|world| world.name == name) else { return Ok(Vec::new()) };
+fn runs(benchmark: &Benchmark, world: &BenchmarkWorld, folder: &Path) -> Result<Vec<Timed>, BenchmarkError> {
+    let folder = folder.join(world.name);
     if !folder.join(PLAN).is_file() {
         return Ok(Vec::new());
     }
@@ -122,10 +126,10 @@ fn runs(benchmark: &Benchmark, name: &str, folder: &Path) -> Result<Vec<Timed>, 
         |agents: u32| plan.runs.iter().find(|run| run.scenario.agents.count == agents).map_or(0, |run| run.cost);
     let records = Store::open(&folder)?.records()?;
     let timed = |record: &RunRecord| {
-        let run = run(benchmark, world, &record.row);
-        Timed { cost: cost_of(run.agents), run, wall_s: record.row.wall.wall_s }
+        let run = run(benchmark, world, &record.row)?;
+        Ok(Timed { cost: cost_of(run.agents), run, wall_s: record.row.wall.wall_s })
     };
-    Ok(records.iter().map(timed).collect())
+    records.iter().map(timed).collect()
 }
 
 /// The time until all tasks have ended, if each in turn goes to the first core that is free. The
@@ -174,7 +178,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::benchmark::{Entry, Scope, execute};
+    use crate::benchmark::{EXPLORATION_1, Entry, Scope, execute};
     use crate::execute::{Options, Part, Stop, Transport};
 
     fn on(cores: usize, times_s: &[f64]) -> f64 {
@@ -227,7 +231,8 @@ mod tests {
             let error = schedule(site.path(), hundred, 0.0).unwrap_err().to_string();
             assert!(error.contains(&format!("no run of {world}, 1 agents, perfect radio; expected one")), "{error}");
         };
-        refused("cave-50");
+        let nothing = schedule(site.path(), hundred, 0.0).unwrap_err().to_string();
+        assert!(nothing.contains("expected those of `maes bench exploration-1 --out` or `maes bench exploration-2"));
         let entry =
             Entry { controller: "rbw".to_owned(), set: BTreeMap::new(), command: Vec::new(), files: BTreeMap::new() };
         let options = Options {
@@ -241,7 +246,7 @@ mod tests {
         let scope = Scope { worlds, seeds: vec![2, 1], phrase: None };
         execute(&EXPLORATION_1, &entry, &scope, site.path(), &options, &mut (), &Stop::default()).unwrap();
         refused("cave-75");
-        let runs = runs(&EXPLORATION_1, "cave-50", site.path()).unwrap();
+        let runs = runs(&EXPLORATION_1, &EXPLORATION_1.worlds[0], site.path()).unwrap();
         let of_track = |agents| {
             let is_of = move |timed: &&Timed| timed.run.agents == agents && timed.run.radio == "lossy";
             runs.iter().filter(is_of).collect::<Vec<_>>()

@@ -105,8 +105,8 @@ impl Observers {
         subscribers.is_some_and(|subscribers| self.views.may_publish(view, subscribers, nanoseconds(elapsed)))
     }
 
-    /// Sends the odometry and the scans of this tick to an externally controlled agent, and before
-    /// them its transforms to observers.
+    /// Sends the odometry and the scans of this tick to a teleoperated agent, and before them its
+    /// transforms to observers.
     pub(super) fn send_sensors(&mut self, world: &World, agent: AgentId, transport: &mut dyn Transport) {
         let subscribers = transport.subscribers();
         let due = subscribers.map(|subscribers| self.views.due_before_sensors(world, agent, subscribers));

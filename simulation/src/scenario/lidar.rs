@@ -16,8 +16,10 @@ use world::lidar::{Elevations, Mount, Pattern, PlaceOnBody, Projection, RayGrid,
 /// The patterns with rows and columns.
 const GRIDS: [LidarPattern; 2] = [LidarPattern::Ring, LidarPattern::Frustum];
 
-/// Most rays of a ring or a frustum, and most of its rows.
+/// Most rays of a ring or a frustum.
 pub(super) const GRID_RAYS_MAX: u32 = 1 << 20;
+
+/// Most lines of a ring, as of the key `rows`.
 const ROWS_MAX: usize = 1024;
 
 /// Widest angle of a frustum, radians: its rays go through a plane.
@@ -256,18 +258,16 @@ impl Default for LidarSection {
 impl GridKeys {
     /// With the defaults of a pattern.
     fn completed(self, pattern: LidarPattern) -> Self {
-        if !GRIDS.contains(&pattern) {
-            return self;
-        }
-        let placed = Self {
-            min_range_m: self.min_range_m.or(Some(0.0)),
-            mount_height_m: self.mount_height_m.or(Some(0.0)),
-            mount_pitch_rad: self.mount_pitch_rad.or(Some(0.0)),
-            ..self
+        let placed = |keys: Self| Self {
+            min_range_m: keys.min_range_m.or(Some(0.0)),
+            mount_height_m: keys.mount_height_m.or(Some(0.0)),
+            mount_pitch_rad: keys.mount_pitch_rad.or(Some(0.0)),
+            ..keys
         };
         match pattern {
-            LidarPattern::Lattice | LidarPattern::Shell => placed,
+            LidarPattern::Lattice | LidarPattern::Shell => self,
             LidarPattern::Ring => {
+                let placed = placed(self);
                 let around = Self {
                     horizontal_rad: placed.horizontal_rad.or(Some(TAU)),
                     columns: placed.columns.or(Some(1024)),
@@ -283,13 +283,16 @@ impl GridKeys {
                     ..around
                 }
             }
-            LidarPattern::Frustum => Self {
-                horizontal_rad: placed.horizontal_rad.or(Some(80.0_f64.to_radians())),
-                vertical_rad: placed.vertical_rad.or(Some(60.0_f64.to_radians())),
-                columns: placed.columns.or(Some(80)),
-                rows: placed.rows.or(Some(60)),
-                ..placed
-            },
+            LidarPattern::Frustum => {
+                let placed = placed(self);
+                Self {
+                    horizontal_rad: placed.horizontal_rad.or(Some(80.0_f64.to_radians())),
+                    vertical_rad: placed.vertical_rad.or(Some(60.0_f64.to_radians())),
+                    columns: placed.columns.or(Some(80)),
+                    rows: placed.rows.or(Some(60)),
+                    ..placed
+                }
+            }
         }
     }
 
@@ -299,11 +302,10 @@ impl GridKeys {
         lines.or(self.rows).unwrap_or(1)
     }
 
-    /// The keys that are given, with their values; of a list the first one.
-    fn given(&self) -> impl Iterator<Item = (&'static str, f64)> {
-        let first = self.elevations_rad.as_ref().map(|elevations_rad| elevations_rad.first().copied());
-        let keys = [
-            ("elevations_rad", first.map(Option::unwrap_or_default)),
+    /// The keys that are given, with their values; of a list its length.
+    fn given(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let count = self.elevations_rad.as_ref().map(|elevations_rad| format!("{} elevations", elevations_rad.len()));
+        let numbers = [
             ("horizontal_rad", self.horizontal_rad),
             ("vertical_rad", self.vertical_rad),
             ("lowest_rad", self.lowest_rad),
@@ -314,7 +316,8 @@ impl GridKeys {
             ("mount_height_m", self.mount_height_m),
             ("mount_pitch_rad", self.mount_pitch_rad),
         ];
-        keys.into_iter().filter_map(|(name, value)| Some((name, value?)))
+        let numbers = numbers.into_iter().filter_map(|(name, value)| Some((name, value?.to_string())));
+        count.map(|count| ("elevations_rad", count)).into_iter().chain(numbers)
     }
 }
 
@@ -394,7 +397,7 @@ impl Scenario {
                 _ => (&GRIDS[..], "\"ring\" or \"frustum\""),
             };
             let allowed = format!("expected only with {path}.pattern = {words}");
-            require(name, value, patterns.contains(pattern), &allowed)?;
+            checker.require(&format!("{path}.{name}"), value, patterns.contains(pattern), &allowed)?;
         }
         if !GRIDS.contains(pattern) {
             return Ok(());
@@ -412,7 +415,11 @@ impl Scenario {
         let (columns, rows) = (grid.columns.unwrap_or_default(), grid.rows());
         let allowed = format!("expected at most {GRID_RAYS_MAX} rays, and {path}.columns = {columns}");
         let count = u64::from(columns) * u64::from(rows);
-        require("rows", rows.into(), count <= GRID_RAYS_MAX.into(), &allowed)?;
+        let (key, value) = match grid.elevations_rad {
+            Some(_) => ("elevations_rad", format!("{rows} elevations")),
+            None => ("rows", rows.to_string()),
+        };
+        checker.require(&format!("{path}.{key}"), value, count <= GRID_RAYS_MAX.into(), &allowed)?;
         let lowest_rad = number(grid.lowest_rad);
         let allowed = format!("expected at most pi/2, and at least {path}.lowest_rad = {lowest_rad}");
         let highest_rad = number(grid.highest_rad);
@@ -551,7 +558,13 @@ mod tests {
         assert!(lines("0.1, 0.0, 0.1").contains("lidar.elevations_rad = 0.1: expected each elevation once"));
         assert!(lines("\"0\"").contains("expected a list of numbers (rad) such as [-0.1, 0.0]"));
         let camera = refused("pattern = \"frustum\", elevations_rad = [0.0]");
-        assert!(camera.contains("lidar.elevations_rad = 0: expected only with lidar.pattern = \"ring\""), "{camera}");
+        assert!(
+            camera.contains("lidar.elevations_rad = 1 elevations: expected only with lidar.pattern = \"ring\""),
+            "{camera}"
+        );
+        let lines: Vec<String> = (0..300).map(|line| format!("{}", f64::from(line) * 0.005 - 0.7)).collect();
+        let many = refused(&format!("pattern = \"ring\", columns = 8192, elevations_rad = [{}]", lines.join(", ")));
+        assert!(many.contains("lidar.elevations_rad = 300 elevations: expected at most 1048576 rays"), "{many}");
         let many = refused("pattern = \"ring\", rows = 1024, columns = 2048");
         assert!(many.contains("lidar.rows = 1024: expected at most 1048576 rays"), "{many}");
     }

@@ -167,6 +167,7 @@ fn cast<const LIMITED: bool, const SIDE: usize>(
         let passes = marks.passes();
         // Their number is a power of two and each combination of bits is a slot, so this changes no
         // place; it shows the compiler that all of them are in bounds.
+        debug_assert!(passes.len().is_power_of_two(), "{} words", passes.len());
         let Some(places) = passes.len().checked_sub(1) else { return };
         let mut words = [0; SIDE];
         for (lane, word_there) in words.iter_mut().enumerate() {
