@@ -218,8 +218,8 @@ pub enum ChangeTest {
 }
 
 impl Change {
-    /// Whether the variant is worse by more than a share of the stored mean, unless a test says that
-    /// it may be by chance; a run that is missing is worse than any.
+    /// Whether the variant is worse by more than a share of the stored mean, unless a test says
+    /// that it may be by chance; a run that is missing is worse than any.
     #[must_use]
     pub fn is_regression(&self, tolerance: f64) -> bool {
         let is_chance = matches!(self.test, ChangeTest::Decided { p_value } if p_value >= ALPHA);
