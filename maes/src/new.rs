@@ -28,17 +28,20 @@ const DEPENDENCY: &str = "path = \"../../agent_node\"";
 /// The versions of foreign crates that this build has.
 const LOCK: &str = include_str!("../../Cargo.lock");
 
-/// Names with another meaning: words of Rust and Python, and packages that the template needs.
-const TAKEN: [&str; 74] = [
-    "agent_node",
+/// Names with another meaning: words of Rust and Python, of Cargo's own folders, and modules that
+/// the template needs.
+const TAKEN: [&str; 81] = [
+    "abstract",
     "alloc",
     "and",
     "as",
     "assert",
     "async",
     "await",
+    "become",
     "box",
     "break",
+    "build",
     "class",
     "const",
     "continue",
@@ -46,11 +49,13 @@ const TAKEN: [&str; 74] = [
     "crate",
     "def",
     "del",
+    "deps",
     "do",
     "dyn",
     "elif",
     "else",
     "enum",
+    "examples",
     "except",
     "extern",
     "false",
@@ -65,12 +70,12 @@ const TAKEN: [&str; 74] = [
     "impl",
     "import",
     "in",
+    "incremental",
     "is",
     "lambda",
     "let",
     "loop",
     "macro",
-    "maes",
     "match",
     "math",
     "mod",
@@ -101,9 +106,12 @@ const TAKEN: [&str; 74] = [
     "type",
     "typeof",
     "unsafe",
+    "unsized",
     "use",
+    "virtual",
     "while",
     "with",
+    "yield",
 ];
 
 /// Arguments of `new`.
@@ -135,7 +143,7 @@ pub(crate) fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
         && name.chars().all(|char| char.is_ascii_lowercase() || char.is_ascii_digit() || char == '_');
     ensure!(is_name, "{name:?}: expected a name of lower-case letters, digits and `_` that begins with a letter");
     ensure!(
-        !TAKEN.contains(&name.as_str()),
+        !TAKEN.contains(&name.as_str()) && !is_package_of_this_build(name),
         "{name:?}: a word of Rust or Python, or the name of a package; choose another"
     );
     ensure!(
@@ -173,6 +181,14 @@ pub(crate) fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
         )
     });
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether a package of the sources has this name, which Cargo does not tell from that of a
+/// controller: the lock names no place for either.
+fn is_package_of_this_build(name: &str) -> bool {
+    let packages = LOCK.split("[[package]]").map(|package| package.lines().map(str::trim).collect::<Vec<_>>());
+    let mut own = packages.filter(|lines| !lines.iter().any(|line| line.starts_with("source = ")));
+    own.any(|lines| lines.contains(&format!("name = {name:?}").as_str()))
 }
 
 fn python(name: &str) -> Vec<(String, String)> {
@@ -235,5 +251,16 @@ mod tests {
             assert!(!text.to_lowercase().contains(TEMPLATE), "{text}");
         }
         assert!(TAKEN.is_sorted());
+    }
+
+    #[test]
+    fn names_that_cargo_refuses_are_taken() {
+        let is_taken = |name: &str| TAKEN.contains(&name) || is_package_of_this_build(name);
+        for name in ["build", "deps", "examples", "incremental", "yield", "maes", "agent_node", "agent", "voxels"] {
+            assert!(is_taken(name), "{name}");
+        }
+        for name in ["wanderer", "serde", "nalgebra", "zigzag"] {
+            assert!(!is_taken(name), "{name}");
+        }
     }
 }

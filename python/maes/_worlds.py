@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -13,7 +14,7 @@ from gymnasium.utils import EzPickle, seeding
 
 from . import _maes
 from ._pictures import of_layer
-from .scenarios import Scenario
+from .scenarios import Scenario, changes_of
 
 Floats = npt.NDArray[np.float64]
 Shown = dict[str, npt.NDArray[Any]]
@@ -23,12 +24,22 @@ OWN = 12
 PLACE = 4
 METRES_MAX = np.float32(1e4)
 TICK_S = 0.02
+# The longest period.
+TICKS_MAX = 5000
 SEED_MAX = 2**63 - 1
 # The seeds that are drawn leave room for counting on.
 DRAWN = 2**62
 
 
+# The keys of controllers, whose place the actions take.
+_OF_CONTROLLERS = ("agents.controller", "agents.set", "energy.return_home", "energy.reserve")
+
+
 def scenario_of(scenario: Scenario | str | None, keys: dict[str, Any]) -> Scenario:
+    """The scenario of worlds; those of files may say what a controller is to do, `keys` may not."""
+    for key, _ in changes_of(keys):
+        if key.startswith(_OF_CONTROLLERS):
+            raise _maes.BadInput(f"{key}: expected no key of a controller, whose place the actions take")
     made = scenario if isinstance(scenario, Scenario) else Scenario(scenario)
     return made.replace(**keys) if keys else made
 
@@ -42,6 +53,17 @@ def seed_of(given: Any) -> int:
     if not 0 <= seed <= SEED_MAX:
         raise _maes.BadInput(f"seed = {seed}: expected 0 to 2**63 - 1")
     return seed
+
+
+def ticks_of(period_s: Any) -> int:
+    """The ticks of a period, which is a whole number of them from 0.02 to 100 s."""
+    try:
+        ticks = float(period_s / TICK_S)
+    except (TypeError, ValueError, OverflowError):
+        ticks = math.nan
+    if not (1 <= ticks <= TICKS_MAX + 0.5 and abs(ticks - round(ticks)) < 1e-6):
+        raise _maes.BadInput(f"period_s = {period_s!r}: expected a multiple of 0.02 s, 0.02 to 100")
+    return round(ticks)
 
 
 def generator_of(seed: Any) -> tuple[np.random.Generator, int]:
@@ -91,12 +113,14 @@ class Worlds(EzPickle):
         **keys: Any,
     ) -> None:
         """`count` worlds with the seeds `seed`, `seed + 1` and so on, counted from a drawn one without
-        `seed`; `period_s` is the sim time between two decisions; `keys` change the scenario."""
+        `seed`; `period_s` is the sim time between two decisions, a multiple of 0.02 s; `keys` change the
+        scenario."""
         named = {
             "seed": seed, "period_s": period_s, "actions": actions, "crop_radius": crop_radius,
             "frontiers": frontiers, "waypoint_m": waypoint_m, "reward": reward,
         }  # fmt: skip
         EzPickle.__init__(self, count, scenario, **named, **keys)
+        ticks = ticks_of(period_s)
         first = int(generator_of(None)[0].integers(DRAWN)) if seed is None else seed_of(seed)
         self.scenario = scenario_of(scenario, keys)
         self.count = count
@@ -105,14 +129,14 @@ class Worlds(EzPickle):
         self.frontiers = frontiers
         self.side = 2 * crop_radius + 1
         self.action_width = {"velocity": 4, "waypoint": 3, "frontier": 1}.get(actions, 0)
-        self.period_s = period_s
+        self.period_s = float(period_s)
         self._action_shape = () if actions == "frontier" else (self.action_width,)
         self._reward = reward
         self._next_seed = first + count
         self._native = _maes.Worlds(
             self.scenario._native,
             list(range(first, first + count)),
-            ticks_per_step=round(period_s / TICK_S),
+            ticks_per_step=ticks,
             crop_radius=crop_radius,
             frontiers=frontiers,
             actions=actions,
@@ -159,9 +183,10 @@ class Worlds(EzPickle):
     ) -> tuple[Shown, Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
         """Step every world; `actions` has the shape (worlds, agents, numbers of an action).
 
-        Returns observations, rewards (worlds, agents), whether each world is explored, whether its
-        time is over, and details: `explored_gain` (share), `distance_m` and `collided`, each
-        (worlds, agents), and `explored` (share, by world) before worlds begin again.
+        Returns observations, rewards (worlds, agents), whether each world is explored (with
+        `stop_when_covered`: covered), whether its time is over, and details: `explored_gain` (share),
+        `distance_m` and `collided`, each (worlds, agents), and `explored` (share, by world) before
+        worlds begin again.
         """
         flat = _narrow(_numbers(actions, "actions"))
         shape = (self.count, self.agents, self.action_width)

@@ -34,7 +34,11 @@ itself; `reward` replaces it.
 
 Seeds are whole numbers from 0 to 2**63 - 1, also those of NumPy. `seed` of a constructor seeds the
 first reset, as `reset(seed=...)` does; without either, each environment draws its own from the
-operating system. The seed in a scenario is not used.
+operating system. Seed and controller in a scenario file are not used.
+
+A world ends when explored, with `stop_when_covered` when covered, with `stop_when_explored = false`
+after its duration alone. Keys that have no part in an environment are refused: controllers, base
+stations, events.
 
 A copy of an environment, by `copy.deepcopy` or a pickle, is a new one of the same scenario and
 arguments, with the seed that was given last. Without a seed each copy draws its own.

@@ -9,7 +9,7 @@ from typing import Any
 from . import _maes
 from ._frames import frame
 from .controllers import Controller, registered
-from .scenarios import Scenario, _changes
+from .scenarios import Scenario, changes_of
 
 
 class Result:
@@ -150,6 +150,6 @@ def fork(
     known = registered(controllers)
     file = None if record is None else os.fspath(record)
     native = _maes.fork(
-        os.fspath(recording), at_s, _changes(keys), known, has_python=bool(controllers), record=file
+        os.fspath(recording), at_s, changes_of(keys), known, has_python=bool(controllers), record=file
     )
     return Result(native, None, file)

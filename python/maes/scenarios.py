@@ -33,7 +33,7 @@ _SHORT = {
 }
 
 
-def _changes(keys: Mapping[str, Any]) -> list[tuple[str, Any]]:
+def changes_of(keys: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """Keys of a call as dotted keys: tables are dictionaries, and `__` stands for a dot."""
     changes: list[tuple[str, Any]] = []
     for key, value in keys.items():
@@ -75,9 +75,9 @@ class Scenario:
         /,
         **keys: Any,
     ) -> None:
-        changes = _changes(keys)
+        changes = changes_of(keys)
         if source is None or isinstance(source, Mapping):
-            changes = [*_changes(source or {}), *changes]
+            changes = [*changes_of(source or {}), *changes]
             self._native = _maes.NativeScenario.parse("the scenario", _DEFAULT, changes, "")
         else:
             self._native = _maes.NativeScenario.load(os.fspath(source), changes)
@@ -91,11 +91,16 @@ class Scenario:
     @classmethod
     def from_toml(cls, text: str, /, **keys: Any) -> Scenario:
         """A scenario from TOML text; its paths start from the working directory."""
-        return cls._of(_maes.NativeScenario.parse("the text", text, _changes(keys), ""))
+        return cls._of(_maes.NativeScenario.parse("the text", text, changes_of(keys), ""))
 
     def replace(self, **keys: Any) -> Scenario:
-        """The same scenario with other values of some keys."""
-        return self._of(_parsed(self.to_toml(), self._native.paths_from, _changes(keys)))
+        """The same scenario with other values of some keys.
+
+        Keys that were not given follow from the others, as in `Scenario(**keys)`: with
+        `body={"kind": "aerial"}` the speeds are those of aerial bodies. A recording names all keys:
+        of these, values that equal the defaults count as not given.
+        """
+        return self._of(_parsed(self._native.given(), self._native.paths_from, changes_of(keys)))
 
     def to_toml(self) -> str:
         """All keys as TOML, which `maes run` reads."""
@@ -124,7 +129,7 @@ class Scenario:
         return Map._of(self._native.map())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _copied, (self.to_toml(), self._native.paths_from)
+        return _copied, (self._native.given(), self._native.paths_from)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scenario) and self._native == other._native

@@ -265,10 +265,10 @@ impl PyWorlds {
         self.with(py, |worlds| Ok(worlds.len()))
     }
 
-    /// By world: explored share, whether all is explored, and whether the time is over.
+    /// By world: explored share, whether its stop rule is met, and whether the time is over.
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Status<'py>> {
         let status =
-            |world: &Environment| (world.world().coverage().explored(), (world.is_explored(), world.is_over_time()));
+            |world: &Environment| (world.world().coverage().explored(), (world.is_done(), world.is_over_time()));
         let (shares, (explored, over)): (Vec<f64>, (Vec<bool>, Vec<bool>)) =
             self.with(py, |worlds| Ok(worlds.iter().map(status).unzip()))?;
         Ok((PyArray1::from_vec(py, shares), PyArray1::from_vec(py, explored), PyArray1::from_vec(py, over)))

@@ -146,8 +146,8 @@ impl PyRecording {
 
     /// The scenario of the run.
     #[getter]
-    fn scenario(&self) -> PyScenario {
-        PyScenario { scenario: self.file.scenario.clone() }
+    fn scenario(&self) -> PyResult<PyScenario> {
+        PyScenario::of_recording(&self.file.scenario)
     }
 
     /// The true map, if the recording has it.

@@ -1,7 +1,7 @@
 //! Scenarios: the schema and the checks of the crate `simulation`, with Python values.
 
 use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use recording::location::recording_at;
@@ -16,6 +16,42 @@ use crate::map::PyMap;
 #[pyclass(name = "NativeScenario", module = "maes._maes", frozen)]
 pub(crate) struct PyScenario {
     pub(crate) scenario: Scenario,
+    /// The keys that were given. Further changes begin with these: what is filled in may follow
+    /// from a key that changes.
+    given: toml::Table,
+}
+
+impl PyScenario {
+    /// The scenario of a recording, which does not say which keys were given.
+    pub(crate) fn of_recording(scenario: &Scenario) -> PyResult<Self> {
+        Ok(Self { scenario: scenario.clone(), given: scenario.to_toml().parse().map_err(bad_input)? })
+    }
+
+    fn read(name: &str, text: &str, overrides: &[Override], paths_from: &Path) -> PyResult<Self> {
+        let scenario = setup::parse_with_paths_from(paths_from, name, text, overrides).map_err(bad_input)?;
+        let mut given = Scenario::given(name, text, overrides).map_err(bad_input)?;
+        // The paths of both the text and the changes, as they are found from the folder of the map.
+        let resolved: toml::Table = scenario.to_toml().parse().map_err(bad_input)?;
+        take_paths(&mut given, &resolved);
+        Ok(Self { scenario, given })
+    }
+}
+
+/// The tables with paths that start from the folder of a scenario, and these keys.
+const PATHS: [(&[&str], &[&str]); 2] = [(&["map"], &["file"]), (&["map", "import"], &["trajectory", "model_path"])];
+
+/// Sets the paths that are given to those of the resolved scenario.
+fn take_paths(given: &mut toml::Table, resolved: &toml::Table) {
+    for (tables, keys) in PATHS {
+        let place = tables.iter().try_fold(&mut *given, |table, name| table.get_mut(*name)?.as_table_mut());
+        let found = tables.iter().try_fold(resolved, |table, name| table.get(*name)?.as_table());
+        let (Some(place), Some(found)) = (place, found) else { continue };
+        for key in keys {
+            if let (Some(path), Some(resolved)) = (place.get_mut(*key), found.get(*key)) {
+                *path = resolved.clone();
+            }
+        }
+    }
 }
 
 /// Changes of keys, by dotted path; `None` removes a key.
@@ -36,17 +72,20 @@ impl PyScenario {
     /// stands in errors.
     #[staticmethod]
     fn parse(name: &str, text: &str, changes: Vec<(String, Bound<'_, PyAny>)>, paths_from: PathBuf) -> PyResult<Self> {
-        let overrides = overrides(changes)?;
-        let scenario = setup::parse_with_paths_from(&paths_from, name, text, &overrides).map_err(bad_input)?;
-        Ok(Self { scenario })
+        Self::read(name, text, &overrides(changes)?, &paths_from)
     }
 
     /// Reads a scenario file, or the scenario of a recording.
     #[staticmethod]
     fn load(file: PathBuf, changes: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Self> {
         let file = recording_at(file).map_err(bad_input)?;
-        let scenario = setup::load(&file, &overrides(changes)?).map_err(bad_input)?;
-        Ok(Self { scenario })
+        let text = setup::text(&file).map_err(bad_input)?;
+        Self::read(&file.display().to_string(), &text, &overrides(changes)?, setup::folder_of(&file))
+    }
+
+    /// The keys that were given, as TOML; those that are left out are filled in.
+    fn given(&self) -> PyResult<String> {
+        toml::to_string(&self.given).map_err(bad_input)
     }
 
     /// The folder that its paths start from; empty: the working directory.

@@ -24,7 +24,7 @@ use protocol::message_type::MessageType;
 use protocol::observation::RequestKind;
 use protocol::observation::fragments::{self, FragmentReassembler};
 use sim_server::setup;
-use simulation::scenario::{Origins, Scenario};
+use simulation::scenario::{Origins, Scenario, StopRule};
 use simulation::wire;
 use voxels::{Cell, Terrain};
 use world::World;
@@ -118,6 +118,28 @@ pub(crate) struct Environment {
     alone: Workers,
 }
 
+/// What an environment has no part for, of the keys that a scenario has.
+fn refusal(scenario: &Scenario) -> Option<String> {
+    let agents = &scenario.agents;
+    let rules = [
+        (scenario.event.is_empty(), "event: expected none in an environment, whose worlds have no schedule"),
+        (
+            agents.reserve.is_empty(),
+            "agents.reserve: expected [] in an environment, which has no service that lets agents join",
+        ),
+        (
+            agents.base_stations.is_empty(),
+            "agents.base_stations: expected [] in an environment: actions move each agent",
+        ),
+        (agents.mix.is_empty(), "agents.mix: expected none in an environment: actions take the place of controllers"),
+        (!scenario.stop_when_back, "stop_when_back: expected false in an environment, where no controller goes back"),
+    ];
+    let broken = rules.into_iter().find(|(holds, _)| !holds).map(|(_, text)| text.to_owned());
+    let of_ros =
+        || agents.of_ros_only(false).map(|(key, value)| format!("{key} = {value}: expected [] in an environment"));
+    broken.or_else(of_ros)
+}
+
 impl Environment {
     /// A world at tick 0, in which all agents have looked.
     ///
@@ -126,16 +148,8 @@ impl Environment {
     pub(crate) fn new(scenario: &Scenario, seed: u64, shape: Shape) -> Result<Self, String> {
         let mut scenario = scenario.clone();
         scenario.seed = seed;
-        if !scenario.event.is_empty() {
-            return Err("event: expected none in an environment, whose worlds have no schedule".to_owned());
-        }
-        if !scenario.agents.reserve.is_empty() {
-            return Err(
-                "agents.reserve: expected [] in an environment, which has no service that lets agents join".to_owned()
-            );
-        }
-        if let Some((key, value)) = scenario.agents.of_ros_only(false) {
-            return Err(format!("{key} = {value}: expected [] in an environment"));
+        if let Some(refusal) = refusal(&scenario) {
+            return Err(refusal);
         }
         let resolved = setup::resolve(scenario, &Origins::new("the scenario", "", &[]));
         let scenario = resolved.map_err(|error| error.to_string())?;
@@ -174,8 +188,14 @@ impl Environment {
         &self.world
     }
 
-    pub(crate) fn is_explored(&self) -> bool {
-        self.world.coverage().is_explored()
+    /// Whether all is explored, or covered, whichever the scenario stops for.
+    pub(crate) fn is_done(&self) -> bool {
+        match self.scenario.stop_rule() {
+            StopRule::Explored => self.world.coverage().is_explored(),
+            StopRule::Covered => self.world.coverage().is_covered(),
+            // An environment has no base stations, and does not stop for bodies that are back.
+            StopRule::Back | StopRule::KnownAtBase | StopRule::Duration => false,
+        }
     }
 
     pub(crate) fn is_over_time(&self) -> bool {

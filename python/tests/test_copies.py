@@ -32,6 +32,7 @@ COPIES = [copy.copy, copy.deepcopy, pickled, lambda value: cloudpickle.loads(clo
 def test_scenarios_and_maps_copy(copied, tmp_path):
     scenario = maes.Scenario(size=20, seed=4, lidar__range_m=7.3, agents=3)
     assert copied(scenario) == scenario and copied([scenario])[0]["lidar.range_m"] == 7.3
+    assert copied(scenario).replace(body={"kind": "aerial"}) == scenario.replace(body={"kind": "aerial"})
     shape = maes.Map.generate(size=(20, 24, 30), cell_m=0.5)
     assert copied(shape) == shape and copied(shape).cell_m == 0.5 and copied(shape).size == (20, 24, 30)
     shape.save(tmp_path / "map.m3dm")

@@ -151,6 +151,29 @@ def test_rewards_add_up_to_what_was_seen():
         bad.step(np.ones((1, 2, 4)))
 
 
+PERIODS_REFUSED = [0.0, 0.03, 0.05, 0.07, 0.29, -1, 100.02, float("nan"), float("inf"), "0.2", None]
+
+
+def test_steps_last_a_period():
+    for period_s, steps in ((0.02, 50), (0.06, 17), (np.float64(0.2), 5), (1, 1)):
+        worlds = Worlds(1, agents=1, period_s=period_s, **{**CAVE, "duration": 1.0})
+        for number in range(1, steps + 1):
+            _, _, _, over, _ = worlds.step(np.zeros((1, 1, 4)), begin_again=False)
+            assert over[0] == (number == steps), (period_s, number)
+        assert worlds.period_s == period_s
+
+
+def test_worlds_end_by_the_rule_of_their_scenario(tmp_path):
+    """All of an empty room is seen at once, and a body at rest covers one cell of it."""
+    walls = np.ones((7, 7, 7), bool)
+    walls[1:-1, 1:-1, 1:-1] = False
+    maes.Map(walls).save(tmp_path / "room.m3dm")
+    room = {"agents": 1, "duration": 1.0, "map": {"kind": "file", "file": str(tmp_path / "room.m3dm")}}
+    for rule, is_done in (({}, True), ({"stop_when_covered": True}, False), ({"stop_when_explored": False}, False)):
+        _, _, done, over, details = Worlds(1, seed=1, **room, **rule).step(np.zeros((1, 1, 4)))
+        assert (details["explored"][0], bool(done[0]), bool(over[0])) == (1.0, is_done, False), rule
+
+
 def test_wrong_use_names_the_thing():
     worlds = Worlds(2, agents=2, **CAVE)
     before = worlds.poses()
@@ -174,12 +197,18 @@ def test_wrong_use_names_the_thing():
     assert (many.poses() == before).all()
     for keys, message in [
         ({"actions": "fly"}, "velocity"),
-        ({"period_s": 0.0}, "period_s"),
+        *(({"period_s": period_s}, "period_s = .*: expected a multiple of 0.02 s") for period_s in PERIODS_REFUSED),
         ({"crop_radius": 100}, "crop_radius"),
         ({"agents__cmd_vel": [0]}, "cmd_vel"),
         ({"agents": 0}, "agents.count"),
+        ({"agents__base_stations": [0]}, "agents.base_stations: expected"),
+        ({"agents__mix": [{"controller": "lvd", "ids": [0]}]}, "agents.mix: expected"),
+        ({"controller": "dsvp"}, "agents.controller: expected no key of a controller"),
+        ({"agents": {"count": 2, "set": {"search_time": "budgeted"}}}, "agents.set.search_time: expected"),
+        ({"energy": {"endurance_s": 60.0, "return_home": False}}, "energy.return_home: expected"),
+        ({"energy__endurance_s": 60.0, "stop_when_back": True}, "stop_when_back: expected"),
     ]:
-        with pytest.raises(ValueError, match=message):
+        with pytest.raises(maes.BadInput, match=message):
             Worlds(1, **{"agents": 2, **CAVE, **keys})
     with pytest.raises(ValueError, match="3 seeds: expected 2"):
         worlds.reset([1, 2, 3])

@@ -167,3 +167,47 @@ def test_other_threads_run_meanwhile(small):
     for thread in threads:
         thread.join()
     assert len(digests) == 3 and len(set(digests)) == 1
+
+
+def test_keys_that_follow_from_changed_ones_are_those_of_the_command():
+    """What decides the defaults of other keys changes these as well, however it is given."""
+    aerial = maes.Scenario().replace(body={"kind": "aerial"})
+    assert aerial["body.speed_max_m_s"] == 3.0 and aerial == maes.Scenario(body__kind="aerial")
+    assert aerial.replace(body={"kind": "ground"}) == maes.Scenario(body__kind="ground")
+    assert aerial.replace(body={"kind": None}) == maes.Scenario()
+    given = maes.Scenario(body={"speed_max_m_s": 1.5}).replace(body={"kind": "aerial"})
+    assert given["body.speed_max_m_s"] == 1.5, "a value that is given stays"
+    starts = [[5.5, 5.5, 5.5]] * 5
+    for keys in (
+        {"lidar": {"preset": "vlp-16"}},
+        {"lidar__preset": "depth-camera"},
+        {"spawn": {"kind": "list", "poses": starts}},
+        {"map": {"kind": "building", "size": [40, 40, 13]}, "spawn": {"kind": "entrances"}},
+        {"energy": {"endurance_s": 60.0}},
+    ):
+        assert maes.Scenario().replace(**keys) == maes.Scenario(**keys), keys
+    camera = maes.Scenario(lidar={"preset": "vlp-16"}).replace(lidar={"preset": "depth-camera"})
+    assert camera["lidar.pattern"] == "frustum" and camera["lidar.range_m"] == 4.5
+    energy = maes.Scenario(energy={"endurance_s": 60.0}).replace(energy={"capacity_j": 60.0})
+    assert "endurance_s" not in energy["energy"]
+
+
+def test_replaced_scenario_is_the_run_of_the_command(tmp_path):
+    short = {"agents": 1, "size": 30, "duration": 20.0, "controller": "dsvp"}
+    # That of `maes run --transport memory --agents 1 --size 30 --duration 20 --controller dsvp
+    # --set body.kind=aerial`.
+    digest = "534819ed59897ec8bf6cb4866881d4fe28d847c6bf3b31b5207124ce42f64232"
+    assert maes.run(body={"kind": "aerial"}, **short).digest == digest
+    file = tmp_path / "submarine.mcap"
+    maes.run(record=file, **short)
+    for recorded in (maes.Scenario(file), maes.Recording(file).scenario):
+        assert maes.run(recorded, body={"kind": "aerial"}).digest == digest
+    assert maes.run(maes.Scenario.from_toml(maes.Scenario(**short).to_toml()), body__kind="aerial").digest == digest
+
+
+def test_map_file_takes_the_place_of_a_generator(tmp_path, monkeypatch):
+    maes.Map.generate(size=(20, 24, 30), cell_m=0.5).save(tmp_path / "map.m3dm")
+    monkeypatch.chdir(tmp_path)
+    of_file = maes.Scenario().replace(map={"kind": "file", "file": "map.m3dm"})
+    assert of_file["map.cell_m"] == 0.5 and of_file.map().size == (20, 24, 30)
+    assert of_file.replace(map={"kind": "spheres", "size": 50}) == maes.Scenario()

@@ -3,8 +3,9 @@
 //! Both sides are tables of runs, `runs.csv`, of the same plan. Runs are paired by their axes and
 //! their seed, and so by map. A run is a function of its scenario, so runs of equal digests are the
 //! same run, and any other difference has a cause. Whether it matters is decided for each variant
-//! by the mean of one measure, and with six pairs or more by the permutation test of the
-//! [`statistics`], adjusted for the number of variants (Holm).
+//! by the mean of one measure and the permutation test of the [`statistics`], adjusted for the
+//! number of variants that have changed (Holm). With fewer pairs than this test needs for any
+//! p-value below its level, the mean alone decides, and the result says so.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,11 +15,10 @@ use experiments::plan::ALPHA;
 use experiments::rows::ticks;
 use experiments::store::{Store, StoreError};
 use msgs::ids::Tick;
-use statistics::{Effect, StatisticsError, exchange_test, holm, mean};
+use statistics::{Effect, StatisticsError, exchange_test, holm, mean, pairs_needed};
 use thiserror::Error;
 
 use super::estimates::{LEVEL, SEED};
-use super::evidence::PAIRS_MIN;
 
 /// What is compared; less is better.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -202,16 +202,27 @@ pub struct Change {
     /// Means in ticks.
     pub base: f64,
     pub new: f64,
-    /// Adjusted; `None` below six pairs, and if all pairs are the same.
-    pub p_value: Option<f64>,
+    /// How chance is told from a cause.
+    pub test: ChangeTest,
+}
+
+/// The test of a change.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ChangeTest {
+    /// There is none: every pair is the same run.
+    Unchanged,
+    /// The variant has fewer pairs than any p-value below the level takes with so many variants.
+    Undecided { needed: usize, variants: usize },
+    /// The p-value, adjusted for the number of variants.
+    Decided { p_value: f64 },
 }
 
 impl Change {
-    /// Whether the variant is worse by more than a share of the stored mean, and not by chance; a
-    /// run that is missing is worse than any.
+    /// Whether the variant is worse by more than a share of the stored mean, unless a test says
+    /// that it may be by chance; a run that is missing is worse than any.
     #[must_use]
     pub fn is_regression(&self, tolerance: f64) -> bool {
-        let is_chance = self.p_value.is_some_and(|p| p >= ALPHA);
+        let is_chance = matches!(self.test, ChangeTest::Decided { p_value } if p_value >= ALPHA);
         let [failed_before, failed_now] = self.failed;
         self.missing > 0 || failed_now > failed_before || (self.new > self.base * (1.0 + tolerance) && !is_chance)
     }
@@ -219,7 +230,7 @@ impl Change {
 
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { variant, measure, pairs, same, missing, failed, reason, base, new, p_value } = self;
+        let Self { variant, measure, pairs, same, missing, failed, reason, base, new, test } = self;
         if *pairs == 0 {
             return write!(f, "{variant}: none of its {missing} stored runs has a new one");
         }
@@ -229,8 +240,16 @@ impl fmt::Display for Change {
             write!(f, " ({:+.1} %)", 100.0 * (new / base - 1.0))?;
         }
         write!(f, ", n = {pairs}, {same} of them the same run")?;
-        if let Some(p) = p_value {
-            write!(f, "; p = {p:.3}")?;
+        match test {
+            ChangeTest::Unchanged => {}
+            ChangeTest::Decided { p_value } => write!(f, "; p = {p_value:.3}")?,
+            ChangeTest::Undecided { needed, variants } => {
+                let plural = if *variants == 1 { "" } else { "s" };
+                write!(
+                    f,
+                    "; chance cannot be ruled out: that takes at least {needed} maps with {variants} variant{plural}"
+                )?;
+            }
         }
         if *failed != [0; 2] {
             let reason = reason.as_ref().map_or_else(String::new, |reason| format!(" ({reason})"));
@@ -249,7 +268,9 @@ impl fmt::Display for Change {
 /// If a table cannot be read, or the two have no run in common.
 pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Vec<Change>, RegressionError> {
     let (stored, present) = (read(base, measure)?, read(new, measure)?);
-    let mut changes = Vec::new();
+    let mut changes: Vec<Change> = Vec::new();
+    // By the place of the variant: the values of the pairs of those that have changed.
+    let mut changed: Vec<(usize, Vec<f64>, Vec<f64>)> = Vec::new();
     for (variant, stored) in &stored {
         let nothing = BTreeMap::new();
         let present = present.get(variant).unwrap_or(&nothing);
@@ -274,9 +295,6 @@ pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Ve
             Outcome::Failed(reason) => Some(reason.clone()),
             Outcome::Digest(_) => None,
         });
-        let p_value = (pairs.len() >= PAIRS_MIN && same < pairs.len())
-            .then(|| exchange_test(&b, &a, Effect::Difference, LEVEL, ALPHA, SEED).map(|test| test.p_value))
-            .transpose()?;
         let mean_of = |values: &[f64]| if values.is_empty() { Ok(0.0) } else { mean(values) };
         changes.push(Change {
             variant: variant.clone(),
@@ -288,16 +306,28 @@ pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Ve
             reason,
             base: mean_of(&a)?,
             new: mean_of(&b)?,
-            p_value,
+            test: ChangeTest::Unchanged,
         });
+        if same < pairs.len() {
+            changed.push((changes.len() - 1, a, b));
+        }
     }
     if changes.iter().all(|change| change.pairs == 0) {
         return Err(RegressionError::OtherPlan { base: base.to_owned(), new: new.to_owned() });
     }
-    let p_values: Vec<f64> = changes.iter().filter_map(|change| change.p_value).collect();
-    let mut adjusted = holm(&p_values)?.into_iter();
-    for change in changes.iter_mut().filter(|change| change.p_value.is_some()) {
-        change.p_value = adjusted.next();
+    let variants = changed.len();
+    let needed = pairs_needed(variants, ALPHA);
+    let (mut tested, mut p_values) = (Vec::new(), Vec::new());
+    for (place, a, b) in &changed {
+        if a.len() < needed {
+            changes[*place].test = ChangeTest::Undecided { needed, variants };
+            continue;
+        }
+        tested.push(*place);
+        p_values.push(exchange_test(b, a, Effect::Difference, LEVEL, ALPHA / variants as f64, SEED)?.p_value);
+    }
+    for (place, p_value) in tested.into_iter().zip(holm(&p_values)?) {
+        changes[place].test = ChangeTest::Decided { p_value };
     }
     Ok(changes)
 }
@@ -331,7 +361,7 @@ mod tests {
     fn same_runs_are_no_regression() {
         let times = ["10", "20", "30", "40", "50", ""];
         let change = change(&times, &times);
-        assert_eq!((change.pairs, change.same, change.p_value), (6, 6, None));
+        assert_eq!((change.pairs, change.same, change.test), (6, 6, ChangeTest::Unchanged));
         assert!(!change.is_regression(0.0));
         assert_eq!(change.to_string(), "dsvp: time to 99 % 41.7 s, was 41.7 s (+0.0 %), n = 6, 6 of them the same run");
     }
@@ -346,6 +376,42 @@ mod tests {
         assert!(!change(&base, &["10", "20", "30", "40", "50", ""]).is_regression(0.05));
         assert!(change(&base[..2], &["10", "90"]).is_regression(0.05));
         assert!(!change(&base, &["5", "10", "15", "20", "25", "30"]).is_regression(0.0));
+    }
+
+    /// The changes of so many variants that are seven times slower on each of so many maps.
+    fn seven_times_slower(variants: usize, maps: usize) -> Vec<Change> {
+        let folder = tempfile::tempdir().unwrap();
+        let written = |name: &str, factor: usize| {
+            let mut text = "seed,controller,duration_s,area_under_explored,t99_s,digest\n".to_owned();
+            for (variant, seed) in (0..variants).flat_map(|variant| (0..maps).map(move |seed| (variant, seed))) {
+                text += &format!("{seed},v{variant},1000,0.5,{},{name}\n", (10 + seed) * factor);
+            }
+            fs::write(folder.path().join(name), text).unwrap();
+            folder.path().join(name)
+        };
+        changes(&written("base", 1), &written("new", 7), RegressionMeasure::TimeTo(99)).unwrap()
+    }
+
+    #[test]
+    fn mean_decides_where_no_p_value_can() {
+        for (variants, needed) in [(1, 6), (2, 7), (3, 7), (5, 8), (8, 9)] {
+            for maps in needed - 2..=needed + 1 {
+                let changes = seven_times_slower(variants, maps);
+                assert_eq!(changes.len(), variants);
+                for change in changes {
+                    assert!(change.is_regression(0.05), "{variants} variants, {maps} maps: {change}");
+                    let is_decided = matches!(change.test, ChangeTest::Decided { p_value } if p_value < ALPHA);
+                    assert_eq!(is_decided, maps >= needed, "{variants} variants, {maps} maps: {change}");
+                    let says = "chance cannot be ruled out: that takes at least";
+                    assert_eq!(change.to_string().contains(says), maps < needed, "{change}");
+                }
+            }
+        }
+        let change = seven_times_slower(2, 6).remove(0).to_string();
+        assert!(
+            change.ends_with("; chance cannot be ruled out: that takes at least 7 maps with 2 variants"),
+            "{change}"
+        );
     }
 
     #[test]
@@ -426,8 +492,8 @@ mod tests {
         assert!(worse.is_regression(10.0), "{worse}");
         assert_eq!(
             worse.to_string(),
-            "dsvp: time to 99 % 75.0 s, was 50.0 s (+50.0 %), n = 2, 1 of them the same run; failed on 1 of 2 \
-             (agent 0 has panicked), 0 before"
+            "dsvp: time to 99 % 75.0 s, was 50.0 s (+50.0 %), n = 2, 1 of them the same run; chance cannot be ruled \
+             out: that takes at least 6 maps with 1 variant; failed on 1 of 2 (agent 0 has panicked), 0 before"
         );
         assert_eq!(change(&whole, &none).failed, [0, 2]);
         for same in [&half, &none] {

@@ -25,7 +25,7 @@ use world::{World, WorldParams};
 
 mod scenario_file;
 
-pub use scenario_file::{load, load_with_paths_from, parse, parse_with_paths_from, resolve};
+pub use scenario_file::{folder_of, load, load_with_paths_from, parse, parse_with_paths_from, resolve, text};
 
 /// Memory of a world per cell of the map, and of each agent in it per cell; bytes, rounded up.
 const WORLD_CELL_BYTES: usize = 2;

@@ -14,6 +14,7 @@ mod changes;
 mod diagnosis;
 mod energy;
 pub mod events;
+mod filled_in;
 pub mod keys;
 mod lidar;
 mod lidars;
@@ -221,14 +222,8 @@ impl Scenario {
         let mut scenario: Self = toml::from_str(text).map_err(|error| origins.syntax(&error))?;
         if !overrides.is_empty() {
             let keys: toml::Table = toml::from_str(text).map_err(|error| origins.syntax(&error))?;
-            let changes: Vec<Change<'_>> =
-                overrides.iter().map(|change| (change.key.as_str(), change.value.as_ref())).collect();
-            scenario = changes::changed(&keys, &changes, &mut 0).map_err(|refusal| match refusal {
-                Refusal::Key(number, reason) => {
-                    ScenarioError::Override { origin: one_line(&overrides[number].origin), reason }
-                }
-                Refusal::Scenario(number, keys, error) => Origins::unfit(&overrides[number], &keys, &error),
-            })?;
+            let refused = |refusal| refused_override(overrides, refusal);
+            scenario = changes::changed(&keys, &changes_of(overrides), &mut 0).map_err(refused)?;
         }
         scenario.complete_bodies();
         scenario.complete_lidars();
@@ -246,6 +241,17 @@ impl Scenario {
         }
         scenario.check(&origins)?;
         Ok(scenario)
+    }
+
+    /// The keys of a text after overrides, without those that are filled in: what is given of a
+    /// scenario that [`Self::parse`] reads of both.
+    ///
+    /// # Errors
+    /// If the text is no TOML, or an override cannot be made.
+    pub fn given(file: &str, text: &str, overrides: &[Override]) -> Result<toml::Table, ScenarioError> {
+        let keys = toml::from_str(text).map_err(|error| Origins::new(file, text, overrides).syntax(&error))?;
+        let refused = |refusal| refused_override(overrides, refusal);
+        changes::keys_after(&keys, &changes_of(overrides)).map_err(refused)
     }
 
     /// The scenario as a recording holds it: all keys, without `[views]` and `[execution]`.
@@ -438,6 +444,17 @@ impl Scenario {
             body.speed_max_m_s * Tick::TICK_S <= cell_m,
             &format!("expected at most one cell in a tick: 50 cells in a second, here {} m/s", cell_m / Tick::TICK_S),
         )
+    }
+}
+
+fn changes_of(overrides: &[Override]) -> Vec<Change<'_>> {
+    overrides.iter().map(|change| (change.key.as_str(), change.value.as_ref())).collect()
+}
+
+fn refused_override(overrides: &[Override], refusal: Refusal) -> ScenarioError {
+    match refusal {
+        Refusal::Key(number, reason) => ScenarioError::Override { origin: one_line(&overrides[number].origin), reason },
+        Refusal::Scenario(number, keys, error) => Origins::unfit(&overrides[number], &keys, &error),
     }
 }
 

@@ -18,7 +18,15 @@ use crate::map_file;
 /// # Errors
 /// If the file cannot be read or the scenario is not legal.
 pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
-    load_with_paths_from(file.parent().unwrap_or(Path::new("")), file, overrides)
+    load_with_paths_from(folder_of(file), file, overrides)
+}
+
+/// The folder that the paths of a scenario file start from unless another is named; empty for a
+/// recording: the working directory.
+#[must_use]
+pub fn folder_of(file: &Path) -> &Path {
+    let folder = if is_recording(file) { None } else { file.parent() };
+    folder.unwrap_or(Path::new(""))
 }
 
 /// [`load`], with the paths in a scenario file from another folder.
@@ -26,19 +34,32 @@ pub fn load(file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError>
 /// # Errors
 /// See [`load`].
 pub fn load_with_paths_from(folder: &Path, file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
+    let folder = if is_recording(file) { Path::new("") } else { folder };
+    parse_with_paths_from(folder, &file.display().to_string(), &text(file)?, overrides)
+}
+
+/// Whether a file with a scenario is a recording of it.
+fn is_recording(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension == "mcap")
+}
+
+/// The text of a scenario file, or of the scenario of a recording.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn text(file: &Path) -> Result<String, SetupError> {
     let name = file.display().to_string();
-    if file.extension().is_some_and(|extension| extension == "mcap") {
-        return parse(&name, &Recording::open(file)?.scenario(), overrides);
+    if is_recording(file) {
+        return Ok(Recording::open(file)?.scenario().to_string());
     }
     let bytes =
         input_file::read(file, TEXT_BYTES_MAX).map_err(|source| SetupError::Read { file: name.clone(), source })?;
-    let text = String::from_utf8(bytes).map_err(|error| {
+    String::from_utf8(bytes).map_err(|error| {
         let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]).into_owned();
         let line = before.matches('\n').count() + 1;
         let column = before.chars().rev().take_while(|&character| character != '\n').count() + 1;
-        SetupError::NoText { file: name.clone(), line, column }
-    })?;
-    parse_with_paths_from(folder, &name, &text, overrides)
+        SetupError::NoText { file: name, line, column }
+    })
 }
 
 /// Lets the paths of a scenario file start from a folder, and those of overrides from the working

@@ -4,6 +4,7 @@
 //! it is refused, the change at fault is found by bisection.
 
 use super::Scenario;
+use super::filled_in::drop_filled_in;
 
 /// A dotted key with its new value; `None` removes it.
 pub(super) type Change<'a> = (&'a str, Option<&'a toml::Value>);
@@ -21,10 +22,7 @@ pub(super) enum Refusal {
 /// often keys are read as a scenario.
 pub(super) fn changed(before: &toml::Table, changes: &[Change<'_>], read: &mut usize) -> Result<Scenario, Refusal> {
     let mut after = |count: usize| -> Result<Scenario, Refusal> {
-        let mut table = before.clone();
-        for (number, (key, value)) in changes[..count].iter().enumerate() {
-            change_key(&mut table, key, value.cloned()).map_err(|reason| Refusal::Key(number, reason))?;
-        }
+        let table = keys_after(before, &changes[..count])?;
         *read += 1;
         let scenario: Result<Scenario, _> = table.clone().try_into();
         scenario.map_err(|error| Refusal::Scenario(count.saturating_sub(1), table, Box::new(error)))
@@ -43,6 +41,17 @@ pub(super) fn changed(before: &toml::Table, changes: &[Change<'_>], read: &mut u
         }
     }
     Err(refusal)
+}
+
+/// The keys `before` after all changes. Values that were filled in make room for those that the
+/// changes decide.
+pub(super) fn keys_after(before: &toml::Table, changes: &[Change<'_>]) -> Result<toml::Table, Refusal> {
+    let mut table = before.clone();
+    drop_filled_in(&mut table, changes);
+    for (number, (key, value)) in changes.iter().enumerate() {
+        change_key(&mut table, key, value.cloned()).map_err(|reason| Refusal::Key(number, reason))?;
+    }
+    Ok(table)
 }
 
 /// A key that a change of the other one takes the place of, as a scenario has one of them.

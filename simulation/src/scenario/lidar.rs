@@ -131,6 +131,8 @@ enum Preset {
 }
 
 impl Preset {
+    const ALL: [Self; 4] = [Self::Vlp16, Self::Os1With64Lines, Self::Mid360, Self::DepthCamera];
+
     fn name(self) -> &'static str {
         match self {
             Self::Vlp16 => "vlp-16",
@@ -322,6 +324,13 @@ impl GridKeys {
 }
 
 impl LidarSection {
+    /// The sections that name this pattern and nothing else, or a preset with it and nothing else.
+    pub(super) fn with_pattern(pattern: LidarPattern) -> impl Iterator<Item = Self> {
+        let presets = Preset::ALL.into_iter().filter(move |preset| preset.pattern() == pattern).map(Some);
+        let alone = move |preset| LidarKeys { pattern: Some(pattern), preset, ..LidarKeys::default() }.try_into().ok();
+        std::iter::once(None).chain(presets).filter_map(alone)
+    }
+
     /// Where the LiDAR is on its body.
     #[must_use]
     pub fn place_on_body(&self) -> PlaceOnBody {

@@ -151,11 +151,10 @@ fn mistakes_are_named_with_their_place() {
         &[set("map.file", "x.m3dm")],
         "--set map.file: map.file = x.m3dm: only a map of kind \"file\" has a file",
     );
-    refuses(
-        SMALL,
-        &[set("map.kind", "file"), set("map.file", "x.m3dm")],
-        "s.toml:5: map.size = [50, 50, 50]: a map from a file has the size of the file",
-    );
+    let of_file = SMALL.replace("\"spheres\"", "\"file\"\nfile = \"x.m3dm\"");
+    refuses(&of_file, &[], "s.toml:6: map.size = [50, 50, 50]: a map from a file has the size of the file");
+    let with_size = [set("map.kind", "file"), set("map.file", "x.m3dm"), set("map.size", 50)];
+    refuses(SMALL, &with_size, "--set map.size: map.size = [50, 50, 50]: a map from a file has the size of the file");
 }
 
 #[test]
