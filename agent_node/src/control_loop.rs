@@ -203,9 +203,11 @@ impl Agent {
             observation = observation.merged_with(earlier);
         }
         if self.controller_wake.is_met(observation.tick, observation.events) {
-            let mut command = self.decide(&observation);
-            if self.rests_shut_in(&command, &observation) {
-                command.wake = command.wake.or(WakeCondition::NEXT_TICK);
+            let command = self.decide(&observation);
+            // Controllers that rest look for viewpoints again after a while.
+            if !observation.is_active && matches!(command.motion, Motion::Keep | Motion::Stop) {
+                let moves = self.navigation.moves(Neighbours::TwentySix);
+                self.blind_spot.fill(&mut self.map, moves, &observation);
             }
             Ok(self.commit(command, &observation))
         } else {
@@ -214,13 +216,6 @@ impl Agent {
             self.deferred = Some(observation);
             Ok(command)
         }
-    }
-
-    /// Whether the controller rests and should look again, at a map with what the body assumes of
-    /// its blind spot.
-    fn rests_shut_in(&mut self, command: &Command, observation: &Observation) -> bool {
-        let rests = !observation.is_active && matches!(command.motion, Motion::Keep | Motion::Stop);
-        rests && self.blind_spot.fill(&mut self.map, self.navigation.moves(Neighbours::TwentySix), observation)
     }
 
     fn reply_to_poll(&mut self, observation: Observation) -> Result<Command, AgentError> {
