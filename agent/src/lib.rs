@@ -2,8 +2,9 @@
 //!
 //! In reading order: [`observation`] and [`command`] are the inputs and outputs of an agent,
 //! [`bodies`] what the bodies of the team can do; [`exploration_map`] is its map, [`path`] searches
-//! paths on it, [`abstract_graph`] does so coarsely, [`navigation`] makes motions of paths,
-//! [`sharing`] exchanges maps with other agents; [`map_markers`] visualises a map.
+//! paths on it, [`abstract_graph`] does so coarsely, [`blind_spot`] is what a body assumes around
+//! it, [`navigation`] makes motions of paths, [`sharing`] exchanges maps with other agents;
+//! [`map_markers`] visualises a map.
 //!
 //! ```
 //! use agent::exploration_map::ExplorationMap;
@@ -22,6 +23,7 @@
 #![warn(missing_docs)]
 
 pub mod abstract_graph;
+pub mod blind_spot;
 pub mod bodies;
 pub mod exploration_map;
 pub mod map_markers;

@@ -26,10 +26,12 @@ use protocol::limits::{AGENT_MESSAGE_BYTES_BARE, AGENT_MESSAGE_BYTES_MAX, LIST_B
 use protocol::message_type::MessageType;
 use protocol::signed::Verified;
 
+use agent::blind_spot::BlindSpot;
 use agent::command::{Command, Motion, WakeCondition};
 use agent::exploration_map::ExplorationMap;
 use agent::navigation::NavigationTask;
 use agent::observation::{Observation, RunInfo};
+use agent::path::Neighbours;
 use agent::sharing::Sharing;
 use controllers::{Controller, ControllerError, Ctx, Failure, Successors};
 use protocol::observation::fragments::{FragmentReassembler, Reassembled};
@@ -43,6 +45,7 @@ pub struct Agent {
     map: ExplorationMap,
     sharing: Sharing,
     navigation: NavigationTask,
+    blind_spot: BlindSpot,
     controller: Box<dyn Controller>,
     successors: Successors,
     reassembler: FragmentReassembler,
@@ -100,6 +103,7 @@ impl Agent {
             sharing: Sharing::new(id, run_info.share_period_ticks, run_info.agents),
             navigation: NavigationTask::new(run_info.bodies.of(id), run_info.extent.cell_m()),
             run_info,
+            blind_spot: BlindSpot::default(),
             controller,
             successors: Box::new(|_| Ok(None)),
             reassembler: FragmentReassembler::default(),
@@ -200,6 +204,13 @@ impl Agent {
         }
         if self.controller_wake.is_met(observation.tick, observation.events) {
             let command = self.decide(&observation);
+            // Controllers that rest look for viewpoints again after a while; one that is to be called
+            // in the next tick has something to do.
+            let rests = !observation.is_active && matches!(command.motion, Motion::Keep | Motion::Stop);
+            if rests && command.wake.at > observation.tick.next() {
+                let moves = self.navigation.moves(Neighbours::TwentySix);
+                self.blind_spot.fill(&mut self.map, moves, &observation);
+            }
             Ok(self.commit(command, &observation))
         } else {
             let command = Command { want_view: self.controller_wants_view, ..Command::keep(self.controller_wake) };
@@ -267,6 +278,7 @@ impl Agent {
         if self.map.state(planned).is_free() {
             self.map.note_covered(planned);
         }
+        self.blind_spot.note_collision(&mut self.map, self.navigation.moves(Neighbours::TwentySix), observation);
         self.sharing.set_frames(&observation.map_frames);
         self.sharing.incoming(&mut self.map, &observation.messages);
         observation.messages.retain(|message| !message.is_from_agent(MessageType::Map));

@@ -6,7 +6,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::Point3;
-use protocol::energy::{Energy, EnergyModel};
+use protocol::energy::{Base, Energy, EnergyModel};
 use protocol::limits::PATH_POINTS_MAX;
 use voxels::Cell;
 
@@ -45,6 +45,21 @@ pub fn turning_back_j(body: &BodyModel, model: &EnergyModel) -> f64 {
     model.drawn_j(braking_s + leg_s(body, 0.0, PI), body.speed_max_m_s * braking_s)
 }
 
+/// The place in a base nearest to its centre that is known to be free and has no agent in contact.
+enum Aim {
+    Place(Cell),
+    /// Not among the first [`PLACES_MAX`] cells.
+    NotFound,
+    /// There is none.
+    None,
+}
+
+impl Aim {
+    fn place(&self) -> Option<Cell> {
+        if let Self::Place(cell) = self { Some(*cell) } else { None }
+    }
+}
+
 impl Ctx<'_> {
     /// The energy of the body; `None` if bodies need none.
     #[must_use]
@@ -59,7 +74,8 @@ impl Ctx<'_> {
     }
 
     /// The cheapest way to a base through cells known to be free: to the place nearest to its
-    /// centre that has no agent in contact. `None` if there is none, or bodies need no energy.
+    /// centre that has no agent in contact, or to its nearest place if that cannot be reached.
+    /// `None` if there is none, or bodies need no energy.
     #[must_use]
     pub fn way_home(&self) -> Option<WayHome> {
         self.way_home_by(&|_| true, |path| self.follow(path))
@@ -114,9 +130,7 @@ impl Ctx<'_> {
         if self.is_in_base() {
             return Some(WayHome { motion: Motion::Stop, cost_j: 0.0 });
         }
-        let goals: Vec<Cell> = (0..model.bases.len()).filter_map(|base| self.place_in_base(model, base)).collect();
-        let graph = self.graph(Neighbours::TwentySix);
-        let path = Search::new(graph, self.cell(), Goal::AnyOf(&goals)).within(is_open).run()?;
+        let path = self.path_home(model, is_open)?;
         if let Some(motion) = self.recentring() {
             let waypoints: Vec<Point3<f64>> = path.cells.iter().map(|&cell| self.place(cell)).collect();
             return Some(WayHome { motion, cost_j: self.cost_j(model, &waypoints) });
@@ -127,32 +141,65 @@ impl Ctx<'_> {
         Some(WayHome { motion: Motion::Path(waypoints), cost_j })
     }
 
-    /// The place in a base nearest to its centre that is known to be free and has no agent in
-    /// contact.
-    fn place_in_base(&self, model: &EnergyModel, base: usize) -> Option<Cell> {
-        let base = &model.bases[base];
+    /// The cheapest path to the [aim](Aim) of a base; to any place of a base whose aim cannot be
+    /// reached or was not found.
+    fn path_home(&self, model: &EnergyModel, is_open: &dyn Fn(Cell) -> bool) -> Option<Path> {
+        let graph = self.graph(Neighbours::TwentySix);
+        let to = |goal: Goal<'_>| Search::new(graph, self.cell(), goal).within(is_open).run();
+        let aims: Vec<(&Base, Aim)> = model.bases.iter().map(|base| (base, self.aim(base))).collect();
+        let goals: Vec<Cell> = aims.iter().filter_map(|(_, aim)| aim.place()).collect();
+        let path = to(Goal::AnyOf(&goals));
+        let aimed_at = path.as_ref().and_then(|path| path.cells.last());
+        // Whether a path to a place of the base may be cheaper than the one that is known.
+        let may_be_nearer = |base: &Base| {
+            let least_m = (self.position() - base.position).norm() - base.radius_m;
+            path.as_ref().is_none_or(|path| least_m < path.length_m(self.map().extent()))
+        };
+        let is_missed = |base: &Base, aim: &Aim| match aim {
+            Aim::None => false,
+            Aim::NotFound => may_be_nearer(base),
+            // Without a path to any of them there is none to this one.
+            Aim::Place(place) => {
+                Some(place) != aimed_at && may_be_nearer(base) && (path.is_none() || to(Goal::Cell(*place)).is_none())
+            }
+        };
+        let missed: Vec<&Base> =
+            aims.iter().filter(|(base, aim)| is_missed(base, aim)).map(|&(base, _)| base).collect();
+        if missed.is_empty() {
+            return path;
+        }
+        let is_in_missed = |cell| missed.iter().any(|base| self.is_place_in(base, cell));
+        path.into_iter().chain(to(Goal::Where(&is_in_missed))).min_by_key(|path| path.cost)
+    }
+
+    /// Whether the place of a cell is in a base and has no agent in contact.
+    fn is_place_in(&self, base: &Base, cell: Cell) -> bool {
+        let place = self.place(cell);
+        base.holds(&place) && self.is_clear_of_contacts(&place, &place)
+    }
+
+    /// Where to go in a base.
+    fn aim(&self, base: &Base) -> Aim {
         let graph = self.graph(Neighbours::TwentySix);
         let centre = self.cell_near(&base.position);
-        let is_place = |cell: Cell| {
-            base.holds(&self.place(cell))
-                && graph.is_usable(cell)
-                && self.is_clear_of_contacts(&self.place(cell), &self.place(cell))
-        };
         let reach = libm::ceil(base.radius_m / self.map().extent().cell_m()).min(f64::from(i16::MAX)) as i32;
-        // Shell after shell, so that nothing is searched beyond the first place.
-        let shells = (0..=reach).map(|radius| shell(centre, radius));
         let mut left = PLACES_MAX;
-        for cells in shells {
-            let found =
-                cells.inspect(|_| left = left.saturating_sub(1)).filter(|&cell| is_place(cell)).min_by(|&a, &b| {
-                    let distance = |cell: Cell| (self.place(cell) - base.position).norm_squared();
-                    distance(a).total_cmp(&distance(b)).then((a.z, a.y, a.x).cmp(&(b.z, b.y, b.x)))
-                });
-            if found.is_some() || left == 0 {
-                return found;
+        // Shell after shell, so that nothing is searched beyond the first place.
+        for radius in 0..=reach {
+            let cells = shell(centre, radius).inspect(|_| left = left.saturating_sub(1));
+            let places = cells.filter(|&cell| graph.is_usable(cell) && self.is_place_in(base, cell));
+            let nearest = places.min_by(|&a, &b| {
+                let distance = |cell: Cell| (self.place(cell) - base.position).norm_squared();
+                distance(a).total_cmp(&distance(b)).then((a.z, a.y, a.x).cmp(&(b.z, b.y, b.x)))
+            });
+            if let Some(place) = nearest {
+                return Aim::Place(place);
+            }
+            if left == 0 {
+                return Aim::NotFound;
             }
         }
-        None
+        Aim::None
     }
 
     /// Whether the body would touch no agent in contact on a straight leg.
@@ -179,4 +226,48 @@ fn shell(centre: Cell, radius: i32) -> impl Iterator<Item = Cell> {
     let along = move || -radius..=radius;
     let all = along().flat_map(move |z| along().flat_map(move |y| along().map(move |x| Cell::new(x, y, z))));
     all.filter(move |by| by.x.abs().max(by.y.abs()).max(by.z.abs()) == radius).map(move |by| centre + by)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::World;
+    use super::*;
+
+    /// Where a body goes that is at the start of a known corridor and has one base on its axis.
+    fn end_of_way_home(corridor: &str, base_x_m: f64, radius_m: f64) -> Option<f64> {
+        let solid = format!("{}\n", "#".repeat(corridor.len()));
+        let rock = solid.repeat(3);
+        let layers = [rock.clone(), format!("{solid}{corridor}\n{solid}"), rock];
+        let mut world = World::known(&layers.join("\n"), Cell::new(1, 1, 1));
+        let bases = [Base { position: Point3::new(base_x_m, 1.5, 1.5), radius_m }].into();
+        let model = EnergyModel {
+            capacity_j: 1e6,
+            power_w: 1.0,
+            move_j_per_m: 1.0,
+            charge_w: 1.0,
+            reserve_j: 0.0,
+            returns_home: true,
+            bases,
+        };
+        world.observation.energy = Some(Box::new(Energy { left_j: 1e6, model }));
+        match world.ctx().way_home()?.motion {
+            Motion::Path(waypoints) => waypoints.last().map(|end| end.x),
+            motion => panic!("{motion:?}"),
+        }
+    }
+
+    #[test]
+    fn way_home_leads_to_what_can_be_reached_of_a_base() {
+        assert_eq!(end_of_way_home("#.......#", 5.5, 2.5), Some(5.5));
+        // Its centre is behind a grille.
+        assert_eq!(end_of_way_home("#...#...#", 5.5, 2.5), Some(3.5));
+        assert_eq!(end_of_way_home("#...#...#", 6.5, 2.5), None);
+    }
+
+    #[test]
+    fn way_home_leads_to_places_of_a_base_far_from_its_centre() {
+        let corridor = format!("#{}{}", ".".repeat(10), "#".repeat(20));
+        assert_eq!(end_of_way_home(&corridor, 25.5, 17.0), Some(8.5));
+        assert_eq!(end_of_way_home(&corridor, 25.5, 14.0), None);
+    }
 }

@@ -22,7 +22,7 @@ use voxels::{Cell, Footing, Grid, Terrain};
 
 use self::placed_bodies::PlacedBodies;
 use super::body::{Floors, Pose};
-use super::collision::Sphere;
+use super::collision::{Sphere, is_touched};
 use mapgen::Entrance;
 
 /// The rule by which starts are chosen: the table `[spawn]` of a scenario.
@@ -293,13 +293,11 @@ fn has_room_from_walls(terrain: &Grid<Terrain>, position: &Point3<f64>, radius_m
     }
     let reach = Vector3::repeat(radius_m);
     let (low, high) = (extent.cell_of(&(position - reach)), extent.cell_of(&(position + reach)));
-    let edge = Vector3::repeat(extent.cell_m());
     (low.z..=high.z).all(|z| {
         (low.y..=high.y).all(|y| {
             (low.x..=high.x).all(|x| {
-                let corner = Point3::new(f64::from(x), f64::from(y), f64::from(z)) * extent.cell_m();
-                terrain.get(Cell::new(x, y, z)) == Some(&Terrain::Free)
-                    || (position - position.sup(&corner).inf(&(corner + edge))).norm() >= radius_m
+                let cell = Cell::new(x, y, z);
+                terrain.get(cell) == Some(&Terrain::Free) || !is_touched(extent, cell, position, radius_m)
             })
         })
     })

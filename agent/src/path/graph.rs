@@ -130,6 +130,22 @@ impl Moves {
         self.lattice
     }
 
+    /// The cells that the body touches at the place of a cell, relative to it, in order.
+    pub(crate) fn touched(&self) -> &[Cell] {
+        &self.sphere
+    }
+
+    /// The lowest and the highest layer of these cells.
+    pub(crate) fn layers(&self) -> [i32; 2] {
+        let layers = self.sphere.iter().map(|by| by.z);
+        [layers.clone().min().unwrap_or_default(), layers.max().unwrap_or_default()]
+    }
+
+    /// The most cells that a ground body may be above its floor; `None` for others.
+    pub(crate) fn climb_cells(&self) -> Option<i32> {
+        self.footing().map(|footing| footing.climb().cells_max())
+    }
+
     /// Whether the body needs a floor.
     #[must_use]
     pub fn are_on_ground(&self) -> bool {

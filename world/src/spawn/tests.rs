@@ -249,3 +249,36 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn bodies_that_fit_exactly_find_room_whatever_the_rounding() {
+    for (cell_m, radii_m) in [
+        (0.15, &[0.075, 0.3, 0.45][..]),
+        (0.3, &[0.15, 0.6, 0.9]),
+        (0.35, &[0.175, 0.7, 0.875, 1.05]),
+        (0.6, &[0.3, 1.2, 1.8]),
+        (0.7, &[0.35, 1.4, 1.75, 2.1]),
+    ] {
+        for &radius_m in radii_m {
+            let wide = (2.0_f64 * radius_m / cell_m).round() as u32;
+            // A hall as high as the body, and a duct in which it just fits.
+            for size in [[20, 20, wide], [20, wide, wide]] {
+                let mut terrain = Grid::new(Extent::new(size.map(|cells| cells + 2), cell_m).unwrap(), Terrain::Wall);
+                for cell in terrain.extent().cells() {
+                    let along = [(cell.x, size[0]), (cell.y, size[1]), (cell.z, size[2])];
+                    if along.into_iter().all(|(at, cells)| (1..=cells.cast_signed()).contains(&at)) {
+                        terrain.set(cell, Terrain::Free);
+                    }
+                }
+                let site = Site { terrain: &terrain, entrances: &[], seed: 7 };
+                for body in [BodyModel::GROUND, BodyModel::AERIAL] {
+                    let start = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
+                    let starts = start.poses(&site, &[BodyModel { radius_m, ..body }]).unwrap_or_else(|error| {
+                        panic!("{:?} of {radius_m} m in {size:?} cells of {cell_m} m: {error}", body.kind)
+                    });
+                    assert!((starts[0].position.z - (cell_m + radius_m)).abs() < 1e-9, "{starts:?}");
+                }
+            }
+        }
+    }
+}
