@@ -204,8 +204,8 @@ impl Agent {
         }
         if self.controller_wake.is_met(observation.tick, observation.events) {
             let command = self.decide(&observation);
-            // Controllers that rest look for viewpoints again after a while; one that is to be called
-            // in the next tick has something to do.
+            // Controllers that rest look for viewpoints again after a while; one that is to be
+            // called in the next tick has something to do.
             let rests = !observation.is_active && matches!(command.motion, Motion::Keep | Motion::Stop);
             if rests && command.wake.at > observation.tick.next() {
                 let moves = self.navigation.moves(Neighbours::TwentySix);

@@ -272,7 +272,12 @@ fn bodies_that_fit_exactly_find_room_whatever_the_rounding() {
                 }
                 let site = Site { terrain: &terrain, entrances: &[], seed: 7 };
                 for body in [BodyModel::GROUND, BodyModel::AERIAL] {
-                    let start = SpawnSpec::NearestOrigin { yaw_rad: 0.0 };
+                    // Bodies of one cell start in a free cube of at least 3 x 3 x 3 cells, as in the
+                    // reference, if they start near the origin.
+                    let start = match wide {
+                        1 => SpawnSpec::Scattered { min_distance_m: 0.0, seed: None, yaw_rad: 0.0 },
+                        _ => SpawnSpec::NearestOrigin { yaw_rad: 0.0 },
+                    };
                     let starts = start.poses(&site, &[BodyModel { radius_m, ..body }]).unwrap_or_else(|error| {
                         panic!("{:?} of {radius_m} m in {size:?} cells of {cell_m} m: {error}", body.kind)
                     });
