@@ -272,8 +272,8 @@ fn bodies_that_fit_exactly_find_room_whatever_the_rounding() {
                 }
                 let site = Site { terrain: &terrain, entrances: &[], seed: 7 };
                 for body in [BodyModel::GROUND, BodyModel::AERIAL] {
-                    // Bodies of one cell start in a free cube of at least 3 x 3 x 3 cells, as in the
-                    // reference, if they start near the origin.
+                    // Near the origin bodies of one cell start in a free cube of at least
+                    // 3 x 3 x 3 cells, as in the reference.
                     let start = match wide {
                         1 => SpawnSpec::Scattered { min_distance_m: 0.0, seed: None, yaw_rad: 0.0 },
                         _ => SpawnSpec::NearestOrigin { yaw_rad: 0.0 },
