@@ -7,7 +7,7 @@
 //! a body that is shut in by what it has not seen takes the floor to go on level, and the height of
 //! the body to be free, along level lines from where it is to the nearest column of cells that it
 //! has seen: with a floor that it could stand on, if it needs one, or with a wall. Nothing is
-//! assumed towards an edge, nor beyond [`LEVEL_MAX_M`], nor where nothing was seen.
+//! assumed towards an edge, nor beyond 5 m, nor where nothing was seen.
 //!
 //! A body that hits something that moves not has assumed too much: what it assumed right ahead of
 //! it is a wall then, and no floor.
