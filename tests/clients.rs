@@ -134,8 +134,8 @@ fn assert_receives_what_is_recorded(packages: &Site, subprotocol: &str) {
     assert!(topics.len() > 20, "{subprotocol}: {topics:?}");
 }
 
-/// The reader of datasets of foxglove-sdk, baglint and tracecheck find in a recording what is in it,
-/// and kappe writes it again. That has lost its attachments, and is refused for that.
+/// The reader of datasets of foxglove-sdk, baglint and tracecheck find in a recording what is in
+/// it, and kappe writes it again. That has lost its attachments, and is refused for that.
 #[test]
 #[ignore = "takes a minute: installs packages of PyPI"]
 fn recording_is_read_checked_and_converted_by_others() {

@@ -178,7 +178,8 @@ fn members_share_the_features_of_the_workspace() {
              dependencies, with all of these crates? {other:#?}"
         );
     }
-    // The programs and the Python package as the tests build them, with the crates of the workspace.
+    // The programs and the Python package as the tests build them, with the crates of the
+    // workspace.
     let with_members = crates(&["--workspace", "-e", "normal,build,dev"], "{f}");
     for arguments in [
         &["-p", "sim_server", "-p", "agent_node", "-p", "maes", "-e", "normal,build,dev"][..],

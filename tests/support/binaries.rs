@@ -11,8 +11,8 @@ pub(crate) fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
         // `--examples`, of which there are none, makes cargo build crates with the features that
-        // development dependencies ask for, as `cargo test` does. Otherwise all would be built again
-        // (`tests/dependencies.rs`).
+        // development dependencies ask for, as `cargo test` does. Otherwise all would be built
+        // again (`tests/dependencies.rs`).
         let arguments = ["build", "--release", "--bins", "--examples"];
         let packages = ["-p", "sim_server", "-p", "agent_node", "-p", "maes"];
         let mut build = cargo();
