@@ -110,7 +110,8 @@ fn assert_receives_what_is_recorded(packages: &Site, subprotocol: &str) {
         let digits: String = message.data.iter().map(|byte| format!("{byte:02x}")).collect();
         of_topic.entry(&message.topic).or_default().insert(digits);
     }
-    // The others have wall times, or are made for each subscriber; transforms are thinned otherwise.
+    // The others have wall times, or are made for each subscriber; transforms are thinned in
+    // another way.
     let mut is_same: BTreeMap<&str, u64> =
         ["/agent_0/odom", "/agent_1/odom", "/agent_0/points", "/agent_1/points", "/clock", "/sim/contacts"]
             .into_iter()
