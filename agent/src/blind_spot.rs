@@ -90,7 +90,7 @@ impl BlindSpot {
         let here = moves.lattice().cell_near(map.extent(), centre);
         let mut assumes_any = false;
         if is_shut_in(Graph::new(map, moves), here) {
-            let (free, floor) = Columns { map, moves, here }.assumed(centre);
+            let (free, floor) = Columns::around(map, moves, here).assumed(centre);
             map.assume(&free, Finding::Free);
             map.assume(&floor, Finding::Wall);
             assumes_any = !(free.is_empty() && floor.is_empty());
@@ -125,6 +125,8 @@ struct Columns<'a> {
     map: &'a ExplorationMap,
     moves: &'a Moves,
     here: Cell,
+    /// The layers of cells that the body touches.
+    layers: RangeInclusive<i32>,
 }
 
 /// What is known of a column.
@@ -143,11 +145,11 @@ enum Column {
     },
 }
 
-impl Columns<'_> {
-    /// The layers of cells that the body touches.
-    fn layers(&self) -> RangeInclusive<i32> {
-        let [low, high] = self.moves.layers();
-        self.here.z + low..=self.here.z + high
+impl<'a> Columns<'a> {
+    /// Those around a body at the place of a cell.
+    fn around(map: &'a ExplorationMap, moves: &'a Moves, here: Cell) -> Self {
+        let [low, high] = moves.layers();
+        Self { map, moves, here, layers: here.z + low..=here.z + high }
     }
 
     /// The free cells and the floor that are assumed around a body with its centre at a point
@@ -181,8 +183,8 @@ impl Columns<'_> {
         let (mut free, mut floor) = (Vec::new(), Vec::new());
         let is_unexplored = |cell: &Cell| self.map.state(*cell) == CellState::Unexplored;
         for (y, x) in columns {
-            free.extend(self.layers().map(|z| Cell::new(x, y, z)).filter(is_unexplored));
-            let below = Cell::new(x, y, self.layers().start() - 1);
+            free.extend(self.layers.clone().map(|z| Cell::new(x, y, z)).filter(is_unexplored));
+            let below = Cell::new(x, y, self.layers.start() - 1);
             if !self.has_floor(x, y) && is_unexplored(&below) {
                 floor.push(below);
             }
@@ -192,7 +194,7 @@ impl Columns<'_> {
 
     /// Whether a column has a floor that is known, no deeper than the body climbs, or needs none.
     fn has_floor(&self, x: i32, y: i32) -> bool {
-        let top = self.layers().start() - 1;
+        let top = self.layers.start() - 1;
         let state = |z: i32| self.map.state(Cell::new(x, y, z));
         // Who has seen the bottom of a step has seen what is above it; below the map all is wall.
         let is_floor = |z: i32| state(z) == CellState::Wall && (z == top || state(z + 1).is_free());
@@ -202,7 +204,7 @@ impl Columns<'_> {
     /// What is known of the column of a cell.
     fn column(&self, Cell { x, y, .. }: Cell) -> Column {
         let state = |z: i32| self.map.state(Cell::new(x, y, z));
-        let layers = self.layers();
+        let layers = &self.layers;
         if layers.clone().any(|z| state(z) == CellState::Wall) {
             return Column::Wall;
         }

@@ -23,6 +23,7 @@
 //! Beyond that, reports are not validated.
 
 mod around;
+mod assumed;
 mod blocks;
 mod cubes;
 mod delta;
@@ -164,13 +165,13 @@ impl ExplorationMap {
     #[inline]
     pub fn state_at(&self, index: usize) -> CellState {
         assert!(index < self.extent().volume(), "cell {index} is outside the map");
-        match () {
-            () if self.free_cells.contains(index) => match self.covered_cells.contains(index) {
+        match self.terrain_at(index) {
+            Some(Terrain::Free) => match self.covered_cells.contains(index) {
                 true => CellState::Covered,
                 false => CellState::Free,
             },
-            () if self.wall_cells.contains(index) => CellState::Wall,
-            () => CellState::Unexplored,
+            Some(Terrain::Wall) => CellState::Wall,
+            None => CellState::Unexplored,
         }
     }
 
@@ -360,60 +361,20 @@ impl ExplorationMap {
     /// all unexplored; returns whether they are.
     #[inline]
     fn explore_row(&mut self, run: &[u32], finding: Finding) -> bool {
-        let (block, first) = self.layout.place_of(run[0]);
+        let (index, first) = self.layout.place_of(run[0]);
         let cells = row_from(first, run.len());
-        let words = self.blocks.of(block);
+        let words = self.blocks.of(index);
         if words.known & cells != 0 {
             return false;
         }
-        words.known |= cells;
         words.own |= cells;
         words.scanned |= cells;
+        let is_wall = finding == Finding::Wall;
+        self.learn_new(&Block { index, known: cells, wall: if is_wall { cells } else { 0 }, covered: 0 }, OWN);
         let (start, row) = (run[0] as usize, (1 << run.len()) - 1);
-        if finding == Finding::Wall {
-            words.wall |= cells;
-            self.wall += run.len();
-            self.wall_cells.insert_four(start, row);
-        } else {
-            self.free += run.len();
-            self.free_cells.insert_four(start, row);
-        }
-        self.blocks.note_changed(block, cells);
-        for number in bits(cells) {
-            self.journal.push(Entry::new((block, number), finding, OWN));
-        }
-        self.blocks.note_revealed(block, self.journal.len());
+        let of_finding = if is_wall { &mut self.wall_cells } else { &mut self.free_cells };
+        of_finding.insert_four(start, row);
         true
-    }
-
-    /// Takes those of some cells of the map that are unexplored to be free or wall, as if another
-    /// agent had reported it: whatever the own sensor finds later overrules that.
-    pub(crate) fn assume(&mut self, cells: &[Cell], finding: Finding) {
-        for &cell in cells {
-            let Some(index) = self.extent().index(cell) else { continue };
-            if self.state_at(index) == CellState::Unexplored {
-                self.learn_assumed(index, finding);
-            }
-        }
-        self.update_frontiers();
-    }
-
-    /// Replaces what was [assumed](Self::assume) of a cell, unless the own sensor has found it.
-    pub(crate) fn correct_assumed(&mut self, cell: Cell, finding: Finding) {
-        let Some(index) = self.extent().index(cell) else { return };
-        let (block, number) = self.layout.place_of(index as u32);
-        if self.blocks.of(block).own >> number & 1 == 0 {
-            self.learn_assumed(index, finding);
-        }
-        self.update_frontiers();
-    }
-
-    fn learn_assumed(&mut self, index: usize, finding: Finding) {
-        let (block, number) = self.layout.place_of(index as u32);
-        self.learn((block, number), index, finding, OWN);
-        let words = self.blocks.of(block);
-        words.own &= !(1 << number);
-        words.scanned &= !(1 << number);
     }
 
     /// Records a visit to a cell, which makes it free as well. Ignored in walls and outside the
@@ -460,22 +421,30 @@ impl ExplorationMap {
         block.known & self.layout.inside(block.index) & (!known | (block.wall ^ wall) | visited)
     }
 
+    /// Learns about unexplored cells of a block, those that the report knows, but for the sets of
+    /// cells by index.
+    #[inline]
+    fn learn_new(&mut self, report: &Block, from: u32) {
+        let &Block { index, known, wall, covered } = report;
+        let words = self.blocks.of(index);
+        words.known |= known;
+        words.wall |= wall;
+        words.covered |= covered;
+        self.blocks.note_changed(index, known);
+        for number in bits(known) {
+            self.journal.push(Entry::new((index, number), report.finding(number), from));
+        }
+        self.blocks.note_revealed(index, self.journal.len());
+        let [free, wall, covered] = [known & !wall, wall, covered].map(|cells| cells.count_ones() as usize);
+        self.free += free;
+        self.wall += wall;
+        self.covered += covered;
+    }
+
     /// Learns about cells of a reported block that are all unexplored.
     fn explore(&mut self, report: &Block, cells: u64, from: u32) {
         let (wall, covered) = (report.wall & cells, report.covered & cells & !report.wall);
-        let words = self.blocks.of(report.index);
-        words.known |= cells;
-        words.wall |= wall;
-        words.covered |= covered;
-        self.blocks.note_changed(report.index, cells);
-        for number in bits(cells) {
-            self.journal.push(Entry::new((report.index, number), report.finding(number), from));
-        }
-        self.blocks.note_revealed(report.index, self.journal.len());
-        let [free, wall_count, covered_count] = [cells & !wall, wall, covered].map(|cells| cells.count_ones() as usize);
-        self.free += free;
-        self.wall += wall_count;
-        self.covered += covered_count;
+        self.learn_new(&Block { index: report.index, known: cells, wall, covered }, from);
         let [_, size_y, size_z] = self.extent().size();
         let [low_x, low_y, low_z] = self.layout.lowest(report.index);
         for z in 0..SIDE.min(size_z - low_z) {

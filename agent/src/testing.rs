@@ -1,6 +1,10 @@
-//! Maps drawn as text and a check of paths, for tests of this crate and of controllers.
+//! Maps drawn as text, an observation to start from, and a check of paths, for tests of this crate
+//! and of controllers.
 
-use nalgebra::Point3;
+use msgs::ids::{AgentId, Tick};
+use nalgebra::{Point3, Vector3};
+use protocol::event_mask::EventMask;
+use protocol::observation::{Cells, Observation, Pose};
 use voxels::{Cell, Grid, Terrain};
 
 use crate::exploration_map::ExplorationMap;
@@ -25,6 +29,32 @@ pub fn drawn(text: &str) -> ExplorationMap {
         }
     }
     map
+}
+
+/// What an agent at rest at a position (metres, frame `map`), heading along x, observes in the
+/// first tick, without events and before the first scan.
+#[must_use]
+pub fn idle_at(agent: AgentId, position: Point3<f64>) -> Observation {
+    Observation {
+        tick: Tick::ZERO,
+        agent,
+        pose: Pose { position, yaw_rad: 0.0 },
+        velocity_in_map_m_s: Vector3::zeros(),
+        yaw_rate_rad_s: 0.0,
+        is_active: false,
+        collision: None,
+        events: EventMask::empty(),
+        contacts: Vec::new(),
+        relays: Vec::new(),
+        messages: Vec::new(),
+        scan_tick: None,
+        seen: Cells::default(),
+        view: None,
+        energy: None,
+        field_of_view: None,
+        map_frames: Vec::new(),
+        change: None,
+    }
 }
 
 /// Cell of a flat world.

@@ -25,6 +25,7 @@ use agent::exploration_map::{CellState, ExplorationMap};
 use agent::navigation::NavigationTask;
 use agent::observation::{Cells, Collision, Contact, Observation, Pose, RunInfo, Surface};
 use agent::path::{BodyState, HeldVelocity};
+use agent::testing::idle_at;
 pub(crate) use agent::testing::{RADIUS_M, drawn, flat};
 
 /// The id of the agent.
@@ -39,26 +40,7 @@ const NEAR_M: f64 = 2.0 * RADIUS_M;
 /// At rest in the middle of a cube of ten cells, in the first tick, without events and before the
 /// first scan.
 pub(crate) fn idle() -> Observation {
-    Observation {
-        tick: Tick::ZERO,
-        agent: AGENT,
-        pose: Pose { position: Point3::new(5.5, 5.5, 5.5), yaw_rad: 0.0 },
-        velocity_in_map_m_s: Vector3::zeros(),
-        yaw_rate_rad_s: 0.0,
-        is_active: false,
-        collision: None,
-        events: EventMask::empty(),
-        contacts: Vec::new(),
-        relays: Vec::new(),
-        messages: Vec::new(),
-        scan_tick: None,
-        seen: Cells::default(),
-        view: None,
-        energy: None,
-        field_of_view: None,
-        map_frames: Vec::new(),
-        change: None,
-    }
+    idle_at(AGENT, Point3::new(5.5, 5.5, 5.5))
 }
 
 /// The same after a collision with rock.

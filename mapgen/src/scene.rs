@@ -17,6 +17,8 @@ mod office;
 mod pillars;
 mod tunnels;
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 use voxels::{Cell, Extent, Grid, Terrain, close_shell};
 
@@ -126,13 +128,8 @@ impl Canvas {
             let to_cell = |at_m: f64| ((at_m / cell_m).round() as i32 + 1).clamp(1, last);
             to_cell(low_m[axis])..to_cell(high_m[axis])
         };
-        let [x, y, z] = [0, 1, 2].map(range);
-        for z in z {
-            for y in y.clone() {
-                for x in x.clone() {
-                    self.terrain.set(Cell::new(x, y, z), terrain);
-                }
-            }
+        for cell in cells_in([0, 1, 2].map(range)) {
+            self.terrain.set(cell, terrain);
         }
     }
 
@@ -175,15 +172,10 @@ impl Canvas {
             let to_cell = |at_m: f64| ((at_m / cell_m).floor() as i32 + 1).clamp(1, last);
             to_cell(middle_m[axis] - half_m[axis])..to_cell(middle_m[axis] + half_m[axis] + cell_m)
         };
-        let [x, y, z] = [0, 1, 2].map(range);
-        for z in z {
-            for y in y.clone() {
-                for x in x.clone() {
-                    let at = [x, y, z].map(|along| (f64::from(along) - 0.5) * cell_m);
-                    if is_wall([0, 1, 2].map(|axis| at[axis] - middle_m[axis])) {
-                        self.terrain.set(Cell::new(x, y, z), Terrain::Wall);
-                    }
-                }
+        for cell in cells_in([0, 1, 2].map(range)) {
+            let at = [cell.x, cell.y, cell.z].map(|along| (f64::from(along) - 0.5) * cell_m);
+            if is_wall([0, 1, 2].map(|axis| at[axis] - middle_m[axis])) {
+                self.terrain.set(cell, Terrain::Wall);
             }
         }
     }
@@ -195,6 +187,14 @@ impl Canvas {
         let all = (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row]));
         all.skip(1).map(|square| square.map(|along| f64::from(along) * side_m)).collect()
     }
+}
+
+/// The cells of a box, given as ranges along x, y and z.
+fn cells_in([x, y, z]: [Range<i32>; 3]) -> impl Iterator<Item = Cell> {
+    z.flat_map(move |z| {
+        let x = x.clone();
+        y.clone().flat_map(move |y| x.clone().map(move |x| Cell::new(x, y, z)))
+    })
 }
 
 #[cfg(test)]

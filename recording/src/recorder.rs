@@ -381,7 +381,7 @@ fn open_writer<W: Write + Seek>(stream: W) -> McapResult<Writer<W>> {
 
 /// Writer options of recordings and live streams.
 pub(crate) fn options() -> WriteOptions {
-    // Kept, because new ones count the processors.
+    // Made once, because making them counts the processors.
     static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
         WriteOptions::new().profile("ros2").library(format!("{LIBRARY} {}", env!("CARGO_PKG_VERSION")))
     });

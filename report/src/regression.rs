@@ -202,7 +202,7 @@ pub struct Change {
     /// Means in ticks.
     pub base: f64,
     pub new: f64,
-    /// How chance is told from a cause.
+    /// Whether chance explains the change.
     pub test: ChangeTest,
 }
 

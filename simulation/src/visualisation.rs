@@ -29,6 +29,7 @@ mod sent_transforms;
 mod status;
 mod topic;
 
+use std::cell::LazyCell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use msgs::ids::{AgentId, Tick};
@@ -171,7 +172,10 @@ impl VisualisationScheduler {
         if !subscribers.contains_key(&VisualisationTopic::Transforms) {
             return messages;
         }
-        let messages = self.live_transforms.precede(world, messages, |agent| has_scans(subscribers, agent));
+        // Needed with messages alone, and then for each agent.
+        let scanned =
+            LazyCell::new(|| subscribers.keys().filter_map(|topic| topic.scanned_by()).collect::<BTreeSet<AgentId>>());
+        let messages = self.live_transforms.precede(world, messages, |agent| scanned.contains(&agent));
         if self.live_transforms.is_complete_at(world.tick()) {
             let entry = self.live.entry(VisualisationTopic::Transforms);
             if entry.published != Some(world.tick()) {

@@ -1,12 +1,13 @@
-use msgs::ids::{AgentId, Tick};
+use msgs::ids::AgentId;
 use protocol::body_model::BodyModel;
 use protocol::event_mask::EventMask;
 use protocol::field_of_view::FieldOfView;
-use protocol::observation::{Cells, Collision, Pose, Surface};
+use protocol::observation::{Collision, Surface};
 use voxels::Extent;
 
 use super::*;
 use crate::path::Neighbours;
+use crate::testing::idle_at;
 
 /// A ring that sees 15 degrees up and down.
 const RING: FieldOfView =
@@ -23,27 +24,8 @@ fn moves(body: BodyModel) -> Moves {
 
 /// At rest at the place of a cell, heading along x.
 fn at_rest(moves: &Moves, cell: Cell) -> Observation {
-    let extent = Extent::new(EXTENT, 0.1).unwrap();
-    Observation {
-        tick: Tick(9),
-        agent: AgentId(0),
-        pose: Pose { position: moves.lattice().place(extent, cell), yaw_rad: 0.0 },
-        velocity_in_map_m_s: Vector3::zeros(),
-        yaw_rate_rad_s: 0.0,
-        is_active: false,
-        collision: None,
-        events: EventMask::empty(),
-        contacts: Vec::new(),
-        relays: Vec::new(),
-        messages: Vec::new(),
-        scan_tick: None,
-        seen: Cells::default(),
-        view: None,
-        energy: None,
-        field_of_view: Some(RING),
-        map_frames: Vec::new(),
-        change: None,
-    }
+    let place = moves.lattice().place(Extent::new(EXTENT, 0.1).unwrap(), cell);
+    Observation { field_of_view: Some(RING), ..idle_at(AgentId(0), place) }
 }
 
 /// What a ring shows at the start in the middle of the hall, where the floor has no cells at some

@@ -1,5 +1,5 @@
 //! Values that a table has because it names all its keys, as recordings and the output of `maes
-//! scenario` do, though nobody gave them.
+//! scenario` do, and that were not given.
 //!
 //! Such a value cannot be told from one that was given. So where a change decides the defaults of
 //! other keys (a kind of body, of map or of start poses, a pattern or a preset of a LiDAR), the
