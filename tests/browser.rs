@@ -1,6 +1,7 @@
 //! The viewer: its static checks and tests, in a real browser with real runs and recordings, and
 //! the snapshots and movies made with it.
 
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
@@ -77,15 +78,27 @@ fn recording(site: &Site) -> PathBuf {
     site.file("pictured.mcap", &bytes)
 }
 
+/// A recording as a program writes it again that copies messages alone.
+fn without_attachments(file: &Path) -> Vec<u8> {
+    let bytes = std::fs::read(file).expect("the recording is there");
+    let mut writer = mcap::Writer::new(Cursor::new(Vec::new())).expect("memory can be written");
+    for message in mcap::MessageStream::new(&bytes).expect("it is whole") {
+        writer.write(&message.expect("it is whole")).expect("memory can be written");
+    }
+    writer.finish().expect("memory can be written");
+    writer.into_inner().into_inner()
+}
+
 #[test]
 fn snapshots_are_reproducible() {
     prepare();
     let site = Site::new();
     let file = recording(&site);
-    let snapshot = |arguments: &[&str]| {
+    let snapshot_of = |file: &Path, arguments: &[&str]| {
         let mut command = site.binary("maes");
-        site.start(command.arg("snapshot").arg(&file).args(["--size", "320x200"]).args(arguments)).ended()
+        site.start(command.arg("snapshot").arg(file).args(["--size", "320x200"]).args(arguments)).ended()
     };
+    let snapshot = |arguments: &[&str]| snapshot_of(&file, arguments);
     let taken = |at: &str, name: &str| {
         snapshot(&["--at", at, "--out", name]).with_code(0);
         let bytes = std::fs::read(site.path(name)).expect("there is a picture");
@@ -95,6 +108,9 @@ fn snapshots_are_reproducible() {
     let early = taken("2", "early.png");
     assert!(early == taken("2", "again.png"), "the same moment is the same picture");
     assert!(early != taken("18.5", "late.png"), "another moment is another picture");
+    // Of a file that has lost its attachments, the page draws what the team has seen.
+    let stripped = site.file("stripped.mcap", &without_attachments(&file));
+    snapshot_of(&stripped, &["--at", "18", "--out", "stripped.png"]).with_code(0);
     for (wrong, words) in [
         (&["--at", "100", "--out", "no.png"][..], "20"),
         (&["--at", "2", "--out", "no.png", "--agent", "7"], "0 to 1"),

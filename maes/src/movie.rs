@@ -40,7 +40,7 @@ fn movie(text: &str) -> Result<PathBuf, String> {
 
 /// Makes a movie.
 pub(crate) fn make(args: &MovieArgs) -> anyhow::Result<ExitCode> {
-    Recording::open(&args.subject.file)?;
+    Recording::open_messages(&args.subject.file)?;
     let &MovieArgs { from, to, seconds, fps, .. } = args;
     if let Err(error) = capture::take(&args.subject, CaptureTime::Movie { from, to, seconds, fps }, &args.out) {
         return Ok(capture_failed(&error));

@@ -101,7 +101,7 @@ pub(crate) fn png(text: &str) -> Result<PathBuf, String> {
 pub(crate) fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     if args.metadata {
         let name = args.file.file_name().unwrap_or_default().to_string_lossy();
-        print(&bag::metadata(&Recording::open(&args.file)?, &name));
+        print(&bag::metadata(&Recording::open_messages(&args.file)?, &name));
     } else if args.cmu_metrics {
         let metrics = cmu_metrics::text(&info::read(&args.file)?);
         print(metrics.with_context(|| args.file.display().to_string())?.trim_end());
@@ -196,7 +196,7 @@ pub(crate) fn capture_failed(error: &CaptureError) -> ExitCode {
 
 /// Takes a picture of a recording.
 pub(crate) fn snapshot(args: &SnapshotArgs) -> anyhow::Result<ExitCode> {
-    Recording::open(&args.subject.file)?;
+    Recording::open_messages(&args.subject.file)?;
     if let Err(error) = capture::take(&args.subject, CaptureTime::Snapshot { at: args.at }, &args.out) {
         return Ok(capture_failed(&error));
     }

@@ -143,7 +143,7 @@ pub(crate) fn view(args: ViewArgs, given: &ArgMatches) -> anyhow::Result<ExitCod
     }
     for recording in file.iter().filter(|_| is_recording).chain(&beside) {
         // What is no recording is reported here, and not in the browser.
-        Recording::open(recording)?;
+        Recording::open_messages(recording)?;
     }
     if let (Some(recording), Some(flag)) = (&file, for_rerun) {
         return Ok(rerun::show(recording, flag, rerun_save));
