@@ -7,7 +7,7 @@
 //! number of variants that have changed (Holm). With fewer pairs than this test needs for any
 //! p-value below its level, the mean alone decides, and the result says so.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -65,6 +65,8 @@ pub enum RegressionError {
     Twice { place: String, variant: String, run: String },
     #[error("{}: has no run with the axes and the seed of a run of {}; expected results of one plan", new.display(), base.display())]
     OtherPlan { base: PathBuf, new: PathBuf },
+    #[error("{} varies {new_axes}, and {} {base_axes}; expected results of one plan", new.display(), base.display())]
+    OtherAxes { base: PathBuf, new: PathBuf, base_axes: String, new_axes: String },
     #[error(
         "{variant}, {run}: lasts {base_s} s in {} and {new_s} s in {}; expected results of one plan", base.display(), new.display()
     )]
@@ -134,13 +136,31 @@ impl Row {
 /// The runs of a table by variant (values of the axes, or the controller), then by seed and map.
 type Runs = BTreeMap<String, BTreeMap<String, Row>>;
 
+/// A table of runs.
+struct Table {
+    /// Keys of the scenario that its plan varies.
+    axes: BTreeSet<String>,
+    runs: Runs,
+}
+
+impl Table {
+    /// The axes for an error.
+    fn axes(&self) -> String {
+        match self.axes.is_empty() {
+            true => "no key of the scenario".to_owned(),
+            false => self.axes.iter().map(String::as_str).collect::<Vec<_>>().join(", "),
+        }
+    }
+}
+
 /// The table that a path names: a file, or `runs.csv` in a folder.
-fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError> {
+fn read(path: &Path, measure: RegressionMeasure) -> Result<Table, RegressionError> {
     let file = if path.is_dir() { path.join("runs.csv") } else { path.to_owned() };
     let unreadable = |error| RegressionError::Read { path: file.clone(), error };
     let mut reader = csv::Reader::from_path(&file).map_err(unreadable)?;
     let header = reader.headers().map_err(unreadable)?.clone();
-    let mut runs = Runs::new();
+    let axes = header.iter().filter_map(|name| name.strip_prefix("axis.")).map(str::to_owned).collect();
+    let mut table = Table { axes, runs: Runs::new() };
     for (index, record) in reader.records().enumerate() {
         let record = record.map_err(unreadable)?;
         let fields: BTreeMap<String, String> =
@@ -153,24 +173,25 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Runs, RegressionError
         let duration_s = number(&fields, "duration_s", None, &place)?;
         let value = measure.value(&fields, duration_s, &place)?;
         let row = Row { value, duration_s, outcome: Outcome::Digest(digest) };
-        if runs.entry(variant.clone()).or_default().insert(key.clone(), row).is_some() {
+        if table.runs.entry(variant.clone()).or_default().insert(key.clone(), row).is_some() {
             return Err(RegressionError::Twice { place: place.to_string(), variant, run: key });
         }
     }
     if path.is_dir() && path.join("runs").is_dir() {
-        add_failures(&mut runs, path)?;
+        add_failures(&mut table, path)?;
     }
-    Ok(runs)
+    Ok(table)
 }
 
 /// Adds the failed runs of a folder, which have seen nothing until the end of their time.
-fn add_failures(runs: &mut Runs, folder: &Path) -> Result<(), RegressionError> {
+fn add_failures(table: &mut Table, folder: &Path) -> Result<(), RegressionError> {
     for failed in Store::open(folder)?.failures()? {
         let axes = failed.axes.iter().map(|(key, value)| (key.as_str(), value.as_str()));
         let (variant, key) = names(axes.collect(), &failed.controller, failed.seed);
         let (value, duration_s) = (ticks(failed.duration_s), failed.duration_s);
         let row = Row { value, duration_s, outcome: Outcome::Failed(failed.reason.clone()) };
-        runs.entry(variant).or_default().insert(key, row);
+        table.axes.extend(failed.axes.keys().cloned());
+        table.runs.entry(variant).or_default().insert(key, row);
     }
     Ok(())
 }
@@ -265,15 +286,21 @@ impl fmt::Display for Change {
 /// How the variants of `new` have changed since `base`; each is a `runs.csv` or its folder.
 ///
 /// # Errors
-/// If a table cannot be read, or the two have no run in common.
+/// If a table cannot be read, or the two have other axes or no run in common.
 pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Vec<Change>, RegressionError> {
     let (stored, present) = (read(base, measure)?, read(new, measure)?);
+    // Values alone would pair runs of two agents with those of a range of two metres.
+    if stored.axes != present.axes {
+        let (base, new) = (base.to_owned(), new.to_owned());
+        let (base_axes, new_axes) = (stored.axes(), present.axes());
+        return Err(RegressionError::OtherAxes { base, new, base_axes, new_axes });
+    }
     let mut changes: Vec<Change> = Vec::new();
     // By the place of the variant: the values of the pairs of those that have changed.
     let mut changed: Vec<(usize, Vec<f64>, Vec<f64>)> = Vec::new();
-    for (variant, stored) in &stored {
+    for (variant, stored) in &stored.runs {
         let nothing = BTreeMap::new();
-        let present = present.get(variant).unwrap_or(&nothing);
+        let present = present.runs.get(variant).unwrap_or(&nothing);
         let named = stored.iter().filter_map(|(key, row)| Some((key, row, present.get(key)?)));
         if let Some((run, one, other)) = named.clone().find(|(_, one, other)| one.duration_s != other.duration_s) {
             return Err(RegressionError::OtherDuration {
@@ -514,6 +541,18 @@ mod tests {
         fs::write(&new, table(&["soon"])).unwrap();
         let error = changes(&base, &new, RegressionMeasure::TimeTo(99)).unwrap_err().to_string();
         assert!(error.ends_with("new.csv:2: t99_s = \"soon\"; expected a number, 0 or more"), "{error}");
+        let of_axis = |axis: &str| {
+            let text = table(&["10"]).replace("digest\n", &format!("digest,axis.{axis}\n"));
+            text.replace(",10,10\n", ",10,10,2\n")
+        };
+        fs::write(&base, of_axis("agents.count")).unwrap();
+        fs::write(&new, of_axis("lidar.range_m")).unwrap();
+        let error = changes(&base, &new, RegressionMeasure::Unseen).unwrap_err().to_string();
+        assert!(
+            error.contains("new.csv varies lidar.range_m, and ") && error.contains("base.csv agents.count;"),
+            "{error}"
+        );
+        fs::write(&base, table(&["10"])).unwrap();
         fs::write(&new, "a,b\n1,2\n").unwrap();
         assert!(changes(&base, &new, RegressionMeasure::Unseen).unwrap_err().to_string().contains(":2: seed = "));
     }
