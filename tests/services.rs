@@ -174,9 +174,12 @@ fn interventions_change_the_run_and_pauses_do_not() {
 #[test]
 fn reset_run_is_the_same() {
     let site = Site::new();
-    controlled(&site, "2", &[], &["again"]).with_code(0);
-    let (recording, whole) = (site.recording("run.mcap"), undisturbed(&site, "2"));
-    assert_eq!(recording, whole, "{}", recording.first_difference(&whole));
+    let whole = undisturbed(&site, "2");
+    for per_process in ["1", "2"] {
+        controlled(&site, "2", &["--agents-per-process", per_process], &["again"]).with_code(0);
+        let recording = site.recording("run.mcap");
+        assert_eq!(recording, whole, "{per_process} in a process: {}", recording.first_difference(&whole));
+    }
 }
 
 #[test]

@@ -17,8 +17,8 @@ pub(super) const BESIDE: &str = "beside";
 /// Path of the answers to questions about a map; the query of the page names it.
 pub(super) const MAP_ROOM: &str = "map-room";
 
-/// Where recordings are beside the page: paths relative to it. A name that would need escaping is
-/// left out.
+/// Where recordings are beside the page: paths relative to it. Instead of a name that would need
+/// escaping they have another one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordingPaths {
     pub recording: String,
@@ -30,7 +30,8 @@ impl RecordingPaths {
     /// The paths of one recording, or of two.
     #[must_use]
     pub fn of(recording: &Path, beside: Option<&Path>) -> Self {
-        Self { recording: path_below(RECORDING, recording), beside: beside.map(|beside| path_below(BESIDE, beside)) }
+        let path_of = |folder, file| path_below(folder, file, "recording.mcap");
+        Self { recording: path_of(RECORDING, recording), beside: beside.map(|beside| path_of(BESIDE, beside)) }
     }
 
     /// The query of the page that shows them.
@@ -41,9 +42,11 @@ impl RecordingPaths {
     }
 }
 
-fn path_below(folder: &str, file: &Path) -> String {
+/// A path of a file in a folder beside the page, by its name or else by that of `other`, whose
+/// extension tells the page what it is.
+fn path_below(folder: &str, file: &Path, other: &str) -> String {
     let is_plain = |name: &&str| name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte));
-    let name = file.file_name().and_then(|name| name.to_str()).filter(is_plain).unwrap_or("recording.mcap");
+    let name = file.file_name().and_then(|name| name.to_str()).filter(is_plain).unwrap_or(other);
     format!("{folder}/{name}")
 }
 
@@ -102,7 +105,7 @@ impl StaticFileServer {
             beside: None,
             map: Some(answers),
         };
-        let query = format!("{}&room={MAP_ROOM}", RecordingPaths::of(map, None).query());
+        let query = format!("recording={}&room={MAP_ROOM}", path_below(RECORDING, map, "map.m3dm"));
         Self::serve(address, content, query, token, allowed)
     }
 
@@ -131,5 +134,20 @@ impl StaticFileServer {
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://{}/?{}&{}", self.address, self.query, self.recordings)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_need_escaping_are_replaced() {
+        let paths = RecordingPaths::of(Path::new("a/run-1.mcap"), Some(Path::new("b/Höhle 2.mcap")));
+        assert_eq!(paths.query(), "recording=recording/run-1.mcap&beside=beside/recording.mcap");
+        for name in ["my cave.m3dm", "Höhle.m3dm", "cave#1.m3dm", "cave+(2).obj.m3dm"] {
+            assert_eq!(path_below(RECORDING, Path::new(name), "map.m3dm"), "recording/map.m3dm");
+        }
+        assert_eq!(path_below(RECORDING, Path::new("cave.obj.m3dm"), "map.m3dm"), "recording/cave.obj.m3dm");
     }
 }

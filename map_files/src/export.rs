@@ -10,7 +10,7 @@ use std::path::Path;
 use voxels::octree::{self, DEPTH};
 use voxels::{Cell, Grid, Terrain, m3dm, packed};
 
-use super::{FormatError, MapReader, cell_length};
+use super::{FormatError, cell_length};
 use surface::triangles;
 
 /// A writer of a file format. A new format is one, and its line in [`WRITERS`].
@@ -37,12 +37,11 @@ impl MapWriter {
     /// The writer of a file by the extension of its name, ignoring case.
     ///
     /// # Errors
-    /// [`FormatError::Extension`] if it is unknown; [`FormatError::NotWritten`] if files with it
-    /// are only read.
+    /// [`FormatError::NotWritten`], which lists the extensions that have one.
     pub fn of(file: &Path) -> Result<&'static Self, FormatError> {
-        let extension = MapReader::of(file)?.extension_of(file);
-        let writer = WRITERS.iter().find(|writer| writer.extension == extension);
-        writer.ok_or(FormatError::NotWritten { extension })
+        let extension = file.extension().unwrap_or_default().to_string_lossy();
+        let writer = WRITERS.iter().find(|writer| extension.eq_ignore_ascii_case(writer.extension));
+        writer.ok_or_else(|| FormatError::NotWritten(extension.into_owned()))
     }
 
     /// The bytes of a file, with the length of its cells.

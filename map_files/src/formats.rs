@@ -106,12 +106,13 @@ pub enum FormatError {
     /// A floor plan has a file of its own for its picture.
     #[error("a map.yaml is written with its picture, in two files")]
     TwoFiles,
-    /// A format that is only read.
-    #[error("files of extension {extension:?} are not written, only {}", listed(WRITERS.iter().map(|writer| writer.extension)))]
-    NotWritten {
-        /// Its extension.
-        extension: &'static str,
-    },
+    /// The extension of a file to be written is missing, unknown, or that of a format that is only
+    /// read.
+    #[error(
+        "the file's extension is {}, written are {}",
+        if_any(.0), listed(WRITERS.iter().map(|writer| writer.extension))
+    )]
+    NotWritten(String),
     /// Malformed M3DM, or a map too large for it.
     #[error(transparent)]
     M3dm(#[from] M3dmError),

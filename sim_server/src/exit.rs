@@ -68,7 +68,7 @@ pub fn of_error(error: &RunError) -> ExitCode {
         RunError::OtherServer { .. }
         | RunError::Random(_)
         | RunError::Record(_)
-        | RunError::Reset(_)
+        | RunError::Reset { .. }
         | RunError::Threads(_) => FAILED,
     })
 }

@@ -36,7 +36,7 @@ use simulation::scenario::{Override, Scenario};
 use system::diagnostics;
 use system::memory;
 use system::os;
-use system::program::AGENTS_OF_START;
+use system::program::StartableAgents;
 use system::results;
 use system::summary::Summary;
 use transport::{Level, Transport};
@@ -149,7 +149,8 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     let name = source.display().to_string();
     let map = args.keys.map.as_deref();
-    let job = Job { name, map, scenario: &scenario, resumed: resumed.as_ref(), summary, trace: trace.as_ref(), policy };
+    let (resumed, trace, ready) = (resumed.as_ref(), trace.as_ref(), args.ready.as_deref());
+    let job = Job { name, map, scenario: &scenario, resumed, summary, trace, ready, policy };
     // An error in the world is reported before anything is opened.
     let made = job.make()?;
     let (stop, guard) = stop_and_guard(scenario.agents.count)?;
@@ -160,7 +161,7 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     match job.begin(made, &env, viewing.as_ref()) {
         Ok(begun) => {
             guard.started();
-            say_ready(args, AGENTS_OF_START)?;
+            say_ready(args.ready.as_deref(), &StartableAgents::OfStart)?;
             let log =
                 args.log.as_ref().map(|file| File::create(file).context(file.display().to_string())).transpose()?;
             let mut terminal = Terminal::of(&scenario).with_log(log);
@@ -193,10 +194,10 @@ fn run(args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Writes a line into the file of `--ready`, if there is one.
-fn say_ready(args: &RunArgs, line: &str) -> anyhow::Result<()> {
-    match &args.ready {
-        Some(file) => std::fs::write(file, format!("{line}\n")).context(file.display().to_string()),
+/// Writes which agents may start into the file of `--ready`, if there is one.
+fn say_ready(file: Option<&Path>, agents: &StartableAgents) -> anyhow::Result<()> {
+    match file {
+        Some(file) => std::fs::write(file, format!("{agents}\n")).context(file.display().to_string()),
         None => Ok(()),
     }
 }
@@ -252,6 +253,8 @@ struct Job<'a> {
     summary: Option<&'a Path>,
     /// Where the trace of its profile goes; `None`: it is not profiled.
     trace: Option<&'a TraceFile>,
+    /// The file of `--ready`.
+    ready: Option<&'a Path>,
     /// Which processes may join.
     policy: JoinPolicy,
 }
@@ -343,8 +346,12 @@ impl<'a> Job<'a> {
             let mut observer = Profiled { inner: terminal, profile: profile.as_mut() };
             session::run(config, world, &mut *link, records, &mut observer, stop)
         });
-        while let Err(RunError::Reset(start)) = ended {
+        while let Err(RunError::Reset { start, departed }) = ended {
             terminal.say(Level::Info, "the run begins again: a service call has reset it");
+            if !departed.is_empty() {
+                let departed = departed.iter().map(|agent| agent.0).collect();
+                say_ready(self.ready, &StartableAgents::Departed(departed))?;
+            }
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {
                 Ok(records) => {

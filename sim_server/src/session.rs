@@ -177,7 +177,8 @@ pub fn run(
     if let Some(Reset { is_paused }) = session.control.pending_reset() {
         session.log.discard();
         session.control.end_steps("the simulation was reset");
-        return Err(RunError::Reset(start.reset(is_paused, session.control.rtf())));
+        let start = start.reset(is_paused, session.control.rtf());
+        return Err(RunError::Reset { start, departed: session.agents.sessions().departed() });
     }
     let is_complete = ended.as_ref().is_ok_and(EndReason::is_complete);
     if session.playback.is_some() && !is_complete && session.log.checker().is_none() {

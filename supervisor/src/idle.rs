@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use simulation::scenario::Scenario;
 use system::input_file::{self, TEXT_BYTES_MAX};
+use system::program::StartableAgents;
 
 use crate::SupervisorError;
 use crate::binaries;
@@ -58,46 +59,82 @@ impl IdleServer {
         processes::kill_with_this_process(&mut command);
         let mut server = processes::start(command)?;
         begun();
-        let mut agents: Vec<AgentProcess> = Vec::new();
+        let mut agents = RequestedAgents::default();
         let mut forwarded = 0;
         let code = loop {
             while forwarded < interruptions() {
                 forwarded += 1;
                 send(&server, Signal::SIGTERM);
             }
-            agents.retain_mut(|agent| matches!(agent.ended(), Ok(None)));
+            agents.look_after();
             if let Some(status) = server.ended().map_err(|source| SupervisorError::io("sim_server", source))? {
                 break exit_code(status);
             }
             // For every run that begins the server says which scenario it is.
-            while let Some(line) = ready.next_line().map_err(|source| SupervisorError::io("ready", source))? {
-                agents.extend(start_requested(&self.binaries, &self.logs, Path::new(&line), &secret)?);
+            while let Some(startable) = ready.next_agents().map_err(|source| SupervisorError::io("ready", source))? {
+                let (binaries, logs) = (&self.binaries, &self.logs);
+                match startable {
+                    // It starts without a run.
+                    StartableAgents::OfStart => {}
+                    StartableAgents::OfScenario(file) => agents.start_run(binaries, logs, &file, &secret)?,
+                    StartableAgents::Departed(ids) => {
+                        agents.start(binaries, logs, ids.into_iter().map(Group::of), &secret)?;
+                    }
+                }
             }
             events.wait(Some(std::os::fd::AsFd::as_fd(&ready)))?;
         };
         if code != 0 {
-            agents.iter().for_each(|agent| agent.signal(Signal::SIGTERM));
+            agents.processes.iter().for_each(|agent| agent.signal(Signal::SIGTERM));
         }
-        processes::await_end(agents, &mut events)?;
+        processes::await_end(agents.processes, &mut events)?;
         Ok(code)
     }
 }
 
-/// Starts the agents of a requested run, whose scenario the server has written to a file.
-pub(crate) fn start_requested(
-    binaries: &Path,
-    logs: &Path,
-    file: &Path,
-    secret: &JoinSecret,
-) -> Result<Vec<AgentProcess>, SupervisorError> {
-    // The server has read it before; if it is gone, so is the run.
-    let Ok(text) = input_file::read_text(file, TEXT_BYTES_MAX) else { return Ok(Vec::new()) };
-    let Ok(scenario) = Scenario::parse(&file.display().to_string(), &text, &[]) else { return Ok(Vec::new()) };
-    let run = file.file_stem().unwrap_or_default().to_string_lossy();
-    let start = |group: Group| {
-        let log = logs.join(format!("{run}_agent_{}.log", group.first));
-        let command = processes::command(binaries, "agent_node", None, secret);
-        processes::start_agents(processes::with_ids(command, group), &log).map(AgentProcess::Local)
-    };
-    Team::default().groups(&scenario).into_iter().map(start).collect()
+/// The agents of runs that are started on the page, one after the other.
+#[derive(Default)]
+pub(crate) struct RequestedAgents {
+    /// The present run: its scenario file without the extension.
+    run: String,
+    pub(crate) processes: Vec<AgentProcess>,
+}
+
+impl RequestedAgents {
+    /// Forgets processes that have ended.
+    pub(crate) fn look_after(&mut self) {
+        self.processes.retain_mut(|agent| matches!(agent.ended(), Ok(None)));
+    }
+
+    /// Starts the agents of a run, whose scenario the server has written to a file.
+    pub(crate) fn start_run(
+        &mut self,
+        binaries: &Path,
+        logs: &Path,
+        file: &Path,
+        secret: &JoinSecret,
+    ) -> Result<(), SupervisorError> {
+        self.run = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        // The server has read it before; if it is gone, so is the run.
+        let Ok(text) = input_file::read_text(file, TEXT_BYTES_MAX) else { return Ok(()) };
+        let Ok(scenario) = Scenario::parse(&file.display().to_string(), &text, &[]) else { return Ok(()) };
+        self.start(binaries, logs, Team::default().groups(&scenario), secret)
+    }
+
+    /// Starts processes of the present run.
+    pub(crate) fn start(
+        &mut self,
+        binaries: &Path,
+        logs: &Path,
+        groups: impl IntoIterator<Item = Group>,
+        secret: &JoinSecret,
+    ) -> Result<(), SupervisorError> {
+        for group in groups {
+            let log = logs.join(format!("{}_agent_{}.log", self.run, group.first));
+            let command = processes::command(binaries, "agent_node", None, secret);
+            let process = processes::start_agents(processes::with_ids(command, group), &log)?;
+            self.processes.push(AgentProcess::Local(process));
+        }
+        Ok(())
+    }
 }

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use nix::fcntl::OFlag;
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
+use system::program::StartableAgents;
 
 use crate::SupervisorError;
 
@@ -46,16 +47,16 @@ impl ReadyPipe {
         &self.path
     }
 
-    /// The next line that was written into it, if there is a whole one.
+    /// The next agents that may start, if there is a whole line.
     ///
     /// # Errors
     /// If the pipe cannot be read.
-    pub fn next_line(&mut self) -> io::Result<Option<String>> {
+    pub fn next_agents(&mut self) -> io::Result<Option<StartableAgents>> {
         let mut part = [0; 1024];
         loop {
             if let Some(end) = self.line.iter().position(|&byte| byte == b'\n') {
                 let line: Vec<u8> = self.line.drain(..=end).collect();
-                return Ok(Some(String::from_utf8_lossy(&line[..end]).into_owned()));
+                return Ok(Some(StartableAgents::of_line(&String::from_utf8_lossy(&line[..end]))));
             }
             match self.file.read(&mut part) {
                 Ok(length) => self.line.extend_from_slice(&part[..length]),
@@ -87,13 +88,13 @@ mod tests {
     fn lines_come_out_whole_and_in_order() {
         let folder = tempfile::tempdir().unwrap();
         let mut pipe = ReadyPipe::create(folder.path()).unwrap();
-        assert_eq!(pipe.next_line().unwrap(), None);
+        assert_eq!(pipe.next_agents().unwrap(), None);
         fs::write(pipe.path(), "ready\nrun_1.toml\nrun").unwrap();
-        assert_eq!(pipe.next_line().unwrap().as_deref(), Some("ready"));
-        assert_eq!(pipe.next_line().unwrap().as_deref(), Some("run_1.toml"));
-        assert_eq!(pipe.next_line().unwrap(), None);
+        assert_eq!(pipe.next_agents().unwrap(), Some(StartableAgents::OfStart));
+        assert_eq!(pipe.next_agents().unwrap(), Some(StartableAgents::OfScenario("run_1.toml".into())));
+        assert_eq!(pipe.next_agents().unwrap(), None);
         fs::write(pipe.path(), "_2.toml\n").unwrap();
-        assert_eq!(pipe.next_line().unwrap().as_deref(), Some("run_2.toml"));
+        assert_eq!(pipe.next_agents().unwrap(), Some(StartableAgents::OfScenario("run_2.toml".into())));
         drop(pipe);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
@@ -102,6 +103,6 @@ mod tests {
     fn a_pipe_that_was_left_behind_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("ready"), "stale\n").unwrap();
-        assert_eq!(ReadyPipe::create(folder.path()).unwrap().next_line().unwrap(), None);
+        assert_eq!(ReadyPipe::create(folder.path()).unwrap().next_agents().unwrap(), None);
     }
 }

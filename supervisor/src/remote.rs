@@ -153,7 +153,9 @@ impl RemoteTeam {
     /// Starts a process of agents on its host, and connects to that again if it was lost.
     pub(crate) fn start(&mut self, group: Group, run: &Run<'_>) -> Result<RemoteProcess, SupervisorError> {
         let hosts = self.hosts.as_ref().map_or(&[][..], |hosts| &hosts.hosts);
-        let place = self.places.iter().find(|(other, _)| *other == group).map_or(0, |&(_, place)| place);
+        // Of agents that share a process, one may start alone when it has left and is to come back.
+        let has = |other: &Group| other.first <= group.first && group.last <= other.last;
+        let place = self.places.iter().find(|(other, _)| has(other)).map_or(0, |&(_, place)| place);
         if self.connections[place].launcher_code().is_some() {
             self.connections[place] = Rc::new(Connection::open(&hosts[place], &self.binaries, &self.logs)?);
             self.reported.remove(&place);

@@ -12,13 +12,13 @@ use std::process::{Command, Stdio};
 use simulation::scenario::{OnAgentLoss, Scenario};
 use system::diagnostics;
 use system::exit_code as exit;
-use system::program;
+use system::program::{self, StartableAgents};
 use system::summary::Summary;
 
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::domain::{self, DomainLock};
 use crate::hosts::Hosts;
-use crate::idle::start_requested;
+use crate::idle::RequestedAgents;
 use crate::processes::{self, AgentProcess, ChildEvents, JoinSecret, send};
 use crate::ready::ReadyPipe;
 use crate::remote::{self, RANGE, RemoteTeam, SUBNET};
@@ -135,7 +135,8 @@ impl Run<'_> {
             server,
             forwarded: 0,
             agents: BTreeMap::new(),
-            requested: Vec::new(),
+            requested: RequestedAgents::default(),
+            is_requested: false,
             restarts: BTreeMap::new(),
             refusal: None,
         };
@@ -270,7 +271,9 @@ struct Supervision<'a> {
     forwarded: u32,
     agents: BTreeMap<Group, AgentProcess>,
     /// Agents of runs that were started on the page after this one.
-    requested: Vec<AgentProcess>,
+    requested: RequestedAgents,
+    /// Whether the present run is such.
+    is_requested: bool,
     restarts: BTreeMap<Group, u32>,
     /// The exit code of a run that ends because of its agents.
     refusal: Option<u8>,
@@ -295,8 +298,8 @@ impl Supervision<'_> {
         loop {
             self.forward_interruptions();
             let ended = self.server.ended().map_err(|source| SupervisorError::io("sim_server", source))?;
-            let line = ready.next_line();
-            if line.map_err(|source| SupervisorError::io("ready", source))?.is_some() {
+            let ready_agents = ready.next_agents();
+            if ready_agents.map_err(|source| SupervisorError::io("ready", source))?.is_some() {
                 return Ok(None);
             }
             if let Some(status) = ended {
@@ -339,22 +342,43 @@ impl Supervision<'_> {
         loop {
             self.forward_interruptions();
             self.look_after_agents()?;
-            self.requested.retain_mut(|agent| matches!(agent.ended(), Ok(None)));
+            self.requested.look_after();
             if let Some(status) = self.server.ended().map_err(|source| SupervisorError::io("sim_server", source))? {
                 return Ok(exit_code(status));
             }
-            while let Some(line) = ready.next_line().map_err(|source| SupervisorError::io("ready", source))? {
-                if line == program::AGENTS_OF_START {
-                    self.restarts.clear();
-                    self.start_team()?;
-                } else {
-                    let run = self.run;
-                    let binaries = program::within(Path::new(""), &run.binaries);
-                    self.requested.extend(start_requested(&binaries, &run.logs, Path::new(&line), &self.secret)?);
-                }
+            while let Some(agents) = ready.next_agents().map_err(|source| SupervisorError::io("ready", source))? {
+                self.start_later(agents)?;
             }
             events.wait(Some(std::os::fd::AsFd::as_fd(ready)))?;
         }
+    }
+
+    /// Starts agents while the server is at work.
+    fn start_later(&mut self, agents: StartableAgents) -> Result<(), SupervisorError> {
+        let run = self.run;
+        let binaries = program::within(Path::new(""), &run.binaries);
+        match agents {
+            StartableAgents::OfStart => {
+                self.is_requested = false;
+                self.restarts.clear();
+                self.start_team()?;
+            }
+            StartableAgents::OfScenario(file) => {
+                self.is_requested = true;
+                self.requested.start_run(&binaries, &run.logs, &file, &self.secret)?;
+            }
+            StartableAgents::Departed(ids) if self.is_requested => {
+                self.requested.start(&binaries, &run.logs, ids.into_iter().map(Group::of), &self.secret)?;
+            }
+            StartableAgents::Departed(ids) => {
+                let own = run.team.agents(run.scenario);
+                for group in ids.into_iter().filter(|id| own.contains(id)).map(Group::of) {
+                    let process = self.start_agents(group)?;
+                    self.agents.insert(group, process);
+                }
+            }
+        }
+        Ok(())
     }
 
     fn look_after_agents(&mut self) -> Result<(), SupervisorError> {
@@ -414,8 +438,9 @@ impl Supervision<'_> {
         let is_driven = |group: &Group| self.run.scenario.agents.cmd_vel.contains(&group.first);
         let unnotified = self.agents.iter().filter(|(group, _)| code != 0 || is_driven(group));
         unnotified.for_each(|(_, agent)| agent.signal(Signal::SIGTERM));
-        self.requested.iter().filter(|_| code != 0).for_each(|agent| agent.signal(Signal::SIGTERM));
-        let agents: Vec<AgentProcess> = self.agents.into_values().chain(self.requested).collect();
+        let requested = self.requested.processes;
+        requested.iter().filter(|_| code != 0).for_each(|agent| agent.signal(Signal::SIGTERM));
+        let agents: Vec<AgentProcess> = self.agents.into_values().chain(requested).collect();
         processes::await_end(agents, events)?;
         Ok(self.refusal.unwrap_or(code))
     }

@@ -51,6 +51,13 @@ pub(crate) struct Group {
     pub(crate) last: u32,
 }
 
+impl Group {
+    /// One agent alone.
+    pub(crate) fn of(agent: u32) -> Self {
+        Self { first: agent, last: agent }
+    }
+}
+
 impl Team {
     /// Whether the team can run this scenario.
     ///

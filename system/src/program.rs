@@ -1,11 +1,50 @@
-//! Programs that users name: where they are, and how they are started.
+//! Programs: which agents a server wants to be started, and where those are that users name.
 
+use std::fmt;
 use std::path::{Path, PathBuf, absolute};
 use std::process::Command;
 
-/// What a server writes into the pipe of `--ready` when the agents that belong to its start may
-/// start; a name of a scenario file stands for those of another run.
-pub const AGENTS_OF_START: &str = "ready";
+/// The agents that may start: a line that a server writes into the pipe of `--ready`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum StartableAgents {
+    /// Those that belong to the start of the server.
+    OfStart,
+    /// Those of a run that was requested later, by its scenario file.
+    OfScenario(PathBuf),
+    /// Those of the present run with these ids, which had left it before it was reset.
+    Departed(Vec<u32>),
+}
+
+impl StartableAgents {
+    const OF_START: &str = "ready";
+    const DEPARTED: &str = "departed ";
+
+    /// Reads a line; what is no other word is a file.
+    #[must_use]
+    pub fn of_line(line: &str) -> Self {
+        if line == Self::OF_START {
+            return Self::OfStart;
+        }
+        let ids = line.strip_prefix(Self::DEPARTED).map(|ids| ids.split(',').map(str::parse).collect());
+        match ids {
+            Some(Ok(ids)) => Self::Departed(ids),
+            _ => Self::OfScenario(line.into()),
+        }
+    }
+}
+
+impl fmt::Display for StartableAgents {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OfStart => f.write_str(Self::OF_START),
+            Self::OfScenario(file) => write!(f, "{}", file.display()),
+            Self::Departed(ids) => {
+                let ids: Vec<String> = ids.iter().map(u32::to_string).collect();
+                write!(f, "{}{}", Self::DEPARTED, ids.join(","))
+            }
+        }
+    }
+}
 
 /// A path as a process in `folder` finds it, the present folder if that is empty.
 #[must_use]
@@ -27,4 +66,20 @@ pub fn command(words: &[String], folder: &Path) -> Command {
         command.current_dir(folder);
     }
     command
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_say_which_agents_may_start() {
+        for agents in [
+            StartableAgents::OfStart,
+            StartableAgents::OfScenario("logs/run_2.toml".into()),
+            StartableAgents::Departed(vec![1, 40]),
+        ] {
+            assert_eq!(StartableAgents::of_line(&agents.to_string()), agents);
+        }
+    }
 }

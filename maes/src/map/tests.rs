@@ -160,13 +160,15 @@ fn bad_input_is_one_line_and_writes_nothing() {
     for (line, expected) in [
         (
             "generate --size 30 -o @a.vox",
-            "a.vox: files of extension \"vox\" are not written, only .m3dm, .txt, .bt, .obj, .stl, .glb, .pcd and .yaml",
+            "a.vox: the file's extension is \"vox\", written are .m3dm, .txt, .bt, .obj, .stl, .glb, .pcd and .yaml",
         ),
         (
             "generate --size 30 -o @a",
-            "a: the file's extension is missing, known are .m3dm, .txt, .bt, .ot, .pcd, .ply, .obj, .stl, \
-             .gltf, .glb, .dae, .sdf, .world, .vox, .pgm, .ppm, .pbm, .png, .bmp, .jpg, .jpeg, .yaml, .yml, .xyz, .xyzrgb, \
-             .xyzn, .asc, .pts, .csv, .las, .laz and .e57",
+            "a: the file's extension is missing, written are .m3dm, .txt, .bt, .obj, .stl, .glb, .pcd and .yaml",
+        ),
+        (
+            "convert @good.txt @a.foo",
+            "a.foo: the file's extension is \"foo\", written are .m3dm, .txt, .bt, .obj, .stl, .glb, .pcd and .yaml",
         ),
         ("generate --size 2000 -o @a.txt", "map size along x is 2000 cells, allowed are 1 to 1024"),
         ("generate --size 30 --cell-m 0 -o @a.txt", "cell_m is 0, allowed are finite lengths in metres above 0"),

@@ -1,6 +1,6 @@
 use super::surface::{Rectangle, rectangles};
 use super::*;
-use crate::{ImportOptions, ImportSpec, Imported};
+use crate::{ImportOptions, ImportSpec, Imported, MapReader};
 use mapgen::{Kind, free_cells};
 use proptest::prelude::*;
 use std::collections::BTreeMap;

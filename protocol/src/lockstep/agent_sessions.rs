@@ -329,6 +329,12 @@ impl AgentSessions {
         self.membership.missing()
     }
 
+    /// Agents that have left the run, ascending.
+    #[must_use]
+    pub fn departed(&self) -> Vec<AgentId> {
+        self.membership.departed()
+    }
+
     /// The controllers of the agents that have a process, ascending by agent.
     pub fn controllers(&self) -> impl Iterator<Item = (AgentId, &str)> {
         self.membership.sessions().filter_map(|(agent, session)| Some((agent, &*session.holder()?.lease.controller)))

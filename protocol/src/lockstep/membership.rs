@@ -207,6 +207,12 @@ impl Membership {
         self.sessions.get(agent.index()).and_then(AgentSession::holder)
     }
 
+    /// Agents that have left the run, ascending.
+    pub(super) fn departed(&self) -> Vec<AgentId> {
+        let left = self.sessions().filter(|(_, session)| matches!(session.state, State::Left { .. }));
+        left.map(|(agent, _)| agent).collect()
+    }
+
     /// Ids that no process holds, ascending.
     pub(super) fn missing(&self) -> Vec<AgentId> {
         self.sessions().filter(|(_, session)| !session.has_process()).map(|(agent, _)| agent).collect()

@@ -13,7 +13,7 @@ use msgs::ids::Tick;
 use ros_node::ros_env::RosEnv;
 use simulation::scenario::{Override, Scenario};
 use system::diagnostics;
-use system::program::AGENTS_OF_START;
+use system::program::StartableAgents;
 
 use super::{Job, failed, join_policy, open_viewing, say_ready, stop_and_guard, tell_address};
 use crate::cli::RunArgs;
@@ -108,6 +108,7 @@ pub(super) fn serve_requests(
             resumed,
             summary,
             trace: trace.as_ref(),
+            ready: args.ready.as_deref(),
             policy: policy.clone(),
         };
         let begun = job.make().and_then(|made| job.begin(made, env, Some(viewing)));
@@ -175,16 +176,16 @@ fn check_agents(program: &[PathBuf], scenario: &Scenario) -> Result<(), String> 
     Ok(())
 }
 
-/// Says which agents may be started: into the file of `--ready` goes the word for the agents of the
-/// start, or the name of a file beside it with the scenario of others.
+/// Says which agents may start: those of a requested scenario by a file beside that of `--ready`.
 fn tell_agents(args: &RunArgs, number: u32, team: Team, scenario: &Scenario) -> anyhow::Result<()> {
     let Some(ready) = &args.ready else { return Ok(()) };
-    match team {
-        Team::OfStart => say_ready(args, AGENTS_OF_START),
+    let agents = match team {
+        Team::OfStart => StartableAgents::OfStart,
         Team::Requested => {
             let file = ready.with_file_name(format!("run_{number}.toml"));
             std::fs::write(&file, scenario.to_toml()).context(file.display().to_string())?;
-            say_ready(args, &file.display().to_string())
+            StartableAgents::OfScenario(file)
         }
-    }
+    };
+    say_ready(Some(ready), &agents)
 }

@@ -35,7 +35,7 @@ impl<'a> RunConfig<'a> {
         Self::new(scenario, Mode::Live)
     }
 
-    /// A live run after [`RunError::Reset`], with the same agents.
+    /// A live run after [`RunError::Reset`], with the agents of the scenario.
     #[must_use]
     pub fn after_reset(scenario: &'a Scenario, start: RunStart) -> Self {
         Self { scenario, mode: Mode::Live, start, policy: JoinPolicy::default() }

@@ -45,7 +45,11 @@ pub enum RunError {
     /// A control request has reset the run. No failure: the caller continues with
     /// [`super::RunConfig::after_reset`].
     #[error("the simulation was reset")]
-    Reset(RunStart),
+    Reset {
+        start: RunStart,
+        /// Agents that have left, so that their processes have ended, ascending.
+        departed: Vec<AgentId>,
+    },
     /// The system provides no random number for the identity of the run.
     #[error("no random number for the run: {0}")]
     Random(#[from] getrandom::Error),
