@@ -15,9 +15,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use msgs::cdr;
-use msgs::counters::CounterName;
 use msgs::ids::{AgentId, Tick};
-use msgs::maes_msgs::{Counter, Observation as Fragment, Progress};
+use msgs::maes_msgs::{Observation as Fragment, Progress};
 use msgs::shared_bytes::SharedBytes;
 
 use super::RunError;
@@ -31,16 +30,14 @@ use protocol::wake_condition::WakeCondition;
 use recording::playback::RecordedTick;
 use simulation::digest::{Chain, Digest};
 use simulation::scenario::{EventAction, MapKind, Scenario, ScheduledEvent, StopRule};
-use simulation::wire::{self, Change, MapChangeCause};
-use voxels::Terrain;
-use world::body::Pose;
-use world::energy::EnergyTotals;
-use world::localisation::DriftTotals;
-use world::map_change::{CellBox, MapChange};
+use simulation::wire::{self, MapChangeCause};
+use world::map_change::MapChange;
 use world::workers::Workers;
 use world::{Presence, World};
 
 mod completion;
+mod counters;
+mod interventions;
 mod standstill;
 
 /// A committed exchange with an agent.
@@ -351,30 +348,6 @@ impl<'a> Engine<'a> {
         Ok(())
     }
 
-    /// Makes the cells of a box free or wall, as a request says, and returns how many have changed;
-    /// or returns the reason why they stay as they are.
-    pub(super) fn change_cells(
-        &mut self,
-        cells: CellBox,
-        terrain: Terrain,
-        log: &mut SessionLog<'_>,
-    ) -> Result<Result<u32, &'static str>, RunError> {
-        if terrain == Terrain::Wall && self.world.is_anything_in(cells) {
-            return Ok(Err("a body, a relay or an obstacle is in the box: move it away, or choose other cells"));
-        }
-        self.flush_scans();
-        let changed = self.world.change_map(cells, terrain);
-        if changed > 0 {
-            let tick = self.tick();
-            self.interventions += 1;
-            let message = wire::map_change(tick, cells, terrain, MapChangeCause::Request);
-            log.write_digested(EntryKind::MapChange, tick, &message, &mut self.chain)?;
-            self.rested_at = None;
-            self.standstill = standstill::Standstill::default();
-        }
-        Ok(Ok(changed))
-    }
-
     /// Lets a late agent join as soon as there is room for it.
     pub(super) fn expect_join(&mut self, agent: AgentId) {
         self.joining.insert(agent);
@@ -435,145 +408,6 @@ impl<'a> Engine<'a> {
             }
         }
         self.changed.push(scenario);
-    }
-
-    /// Moves an agent to a pose at rest, or returns the reason why it cannot be there.
-    pub(super) fn place(
-        &mut self,
-        agent: AgentId,
-        pose: Pose,
-        log: &mut SessionLog<'_>,
-    ) -> Result<Result<(), &'static str>, RunError> {
-        let placed = self.world.place(agent, pose);
-        if placed.is_ok() {
-            // Its wake-up condition was meant for another place.
-            self.wake_conditions[agent.index()] = WakeCondition::NEXT_TICK;
-            self.standstill = standstill::Standstill::default();
-            self.record_intervention(agent, &Change::Place(pose), log)?;
-        }
-        Ok(placed)
-    }
-
-    /// Removes an agent from the run as builds did whose services left the body in the world.
-    pub(super) fn remove(&mut self, agent: AgentId, log: &mut SessionLog<'_>) -> Result<(), RunError> {
-        self.lost.insert(agent);
-        self.removed.push(agent);
-        self.record_intervention(agent, &Change::Remove, log)
-    }
-
-    /// Takes an agent and its body out of the world.
-    pub(super) fn leave(&mut self, agent: AgentId, log: &mut SessionLog<'_>) -> Result<(), RunError> {
-        self.lost.insert(agent);
-        self.retired.insert(agent);
-        self.world.leave(agent);
-        self.record_intervention(agent, &Change::Leave, log)
-    }
-
-    /// Lets an agent of the reserve join at a pose, or returns the reason why it cannot be there.
-    pub(super) fn join(
-        &mut self,
-        agent: AgentId,
-        pose: Pose,
-        log: &mut SessionLog<'_>,
-    ) -> Result<Result<(), &'static str>, RunError> {
-        let joined = self.world.join_at(agent, pose);
-        if joined.is_ok() {
-            self.record_intervention(agent, &Change::Join(pose), log)?;
-        }
-        Ok(joined)
-    }
-
-    /// The agents of the reserve that have not joined, ascending.
-    pub(super) fn reserve(&self) -> Vec<AgentId> {
-        let is_absent = |agent: &AgentId| self.world.presence(*agent) == Presence::Absent && !self.lost.contains(agent);
-        let mut reserve: Vec<AgentId> = self.scenario.agents.reserve.iter().copied().map(AgentId).collect();
-        reserve.retain(is_absent);
-        reserve.sort_unstable();
-        reserve
-    }
-
-    fn record_intervention(
-        &mut self,
-        agent: AgentId,
-        change: &Change,
-        log: &mut SessionLog<'_>,
-    ) -> Result<(), RunError> {
-        let tick = self.tick();
-        self.interventions += 1;
-        Ok(log.write_digested(
-            EntryKind::Intervention,
-            tick,
-            &wire::intervention(tick, agent, change),
-            &mut self.chain,
-        )?)
-    }
-
-    /// The counters of the result, without those of refused messages.
-    pub(super) fn counters(&self) -> Vec<Counter> {
-        let totals = self.world.totals();
-        let mut counters = vec![
-            Counter::new(CounterName::FreeCells, self.world.coverage().free_cells() as u64),
-            Counter::new(CounterName::Decisions, self.decisions),
-            Counter::new(CounterName::FailedSearches, self.failed_searches.iter().copied().map(u64::from).sum()),
-            Counter::new(CounterName::Scans, totals.scans.due()),
-            Counter::new(CounterName::ScansCast, totals.scans.cast()),
-            Counter::new(CounterName::Collisions, totals.collisions),
-            Counter::new(CounterName::MessagesSent, totals.messages_sent),
-            Counter::new(CounterName::MessagesDelivered, totals.messages_delivered),
-            Counter::new(CounterName::MessagesOutOfContact, totals.messages_out_of_contact),
-            Counter::new(CounterName::MessagesInboxFull, totals.messages_inbox_full),
-            Counter::new(CounterName::MessageBytesDelivered, totals.message_bytes_delivered),
-            Counter::new(CounterName::AgentsDropped, self.lost.difference(&self.retired).count() as u64),
-        ];
-        let map_changes = u64::from(self.world.map_revision());
-        // Counters of features that the scenario does not use are left out.
-        let radios = || std::iter::once(self.scenario).chain(&self.changed).map(|held| &held.communication);
-        let communication = &self.scenario.communication;
-        counters.extend(
-            radios()
-                .any(|radio| radio.loss > 0.0)
-                .then(|| Counter::new(CounterName::MessagesLostRadio, totals.messages_lost_radio)),
-        );
-        if radios().any(|radio| radio.bytes_per_s.is_finite()) {
-            counters.push(Counter::new(CounterName::MessagesQueueFull, totals.messages_queue_full));
-        }
-        if communication.relays.per_agent > 0 {
-            counters.extend([
-                Counter::new(CounterName::RelaysLeft, totals.relays_left),
-                Counter::new(CounterName::RelaysRefused, totals.relays_refused),
-                Counter::new(CounterName::RelayWritings, totals.relay_writings),
-                Counter::new(CounterName::RelayWritingsLost, totals.relay_writings_lost),
-                Counter::new(CounterName::RelayReadings, totals.relay_readings),
-            ]);
-        }
-        let kinds = totals.message_bytes_by_kind.iter();
-        counters.extend(kinds.map(|(kind, &bytes)| Counter::new(CounterName::MessageBytesOfType(*kind), bytes)));
-        let milestones = self.world.coverage().milestones();
-        counters
-            .extend(milestones.map(|(permille, tick)| Counter::new(CounterName::TickExplored { permille }, tick.0)));
-        let attainable = self.world.attainable_share();
-        counters.extend(attainable.map(|share| Counter::new(CounterName::AttainablePpm, (share * 1e6).round() as u64)));
-        if let Some(EnergyTotals { used_j, ran_empty, home_at }) = self.world.energy_totals() {
-            let used = Counter::new(CounterName::EnergyUsed, (used_j * 1e3).round() as u64);
-            counters.extend([used, Counter::new(CounterName::RanEmpty, ran_empty)]);
-            counters.extend(home_at.map(|tick| Counter::new(CounterName::TickHome, tick.0)));
-        }
-        let known_at_base_since = self.world.coverage().known_at_base_since();
-        counters.extend(known_at_base_since.map(|tick| Counter::new(CounterName::TickKnownAtBase, tick.0)));
-        if let Some(DriftTotals { position_error_m, map_errors, blocks, closures }) = self.world.drift_totals() {
-            counters.extend([
-                Counter::new(CounterName::PositionError, (position_error_m * 1e6).round() as u64),
-                Counter::new(CounterName::MapCells, map_errors.cells()),
-                Counter::new(CounterName::MapCellsOffBy1, map_errors.off_by_1),
-                Counter::new(CounterName::MapCellsOffBy2, map_errors.off_by_2),
-                Counter::new(CounterName::MapCellsOffByMore, map_errors.off_by_more),
-                Counter::new(CounterName::MapBlocks, blocks),
-                Counter::new(CounterName::LoopClosures, closures),
-            ]);
-        }
-        counters.extend((self.interventions > 0).then(|| Counter::new(CounterName::Interventions, self.interventions)));
-        counters.extend((map_changes > 0).then(|| Counter::new(CounterName::MapChanges, map_changes)));
-        counters
     }
 }
 
