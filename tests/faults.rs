@@ -59,5 +59,5 @@ fn different_run_fails_the_comparison() {
 fn faults_require_waiting_for_lost_agents() {
     let site = Site::new();
     let ended = site.start(&mut faults(&site, &["--set", "faults.on_agent_loss=abort"])).ended().with_code(2);
-    assert!(ended.stderr.contains("expected wait"), "{ended}");
+    assert!(ended.stderr.contains("expected \"wait\""), "{ended}");
 }

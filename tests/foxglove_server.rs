@@ -6,8 +6,9 @@ use std::net::TcpStream;
 
 use msgs::maes_msgs::Progress;
 use msgs::simulation_interfaces::{
-    GetSimulationStateRequest, GetSimulationStateResponse, SetSimulationStateRequest, SetSimulationStateResponse,
-    SimulationState, StepSimulationRequest, StepSimulationResponse,
+    GetSimulationStateRequest, GetSimulationStateResponse, ResetSimulationRequest, ResetSimulationResponse,
+    SetSimulationStateRequest, SetSimulationStateResponse, SimulationState, StepSimulationRequest,
+    StepSimulationResponse,
 };
 use msgs::tf2_msgs::TFMessage;
 use serde_json::json;
@@ -236,7 +237,10 @@ fn idle_server_starts_requested_runs() {
         assert_eq!(answer["started"], false, "{wrong}");
         assert!(answer["message"].as_str().is_some_and(|message| message.contains(reason)), "{answer}");
     }
-    assert!(client.call_raw("/sim_server/start_run", "json", b"{}").is_err_and(|reason| reason.contains("scenario")));
+    for (body, reason) in [("{}", "scenario"), (r#"{"scenario": "", "recrod": true}"#, "recrod")] {
+        let refused = client.call_raw("/sim_server/start_run", "json", body.as_bytes());
+        assert!(refused.is_err_and(|said| said.contains(reason)), "{body}");
+    }
     for agents in 1..=2 {
         let scenario = cave("2", &format!("count = {agents}"));
         let answer = start(&mut client, &scenario);
@@ -251,6 +255,12 @@ fn idle_server_starts_requested_runs() {
         team.ended().with_code(0);
         assert_eq!(live_stream.result().explored_by.len(), agents);
         server.process().prints("digest: ");
+    }
+    // Only time and state together are the run again; there is nothing else that could be removed.
+    for (scope, result) in [(1, 0), (2, 0), (4, 1)] {
+        let answer: ResetSimulationResponse =
+            client.call("/sim_server/reset_simulation", &ResetSimulationRequest { scope });
+        assert_eq!(answer.result.result, result, "scope {scope}");
     }
     signal(server.process().pid(), "TERM");
     server.ended().with_code(0);

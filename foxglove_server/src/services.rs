@@ -65,6 +65,7 @@ impl IdleRequest {
 
 /// Request of `/sim_server/start_run`, JSON.
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct StartBody {
     scenario: String,
     #[serde(default)]
@@ -184,7 +185,8 @@ impl Services {
                     ClientRequest::Start(StartRequest { scenario, is_recorded: record, responder })
                 }
                 Err(error) => {
-                    return responder.respond_err(format!("expected {{\"scenario\": \"<TOML>\"}}: {error}"));
+                    let expected = "expected {\"scenario\": \"<TOML>\", \"record\": true or false}";
+                    return responder.respond_err(format!("{expected}: {error}"));
                 }
             }
         };
@@ -273,7 +275,7 @@ pub(super) fn idle_request(asked: ClientRequest) -> Option<IdleRequest> {
     match asked {
         ClientRequest::Start(request) => Some(IdleRequest::Start(request)),
         ClientRequest::Service { service, .. } if SERVICES[service].0 == RESET => match request(asked)? {
-            Request::Reset(ask) => Some(IdleRequest::Restart(ask)),
+            Request::Reset(ask) => restart(ask),
             _ => None,
         },
         ClientRequest::Service { .. } | ClientRequest::Rtf(_) => {
@@ -281,6 +283,17 @@ pub(super) fn idle_request(asked: ClientRequest) -> Option<IdleRequest> {
             None
         }
     }
+}
+
+/// The request to repeat the last run, or `None` if it is answered because of its scope.
+fn restart(ask: Ask<ResetSimulation>) -> Option<IdleRequest> {
+    let result = match transport::control::resets_run(ask.request.scope, false) {
+        Ok(true) => return Some(IdleRequest::Restart(ask)),
+        Ok(false) => Outcome::ok(),
+        Err(refused) => refused,
+    };
+    ask.answer(|_| ResetSimulationResponse { result });
+    None
 }
 
 /// The request for the run, or `None` if it was answered already.

@@ -1,6 +1,8 @@
 //! The controllers of this build: checks what a scenario asks for, and decides again for recorded
 //! commands.
 
+use std::collections::BTreeSet;
+
 use agent_node::control_loop::{Agent, Reaction};
 use agent_node::controllers::{self, Registry};
 use msgs::ids::AgentId;
@@ -12,10 +14,10 @@ use sim_server::verify::controllers::{AgentReplica, ControllerFactory};
 use simulation::scenario::AgentsSection;
 
 /// Whether there are the controllers that a scenario names, with their settings, as far as they
-/// have an agent that is not run by another program.
-pub(crate) fn check(scenario: &simulation::scenario::Scenario) -> anyhow::Result<()> {
+/// have an agent that is not run by another program; `elsewhere` are agents that start elsewhere.
+pub(crate) fn check(scenario: &simulation::scenario::Scenario, elsewhere: &BTreeSet<u32>) -> anyhow::Result<()> {
     for agents in scenario.phases().into_iter().map(|phase| phase.agents) {
-        for choice in agents.controllers_of(|agent| agents.is_built_in(agent)) {
+        for choice in agents.controllers_of(|agent| agents.is_built_in(agent) && !elsewhere.contains(&agent)) {
             controllers::check(choice.controller, &simulation::wire::settings(choice.set))?;
         }
     }

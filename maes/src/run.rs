@@ -80,7 +80,7 @@ pub(crate) struct RunArgs {
     logs: Option<PathBuf>,
 
     /// A setting of the agents' controllers: the key agents.set.KEY; can be given again
-    #[arg(long, value_name = "KEY=VALUE", value_parser = agent_setting, help_heading = "Agents")]
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment, help_heading = "Agents")]
     agent_set: Vec<(String, toml::Value)>,
     /// Agents that are started elsewhere, each a process of its own; those of the key
     /// agents.cmd_vel are among them
@@ -187,11 +187,6 @@ fn process_size(text: &str) -> Result<ProcessSize, String> {
     }
     let size = number(text).and_then(NonZero::new);
     size.map(ProcessSize::Fixed).ok_or_else(|| "expected a number from 1, or auto".to_owned())
-}
-
-fn agent_setting(text: &str) -> Result<(String, toml::Value), String> {
-    let (key, value) = assignment(text)?;
-    if key.is_empty() { Err("expected KEY=VALUE".to_owned()) } else { Ok((key, value)) }
 }
 
 impl RunArgs {
@@ -345,7 +340,7 @@ pub(crate) fn run(args: &RunArgs, given: &ArgMatches) -> anyhow::Result<ExitCode
     match args.transport {
         Transport::Memory => {
             let scenario = args.scenario()?;
-            controllers::check(&scenario)?;
+            controllers::check(&scenario, &BTreeSet::new())?;
             args.note_on_team(&scenario).iter().for_each(|note| tracing::info!("note: {note}"));
             memory::run(args, &scenario)
         }

@@ -19,6 +19,7 @@ use foxglove_server::{DEFAULT_ADDRESS, FoxgloveServerError, PageOrigin, StaticFi
 use map_files::MapReader;
 use mapgen::ImportOptions;
 use recording::Recording;
+use recording::location::is_recording;
 use sim_server::cli::recording_path;
 use sim_server::exit;
 
@@ -208,10 +209,6 @@ struct Shown {
     token: Token,
     /// Origins whose pages may connect as well.
     origins: Vec<PageOrigin>,
-}
-
-fn is_recording(file: &Path) -> bool {
-    file.extension().is_some_and(|extension| extension == "mcap")
 }
 
 /// Whether a path is that of a map: a known format, or a folder of pictures.

@@ -46,6 +46,7 @@ const ANSWERS: &[(&str, u8, &[&str])] = &[
     ("run --set lidar.rang_m=3", 2, &["--set lidar.rang_m=3: unknown key `lidar.rang_m`"]),
     ("run --set lidar.range_m=far", 2, &["--set lidar.range_m=far", "lidar.range_m"]),
     ("run --set lidar", 2, &["--set lidar: expected KEY=VALUE"]),
+    ("run --set =20", 2, &["--set =20: expected KEY=VALUE"]),
     ("run --agent-set speed", 2, &["--agent-set speed: expected KEY=VALUE"]),
     ("run --transport tcp", 2, &["--transport tcp: expected ros2 or memory"]),
     ("run --order reversed", 2, &["--order reversed: expected forward, reverse or shuffle; did you mean reverse?"]),

@@ -77,10 +77,16 @@ fn compression_mode(folder: &Path, path: &Path) -> Option<String> {
     (is_of_bag && matches!(mode.as_str(), "message" | "file" | "storage")).then_some(mode)
 }
 
+/// Whether a path is named as a recording is, `.mcap` in upper or lower case.
+#[must_use]
+pub fn is_recording(path: &Path) -> bool {
+    has_extension(path, MCAP)
+}
+
 /// Whether a file has such a name. The temporary name of a recording that has not begun yet has
 /// another one.
 fn has_extension(file: &Path, extension: &str) -> bool {
-    file.extension().is_some_and(|is| is == extension)
+    file.extension().is_some_and(|is| is.eq_ignore_ascii_case(extension))
 }
 
 #[cfg(test)]
@@ -109,6 +115,12 @@ mod tests {
         let refused = recording_at(bag).unwrap_err().to_string();
         let names = "night_0.mcap, night_1.mcap, night_2.mcap, ...";
         assert_eq!(refused, format!("a folder with 4 recordings ({names}); expected one; name the file"));
+    }
+
+    #[test]
+    fn recordings_have_their_extension_in_either_case() {
+        let is_named = |name: &str| is_recording(Path::new(name));
+        assert!(is_named("a/run.mcap") && is_named("RUN.MCAP") && !is_named("run.mcap.tmp") && !is_named("mcap"));
     }
 
     #[test]

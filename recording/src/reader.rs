@@ -78,9 +78,7 @@ pub enum RecordingError {
     )]
     NoAttachments { file: String, missing: String },
     /// The file holds several recordings.
-    #[error(
-        "{file}: two attachments {name} that differ: expected the recording of one run; merged ones cannot be read"
-    )]
+    #[error("{file}: two attachments {name}: expected the recording of one run; merged ones cannot be read")]
     Merged { file: String, name: String },
 }
 
@@ -237,7 +235,7 @@ impl Recording {
             match attachment {
                 Ok(None) => {}
                 Ok(Some((name, data))) => {
-                    if attachments.get(&name).is_some_and(|known| *known != data) {
+                    if attachments.contains_key(&name) {
                         return Err(RecordingError::Merged { file, name });
                     }
                     attachments.insert(name, data);

@@ -11,7 +11,7 @@ use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
 pub use numbers::{of_key, positive, whole};
-use recording::location::recording_at;
+use recording::location::{is_recording, recording_at};
 use recording::recorder::bag_folder;
 use simulation::scenario::{MapKind, Override, keys};
 
@@ -350,9 +350,9 @@ fn rtf(text: &str) -> Result<toml::Value, String> {
 /// Reads `KEY=VALUE`; the value is TOML, or a plain word.
 ///
 /// # Errors
-/// If there is no `=`.
+/// If there is no `=`, or no key before it.
 pub fn assignment(text: &str) -> Result<(String, toml::Value), String> {
-    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE")?;
+    let (key, value) = text.split_once('=').filter(|(key, _)| !key.trim().is_empty()).ok_or("expected KEY=VALUE")?;
     let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
     let value = parsed.ok().and_then(|mut table| table.remove("value")).unwrap_or_else(|| value.into());
     Ok((key.trim().to_owned(), value))
@@ -367,8 +367,7 @@ pub fn recording_path() -> impl TypedValueParser<Value = PathBuf> {
 /// The file of a recording. Other endings are those of other formats, and would mislead their
 /// programs.
 fn recording_file(text: &str) -> Result<String, String> {
-    let is_mcap = Path::new(text).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap"));
-    if is_mcap || bag_folder(Path::new(text)).is_some() {
+    if is_recording(Path::new(text)) || bag_folder(Path::new(text)).is_some() {
         Ok(text.to_owned())
     } else {
         Err("expected a name that ends in .mcap, or in / for a rosbag2 folder".to_owned())

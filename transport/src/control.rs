@@ -21,6 +21,8 @@
 mod pacer;
 mod simulation_control;
 
+use std::fmt;
+
 use msgs::maes_msgs::ChangeMap;
 use msgs::service::Ask;
 use msgs::simulation_interfaces::{
@@ -126,6 +128,37 @@ impl State {
     }
 }
 
+/// As `simulation_interfaces` names it.
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Stopped => "STOPPED",
+            Self::Playing => "PLAYING",
+            Self::Paused => "PAUSED",
+            Self::Quitting => "QUITTING",
+        })
+    }
+}
+
+/// Whether a reset of this scope, a sum of the constants of `ResetSimulation`, resets the run; one of
+/// what was spawned alone has nothing to remove. `can_spawn` says whether agents may have joined.
+///
+/// # Errors
+/// The result that explains the refusal.
+pub fn resets_run(scope: u8, can_spawn: bool) -> Result<bool, Outcome> {
+    let refused = |reason: String| Err(Outcome::failure(Outcome::RESULT_FEATURE_UNSUPPORTED, reason));
+    let time_and_state = ResetSimulationRequest::SCOPE_TIME | ResetSimulationRequest::SCOPE_STATE;
+    match scope {
+        ResetSimulationRequest::SCOPE_DEFAULT => Ok(true),
+        scope if scope & time_and_state == time_and_state => Ok(true),
+        ResetSimulationRequest::SCOPE_SPAWNED if can_spawn => {
+            refused("scope = 4: agents that have joined stay; take them out by delete_entity".to_owned())
+        }
+        ResetSimulationRequest::SCOPE_SPAWNED => Ok(false),
+        scope => refused(format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together")),
+    }
+}
+
 /// Pending steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Stepping {
@@ -177,16 +210,8 @@ impl StateMachine {
         if self.state == State::Quitting {
             return Err(Outcome::failure(Outcome::RESULT_INCORRECT_STATE, "the simulation is about to end"));
         }
-        let time_and_state = ResetSimulationRequest::SCOPE_TIME | ResetSimulationRequest::SCOPE_STATE;
-        if scope == ResetSimulationRequest::SCOPE_DEFAULT || scope & time_and_state == time_and_state {
+        if resets_run(scope, self.can_spawn)? {
             self.pending_reset = Some(Reset { is_paused: !self.may_tick() });
-        } else if scope == ResetSimulationRequest::SCOPE_SPAWNED && self.can_spawn {
-            let reason = "scope = 4: agents that have joined stay; take them out by delete_entity";
-            return Err(Outcome::failure(Outcome::RESULT_FEATURE_UNSUPPORTED, reason));
-        } else if scope != ResetSimulationRequest::SCOPE_SPAWNED {
-            // Nothing can be spawned, so there is nothing to remove.
-            let reason = format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together");
-            return Err(Outcome::failure(Outcome::RESULT_FEATURE_UNSUPPORTED, reason));
         }
         Ok(())
     }
@@ -225,7 +250,7 @@ impl StateMachine {
         if number == state.number() && !self.is_stepping() {
             return Err(Outcome::failure(
                 SetSimulationStateResponse::ALREADY_IN_TARGET_STATE,
-                format!("the simulation is {state:?} already"),
+                format!("the simulation is {state} already"),
             ));
         }
         if state == State::Quitting {
@@ -260,7 +285,7 @@ impl StateMachine {
     /// The result that explains the refusal.
     pub fn step(&mut self, steps: u64) -> Result<(), Outcome> {
         if !self.is_at_rest() {
-            let reason = format!("the simulation is {:?}: pause it before steps", self.state());
+            let reason = format!("the simulation is {}: pause it before steps", self.state());
             return Err(Outcome::failure(Outcome::RESULT_INCORRECT_STATE, reason));
         }
         if steps == 0 {
@@ -351,6 +376,8 @@ mod tests {
         assert_eq!(code(in_state(State::Playing).step(1)), Outcome::RESULT_INCORRECT_STATE);
         assert_eq!(code(in_state(State::Paused).step(0)), Outcome::RESULT_OPERATION_FAILED);
         assert_eq!(in_state(State::Playing).ticked(), None);
+        let refused = in_state(State::Playing).step(1).unwrap_err();
+        assert_eq!(refused.error_message, "the simulation is PLAYING: pause it before steps");
     }
 
     #[test]

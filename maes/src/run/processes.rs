@@ -10,6 +10,7 @@ use clap::{ArgMatches, Args};
 use experiments::plan::BUILD;
 use foxglove_server::{TOKEN_VARIABLE, Token};
 use recording::Recording;
+use recording::location::is_recording;
 use recording::playback::{Horizon, Playback};
 use sim_server::cli::KeyArgs;
 use sim_server::exit;
@@ -62,8 +63,7 @@ impl RunArgs {
     /// Refuses to start a program because a recording, which may come from anywhere, names it.
     pub(super) fn check_command(&self, scenario: &Scenario) -> anyhow::Result<()> {
         let command = &scenario.agents.command;
-        let is_recording = |file: &&PathBuf| file.extension().is_some_and(|extension| extension == "mcap");
-        let source = self.resume.as_ref().or(self.scenario.as_ref()).filter(is_recording);
+        let source = self.resume.as_ref().or(self.scenario.as_ref()).filter(|file| is_recording(file));
         let recording = source.or(self.fork.fork.as_ref());
         let is_typed = self.overrides().iter().any(|key| key.key == "agents.command");
         match recording {
@@ -138,7 +138,7 @@ pub(crate) fn run(args: &RunArgs, server_flags: Vec<OsString>, token: Option<&To
     let team = args.team();
     team.check(&scenario)?;
     // The server does not know the controllers.
-    controllers::check(&scenario)?;
+    controllers::check(&scenario, &team.third_party)?;
     args.check_command(&scenario)?;
     outside::check(&scenario, Path::new(""))?;
     args.note_on_team(&scenario).iter().for_each(|note| tracing::info!("note: {note}"));

@@ -277,10 +277,16 @@ fn pose(place: &str, frame: &str, pose: &msgs::geometry_msgs::Pose) -> Result<Po
     }
     let position = pose.position;
     if ![position.x, position.y, position.z].iter().all(|number| number.is_finite()) {
-        return Err(format!("{place}pose.position = {position:?}: expected numbers"));
+        let Point { x, y, z } = position;
+        return Err(format!("{place}pose.position: x = {x}, y = {y}, z = {z}: expected finite numbers"));
     }
-    let yaw_rad = yaw(&pose.orientation)
-        .ok_or_else(|| format!("{:?}: expected a unit quaternion that turns about z only", pose.orientation))?;
+    let yaw_rad = yaw(&pose.orientation).ok_or_else(|| {
+        let Quaternion { x, y, z, w } = pose.orientation;
+        format!(
+            "{place}pose.orientation: x = {x}, y = {y}, z = {z}, w = {w}: expected a unit quaternion that turns about \
+             z only"
+        )
+    })?;
     Ok(Pose { position: Point3::new(position.x, position.y, position.z), yaw_rad })
 }
 

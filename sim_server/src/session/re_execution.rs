@@ -220,12 +220,18 @@ impl Session<'_, '_> {
                 None if self.scenario.faults.on_agent_loss == OnAgentLoss::Drop => {
                     self.engine.lose(agent);
                 }
-                None => return Err(misfit(format!("agent {agent} is asked here, and has answered nothing there"))),
+                None => {
+                    return Err(misfit(format!(
+                        "the recording has no command of agent {agent}, which this run asks for"
+                    )));
+                }
             }
         }
         match recorded.commands.keys().next() {
             None => Ok(replies),
-            Some(agent) => Err(misfit(format!("agent {agent} has answered there, and is not asked here"))),
+            Some(agent) => {
+                Err(misfit(format!("the recording has a command of agent {agent}, which this run does not ask for")))
+            }
         }
     }
 

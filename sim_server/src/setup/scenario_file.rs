@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use map_files::MapReader;
 use recording::Recording;
+use recording::location::is_recording;
 use simulation::scenario::{MapSection, Origins, Override, Scenario};
 use system::input_file::{self, TEXT_BYTES_MAX};
 
@@ -36,11 +37,6 @@ pub fn folder_of(file: &Path) -> &Path {
 pub fn load_with_paths_from(folder: &Path, file: &Path, overrides: &[Override]) -> Result<Scenario, SetupError> {
     let folder = if is_recording(file) { Path::new("") } else { folder };
     parse_with_paths_from(folder, &file.display().to_string(), &text(file)?, overrides)
-}
-
-/// Whether a file with a scenario is a recording of it.
-fn is_recording(file: &Path) -> bool {
-    file.extension().is_some_and(|extension| extension == "mcap")
 }
 
 /// The text of a scenario file, or of the scenario of a recording.

@@ -122,7 +122,12 @@ fn check_table<'a>(
     spans: Spans<'a>,
     search: &mut Search<'a>,
 ) {
-    let kind = table.get("kind").and_then(Value::as_str);
+    // Of an unknown kind that is the problem, and not what goes with it.
+    let is_kind = |kind: &&str| {
+        let words = declared.keys().find(|key| key.name == "kind").map(|key| key.kind);
+        !matches!(words, Some(Kind::Word(words)) if !words.contains(kind))
+    };
+    let kind = table.get("kind").and_then(Value::as_str).filter(is_kind);
     for (key, value) in table {
         search.work.visited += 1;
         let path = within(path, key);

@@ -48,8 +48,8 @@ pub struct Summary {
 #[derive(Debug, Error)]
 pub enum FaultsError {
     /// The run would end with the first agent that is killed.
-    #[error("faults.on_agent_loss = {0:?}: expected wait, because agents are killed")]
-    NotWaiting(OnAgentLoss),
+    #[error("faults.on_agent_loss: expected \"wait\", because agents are killed")]
+    NotWaiting,
     /// The undisturbed run has no result.
     #[error("the undisturbed run: {0}")]
     Undisturbed(#[from] InProcessError),
@@ -75,7 +75,7 @@ pub enum FaultsError {
 pub fn run(options: &Options, stop: &AtomicBool, report: &(dyn Fn(&str) + Sync)) -> Result<Summary, FaultsError> {
     let scenario = &options.scenario;
     if scenario.faults.on_agent_loss != OnAgentLoss::Wait {
-        return Err(FaultsError::NotWaiting(scenario.faults.on_agent_loss));
+        return Err(FaultsError::NotWaiting);
     }
     let temporary = tempfile::tempdir().map_err(|source| write_error(&std::env::temp_dir(), source))?;
     let folder = options.out.as_deref().unwrap_or(temporary.path());
