@@ -71,3 +71,17 @@ impl AgentReplica for BuiltInReplica {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn controllers_that_only_agents_elsewhere_run_may_be_unknown() {
+        let text = "seed = 1\nduration_s = 1.0\n[map]\nkind = \"spheres\"\nsize = 20\n[agents]\ncount = 2\ncontroller = \"Zigzag\"\n";
+        let scenario = simulation::scenario::Scenario::parse("s.toml", text, &[]).unwrap();
+        assert!(check(&scenario, &BTreeSet::from([0, 1])).is_ok());
+        let refused = check(&scenario, &BTreeSet::from([0])).unwrap_err().to_string();
+        assert!(refused.starts_with("controller Zigzag: unknown"), "{refused}");
+    }
+}
