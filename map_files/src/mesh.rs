@@ -5,7 +5,7 @@
 //! along the three axes count the turns ([`crossings`]); where less than two of them come through
 //! no hole, or they differ, the generalised winding number decides ([`winding`]). Before, two-sided
 //! surfaces lose one side ([`doubled`]), and triangles are turned to face outwards together
-//! ([`orientation`]).
+//! ([`orientation`]), body by body ([`bodies`]).
 //!
 //! **Ties.** Centres on a face count as if all of them were moved a little the same way
 //! ([`crossings`]); so a mesh that is made of cells comes back as these cells, wherever they lie.
@@ -15,6 +15,7 @@
 //!
 //! The work is counted, not timed: a file that needs more steps than allowed is refused.
 
+mod bodies;
 mod crossings;
 mod doubled;
 mod lattice;
@@ -197,8 +198,8 @@ impl Mesh {
         }
     }
 
-    /// The triangles that have an area, in lengths of cells.
-    fn sound(&self, units: Units) -> Vec<Triangle> {
+    /// The triangles that have an area, in lengths of cells, and their numbers.
+    fn sound(&self, units: Units) -> (Vec<Triangle>, Vec<u32>) {
         let in_cells = |triangle: &[u32; 3]| triangle.map(|vertex| units.cells(self.vertices[vertex as usize]));
         let has_area = |corners: &Triangle| {
             let normal = normal(corners);
@@ -206,7 +207,8 @@ impl Mesh {
                 && normal.iter().all(|along| along.is_finite())
                 && normal != [0.0; 3]
         };
-        self.triangles.iter().map(in_cells).filter(has_area).collect()
+        let triangles = self.triangles.iter().map(in_cells).zip(0..);
+        triangles.filter(|(corners, _)| has_area(corners)).unzip()
     }
 }
 
@@ -239,12 +241,12 @@ pub(super) fn map_up(
     let units = Units::new(spec)?.with_up(up);
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
-    let mut triangles = mesh.sound(units);
+    let (mut triangles, mut numbers) = mesh.sound(units);
     // The lattice is too coarse for what is far smaller than a cell.
     if let Some(bounds) = Bounds::of(triangles.iter().copied().flatten()) {
         units.check_span(spec, bounds)?;
     }
-    lattice::put_on(&mut triangles);
+    lattice::put_on(&mut triangles, &mut numbers);
     let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
     let mut frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
@@ -258,11 +260,12 @@ pub(super) fn map_up(
     }
     let mut work = WorkBudget::new(spec);
     let mut corners = orientation::corners(&triangles, &mut work)?;
-    let doubled = doubled::drop_backs(&mut triangles, &corners);
+    let doubled = doubled::drop_backs(&mut triangles, &mut numbers, &corners);
     if doubled > 0 {
         corners = orientation::corners(&triangles, &mut work)?;
     }
-    let Orientation { turned, parts, openings, rims } = orientation::orient(&mut triangles, corners, &mut work)?;
+    let Orientation { turned, parts, openings, rims } =
+        orientation::orient(&mut triangles, corners, |at| mesh.triangles[numbers[at] as usize], &mut work)?;
     let text = format!(
         "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
         mesh.triangles.len()

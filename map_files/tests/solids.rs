@@ -130,6 +130,48 @@ fn mirrored_boxes_of_a_house_whose_boxes_share_edges_do_not_leak() {
     }
 }
 
+/// An OBJ file of the boxes of the house with vertices of their own, whose triangles take turns.
+fn interleaved(boxes: &[Vec<[[f64; 3]; 3]>]) -> Vec<u8> {
+    let mut text = String::new();
+    let mut faces = vec![String::new(); 12];
+    let mut vertices: Vec<(usize, [f64; 3])> = Vec::new();
+    for (number, triangles) in boxes.iter().enumerate() {
+        for (triangle, faces) in triangles.iter().zip(&mut faces) {
+            let corners = triangle.map(|corner| {
+                let known = vertices.iter().position(|vertex| *vertex == (number, corner));
+                known.unwrap_or_else(|| {
+                    let [x, y, z] = corner;
+                    text += &format!("v {x} {y} {z}\n");
+                    vertices.push((number, corner));
+                    vertices.len() - 1
+                }) + 1
+            });
+            *faces += &format!("f {} {} {}\n", corners[0], corners[1], corners[2]);
+        }
+    }
+    (text + &faces.concat()).into_bytes()
+}
+
+#[test]
+fn turned_triangles_of_boxes_that_share_edges_do_not_leak() {
+    for step in 2..6 {
+        let mut triangles: Vec<_> = HOUSE.iter().flat_map(|&bounds| faces(bounds, true)).collect();
+        triangles.iter_mut().step_by(step).for_each(|triangle| triangle.swap(0, 1));
+        assert_union(&read("a.obj", obj(&triangles), 0.1), &HOUSE);
+    }
+}
+
+#[test]
+fn interleaved_boxes_that_share_edges_do_not_leak() {
+    for mirrored in 0_usize..HOUSE.len() {
+        let of_box = |number: usize| faces(HOUSE[number], number != mirrored && number != (mirrored + 3) % HOUSE.len());
+        let mut boxes: Vec<_> = (0..HOUSE.len()).map(of_box).collect();
+        assert_union(&read("a.obj", interleaved(&boxes), 0.1), &HOUSE);
+        boxes.iter_mut().flatten().step_by(5).for_each(|triangle| triangle.swap(0, 1));
+        assert_union(&read("a.obj", interleaved(&boxes), 0.1), &HOUSE);
+    }
+}
+
 #[test]
 fn a_cavity_stays() {
     let inner = ([1.0; 3], [2.0; 3]);

@@ -24,8 +24,9 @@ const SHEET: f64 = 0.5;
 type Doubles = Vec<Range<usize>>;
 
 /// Drops one of each pair of faces of two-sided surfaces from triangles, of which `corners` are the
-/// places, and returns the number of triangles that this drops.
-pub(super) fn drop_backs(triangles: &mut Vec<Triangle>, corners: &[[u32; 3]]) -> usize {
+/// places, and returns the number of triangles that this drops. `numbers` are those of the
+/// triangles in the file.
+pub(super) fn drop_backs(triangles: &mut Vec<Triangle>, numbers: &mut Vec<u32>, corners: &[[u32; 3]]) -> usize {
     let mut is_single = vec![true; triangles.len()];
     let mut doubles: Vec<Doubles> = Vec::new();
     for most in FACE_TRIANGLES {
@@ -46,8 +47,10 @@ pub(super) fn drop_backs(triangles: &mut Vec<Triangle>, corners: &[[u32; 3]]) ->
         }
     }
     let before = triangles.len();
-    let mut dropped = is_dropped.into_iter();
-    triangles.retain(|_| dropped.next() == Some(false));
+    let mut dropped = is_dropped.iter();
+    triangles.retain(|_| dropped.next() == Some(&false));
+    let mut dropped = is_dropped.iter();
+    numbers.retain(|_| dropped.next() == Some(&false));
     before - triangles.len()
 }
 

@@ -23,8 +23,8 @@ const SHARE: f64 = 1.0 / (1u64 << 20) as f64;
 const NEAR: [f64; 2] = [1.0 / (1 << 17) as f64, 1e-3];
 
 /// Puts the corners of triangles, in lengths of cells, on the lattice. Drops triangles that have no
-/// area there.
-pub(super) fn put_on(triangles: &mut Vec<Triangle>) {
+/// area there, with their `numbers`.
+pub(super) fn put_on(triangles: &mut Vec<Triangle>, numbers: &mut Vec<u32>) {
     let largest = triangles.iter().flatten().flatten().fold(0.0f64, |largest, along| largest.max(along.abs()));
     let near = (largest * SHARE).clamp(NEAR[0], NEAR[1]);
     for along in triangles.iter_mut().flatten().flatten().filter(|along| along.abs() < LARGEST) {
@@ -33,7 +33,10 @@ pub(super) fn put_on(triangles: &mut Vec<Triangle>) {
         // Adding 0 leaves one zero.
         *along = if is_near { half } else { libm::round(*along * UNIT as f64) / UNIT as f64 } + 0.0;
     }
-    triangles.retain(|triangle| super::normal(triangle) != [0.0; 3]);
+    let has_area = |triangle: &Triangle| super::normal(triangle) != [0.0; 3];
+    let mut kept = triangles.iter();
+    numbers.retain(|_| kept.next().is_some_and(has_area));
+    triangles.retain(has_area);
 }
 
 /// The corners of a triangle of a map, units.

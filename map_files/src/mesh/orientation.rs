@@ -12,6 +12,7 @@
 use std::collections::BTreeMap;
 
 use super::super::FormatError;
+use super::bodies;
 use super::patches::{self, Constraint, Patches};
 use super::winding::{TRIANGLE_STEPS, Winding, solid_angle};
 use super::{Triangle, WorkBudget};
@@ -53,21 +54,25 @@ pub(super) struct Orientation {
 }
 
 /// Turns triangles, of which `corners` are the places, so that they face outwards together.
+/// `vertices` are the numbers that the file gives the corners of a triangle.
 ///
 /// # Errors
 /// If no work is left.
 pub(super) fn orient(
     triangles: &mut [Triangle],
     corners: Vec<[u32; 3]>,
+    vertices: impl Fn(usize) -> [u32; 3],
     work: &mut WorkBudget,
 ) -> Result<Orientation, FormatError> {
     let edges = edges(&corners);
     let mut turned = vec![false; triangles.len()];
-    let patches = turn_neighbours(triangles, &edges, &mut turned);
+    let apart = bodies::apart(&corners, &edges, vertices).map(|corners| (self::edges(&corners), corners));
+    let (own_edges, own_corners) = apart.as_ref().map_or((&edges, &corners), |(edges, corners)| (edges, corners));
+    let patches = turn_neighbours(triangles, own_edges, &mut turned);
     for (triangle, _) in triangles.iter_mut().zip(&turned).filter(|(_, is_turned)| **is_turned) {
         triangle.swap(1, 2);
     }
-    turn_parts(triangles, &patches.parts(&corners, &edges), &mut turned, work)?;
+    turn_parts(triangles, &patches.parts(own_corners), &mut turned, work)?;
     let turned = turned.iter().filter(|&&is_turned| is_turned).count();
     let openings = if turned == 0 {
         openings(triangles, &corners, &edges)
