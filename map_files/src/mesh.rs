@@ -22,6 +22,7 @@ mod lattice;
 mod orientation;
 mod patches;
 pub(super) mod polygon;
+mod sound;
 mod touch;
 mod winding;
 
@@ -35,6 +36,7 @@ use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, Note};
 
 use orientation::{Opening, Orientation};
+use sound::Sound;
 use winding::Winding;
 
 /// The import options of meshes.
@@ -152,8 +154,12 @@ impl Mesh {
 
     /// Adds a polygon of the numbers of its corners, whose vertices are there.
     pub(super) fn add_polygon(&mut self, corners: &[u32]) {
-        let cut = self.cut(corners);
-        self.triangles.extend(cut);
+        if let [a, b, c] = *corners {
+            self.triangles.push([a, b, c]);
+        } else {
+            let cut = self.cut(corners);
+            self.triangles.extend(cut);
+        }
     }
 
     /// The triangles of a polygon, two less than it has corners, of which some may have no area.
@@ -197,19 +203,6 @@ impl Mesh {
             _ => "",
         }
     }
-
-    /// The triangles that have an area, in lengths of cells, and their numbers.
-    fn sound(&self, units: Units) -> (Vec<Triangle>, Vec<u32>) {
-        let in_cells = |triangle: &[u32; 3]| triangle.map(|vertex| units.cells(self.vertices[vertex as usize]));
-        let has_area = |corners: &Triangle| {
-            let normal = normal(corners);
-            corners.iter().flatten().all(|along| along.is_finite())
-                && normal.iter().all(|along| along.is_finite())
-                && normal != [0.0; 3]
-        };
-        let triangles = self.triangles.iter().map(in_cells).zip(0..);
-        triangles.filter(|(corners, _)| has_area(corners)).unzip()
-    }
 }
 
 /// A map of a mesh. `notes` are those of its reader.
@@ -241,31 +234,29 @@ pub(super) fn map_up(
     let units = Units::new(spec)?.with_up(up);
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
-    let (mut triangles, mut numbers) = mesh.sound(units);
+    let mut sound = Sound::of(mesh, units);
+    let nothing = || FormatError::Nothing("triangle");
+    let bounds = sound.bounds().ok_or_else(nothing)?;
     // The lattice is too coarse for what is far smaller than a cell.
-    if let Some(bounds) = Bounds::of(triangles.iter().copied().flatten()) {
-        units.check_span(spec, bounds)?;
-    }
-    lattice::put_on(&mut triangles, &mut numbers);
-    let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
+    units.check_span(spec, bounds)?;
+    sound.put_on_lattice(bounds);
+    let bounds = sound.bounds().ok_or_else(nothing)?;
     let mut frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),
         Kind::Free => (Terrain::Wall, Terrain::Free),
     };
     let mut terrain = frame.grid(outside, spec)?;
+    sound.put_into(&frame);
+    let mut triangles: Vec<Triangle> = sound.triangles().collect();
+    let (places, mut vertices) = sound.into_parts();
     let dropped = mesh.triangles.len() - triangles.len();
-    for corner in triangles.iter_mut().flatten() {
-        *corner = frame.in_map(*corner);
-    }
     let mut work = WorkBudget::new(spec);
-    let mut corners = orientation::corners(&triangles, &mut work)?;
-    let doubled = doubled::drop_backs(&mut triangles, &mut numbers, &corners);
-    if doubled > 0 {
-        corners = orientation::corners(&triangles, &mut work)?;
-    }
+    let mut corners = orientation::corners(&places, &vertices, &mut work)?;
+    drop(places);
+    let doubled = doubled::drop_backs(&mut triangles, &mut vertices, &mut corners);
     let Orientation { turned, parts, openings, rims } =
-        orientation::orient(&mut triangles, corners, |at| mesh.triangles[numbers[at] as usize], &mut work)?;
+        orientation::orient(&mut triangles, corners, &vertices, &mut work)?;
     let text = format!(
         "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
         mesh.triangles.len()

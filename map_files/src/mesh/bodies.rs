@@ -5,55 +5,58 @@
 //! vertices, and the order of the file, as programs write one object after the other. A body that
 //! either tells from the others gets corners of its own, so that it is oriented by itself.
 
-use std::collections::BTreeMap;
-
 use super::orientation::{Edge, Sets, around};
 
 /// The corners of triangles, apart for each body; `None` if nothing has to be told apart, because
-/// two triangles meet at each edge. `vertices` are the numbers that the file gives the corners of a
-/// triangle.
+/// two triangles meet at each edge or there is one body. `vertices` are the numbers that the file
+/// gives the corners of a triangle.
 ///
 /// A corner is the first one of its body at its place.
-pub(super) fn apart(
-    corners: &[[u32; 3]],
-    edges: &[Edge],
-    vertices: impl Fn(usize) -> [u32; 3],
-) -> Option<Vec<[u32; 3]>> {
+pub(super) fn apart(corners: &[[u32; 3]], edges: &[Edge], vertices: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
     if around(edges).all(|edge| edge.len() == 2) {
         return None;
     }
-    let bodies = bodies(corners.len(), edges, vertices);
-    let mut own: BTreeMap<(u32, u32), u32> = BTreeMap::new();
-    let mut apart = corners.to_vec();
-    let corners =
-        apart.iter_mut().zip(&bodies).flat_map(|(corners, body)| corners.iter_mut().map(move |at| (at, body)));
-    for ((corner, &body), number) in corners.zip(0..) {
-        *corner = *own.entry((*corner, body)).or_insert(number);
+    let bodies = bodies(edges, vertices);
+    if bodies.iter().all(|body| *body == bodies[0]) {
+        return None;
+    }
+    let of_triangle = |(corners, body): (&[u32; 3], u32)| corners.map(|corner| (corner, body));
+    let places = corners.iter().zip(bodies).flat_map(of_triangle);
+    let mut places: Vec<(u32, u32, u32)> =
+        places.zip(0..).map(|((place, body), number)| (place, body, number)).collect();
+    places.sort_unstable();
+    let mut apart = vec![[0; 3]; corners.len()];
+    for same in places.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        for &(.., number) in same {
+            apart[number as usize / 3][number as usize % 3] = same[0].2;
+        }
     }
     Some(apart)
 }
 
 /// The body of each triangle.
-fn bodies(count: usize, edges: &[Edge], vertices: impl Fn(usize) -> [u32; 3]) -> Vec<u32> {
-    let mut bodies = by_vertices(count, edges, vertices);
+fn bodies(edges: &[Edge], vertices: &[[u32; 3]]) -> Vec<u32> {
+    let bodies = by_vertices(edges, vertices);
     let by_order = by_order(edges, &bodies);
-    let closed = bodies.iter().filter_map(|body| *body).max().map_or(0, |last| last + 1);
-    bodies.iter_mut().zip(by_order).map(|(body, of_order)| body.unwrap_or(closed + of_order)).collect()
+    let closed = bodies.iter().flatten().max().map_or(0, |last| last + 1);
+    bodies.into_iter().zip(by_order).map(|(body, of_order)| body.unwrap_or(closed + of_order)).collect()
 }
 
 /// The bodies of triangles that share numbered vertices and pass each of their edges an even number
 /// of times; `None` of other triangles.
-fn by_vertices(count: usize, edges: &[Edge], vertices: impl Fn(usize) -> [u32; 3]) -> Vec<Option<u32>> {
-    let vertices_end = (0..count).flat_map(&vertices).max().map_or(0, |last| last as usize + 1);
-    let mut sets = Sets::new(vertices_end);
-    for [a, b, c] in (0..count).map(&vertices) {
+fn by_vertices(edges: &[Edge], vertices: &[[u32; 3]]) -> Vec<Option<u32>> {
+    let end = vertices.iter().flatten().max().map_or(0, |last| *last as usize + 1);
+    let mut sets = Sets::new(end);
+    for &[a, b, c] in vertices {
         sets.join(a, b);
         sets.join(a, c);
     }
-    let components: Vec<u32> = (0..count).map(|triangle| sets.root(vertices(triangle)[0])).collect();
-    let mut is_open = vec![false; vertices_end];
+    let components: Vec<u32> = vertices.iter().map(|&[a, ..]| sets.root(a)).collect();
+    let mut is_open = vec![false; end];
+    let mut here: Vec<u32> = Vec::new();
     for edge in around(edges) {
-        let mut here: Vec<u32> = edge.iter().map(|&(.., triangle, _)| components[triangle as usize]).collect();
+        here.clear();
+        here.extend(edge.iter().map(|&(.., triangle, _)| components[triangle as usize]));
         here.sort_unstable();
         for same in here.chunk_by(|a, b| a == b).filter(|same| same.len() % 2 == 1) {
             is_open[same[0] as usize] = true;

@@ -61,7 +61,7 @@ pub(super) struct Orientation {
 pub(super) fn orient(
     triangles: &mut [Triangle],
     corners: Vec<[u32; 3]>,
-    vertices: impl Fn(usize) -> [u32; 3],
+    vertices: &[[u32; 3]],
     work: &mut WorkBudget,
 ) -> Result<Orientation, FormatError> {
     let edges = edges(&corners);
@@ -73,57 +73,77 @@ pub(super) fn orient(
         triangle.swap(1, 2);
     }
     turn_parts(triangles, &patches.parts(own_corners), &mut turned, work)?;
-    let turned = turned.iter().filter(|&&is_turned| is_turned).count();
-    let openings = if turned == 0 {
+    let turned_count = turned.iter().filter(|&&is_turned| is_turned).count();
+    let openings = if turned_count == 0 {
         openings(triangles, &corners, &edges)
     } else {
         // Triangles that were turned have their corners in another order.
-        let corners = self::corners(triangles, work)?;
+        let mut corners = corners.clone();
+        corners
+            .iter_mut()
+            .zip(&turned)
+            .filter(|(_, is_turned)| **is_turned)
+            .for_each(|(corners, _)| corners.swap(1, 2));
+        by_first_corner(&mut corners, 3 * triangles.len());
         openings(triangles, &corners, &self::edges(&corners))
     };
     let meeting = around(&edges).map(<[Edge]>::len);
     let rims = meeting.filter(|triangles| triangles % 2 == 1 && *triangles > 1).count();
-    Ok(Orientation { turned, parts: parts(&corners), openings, rims })
+    Ok(Orientation { turned: turned_count, parts: parts(&corners), openings, rims })
 }
 
-/// The number of the place of each corner, by triangle: that of the first corner there.
+/// The number of the place of each corner, by triangle: that of the first corner there. `places`
+/// are those of the vertices, whose numbers `triangles` have.
 ///
 /// # Errors
 /// If no work is left, because the hashes of too many places are alike.
-pub(super) fn corners(triangles: &[Triangle], work: &mut WorkBudget) -> Result<Vec<[u32; 3]>, FormatError> {
-    // A table with open addressing, at most half full, of places by their first corners.
-    let slots = (6 * triangles.len()).next_power_of_two();
+pub(super) fn corners(
+    places: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    work: &mut WorkBudget,
+) -> Result<Vec<[u32; 3]>, FormatError> {
+    // A table with open addressing, at most half full, of the first vertex at each place.
+    let slots = (2 * places.len()).next_power_of_two();
     let mut table = vec![NO_PLACE; slots];
-    let mut places: Vec<([u64; 3], u32)> = Vec::new();
-    let mut numbers = vec![[0; 3]; triangles.len()];
-    let mut corner = 0;
-    for (triangle, numbers) in triangles.iter().zip(&mut numbers) {
-        for (place, number) in triangle.iter().zip(numbers) {
-            // Adding 0 leaves one zero.
-            let key = place.map(|along| (along + 0.0).to_bits());
-            let mut slot = hash(key) as usize & (slots - 1);
-            let mut probes = 0;
-            *number = loop {
-                let at = table[slot];
-                if at == NO_PLACE {
-                    table[slot] = places.len() as u32;
-                    places.push((key, corner));
-                    break corner;
-                }
-                let (other, first) = places[at as usize];
-                if other == key {
-                    break first;
-                }
-                slot = (slot + 1) & (slots - 1);
-                probes += 1;
-            };
-            if probes > PROBES_FREE {
-                work.spend(probes)?;
+    // Adding 0 leaves one zero.
+    let key = |place: &[f64; 3]| place.map(|along| (along + 0.0).to_bits());
+    let mut first_vertex: Vec<u32> = Vec::with_capacity(places.len());
+    for (place, vertex) in places.iter().zip(0..) {
+        let key_here = key(place);
+        let mut slot = hash(key_here) as usize & (slots - 1);
+        let mut probes = 0;
+        first_vertex.push(loop {
+            let other = table[slot];
+            if other == NO_PLACE {
+                table[slot] = vertex;
+                break vertex;
             }
-            corner += 1;
+            if key(&places[other as usize]) == key_here {
+                break other;
+            }
+            slot = (slot + 1) & (slots - 1);
+            probes += 1;
+        });
+        if probes > PROBES_FREE {
+            work.spend(probes)?;
         }
     }
-    Ok(numbers)
+    let mut corners: Vec<[u32; 3]> =
+        triangles.iter().map(|triangle| triangle.map(|vertex| first_vertex[vertex as usize])).collect();
+    by_first_corner(&mut corners, places.len());
+    Ok(corners)
+}
+
+/// Replaces the numbers of places, all below `end`, by those of the first corners there.
+pub(super) fn by_first_corner(corners: &mut [[u32; 3]], end: usize) {
+    let mut first = vec![NO_PLACE; end];
+    for (corner, number) in corners.iter_mut().flatten().zip(0..) {
+        let known = &mut first[*corner as usize];
+        if *known == NO_PLACE {
+            *known = number;
+        }
+        *corner = *known;
+    }
 }
 
 /// Mixes the bits of a place.
@@ -237,10 +257,8 @@ fn parts(corners: &[[u32; 3]]) -> usize {
         sets.join(corners[0], corners[1]);
         sets.join(corners[0], corners[2]);
     }
-    let mut roots: Vec<u32> = corners.iter().map(|corners| sets.root(corners[0])).collect();
-    roots.sort_unstable();
-    roots.dedup();
-    roots.len()
+    let mut is_root = |(&corner, number): (&u32, u32)| corner == number && sets.root(corner) == corner;
+    corners.iter().flatten().zip(0..).map(&mut is_root).filter(|&is_root| is_root).count()
 }
 
 /// Turns parts that face the other way than most of the mesh and do not lie inside the rest of it.
