@@ -50,7 +50,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         }
     }
     let reason = model.reason + model.mesh.advice_on_up(model.up);
-    mesh::map_up(spec, &model.mesh, (model.up, &reason), model.notes)
+    mesh::map_up(spec, model.mesh, (model.up, &reason), model.notes)
 }
 
 /// The meshes of a file, in metres, with the axis upwards that it is written with.

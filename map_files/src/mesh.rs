@@ -75,7 +75,7 @@ const AROUND: &str = "the inside of the mesh is wall, and what is free lies arou
 const STEP: [f64; 3] = [1.0 / (1 << 10) as f64, 1.0 / (1 << 15) as f64, 1.0 / (1 << 20) as f64];
 
 /// Vertices, and triangles of the numbers of three of them.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Mesh {
     pub(super) vertices: Vec<[f64; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -209,7 +209,7 @@ impl Mesh {
 ///
 /// # Errors
 /// If it has no triangle, or too many, too many cells, or takes too much work.
-pub(super) fn map(spec: &ImportSpec, mesh: &Mesh, notes: Vec<Note>) -> Result<Imported, FormatError> {
+pub(super) fn map(spec: &ImportSpec, mesh: Mesh, notes: Vec<Note>) -> Result<Imported, FormatError> {
     let advice = mesh.advice_on_up(Up::Z);
     map_up(spec, mesh, (Up::Z, &format!("as the format leaves it open{advice}")), notes)
 }
@@ -220,7 +220,7 @@ pub(super) fn map(spec: &ImportSpec, mesh: &Mesh, notes: Vec<Note>) -> Result<Im
 /// See [`map`].
 pub(super) fn map_up(
     spec: &ImportSpec,
-    mesh: &Mesh,
+    mesh: Mesh,
     (up, reason): (Up, &str),
     mut notes: Vec<Note>,
 ) -> Result<Imported, FormatError> {
@@ -234,6 +234,7 @@ pub(super) fn map_up(
     let units = Units::new(spec)?.with_up(up);
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
+    let count = mesh.triangles.len();
     let mut sound = Sound::of(mesh, units);
     let nothing = || FormatError::Nothing("triangle");
     let bounds = sound.bounds().ok_or_else(nothing)?;
@@ -250,17 +251,15 @@ pub(super) fn map_up(
     sound.put_into(&frame);
     let mut triangles: Vec<Triangle> = sound.triangles().collect();
     let (places, mut vertices) = sound.into_parts();
-    let dropped = mesh.triangles.len() - triangles.len();
+    let dropped = count - triangles.len();
     let mut work = WorkBudget::new(spec);
     let mut corners = orientation::corners(&places, &vertices, &mut work)?;
     drop(places);
     let doubled = doubled::drop_backs(&mut triangles, &mut vertices, &mut corners);
     let Orientation { turned, parts, openings, rims } =
         orientation::orient(&mut triangles, corners, &vertices, &mut work)?;
-    let text = format!(
-        "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
-        mesh.triangles.len()
-    );
+    let text =
+        format!("{count} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite");
     let mut notes: Vec<Note> = std::iter::once(Note::new("mesh", text)).chain(notes).collect();
     notes.push(Note::new("spans", units.span(bounds)));
     if doubled > 0 {

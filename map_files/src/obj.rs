@@ -22,14 +22,14 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let bytes = in_utf8(&spec.bytes);
     let Parsed { mesh, notes } = parse(&bytes)?;
     if let Some(up) = up_by_comment(&bytes) {
-        return mesh::map_up(spec, &mesh, (up, "as a comment of the file says"), notes);
+        return mesh::map_up(spec, mesh, (up, "as a comment of the file says"), notes);
     }
     match writer_of_y(&bytes) {
         Some(writer) => {
             let reason = format!("as {writer} writes it by default{}", mesh.advice_on_up(Up::Y));
-            mesh::map_up(spec, &mesh, (Up::Y, &reason), notes)
+            mesh::map_up(spec, mesh, (Up::Y, &reason), notes)
         }
-        None => mesh::map(spec, &mesh, notes),
+        None => mesh::map(spec, mesh, notes),
     }
 }
 

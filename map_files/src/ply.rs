@@ -159,7 +159,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         if let Some(name) = given_only_for(cloud::OPTIONS, mesh::OPTIONS) {
             return Err(FormatError::HasFaces { name });
         }
-        return mesh::map(spec, &mesh, notes);
+        return mesh::map(spec, mesh, notes);
     }
     if let Some(name) = given_only_for(mesh::OPTIONS, cloud::OPTIONS) {
         return Err(FormatError::NoFaces { name });
@@ -480,10 +480,17 @@ fn value(bytes: &mut Bytes<'_>, order: Order, number: Number) -> Result<f64, For
 }
 
 /// The number that bytes begin with.
+#[inline]
 fn decoded(bytes: &[u8], order: Order, number: Number) -> f64 {
-    // Most numbers of meshes are these.
-    if let (Number::Float(4), Order::Little, [a, b, c, d, ..]) = (number, order, bytes) {
-        return f32::from_le_bytes([*a, *b, *c, *d]).into();
+    // Most numbers of meshes have four bytes.
+    if let (4, &[a, b, c, d, ..]) = (number.size(), bytes) {
+        let bits =
+            if order == Order::Big { u32::from_be_bytes([a, b, c, d]) } else { u32::from_le_bytes([a, b, c, d]) };
+        return match number {
+            Number::Float(_) => f32::from_bits(bits).into(),
+            Number::Unsigned(_) => bits.into(),
+            Number::Signed(_) => (bits as i32).into(),
+        };
     }
     let size = number.size();
     let mut low = [0; 8];
@@ -493,7 +500,6 @@ fn decoded(bytes: &[u8], order: Order, number: Number) -> f64 {
     }
     let (bits, unused) = (u64::from_le_bytes(low), 64 - 8 * size as u32);
     match number {
-        Number::Float(4) => f32::from_bits(bits as u32).into(),
         Number::Float(_) => f64::from_bits(bits),
         Number::Unsigned(_) => bits as f64,
         Number::Signed(_) => ((bits << unused) as i64 >> unused) as f64,

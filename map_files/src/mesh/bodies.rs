@@ -7,12 +7,18 @@
 
 use super::orientation::{Edge, Sets, around};
 
-/// The corners of triangles, apart for each body; `None` if nothing has to be told apart, because
-/// two triangles meet at each edge or there is one body. `vertices` are the numbers that the file
-/// gives the corners of a triangle.
-///
-/// A corner is the first one of its body at its place.
-pub(super) fn apart(corners: &[[u32; 3]], edges: &[Edge], vertices: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
+/// Triangles with their bodies.
+pub(super) struct Bodies {
+    /// The corners of each triangle; a corner is the first one of its body at its place.
+    pub(super) corners: Vec<[u32; 3]>,
+    /// The body of each triangle.
+    pub(super) of: Vec<u32>,
+}
+
+/// The bodies of triangles; `None` if nothing has to be told apart, because two triangles meet at
+/// each edge or there is one body. `vertices` are the numbers that the file gives the corners of a
+/// triangle.
+pub(super) fn apart(corners: &[[u32; 3]], edges: &[Edge], vertices: &[[u32; 3]]) -> Option<Bodies> {
     if around(edges).all(|edge| edge.len() == 2) {
         return None;
     }
@@ -21,7 +27,7 @@ pub(super) fn apart(corners: &[[u32; 3]], edges: &[Edge], vertices: &[[u32; 3]])
         return None;
     }
     let of_triangle = |(corners, body): (&[u32; 3], u32)| corners.map(|corner| (corner, body));
-    let places = corners.iter().zip(bodies).flat_map(of_triangle);
+    let places = corners.iter().zip(bodies.iter().copied()).flat_map(of_triangle);
     let mut places: Vec<(u32, u32, u32)> =
         places.zip(0..).map(|((place, body), number)| (place, body, number)).collect();
     places.sort_unstable();
@@ -31,7 +37,7 @@ pub(super) fn apart(corners: &[[u32; 3]], edges: &[Edge], vertices: &[[u32; 3]])
             apart[number as usize / 3][number as usize % 3] = same[0].2;
         }
     }
-    Some(apart)
+    Some(Bodies { corners: apart, of: bodies })
 }
 
 /// The body of each triangle.

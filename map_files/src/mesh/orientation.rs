@@ -66,9 +66,12 @@ pub(super) fn orient(
 ) -> Result<Orientation, FormatError> {
     let edges = edges(&corners);
     let mut turned = vec![false; triangles.len()];
-    let apart = bodies::apart(&corners, &edges, vertices).map(|corners| (self::edges(&corners), corners));
-    let (own_edges, own_corners) = apart.as_ref().map_or((&edges, &corners), |(edges, corners)| (edges, corners));
-    let patches = turn_neighbours(triangles, own_edges, &mut turned);
+    let apart = bodies::apart(&corners, &edges, vertices).map(|bodies| (self::edges(&bodies.corners), bodies));
+    let (own_edges, own_corners, bodies) = match &apart {
+        Some((edges, bodies)) => (edges, &bodies.corners, bodies.of.as_slice()),
+        None => (&edges, &corners, [].as_slice()),
+    };
+    let patches = turn_neighbours(triangles, own_edges, bodies, &mut turned);
     for (triangle, _) in triangles.iter_mut().zip(&turned).filter(|(_, is_turned)| **is_turned) {
         triangle.swap(1, 2);
     }
@@ -191,8 +194,8 @@ pub(super) fn around(edges: &[Edge]) -> impl Iterator<Item = &[Edge]> {
 /// Turns triangles until neighbours pass their common edge in opposite directions: in each
 /// connected part those with the smaller area. A part without an outside, as a Moebius strip,
 /// stays.
-fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) -> Patches {
-    let crossed = Crossed::of(triangles, edges);
+fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], bodies: &[u32], turned: &mut [bool]) -> Patches {
+    let crossed = Crossed::of(triangles, edges, bodies);
     let pairs = || {
         around(edges).filter(|edge| edge.len() == 2 && edge[0].2 != edge[1].2 && !crossed.contains(triangles, edge[0]))
     };
@@ -208,45 +211,51 @@ fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) 
 ///
 /// Where four sides of boxes meet, as in maps of cells that touch at an edge, and some sides are
 /// longer than others, two triangles of different boxes share an edge, and pass it as they like:
-/// the longer ones balance it. Such triangles are no neighbours.
-struct Crossed(BTreeMap<Line, Vec<[f64; 2]>>);
+/// the longer ones balance it. Such triangles are no neighbours. Bodies that are told apart cross
+/// nothing of each other.
+struct Crossed<'a> {
+    lines: BTreeMap<Line, Vec<[f64; 2]>>,
+    /// The body of each triangle; empty if all are of one.
+    bodies: &'a [u32],
+}
 
-/// The axis of a line, and the bits of its other two coordinates.
-type Line = (usize, [u64; 2]);
+/// A body, the axis of a line, and the bits of its other two coordinates.
+type Line = (u32, usize, [u64; 2]);
 
-impl Crossed {
-    fn of(triangles: &[Triangle], edges: &[Edge]) -> Self {
+impl<'a> Crossed<'a> {
+    fn of(triangles: &[Triangle], edges: &[Edge], bodies: &'a [u32]) -> Self {
         let mut lines: BTreeMap<Line, Vec<[f64; 2]>> = BTreeMap::new();
         for edge in around(edges) {
             if edge.iter().filter(|passage| passage.3).count() * 2 != edge.len()
-                && let Some((line, ends)) = Self::line(triangles, edge[0])
+                && let Some((line, ends)) = Self::line(triangles, edge[0], bodies)
             {
                 lines.entry(line).or_default().push(ends);
             }
         }
         lines.retain(|_, edges| edges.len() > 1);
-        Self(lines)
+        Self { lines, bodies }
     }
 
     /// Whether other edges without balance overlap with this one.
     fn contains(&self, triangles: &[Triangle], edge: Edge) -> bool {
-        if self.0.is_empty() {
+        if self.lines.is_empty() {
             return false;
         }
-        let Some((line, here)) = Self::line(triangles, edge) else { return false };
+        let Some((line, here)) = Self::line(triangles, edge, self.bodies) else { return false };
         // The edge overlaps with itself, too.
         let overlaps = |other: &&[f64; 2]| other[0].max(here[0]) < other[1].min(here[1]);
-        self.0.get(&line).is_some_and(|edges| edges.iter().filter(overlaps).nth(1).is_some())
+        self.lines.get(&line).is_some_and(|edges| edges.iter().filter(overlaps).nth(1).is_some())
     }
 
     /// The line of an edge along an axis, and where on it the edge lies.
-    fn line(triangles: &[Triangle], (from, to, ..): Edge) -> Option<(Line, [f64; 2])> {
+    fn line(triangles: &[Triangle], (from, to, triangle, _): Edge, bodies: &[u32]) -> Option<(Line, [f64; 2])> {
+        let body = bodies.get(triangle as usize).copied().unwrap_or_default();
         let [from, to] = [from, to].map(|corner| triangles[corner as usize / 3][corner as usize % 3]);
         let axis = (0..3).find(|&axis| from[axis] != to[axis])?;
         let others = [(axis + 1) % 3, (axis + 2) % 3];
         let is_along = others.iter().all(|&other| from[other] == to[other]);
         let key = others.map(|other| (from[other] + 0.0).to_bits());
-        is_along.then(|| ((axis, key), [from[axis].min(to[axis]), from[axis].max(to[axis])]))
+        is_along.then(|| ((body, axis, key), [from[axis].min(to[axis]), from[axis].max(to[axis])]))
     }
 }
 
@@ -321,7 +330,7 @@ fn openings(triangles: &[Triangle], corners: &[[u32; 3]], edges: &[Edge]) -> Vec
     // Edges with the passages that nothing balances. Two triangles close an edge, whichever way
     // they face: of a part without an outside they face the same way. Crossed edges balance longer
     // ones.
-    let crossed = Crossed::of(triangles, edges);
+    let crossed = Crossed::of(triangles, edges, &[]);
     let open: Vec<(u32, u32, i64)> = around(edges)
         .filter(|edge| edge.len() != 2 || crossed.contains(triangles, edge[0]))
         .filter(|edge| edge.iter().filter(|passage| passage.3).count() * 2 != edge.len())

@@ -15,9 +15,12 @@ pub(super) struct Sound {
 
 impl Sound {
     /// The triangles of a mesh that have an area and are finite.
-    pub(super) fn of(mesh: &Mesh, units: Units) -> Self {
-        let places = mesh.vertices.iter().map(|&place| units.cells(place)).collect();
-        let mut sound = Self { places, vertices: mesh.triangles.clone() };
+    pub(super) fn of(mesh: Mesh, units: Units) -> Self {
+        let Mesh { vertices: mut places, triangles: vertices, .. } = mesh;
+        for place in &mut places {
+            *place = units.cells(*place);
+        }
+        let mut sound = Self { places, vertices };
         sound.drop_flat();
         sound
     }
