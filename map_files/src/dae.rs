@@ -49,7 +49,8 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
             *place = [-y, -z, x];
         }
     }
-    mesh::map_up(spec, &model.mesh, (model.up, &model.reason), model.notes)
+    let reason = model.reason + model.mesh.advice_on_up(model.up);
+    mesh::map_up(spec, model.mesh, (model.up, &reason), model.notes)
 }
 
 /// The meshes of a file, in metres, with the axis upwards that it is written with.

@@ -151,7 +151,8 @@ fn fault(place: impl std::fmt::Display, reason: impl std::fmt::Display) -> Forma
 /// If the file is malformed or has what is not read, or its meshes do not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let (mesh, (up, reason), notes) = parse(spec)?;
-    mesh::map_up(spec, &mesh, (up, &(reason + mesh.advice_on_up(up))), notes)
+    let reason = reason + mesh.advice_on_up(up);
+    mesh::map_up(spec, mesh, (up, &reason), notes)
 }
 
 /// The mesh of a file, the axis upwards with a reason, and notes.

@@ -5,7 +5,7 @@
 //! along the three axes count the turns ([`crossings`]); where less than two of them come through
 //! no hole, or they differ, the generalised winding number decides ([`winding`]). Before, two-sided
 //! surfaces lose one side ([`doubled`]), and triangles are turned to face outwards together
-//! ([`orientation`]).
+//! ([`orientation`]), body by body ([`bodies`]).
 //!
 //! **Ties.** Centres on a face count as if all of them were moved a little the same way
 //! ([`crossings`]); so a mesh that is made of cells comes back as these cells, wherever they lie.
@@ -15,12 +15,14 @@
 //!
 //! The work is counted, not timed: a file that needs more steps than allowed is refused.
 
+mod bodies;
 mod crossings;
 mod doubled;
 mod lattice;
 mod orientation;
 mod patches;
 pub(super) mod polygon;
+mod sound;
 mod touch;
 mod winding;
 
@@ -34,6 +36,7 @@ use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, Note};
 
 use orientation::{Opening, Orientation};
+use sound::Sound;
 use winding::Winding;
 
 /// The import options of meshes.
@@ -72,7 +75,7 @@ const AROUND: &str = "the inside of the mesh is wall, and what is free lies arou
 const STEP: [f64; 3] = [1.0 / (1 << 10) as f64, 1.0 / (1 << 15) as f64, 1.0 / (1 << 20) as f64];
 
 /// Vertices, and triangles of the numbers of three of them.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Mesh {
     pub(super) vertices: Vec<[f64; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -151,8 +154,12 @@ impl Mesh {
 
     /// Adds a polygon of the numbers of its corners, whose vertices are there.
     pub(super) fn add_polygon(&mut self, corners: &[u32]) {
-        let cut = self.cut(corners);
-        self.triangles.extend(cut);
+        if let [a, b, c] = *corners {
+            self.triangles.push([a, b, c]);
+        } else {
+            let cut = self.cut(corners);
+            self.triangles.extend(cut);
+        }
     }
 
     /// The triangles of a polygon, two less than it has corners, of which some may have no area.
@@ -196,25 +203,13 @@ impl Mesh {
             _ => "",
         }
     }
-
-    /// The triangles that have an area, in lengths of cells.
-    fn sound(&self, units: Units) -> Vec<Triangle> {
-        let in_cells = |triangle: &[u32; 3]| triangle.map(|vertex| units.cells(self.vertices[vertex as usize]));
-        let has_area = |corners: &Triangle| {
-            let normal = normal(corners);
-            corners.iter().flatten().all(|along| along.is_finite())
-                && normal.iter().all(|along| along.is_finite())
-                && normal != [0.0; 3]
-        };
-        self.triangles.iter().map(in_cells).filter(has_area).collect()
-    }
 }
 
 /// A map of a mesh. `notes` are those of its reader.
 ///
 /// # Errors
 /// If it has no triangle, or too many, too many cells, or takes too much work.
-pub(super) fn map(spec: &ImportSpec, mesh: &Mesh, notes: Vec<Note>) -> Result<Imported, FormatError> {
+pub(super) fn map(spec: &ImportSpec, mesh: Mesh, notes: Vec<Note>) -> Result<Imported, FormatError> {
     let advice = mesh.advice_on_up(Up::Z);
     map_up(spec, mesh, (Up::Z, &format!("as the format leaves it open{advice}")), notes)
 }
@@ -225,7 +220,7 @@ pub(super) fn map(spec: &ImportSpec, mesh: &Mesh, notes: Vec<Note>) -> Result<Im
 /// See [`map`].
 pub(super) fn map_up(
     spec: &ImportSpec,
-    mesh: &Mesh,
+    mesh: Mesh,
     (up, reason): (Up, &str),
     mut notes: Vec<Note>,
 ) -> Result<Imported, FormatError> {
@@ -239,34 +234,32 @@ pub(super) fn map_up(
     let units = Units::new(spec)?.with_up(up);
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
-    let mut triangles = mesh.sound(units);
+    let count = mesh.triangles.len();
+    let mut sound = Sound::of(mesh, units);
+    let nothing = || FormatError::Nothing("triangle");
+    let bounds = sound.bounds().ok_or_else(nothing)?;
     // The lattice is too coarse for what is far smaller than a cell.
-    if let Some(bounds) = Bounds::of(triangles.iter().copied().flatten()) {
-        units.check_span(spec, bounds)?;
-    }
-    lattice::put_on(&mut triangles);
-    let bounds = Bounds::of(triangles.iter().copied().flatten()).ok_or(FormatError::Nothing("triangle"))?;
+    units.check_span(spec, bounds)?;
+    sound.put_on_lattice(bounds);
+    let bounds = sound.bounds().ok_or_else(nothing)?;
     let mut frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),
         Kind::Free => (Terrain::Wall, Terrain::Free),
     };
     let mut terrain = frame.grid(outside, spec)?;
-    let dropped = mesh.triangles.len() - triangles.len();
-    for corner in triangles.iter_mut().flatten() {
-        *corner = frame.in_map(*corner);
-    }
+    sound.put_into(&frame);
+    let mut triangles: Vec<Triangle> = sound.triangles().collect();
+    let (places, mut vertices) = sound.into_parts();
+    let dropped = count - triangles.len();
     let mut work = WorkBudget::new(spec);
-    let mut corners = orientation::corners(&triangles, &mut work)?;
-    let doubled = doubled::drop_backs(&mut triangles, &corners);
-    if doubled > 0 {
-        corners = orientation::corners(&triangles, &mut work)?;
-    }
-    let Orientation { turned, parts, openings, rims } = orientation::orient(&mut triangles, corners, &mut work)?;
-    let text = format!(
-        "{} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite",
-        mesh.triangles.len()
-    );
+    let mut corners = orientation::corners(&places, &vertices, &mut work)?;
+    drop(places);
+    let doubled = doubled::drop_backs(&mut triangles, &mut vertices, &mut corners);
+    let Orientation { turned, parts, openings, rims } =
+        orientation::orient(&mut triangles, corners, &vertices, &mut work)?;
+    let text =
+        format!("{count} triangles in {parts} part(s), {dropped} dropped because they have no area or are not finite");
     let mut notes: Vec<Note> = std::iter::once(Note::new("mesh", text)).chain(notes).collect();
     notes.push(Note::new("spans", units.span(bounds)));
     if doubled > 0 {

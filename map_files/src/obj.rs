@@ -22,11 +22,14 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let bytes = in_utf8(&spec.bytes);
     let Parsed { mesh, notes } = parse(&bytes)?;
     if let Some(up) = up_by_comment(&bytes) {
-        return mesh::map_up(spec, &mesh, (up, "as a comment of the file says"), notes);
+        return mesh::map_up(spec, mesh, (up, "as a comment of the file says"), notes);
     }
     match writer_of_y(&bytes) {
-        Some(writer) => mesh::map_up(spec, &mesh, (Up::Y, &format!("as {writer} writes it by default")), notes),
-        None => mesh::map(spec, &mesh, notes),
+        Some(writer) => {
+            let reason = format!("as {writer} writes it by default{}", mesh.advice_on_up(Up::Y));
+            mesh::map_up(spec, mesh, (Up::Y, &reason), notes)
+        }
+        None => mesh::map(spec, mesh, notes),
     }
 }
 
@@ -192,6 +195,7 @@ mod tests {
         assert!(up("# walls lined up, y is north", [6, 4, 5], None).1.starts_with(open));
         assert_eq!(up("# walls", [6, 4, 5], None).1, format!("{open}; the option up changes that"));
         assert!(up("# a hall", [24, 5, 10], None).1.contains("y is by far the shortest side"));
+        assert!(up("# Blender 3.4.1", [24, 10, 5], None).1.contains("z is by far the shortest side"));
     }
 
     #[test]

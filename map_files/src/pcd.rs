@@ -188,7 +188,8 @@ fn header(bytes: &mut Bytes<'_>) -> Result<Header, FormatError> {
                 let data = match words.next() {
                     Some(b"ascii") => Data::Ascii,
                     Some(b"binary") => Data::Binary,
-                    Some(b"binary_compressed") => Data::Compressed,
+                    // The second name is pypcd4's (1.5.1), of the same data.
+                    Some(b"binary_compressed" | b"binaryscompressed") => Data::Compressed,
                     word => {
                         let reason = format!(
                             "DATA {}, expected ascii, binary or binary_compressed",

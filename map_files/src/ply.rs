@@ -107,7 +107,15 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         // An element without properties takes no bytes, however many there are of it.
         let count = if element.properties.is_empty() { 0 } else { element.count };
         let list = list_of(number);
-        for place in 0..count {
+        let begun = match list {
+            _ if order == Order::Ascii => 0,
+            _ if number == vertices && seen_from.is_none() && time.is_none() => {
+                plain_vertices(&mut bytes, order, element, coordinates, &mut mesh)
+            }
+            Some(list) if element.name != b"tristrips" => plain_faces(&mut bytes, order, element, list, &mut mesh)?,
+            _ => 0,
+        };
+        for place in begun..count {
             let at = bytes.at();
             items.clear();
             read_values(&mut bytes, order, element, place, &mut values, list.map(|list| (list, &mut items)))?;
@@ -151,7 +159,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         if let Some(name) = given_only_for(cloud::OPTIONS, mesh::OPTIONS) {
             return Err(FormatError::HasFaces { name });
         }
-        return mesh::map(spec, &mesh, notes);
+        return mesh::map(spec, mesh, notes);
     }
     if let Some(name) = given_only_for(mesh::OPTIONS, cloud::OPTIONS) {
         return Err(FormatError::NoFaces { name });
@@ -195,23 +203,14 @@ impl<'a> Record<'a> {
         if order == Order::Ascii
             || elements[..vertices].iter().any(is_there)
             || elements.iter().any(|element| has_a_say(element) && element.count > 0)
-            || vertex.properties.iter().any(|property| property.length.is_some())
             || positions(vertex, ["vp_x", "vp_y", "vp_z"], 0).is_ok()
             || spec.options.trajectory.is_some()
             || spec.options.given().any(|name| !cloud::OPTIONS.contains(&name))
         {
             return None;
         }
-        let mut stride = 0;
-        let places: Vec<(usize, Number)> = vertex
-            .properties
-            .iter()
-            .map(|property| {
-                let at = stride;
-                stride += property.number.size();
-                (at, property.number)
-            })
-            .collect();
+        let places = places(&vertex.properties)?;
+        let stride = vertex.properties.iter().map(|property| property.number.size()).sum();
         let coordinates = positions(vertex, ["x", "y", "z"], 0).ok()?.map(|property| places[property]);
         Some(Self { vertex, coordinates, stride, order })
     }
@@ -258,6 +257,81 @@ fn corners_of(face: &Element, at: usize) -> Result<usize, FormatError> {
     let name = String::from_utf8_lossy(&face.name).into_owned();
     let missing = || FormatError::byte(at, format!("the element {name} has no list vertex_indices"));
     face.properties.iter().position(is_corners).ok_or_else(missing)
+}
+
+/// Reads the vertices of a binary file if they have numbers only and the file has all of them, and
+/// returns how many these are.
+fn plain_vertices(
+    bytes: &mut Bytes<'_>,
+    order: Order,
+    element: &Element,
+    coordinates: [usize; 3],
+    mesh: &mut Mesh,
+) -> usize {
+    let Some(places) = places(&element.properties) else { return 0 };
+    let stride: usize = element.properties.iter().map(|property| property.number.size()).sum();
+    let length = element.count.checked_mul(stride);
+    let Some(data) = length.and_then(|length| bytes.take(length, "the vertices").ok()) else { return 0 };
+    let coordinates = coordinates.map(|property| places[property]);
+    let vertex = |record: &[u8]| coordinates.map(|(at, number)| decoded(&record[at..], order, number));
+    mesh.vertices.extend(data.chunks_exact(stride).map(vertex));
+    element.count
+}
+
+/// The place of each property in an element, bytes, and its type; `None` if one is a list.
+fn places(properties: &[Property]) -> Option<Vec<(usize, Number)>> {
+    let mut at = 0;
+    let place = |property: &Property| {
+        let here = at;
+        at += property.number.size();
+        property.length.is_none().then_some((here, property.number))
+    };
+    properties.iter().map(place).collect()
+}
+
+/// Reads faces of a binary file that have one list, up to the first that is not sound, and returns
+/// how many these are.
+fn plain_faces(
+    bytes: &mut Bytes<'_>,
+    order: Order,
+    element: &Element,
+    list: usize,
+    mesh: &mut Mesh,
+) -> Result<usize, FormatError> {
+    let (before, after) = (&element.properties[..list], &element.properties[list + 1..]);
+    let size = |properties: &[Property]| -> usize { properties.iter().map(|property| property.number.size()).sum() };
+    let Property { number, length: Some(length), .. } = element.properties[list] else { return Ok(0) };
+    if before.iter().chain(after).any(|property| property.length.is_some()) {
+        return Ok(0);
+    }
+    let (first, after) = (size(before), size(after));
+    let vertices = mesh.vertices.len() as f64;
+    let mut corners: Vec<u32> = Vec::new();
+    for place in 0..element.count {
+        let rest = bytes.rest();
+        let Some(counted) = rest.get(first..first + length.size()) else { return Ok(place) };
+        let count = decoded(counted, order, length);
+        if !(3.0..=ELEMENT_MAX as f64).contains(&count) {
+            return Ok(place);
+        }
+        let (begin, items) = (first + length.size(), count as usize * number.size());
+        let Some(items) = rest.get(begin..begin + items) else { return Ok(place) };
+        corners.clear();
+        for item in items.chunks_exact(number.size()) {
+            let item = decoded(item, order, number);
+            let corner = item as u32;
+            if f64::from(corner) != item || item >= vertices {
+                return Ok(place);
+            }
+            corners.push(corner);
+        }
+        if bytes.take(begin + items.len() + after, "a face").is_err() {
+            return Ok(place);
+        }
+        mesh.add_polygon(&corners);
+        mesh.check_count()?;
+    }
+    Ok(element.count)
 }
 
 /// Puts the items of the list of a face that begins at a byte into `corners`, as numbers of
@@ -406,7 +480,18 @@ fn value(bytes: &mut Bytes<'_>, order: Order, number: Number) -> Result<f64, For
 }
 
 /// The number that bytes begin with.
+#[inline]
 fn decoded(bytes: &[u8], order: Order, number: Number) -> f64 {
+    // Most numbers of meshes have four bytes.
+    if let (4, &[a, b, c, d, ..]) = (number.size(), bytes) {
+        let bits =
+            if order == Order::Big { u32::from_be_bytes([a, b, c, d]) } else { u32::from_le_bytes([a, b, c, d]) };
+        return match number {
+            Number::Float(_) => f32::from_bits(bits).into(),
+            Number::Unsigned(_) => bits.into(),
+            Number::Signed(_) => (bits as i32).into(),
+        };
+    }
     let size = number.size();
     let mut low = [0; 8];
     low[..size].copy_from_slice(&bytes[..size]);
@@ -415,7 +500,6 @@ fn decoded(bytes: &[u8], order: Order, number: Number) -> f64 {
     }
     let (bits, unused) = (u64::from_le_bytes(low), 64 - 8 * size as u32);
     match number {
-        Number::Float(4) => f32::from_bits(bits as u32).into(),
         Number::Float(_) => f64::from_bits(bits),
         Number::Unsigned(_) => bits as f64,
         Number::Signed(_) => ((bits << unused) as i64 >> unused) as f64,

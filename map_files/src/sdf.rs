@@ -114,7 +114,7 @@ pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
         ),
     )];
     notes.extend(reader.notes());
-    mesh::map_up(spec, &whole, (Up::Z, "as SDF has it"), notes)
+    mesh::map_up(spec, whole, (Up::Z, "as SDF has it"), notes)
 }
 
 /// The files that a world needs and that have not been looked for.

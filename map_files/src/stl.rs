@@ -33,7 +33,7 @@ const LARGEST: f32 = 1e10;
 /// If the file is malformed, or its mesh does not fit into a map.
 pub(super) fn read(spec: &ImportSpec) -> Result<Imported, FormatError> {
     let (mesh, notes) = parse(&spec.bytes)?;
-    mesh::map(spec, &mesh, notes)
+    mesh::map(spec, mesh, notes)
 }
 
 /// The mesh of a file, with notes.

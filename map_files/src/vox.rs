@@ -32,8 +32,14 @@ struct Model<'a> {
 /// A node of a scene.
 enum Node {
     Transform(Placement),
-    Group(Vec<u32>),
-    Shape(Vec<u32>),
+    Group(Hideable),
+    Shape(Hideable),
+}
+
+/// The children of a group, or the models of a shape, and whether its own attributes hide them.
+struct Hideable {
+    numbers: Vec<u32>,
+    is_hidden: bool,
 }
 
 /// A transform of a child, and what hides the child.
@@ -282,16 +288,16 @@ impl<'a> Chunk<'a> {
 
     fn group(&mut self, nodes: &mut BTreeMap<u32, Node>) -> Result<(), FormatError> {
         let id = self.u32("the number of a node")?;
-        self.pairs()?;
+        let is_hidden = is_hidden(&self.pairs()?);
         let count = self.u32("the number of nodes in a group")?;
         let children: Result<Vec<u32>, FormatError> = (0..count).map(|_| self.u32("the number of a node")).collect();
-        nodes.insert(id, Node::Group(children?));
+        nodes.insert(id, Node::Group(Hideable { numbers: children?, is_hidden }));
         Ok(())
     }
 
     fn shape(&mut self, nodes: &mut BTreeMap<u32, Node>) -> Result<(), FormatError> {
         let id = self.u32("the number of a node")?;
-        self.pairs()?;
+        let is_hidden = is_hidden(&self.pairs()?);
         let count = self.u32("the number of models in a shape")?;
         let mut models = Vec::new();
         for _ in 0..count {
@@ -300,7 +306,7 @@ impl<'a> Chunk<'a> {
         }
         // Several are the frames of an animation.
         models.truncate(1);
-        nodes.insert(id, Node::Shape(models));
+        nodes.insert(id, Node::Shape(Hideable { numbers: models, is_hidden }));
         Ok(())
     }
 }
@@ -347,12 +353,13 @@ impl<'a> Scene<'a> {
                     let is_hidden = is_hidden || own.is_hidden || hidden_layers.contains(&own.layer);
                     open.push((own.child, transform.after(&own.transform), is_hidden));
                 }
-                Some(Node::Group(children)) => {
-                    open.extend(children.iter().rev().map(|&child| (child, transform, is_hidden)));
+                Some(Node::Group(own)) => {
+                    let is_hidden = is_hidden || own.is_hidden;
+                    open.extend(own.numbers.iter().rev().map(|&child| (child, transform, is_hidden)));
                 }
-                Some(Node::Shape(shapes)) if is_hidden => placed.hidden += shapes.len(),
-                Some(Node::Shape(shapes)) => {
-                    for &number in shapes {
+                Some(Node::Shape(own)) if is_hidden || own.is_hidden => placed.hidden += own.numbers.len(),
+                Some(Node::Shape(own)) => {
+                    for &number in &own.numbers {
                         let missing = || fault(format!("the scene names model {number} of {}", models.len()));
                         let model = models.get(number as usize).ok_or_else(missing)?;
                         voxels += model.voxels.len() / 4;

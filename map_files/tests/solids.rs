@@ -130,6 +130,59 @@ fn mirrored_boxes_of_a_house_whose_boxes_share_edges_do_not_leak() {
     }
 }
 
+/// An OBJ file of the boxes of the house with vertices of their own, whose triangles take turns.
+fn interleaved(boxes: &[Vec<[[f64; 3]; 3]>]) -> Vec<u8> {
+    let mut text = String::new();
+    let mut faces = vec![String::new(); 12];
+    let mut vertices: Vec<(usize, [f64; 3])> = Vec::new();
+    for (number, triangles) in boxes.iter().enumerate() {
+        for (triangle, faces) in triangles.iter().zip(&mut faces) {
+            let corners = triangle.map(|corner| {
+                let known = vertices.iter().position(|vertex| *vertex == (number, corner));
+                known.unwrap_or_else(|| {
+                    let [x, y, z] = corner;
+                    text += &format!("v {x} {y} {z}\n");
+                    vertices.push((number, corner));
+                    vertices.len() - 1
+                }) + 1
+            });
+            *faces += &format!("f {} {} {}\n", corners[0], corners[1], corners[2]);
+        }
+    }
+    (text + &faces.concat()).into_bytes()
+}
+
+/// Turns three of eight triangles, without a pattern.
+fn turn_some<'a>(seed: u64, triangles: impl Iterator<Item = &'a mut [[f64; 3]; 3]>) {
+    let mut state = seed;
+    for triangle in triangles {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        if state >> 61 < 3 {
+            triangle.swap(0, 1);
+        }
+    }
+}
+
+#[test]
+fn turned_triangles_of_boxes_that_share_edges_do_not_leak() {
+    for seed in 0..40 {
+        let mut triangles: Vec<_> = HOUSE.iter().flat_map(|&bounds| faces(bounds, true)).collect();
+        turn_some(seed, triangles.iter_mut());
+        assert_union(&read("a.obj", obj(&triangles), 0.1), &HOUSE);
+    }
+}
+
+#[test]
+fn interleaved_boxes_that_share_edges_do_not_leak() {
+    for mirrored in 0_usize..HOUSE.len() {
+        let of_box = |number: usize| faces(HOUSE[number], number != mirrored && number != (mirrored + 3) % HOUSE.len());
+        let mut boxes: Vec<_> = (0..HOUSE.len()).map(of_box).collect();
+        assert_union(&read("a.obj", interleaved(&boxes), 0.1), &HOUSE);
+        turn_some(mirrored as u64, boxes.iter_mut().flatten());
+        assert_union(&read("a.obj", interleaved(&boxes), 0.1), &HOUSE);
+    }
+}
+
 #[test]
 fn a_cavity_stays() {
     let inner = ([1.0; 3], [2.0; 3]);

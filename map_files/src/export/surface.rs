@@ -7,6 +7,10 @@
 //! A rectangle that has corners of others on its edges becomes a fan around its middle, with all of
 //! them: so every edge of a triangle is a whole edge of another one, and the surface is watertight.
 //! It is that of the free space, seen from outside: triangles face the wall.
+//!
+//! Where two free cells touch at an edge alone, four rectangles meet. Those of one of the two cells
+//! have a corner in the middle of the edge, so that every edge is one of exactly two triangles, also
+//! for programs that merge vertices at the same place, and no place moves.
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -41,24 +45,55 @@ impl Rectangle {
         if self.is_up { [a, d, c, b] } else { corners }
     }
 
-    /// Its corners and those of others on its edges, in half cells, in the order of
-    /// [`Self::corners`].
-    fn outline(&self, all: &BTreeSet<[u32; 3]>) -> Vec<[u32; 3]> {
+    /// The steps of one cell around it, in the order of [`Self::corners`].
+    fn steps(&self) -> impl Iterator<Item = Step> {
         let corners = self.corners();
-        let mut outline = Vec::new();
-        for (at, from) in corners.into_iter().enumerate() {
-            let to = corners[(at + 1) % corners.len()];
+        let sides = (0..corners.len()).map(move |at| (corners[at], corners[(at + 1) % corners.len()]));
+        sides.flat_map(|(from, to)| {
             let length = (0..3).map(|axis| from[axis].abs_diff(to[axis])).max().unwrap_or(0);
-            let place = |step: u32| {
+            let place = move |step: u32| {
                 [0, 1, 2].map(|axis| match to[axis].cmp(&from[axis]) {
                     Ordering::Less => from[axis] - step,
                     Ordering::Equal => from[axis],
                     Ordering::Greater => from[axis] + step,
                 })
             };
-            outline.extend((0..length).map(place).filter(|place| all.contains(place)));
+            (0..length).map(move |step| Step { from: place(step), to: place(step + 1) })
+        })
+    }
+
+    /// Its corners and those of others on its edges, in half cells, in the order of
+    /// [`Self::corners`].
+    fn outline(&self, all: &BTreeSet<[u32; 3]>, terrain: &Grid<Terrain>) -> Vec<[u32; 3]> {
+        let mut outline = Vec::new();
+        for step in self.steps() {
+            if all.contains(&step.from) {
+                outline.push(step.from.map(|along| 2 * along));
+            }
+            if self.touch(terrain, step) == Some(Side::Upper) {
+                outline.push([0, 1, 2].map(|axis| step.from[axis] + step.to[axis]));
+            }
         }
-        outline.into_iter().map(|corner| corner.map(|along| 2 * along)).collect()
+        outline
+    }
+
+    /// Whether the free cell at a step around it touches another one there at an edge alone, and
+    /// which of the two it is.
+    fn touch(&self, terrain: &Grid<Terrain>, Step { from, to }: Step) -> Option<Side> {
+        let (u, v) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
+        let (along, across) = if from[u] == to[u] { (v, u) } else { (u, v) };
+        let is_at_low = from[across] == self.low[across];
+        let mut free = [0; 3];
+        free[self.axis] = self.low[self.axis] as i32 - i32::from(!self.is_up);
+        free[along] = from[along].min(to[along]) as i32;
+        free[across] = from[across] as i32 - i32::from(!is_at_low);
+        let mut beside = free;
+        beside[across] += if is_at_low { -1 } else { 1 };
+        let mut opposite = beside;
+        opposite[self.axis] += if self.is_up { -1 } else { 1 };
+        let is_wall = |[x, y, z]: [i32; 3]| is_wall_at(terrain, Cell::new(x, y, z));
+        let side = if free > opposite { Side::Upper } else { Side::Lower };
+        (is_wall(beside) && !is_wall(opposite)).then_some(side)
     }
 
     /// The direction of the wall.
@@ -67,6 +102,20 @@ impl Rectangle {
         normal[self.axis] = if self.is_up { -1 } else { 1 };
         normal
     }
+}
+
+/// The edge of a face between two places, in cells.
+#[derive(Clone, Copy)]
+struct Step {
+    from: [u32; 3],
+    to: [u32; 3],
+}
+
+/// One of two cells that touch at an edge.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Lower,
+    Upper,
 }
 
 /// A triangle of the surface.
@@ -81,10 +130,14 @@ pub(super) struct Surface {
 /// The triangles of the surface of a map.
 pub(super) fn triangles(terrain: &Grid<Terrain>) -> Vec<Surface> {
     let rectangles = rectangles(terrain);
-    let corners: BTreeSet<[u32; 3]> = rectangles.iter().flat_map(Rectangle::corners).collect();
+    let mut corners: BTreeSet<[u32; 3]> = rectangles.iter().flat_map(Rectangle::corners).collect();
+    for rectangle in &rectangles {
+        let touching = rectangle.steps().filter(|&step| rectangle.touch(terrain, step).is_some());
+        corners.extend(touching.flat_map(|step| [step.from, step.to]));
+    }
     let mut found = Vec::new();
     for rectangle in rectangles {
-        let outline = rectangle.outline(&corners);
+        let outline = rectangle.outline(&corners, terrain);
         let normal = rectangle.normal();
         let mut add = |corners: [[u32; 3]; 3]| found.push(Surface { corners, normal });
         if let [a, b, c, d] = outline[..] {

@@ -10,7 +10,7 @@
 
 use std::ops::Range;
 
-use super::orientation::{Sets, hash};
+use super::orientation::{Sets, by_first_corner, hash};
 use super::{Triangle, normal};
 
 /// Most triangles of a face, in the order in which pairs of faces are looked for.
@@ -24,8 +24,13 @@ const SHEET: f64 = 0.5;
 type Doubles = Vec<Range<usize>>;
 
 /// Drops one of each pair of faces of two-sided surfaces from triangles, of which `corners` are the
-/// places, and returns the number of triangles that this drops.
-pub(super) fn drop_backs(triangles: &mut Vec<Triangle>, corners: &[[u32; 3]]) -> usize {
+/// places and `vertices` the numbers in the file, and returns the number of triangles that this
+/// drops.
+pub(super) fn drop_backs(
+    triangles: &mut Vec<Triangle>,
+    vertices: &mut Vec<[u32; 3]>,
+    corners: &mut Vec<[u32; 3]>,
+) -> usize {
     let mut is_single = vec![true; triangles.len()];
     let mut doubles: Vec<Doubles> = Vec::new();
     for most in FACE_TRIANGLES {
@@ -46,8 +51,15 @@ pub(super) fn drop_backs(triangles: &mut Vec<Triangle>, corners: &[[u32; 3]]) ->
         }
     }
     let before = triangles.len();
-    let mut dropped = is_dropped.into_iter();
-    triangles.retain(|_| dropped.next() == Some(false));
+    let keep = || {
+        let mut dropped = is_dropped.iter();
+        move || dropped.next() == Some(&false)
+    };
+    let (mut of_triangles, mut of_vertices, mut of_corners) = (keep(), keep(), keep());
+    triangles.retain(|_| of_triangles());
+    vertices.retain(|_| of_vertices());
+    corners.retain(|_| of_corners());
+    by_first_corner(corners, 3 * before);
     before - triangles.len()
 }
 

@@ -5,6 +5,7 @@
 //! lengths that no binary number has, get the same map: a face through centres that is meant as one
 //! is one.
 
+use super::super::frame::Bounds;
 use super::Triangle;
 
 /// Units of a cell along an axis. A map has less than 2^11 cells along an axis: twice the area of a
@@ -22,18 +23,16 @@ const SHARE: f64 = 1.0 / (1u64 << 20) as f64;
 /// Bounds of this distance, in lengths of cells.
 const NEAR: [f64; 2] = [1.0 / (1 << 17) as f64, 1e-3];
 
-/// Puts the corners of triangles, in lengths of cells, on the lattice. Drops triangles that have no
-/// area there.
-pub(super) fn put_on(triangles: &mut Vec<Triangle>) {
-    let largest = triangles.iter().flatten().flatten().fold(0.0f64, |largest, along| largest.max(along.abs()));
+/// Puts places, in lengths of cells, on the lattice. `bounds` are those of the places that count.
+pub(super) fn put_on(places: &mut [[f64; 3]], bounds: Bounds) {
+    let largest = [bounds.low, bounds.high].iter().flatten().fold(0.0f64, |largest, along| largest.max(along.abs()));
     let near = (largest * SHARE).clamp(NEAR[0], NEAR[1]);
-    for along in triangles.iter_mut().flatten().flatten().filter(|along| along.abs() < LARGEST) {
+    for along in places.iter_mut().flatten().filter(|along| along.abs() < LARGEST) {
         let half = libm::round(*along * 2.0) / 2.0;
         let is_near = (*along - half).abs() < near;
         // Adding 0 leaves one zero.
         *along = if is_near { half } else { libm::round(*along * UNIT as f64) / UNIT as f64 } + 0.0;
     }
-    triangles.retain(|triangle| super::normal(triangle) != [0.0; 3]);
 }
 
 /// The corners of a triangle of a map, units.

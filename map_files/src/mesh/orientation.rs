@@ -12,6 +12,7 @@
 use std::collections::BTreeMap;
 
 use super::super::FormatError;
+use super::bodies;
 use super::patches::{self, Constraint, Patches};
 use super::winding::{TRIANGLE_STEPS, Winding, solid_angle};
 use super::{Triangle, WorkBudget};
@@ -53,72 +54,99 @@ pub(super) struct Orientation {
 }
 
 /// Turns triangles, of which `corners` are the places, so that they face outwards together.
+/// `vertices` are the numbers that the file gives the corners of a triangle.
 ///
 /// # Errors
 /// If no work is left.
 pub(super) fn orient(
     triangles: &mut [Triangle],
     corners: Vec<[u32; 3]>,
+    vertices: &[[u32; 3]],
     work: &mut WorkBudget,
 ) -> Result<Orientation, FormatError> {
     let edges = edges(&corners);
     let mut turned = vec![false; triangles.len()];
-    let patches = turn_neighbours(triangles, &edges, &mut turned);
+    let apart = bodies::apart(&corners, &edges, vertices).map(|bodies| (self::edges(&bodies.corners), bodies));
+    let (own_edges, own_corners, bodies) = match &apart {
+        Some((edges, bodies)) => (edges, &bodies.corners, bodies.of.as_slice()),
+        None => (&edges, &corners, [].as_slice()),
+    };
+    let patches = turn_neighbours(triangles, own_edges, bodies, &mut turned);
     for (triangle, _) in triangles.iter_mut().zip(&turned).filter(|(_, is_turned)| **is_turned) {
         triangle.swap(1, 2);
     }
-    turn_parts(triangles, &patches.parts(&corners, &edges), &mut turned, work)?;
-    let turned = turned.iter().filter(|&&is_turned| is_turned).count();
-    let openings = if turned == 0 {
+    turn_parts(triangles, &patches.parts(own_corners), &mut turned, work)?;
+    let turned_count = turned.iter().filter(|&&is_turned| is_turned).count();
+    let openings = if turned_count == 0 {
         openings(triangles, &corners, &edges)
     } else {
         // Triangles that were turned have their corners in another order.
-        let corners = self::corners(triangles, work)?;
+        let mut corners = corners.clone();
+        corners
+            .iter_mut()
+            .zip(&turned)
+            .filter(|(_, is_turned)| **is_turned)
+            .for_each(|(corners, _)| corners.swap(1, 2));
+        by_first_corner(&mut corners, 3 * triangles.len());
         openings(triangles, &corners, &self::edges(&corners))
     };
     let meeting = around(&edges).map(<[Edge]>::len);
     let rims = meeting.filter(|triangles| triangles % 2 == 1 && *triangles > 1).count();
-    Ok(Orientation { turned, parts: parts(&corners), openings, rims })
+    Ok(Orientation { turned: turned_count, parts: parts(&corners), openings, rims })
 }
 
-/// The number of the place of each corner, by triangle: that of the first corner there.
+/// The number of the place of each corner, by triangle: that of the first corner there. `places`
+/// are those of the vertices, whose numbers `triangles` have.
 ///
 /// # Errors
 /// If no work is left, because the hashes of too many places are alike.
-pub(super) fn corners(triangles: &[Triangle], work: &mut WorkBudget) -> Result<Vec<[u32; 3]>, FormatError> {
-    // A table with open addressing, at most half full, of places by their first corners.
-    let slots = (6 * triangles.len()).next_power_of_two();
+pub(super) fn corners(
+    places: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    work: &mut WorkBudget,
+) -> Result<Vec<[u32; 3]>, FormatError> {
+    // A table with open addressing, at most half full, of the first vertex at each place.
+    let slots = (2 * places.len()).next_power_of_two();
     let mut table = vec![NO_PLACE; slots];
-    let mut places: Vec<([u64; 3], u32)> = Vec::new();
-    let mut numbers = vec![[0; 3]; triangles.len()];
-    let mut corner = 0;
-    for (triangle, numbers) in triangles.iter().zip(&mut numbers) {
-        for (place, number) in triangle.iter().zip(numbers) {
-            // Adding 0 leaves one zero.
-            let key = place.map(|along| (along + 0.0).to_bits());
-            let mut slot = hash(key) as usize & (slots - 1);
-            let mut probes = 0;
-            *number = loop {
-                let at = table[slot];
-                if at == NO_PLACE {
-                    table[slot] = places.len() as u32;
-                    places.push((key, corner));
-                    break corner;
-                }
-                let (other, first) = places[at as usize];
-                if other == key {
-                    break first;
-                }
-                slot = (slot + 1) & (slots - 1);
-                probes += 1;
-            };
-            if probes > PROBES_FREE {
-                work.spend(probes)?;
+    // Adding 0 leaves one zero.
+    let key = |place: &[f64; 3]| place.map(|along| (along + 0.0).to_bits());
+    let mut first_vertex: Vec<u32> = Vec::with_capacity(places.len());
+    for (place, vertex) in places.iter().zip(0..) {
+        let key_here = key(place);
+        let mut slot = hash(key_here) as usize & (slots - 1);
+        let mut probes = 0;
+        first_vertex.push(loop {
+            let other = table[slot];
+            if other == NO_PLACE {
+                table[slot] = vertex;
+                break vertex;
             }
-            corner += 1;
+            if key(&places[other as usize]) == key_here {
+                break other;
+            }
+            slot = (slot + 1) & (slots - 1);
+            probes += 1;
+        });
+        if probes > PROBES_FREE {
+            work.spend(probes)?;
         }
     }
-    Ok(numbers)
+    let mut corners: Vec<[u32; 3]> =
+        triangles.iter().map(|triangle| triangle.map(|vertex| first_vertex[vertex as usize])).collect();
+    by_first_corner(&mut corners, places.len());
+    Ok(corners)
+}
+
+/// Replaces the numbers of places, all below `end`, by those of the first corners there.
+pub(super) fn by_first_corner(corners: &mut [[u32; 3]], end: usize) {
+    let mut first = vec![NO_PLACE; end];
+    for (corner, number) in corners.iter_mut().flatten().zip(0..) {
+        let known = &mut first[*corner as usize];
+        if *known == NO_PLACE {
+            *known = number;
+        }
+        *corner = *known;
+    }
 }
 
 /// Mixes the bits of a place.
@@ -166,8 +194,8 @@ pub(super) fn around(edges: &[Edge]) -> impl Iterator<Item = &[Edge]> {
 /// Turns triangles until neighbours pass their common edge in opposite directions: in each
 /// connected part those with the smaller area. A part without an outside, as a Moebius strip,
 /// stays.
-fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) -> Patches {
-    let crossed = Crossed::of(triangles, edges);
+fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], bodies: &[u32], turned: &mut [bool]) -> Patches {
+    let crossed = Crossed::of(triangles, edges, bodies);
     let pairs = || {
         around(edges).filter(|edge| edge.len() == 2 && edge[0].2 != edge[1].2 && !crossed.contains(triangles, edge[0]))
     };
@@ -183,45 +211,51 @@ fn turn_neighbours(triangles: &[Triangle], edges: &[Edge], turned: &mut [bool]) 
 ///
 /// Where four sides of boxes meet, as in maps of cells that touch at an edge, and some sides are
 /// longer than others, two triangles of different boxes share an edge, and pass it as they like:
-/// the longer ones balance it. Such triangles are no neighbours.
-struct Crossed(BTreeMap<Line, Vec<[f64; 2]>>);
+/// the longer ones balance it. Such triangles are no neighbours. Bodies that are told apart cross
+/// nothing of each other.
+struct Crossed<'a> {
+    lines: BTreeMap<Line, Vec<[f64; 2]>>,
+    /// The body of each triangle; empty if all are of one.
+    bodies: &'a [u32],
+}
 
-/// The axis of a line, and the bits of its other two coordinates.
-type Line = (usize, [u64; 2]);
+/// A body, the axis of a line, and the bits of its other two coordinates.
+type Line = (u32, usize, [u64; 2]);
 
-impl Crossed {
-    fn of(triangles: &[Triangle], edges: &[Edge]) -> Self {
+impl<'a> Crossed<'a> {
+    fn of(triangles: &[Triangle], edges: &[Edge], bodies: &'a [u32]) -> Self {
         let mut lines: BTreeMap<Line, Vec<[f64; 2]>> = BTreeMap::new();
         for edge in around(edges) {
             if edge.iter().filter(|passage| passage.3).count() * 2 != edge.len()
-                && let Some((line, ends)) = Self::line(triangles, edge[0])
+                && let Some((line, ends)) = Self::line(triangles, edge[0], bodies)
             {
                 lines.entry(line).or_default().push(ends);
             }
         }
         lines.retain(|_, edges| edges.len() > 1);
-        Self(lines)
+        Self { lines, bodies }
     }
 
     /// Whether other edges without balance overlap with this one.
     fn contains(&self, triangles: &[Triangle], edge: Edge) -> bool {
-        if self.0.is_empty() {
+        if self.lines.is_empty() {
             return false;
         }
-        let Some((line, here)) = Self::line(triangles, edge) else { return false };
+        let Some((line, here)) = Self::line(triangles, edge, self.bodies) else { return false };
         // The edge overlaps with itself, too.
         let overlaps = |other: &&[f64; 2]| other[0].max(here[0]) < other[1].min(here[1]);
-        self.0.get(&line).is_some_and(|edges| edges.iter().filter(overlaps).nth(1).is_some())
+        self.lines.get(&line).is_some_and(|edges| edges.iter().filter(overlaps).nth(1).is_some())
     }
 
     /// The line of an edge along an axis, and where on it the edge lies.
-    fn line(triangles: &[Triangle], (from, to, ..): Edge) -> Option<(Line, [f64; 2])> {
+    fn line(triangles: &[Triangle], (from, to, triangle, _): Edge, bodies: &[u32]) -> Option<(Line, [f64; 2])> {
+        let body = bodies.get(triangle as usize).copied().unwrap_or_default();
         let [from, to] = [from, to].map(|corner| triangles[corner as usize / 3][corner as usize % 3]);
         let axis = (0..3).find(|&axis| from[axis] != to[axis])?;
         let others = [(axis + 1) % 3, (axis + 2) % 3];
         let is_along = others.iter().all(|&other| from[other] == to[other]);
         let key = others.map(|other| (from[other] + 0.0).to_bits());
-        is_along.then(|| ((axis, key), [from[axis].min(to[axis]), from[axis].max(to[axis])]))
+        is_along.then(|| ((body, axis, key), [from[axis].min(to[axis]), from[axis].max(to[axis])]))
     }
 }
 
@@ -232,10 +266,8 @@ fn parts(corners: &[[u32; 3]]) -> usize {
         sets.join(corners[0], corners[1]);
         sets.join(corners[0], corners[2]);
     }
-    let mut roots: Vec<u32> = corners.iter().map(|corners| sets.root(corners[0])).collect();
-    roots.sort_unstable();
-    roots.dedup();
-    roots.len()
+    let mut is_root = |(&corner, number): (&u32, u32)| corner == number && sets.root(corner) == corner;
+    corners.iter().flatten().zip(0..).map(&mut is_root).filter(|&is_root| is_root).count()
 }
 
 /// Turns parts that face the other way than most of the mesh and do not lie inside the rest of it.
@@ -298,7 +330,7 @@ fn openings(triangles: &[Triangle], corners: &[[u32; 3]], edges: &[Edge]) -> Vec
     // Edges with the passages that nothing balances. Two triangles close an edge, whichever way
     // they face: of a part without an outside they face the same way. Crossed edges balance longer
     // ones.
-    let crossed = Crossed::of(triangles, edges);
+    let crossed = Crossed::of(triangles, edges, &[]);
     let open: Vec<(u32, u32, i64)> = around(edges)
         .filter(|edge| edge.len() != 2 || crossed.contains(triangles, edge[0]))
         .filter(|edge| edge.iter().filter(|passage| passage.3).count() * 2 != edge.len())

@@ -103,17 +103,14 @@ impl Patches {
         patches
     }
 
-    /// The triangles of each part: a patch that is closed by itself, or others of one body that
-    /// share corners.
-    pub(super) fn parts(&self, corners: &[[u32; 3]], edges: &[Edge]) -> Vec<Vec<u32>> {
+    /// The triangles of each part: a patch that is closed by itself, or others that share corners.
+    pub(super) fn parts(&self, corners: &[[u32; 3]]) -> Vec<Vec<u32>> {
         let has_open = self.is_open.contains(&true);
-        let bodies = if has_open { bodies(corners.len(), edges) } else { Vec::new() };
         let mut sets = Sets::new(corners.len());
         let mut last_at: Vec<Option<u32>> = vec![None; if has_open { 3 * corners.len() } else { 0 }];
         for (corners, triangle) in corners.iter().zip(0..).filter(|&(_, triangle)| self.is_open(triangle)) {
             for &corner in corners {
-                let before = last_at[corner as usize].replace(triangle);
-                if let Some(before) = before.filter(|&before| bodies[before as usize] == bodies[triangle as usize]) {
+                if let Some(before) = last_at[corner as usize].replace(triangle) {
                     sets.join(before, triangle);
                 }
             }
@@ -174,33 +171,6 @@ impl Patches {
             }
         }
     }
-}
-
-/// The body of each triangle: a body ends, in the order of the file, where every edge of its
-/// triangles is passed an even number of times. Programs write one object after the other, so that
-/// boxes which share edges are told from each other. Edges of open sheets, which the whole file
-/// passes an odd number of times, end nothing.
-fn bodies(count: usize, edges: &[Edge]) -> Vec<u32> {
-    let mut edges_of: Vec<[Option<u32>; 3]> = vec![[None; 3]; count];
-    for (edge, number) in around(edges).zip(0..).filter(|(edge, _)| edge.len() % 2 == 0) {
-        for &(_, _, triangle, _) in edge {
-            let free = edges_of[triangle as usize].iter_mut().find(|edge| edge.is_none());
-            *free.expect("a triangle has three edges") = Some(number);
-        }
-    }
-    let mut is_odd = vec![false; edges.len()];
-    let (mut odd, mut body) = (0, 0);
-    let of_triangle = |edges: [Option<u32>; 3]| {
-        let here = body;
-        for edge in edges.into_iter().flatten() {
-            let is_odd = &mut is_odd[edge as usize];
-            *is_odd ^= true;
-            odd += if *is_odd { 1 } else { -1 };
-        }
-        body += u32::from(odd == 0);
-        here
-    };
-    edges_of.into_iter().map(of_triangle).collect()
 }
 
 /// How much more often an edge is passed forwards than backwards.

@@ -25,7 +25,7 @@ fn cuboid(low: [f64; 3], high: [f64; 3]) -> Mesh {
 }
 
 fn read(mesh: &Mesh, options: ImportOptions) -> Imported {
-    map(&ImportSpec { options, ..ImportSpec::new("a.obj", Vec::new()) }, mesh, Vec::new()).unwrap()
+    map(&ImportSpec { options, ..ImportSpec::new("a.obj", Vec::new()) }, mesh.clone(), Vec::new()).unwrap()
 }
 
 /// The text of a note.
@@ -156,7 +156,7 @@ fn two_sided_surfaces_are_those_with_one_side() {
 fn span_is_that_of_the_file_whatever_the_cells() {
     for cell_m in [7.0, 1e3, 1e5, 1e6, 1e9] {
         let spec = ImportSpec { cell_m: Some(cell_m), ..ImportSpec::new("a.obj", Vec::new()) };
-        let error = map(&spec, &cuboid([0.0; 3], [6.0, 4.0, 3.0]), Vec::new()).unwrap_err().to_string();
+        let error = map(&spec, cuboid([0.0; 3], [6.0, 4.0, 3.0]), Vec::new()).unwrap_err().to_string();
         assert!(error.starts_with("the file spans 6.000 m x 4.000 m x 3.000 m, with scale = 1: no more"), "{error}");
     }
 }
@@ -200,7 +200,7 @@ fn triangles_without_an_area_are_dropped() {
     assert_eq!(free_cells(&terrain), 8);
     assert_eq!(notes[0].text, "14 triangles in 1 part(s), 2 dropped because they have no area or are not finite");
     let nothing = Mesh { vertices: vec![[0.0; 3]], triangles: vec![[0; 3]], ..Mesh::default() };
-    let error = map(&ImportSpec::new("a.obj", Vec::new()), &nothing, Vec::new()).unwrap_err();
+    let error = map(&ImportSpec::new("a.obj", Vec::new()), nothing, Vec::new()).unwrap_err();
     assert_eq!(error.to_string(), "the file has no triangle");
 }
 
@@ -308,7 +308,7 @@ proptest! {
         });
         let mesh = surface(&cells, &diagonals, place);
         let spec = ImportSpec { cell_m: Some(cell_m), options: options(fill, Kind::Wall), ..ImportSpec::new("a.obj", Vec::new()) };
-        let imported = map(&spec, &mesh, Vec::new()).unwrap();
+        let imported = map(&spec, mesh, Vec::new()).unwrap();
         // A centre between two cells of the lattice lies in the upper one.
         let shift = |axis: usize| libm::ceil(f64::from(halves[axis]) / 2.0 + offset - 0.5) as i32;
         let expected: std::collections::BTreeSet<[i32; 3]> = cells
@@ -323,7 +323,7 @@ proptest! {
             // Whatever the diagonals and the numbers, the same cells.
             let plain = surface(&cells, &[false], |corner| [0, 1, 2].map(|axis| f64::from(corner[axis]) + f64::from(halves[axis]) / 2.0 + offset));
             let spec = ImportSpec { cell_m: Some(1.0), ..spec };
-            prop_assert_eq!(walls(&imported, cell_m), walls(&map(&spec, &plain, Vec::new()).unwrap(), 1.0));
+            prop_assert_eq!(walls(&imported, cell_m), walls(&map(&spec, plain, Vec::new()).unwrap(), 1.0));
         }
     }
 

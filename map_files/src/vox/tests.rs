@@ -101,8 +101,9 @@ fn a_scene_puts_models_where_they_belong() {
 #[test]
 fn hidden_models_are_left_out() {
     let group = chunk("nGRP", &numbers(&[1, 0, 2, 2, 4]));
-    let scene = |hidden_node: &[u8], hidden_layer: &[u8]| {
-        let second = [hidden_node, &numbers(&[5, u32::MAX, 7, 1]), &pair("_t", "9 0 0")].concat();
+    // The second model lies in a group of its own.
+    let scene = |[hidden_node, hidden_layer, hidden_group, hidden_shape]: [&[u8]; 4]| {
+        let second = [hidden_node, &numbers(&[6, u32::MAX, 7, 1]), &pair("_t", "9 0 0")].concat();
         let scene = [
             model(),
             transform(0, 1, "_t", "0 0 0"),
@@ -110,18 +111,20 @@ fn hidden_models_are_left_out() {
             transform(2, 3, "_t", "0 0 0"),
             shape(3, 0),
             chunk("nTRN", &[&numbers(&[4]), &second[..]].concat()),
-            shape(5, 0),
+            chunk("nGRP", &[&numbers(&[6]), hidden_group, &numbers(&[1, 5])].concat()),
+            chunk("nSHP", &[&numbers(&[5]), hidden_shape, &numbers(&[1, 0, 0])].concat()),
             // Layers may come after what is in them.
             chunk("LAYR", &[&numbers(&[7]), hidden_layer, &numbers(&[u32::MAX])].concat()),
         ];
         read(&file(&scene)).unwrap()
     };
     let (no, yes, zero) = (numbers(&[0]), pair("_hidden", "1"), pair("_hidden", "0"));
-    for shown in [scene(&no, &no), scene(&zero, &zero)] {
+    for shown in [scene([&no[..]; 4]), scene([&zero[..]; 4])] {
         assert_eq!(shown.terrain.extent().size(), [14, 4, 3]);
         assert!(shown.notes.iter().all(|note| note.name != "hidden"));
     }
-    for hidden in [scene(&yes, &no), scene(&no, &yes), scene(&yes, &yes)] {
+    let one = |place: usize| [0, 1, 2, 3].map(|at| if at == place { &yes[..] } else { &no });
+    for hidden in (0..4).map(one).chain([[&yes[..]; 4]]).map(scene) {
         assert_eq!(hidden.terrain, read(&file(&[model()])).unwrap().terrain);
         assert_eq!(hidden.notes[1].text, "1 left out, which a node or a layer hides");
     }
