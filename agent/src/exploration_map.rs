@@ -8,9 +8,13 @@
 //! agent to agent, and one to wall stays with agents whose own sensor found the wall; a mark of
 //! coverage is only removed where the own sensor finds a wall.
 //!
+//! Cells may also be *assumed*, which is known to this agent alone and gives way to every finding
+//! and report (`assumed.rs`).
+//!
 //! Invariants: a known cell stays known; only free cells are covered; the counts and the frontiers
-//! agree with the cells; the journal holds each change once, in order, and nothing else: at most
-//! [`CHANGES_MAX`] entries for a cell, the last of which is its present state.
+//! agree with the cells; the journal holds each change once, in order, and an assumption that turns
+//! out to be true once more: beside assumptions at most [`CHANGES_MAX`] entries for a cell, the last
+//! of which is its present state.
 //!
 //! The states are kept as bits, twice: by rows, for who reads them, and by blocks of 4 x 4 x 4
 //! cells, for what changes them. Of a report that says mostly what is known, only new cells are
@@ -39,6 +43,7 @@ use msgs::ids::AgentId;
 use voxels::{Cell, CellSet, Extent, Terrain, bits};
 
 pub use around::Around;
+use assumed::Assumed;
 use blocks::{Blocks, Words, ends, row_from, row_of};
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, with_delta};
@@ -89,7 +94,7 @@ pub struct Change {
     pub cell: u32,
     /// The new state.
     pub finding: Finding,
-    /// The agent that reported it; `None`: the own sensor.
+    /// The agent that reported it; `None`: the own sensor, or an assumption.
     pub from: Option<AgentId>,
 }
 
@@ -112,6 +117,7 @@ pub struct ExplorationMap {
     blocks: Blocks,
     frontier: CellSet,
     journal: Journal,
+    assumed: Assumed,
     free: usize,
     wall: usize,
     covered: usize,
@@ -134,6 +140,7 @@ impl ExplorationMap {
             blocks: Blocks::new(layout),
             frontier: CellSet::new(extent.volume()),
             journal: Journal::default(),
+            assumed: Assumed::default(),
             free: 0,
             wall: 0,
             covered: 0,
@@ -414,11 +421,12 @@ impl ExplorationMap {
         self.update_frontiers();
     }
 
-    /// The cells of a reported block whose finding differs from what is known. [`Self::learn`]
-    /// would ignore all others.
+    /// The cells of a reported block whose finding differs from what is known, or that are only
+    /// assumed. [`Self::learn`] would ignore all others.
     fn new_cells_of(&self, block: &Block, &Words { known, wall, covered, .. }: &Words) -> u64 {
         let visited = block.covered & !covered;
-        block.known & self.layout.inside(block.index) & (!known | (block.wall ^ wall) | visited)
+        let new = !known | (block.wall ^ wall) | visited | self.assumed.of(block.index);
+        block.known & self.layout.inside(block.index) & new
     }
 
     /// Learns about unexplored cells of a block, those that the report knows, but for the sets of
@@ -480,15 +488,16 @@ impl ExplorationMap {
             self.contradictions += 1;
             return;
         }
+        let was_assumed = self.assumed.take(block, bit);
         if from == OWN {
-            let is_first = words.own & bit == 0;
+            let is_first = words.own & bit == 0 && !was_assumed;
             self.seen_again += u64::from(is_first && !is_new && !is_at_odds && finding != Finding::Wall);
             words.own |= bit;
             words.scanned |= if is_scan { bit } else { 0 };
         }
-        let is_corrected = is_at_odds && (from == OWN || was_wall);
+        let is_corrected = is_at_odds && (from == OWN || was_wall || was_assumed);
         let is_visited = !is_new && !was_wall && !was_covered && finding == Finding::Covered;
-        if !(is_new || is_corrected || is_visited) {
+        if !(is_new || is_corrected || is_visited || was_assumed) {
             return;
         }
         let only_if = |condition| if condition { bit } else { 0 };
@@ -497,7 +506,7 @@ impl ExplorationMap {
         words.covered = words.covered & !bit | only_if(finding == Finding::Covered);
         self.blocks.note_changed(block, only_if(is_new));
         self.journal.push(Entry::new((block, number), finding, from));
-        if !is_visited {
+        if is_new || is_corrected {
             self.blocks.note_revealed(block, self.journal.len());
         }
         self.corrections += u64::from(is_corrected);

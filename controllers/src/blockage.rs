@@ -138,11 +138,11 @@ enum Until {
 
 /// What follows a collision with a body that is taken to stay.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Yield {
+pub(crate) enum Yield<D = Command> {
     /// A rest where the body is, or on its way to where there is room for the other one.
     Rest(Command),
     /// A way round the body, or to another goal.
-    Detour(Command),
+    Detour(D),
     /// A step aside, from where the next attempt may lead past.
     StepAside,
 }
@@ -164,20 +164,39 @@ impl Blockages {
         detour: impl FnOnce(&Obstacles) -> Option<Command>,
     ) -> Option<Yield> {
         let staying = self.count_all(observation, ctx)?;
-        if !self.has_detoured {
-            self.has_detoured = true;
-            let obstacles = Obstacles::of(observation, ctx);
-            if !obstacles.is_empty()
-                && let Some(command) = detour(&obstacles)
-            {
-                return Some(Yield::Detour(command));
-            }
+        if let Some(command) = self.try_detour(observation, ctx, detour) {
+            return Some(Yield::Detour(command));
         }
         if self.steps_aside == STEPS_ASIDE_MAX {
             return Some(Yield::Rest(self.waits(&staying, observation, ctx)));
         }
         self.steps_aside += 1;
         Some(Yield::StepAside)
+    }
+
+    /// [`Blockages::note`] for controllers that plan round the bodies nearby: before those that are
+    /// taken to stay they look for another goal before each rest.
+    pub(crate) fn note_between_rests<D>(
+        &mut self,
+        observation: &Observation,
+        ctx: &Ctx<'_>,
+        detour: impl FnOnce(&Obstacles) -> Option<D>,
+    ) -> Option<Yield<D>> {
+        let staying = self.count_all(observation, ctx)?;
+        let detour = self.try_detour(observation, ctx, detour).map(Yield::Detour);
+        Some(detour.unwrap_or_else(|| Yield::Rest(self.waits(&staying, observation, ctx))))
+    }
+
+    /// A detour clear of all bodies nearby, if none was looked for since the last rest.
+    fn try_detour<D>(
+        &mut self,
+        observation: &Observation,
+        ctx: &Ctx<'_>,
+        detour: impl FnOnce(&Obstacles) -> Option<D>,
+    ) -> Option<D> {
+        let has_detoured = std::mem::replace(&mut self.has_detoured, true);
+        let obstacles = Obstacles::of(observation, ctx);
+        if has_detoured || obstacles.is_empty() { None } else { detour(&obstacles) }
     }
 
     /// Whether the agent rests before a body or is out of its way.

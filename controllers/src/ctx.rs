@@ -15,6 +15,9 @@ use agent::navigation::{NavigationStatus, NavigationTask, SearchTime};
 use agent::observation::{Contact, Energy, Observation, Pose, RunInfo};
 use agent::path::{Goal, Graph, Moves, Neighbours, Path, Search, direct, find};
 
+/// A body nearer to a leg than this is on it, metres.
+const ON_LEG_M: f64 = 1e-6;
+
 /// Largest coordinate of a waypoint, metres.
 const COORDINATE_MAX: f64 = 1e6;
 
@@ -192,7 +195,7 @@ impl<'a> Ctx<'a> {
     }
 
     /// [`Ctx::recentring`] and other such motions, in order of preference: a ground body that hangs
-    /// over the edge of a step may also drive on over it.
+    /// over the edge of a step may also drive on over it, or back up if another body is below.
     pub(super) fn recentrings(&self) -> Vec<Motion> {
         let here = self.cell();
         if !self.is_confined() || self.is_clear_to(here) {
@@ -205,7 +208,21 @@ impl<'a> Ctx<'a> {
         let is_ground = body.kind == BodyKind::Ground && !graph.is_usable(here);
         let depths = 1..=if is_ground { climb.cells_max() } else { 0 };
         let over_edge = depths.map(|depth| here - Cell::new(0, 0, depth)).find(|&cell| graph.is_usable(cell));
-        level.into_iter().chain(over_edge).map(|cell| Motion::Path(vec![self.place(cell)])).collect()
+        let mut steps = graph.steps();
+        let up = over_edge.into_iter().flat_map(|below| {
+            let is_up = |&cell: &Cell| graph.is_usable(cell) && self.is_on_step(below, cell);
+            steps.next_to(here, true).filter(is_up).collect::<Vec<Cell>>()
+        });
+        let cells: Vec<Cell> = level.into_iter().chain(over_edge).chain(up).collect();
+        cells.into_iter().map(|cell| Motion::Path(vec![self.place(cell)])).collect()
+    }
+
+    /// Whether the body is on the horizontal leg between the places of two cells.
+    fn is_on_step(&self, from: Cell, to: Cell) -> bool {
+        let [here, from, to] = [self.position(), self.place(from), self.place(to)].map(|place| place.xy());
+        let by = to - from;
+        let share = (here - from).dot(&by) / by.norm_squared();
+        (0.0..=1.0).contains(&share) && (from + by * share - here).norm() < ON_LEG_M
     }
 
     /// The motion along a path that begins in the cell of the body, with as few legs as possible.
@@ -269,5 +286,45 @@ impl<'a> Ctx<'a> {
     #[must_use]
     pub fn graph(&self, neighbours: Neighbours) -> Graph<'_> {
         Graph::new(self.map, self.navigation.moves(neighbours))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use msgs::ids::AgentId;
+    use nalgebra::Point3;
+    use voxels::Extent;
+
+    use super::*;
+    use crate::dsvp::avoidance::{Waypoints, way_round};
+    use crate::dsvp::obstacles::Obstacles;
+    use crate::testing::World;
+    use agent::bodies::BodyModel;
+    use agent::observation::Contact;
+
+    /// A ground body that had been stopped on its way down a step went on down into the body below
+    /// it for ever, which wanted to get up.
+    #[test]
+    fn body_on_a_step_goes_back_up_if_another_one_is_below() {
+        let extent = Extent::new([5, 9, 6], 1.0).unwrap();
+        let body = BodyModel { radius_m: 0.4, step_max_m: 1.0, ..BodyModel::GROUND };
+        let mut world = World::empty().with_body(body);
+        world.map = ExplorationMap::new(extent);
+        for (index, cell) in (0..).zip(extent.cells()) {
+            let is_border = [(cell.x, 4), (cell.y, 8), (cell.z, 5)].iter().any(|&(at, last)| at == 0 || at == last);
+            let is_floor = cell.z <= if cell.y <= 4 { 1 } else { 0 };
+            if is_border || is_floor { world.map.note_wall(&[index]) } else { world.map.note_free(&[index]) }
+        }
+        world.observation.pose.position = Point3::new(2.5, 5.4, 2.0);
+        let way = |world: &mut World| {
+            let observation = world.observation.clone();
+            let ctx = world.ctx();
+            let to = Cell::new(2, 2, 2);
+            way_round(&ctx, to, &Obstacles::of(&observation, &ctx), Waypoints::Fewest)
+        };
+        assert_eq!(way(&mut world), Some(Motion::Path(vec![Point3::new(2.5, 5.5, 1.5)])));
+        let position = Point3::new(2.5, 6.02, 1.5);
+        world.observation.contacts.push(Contact { agent: AgentId(0), position });
+        assert_eq!(way(&mut world), Some(Motion::Path(vec![Point3::new(2.5, 4.5, 2.5)])));
     }
 }

@@ -55,7 +55,7 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use voxels::{BodyLattice, Cell};
 
-use super::blockage::Blockages;
+use super::blockage::{Blockages, Yield};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, Setup};
 use agent::abstract_graph::{AbstractGraph, ShortestPaths};
@@ -311,13 +311,20 @@ impl<C: Coordination> Dsvp<C> {
     }
 
     /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
-    /// other for ever; rests if one of them has not moved for long.
+    /// other for ever; goes where they leave a way, or rests, if one of them has not moved for long.
     fn resolve_blockage(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Command {
-        if let Some(command) = self.blockages.note(observation, ctx) {
-            self.goal = None;
-            self.driving = None;
-            self.is_resting = true;
-            return command;
+        let mut blockages = std::mem::take(&mut self.blockages);
+        let standing = blockages.note_between_rests(observation, ctx, |obstacles| self.detour(ctx, obstacles));
+        self.blockages = blockages;
+        match standing {
+            Some(Yield::Detour((goal, motion))) => return self.go(goal, motion, observation, ctx, obstacles),
+            Some(Yield::Rest(command)) => {
+                self.goal = None;
+                self.driving = None;
+                self.is_resting = true;
+                return command;
+            }
+            Some(Yield::StepAside) | None => {}
         }
         if self.rng.random_bool(0.5)
             && let Some((goal, motion)) = self.evade(ctx, obstacles)

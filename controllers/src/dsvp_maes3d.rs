@@ -30,7 +30,7 @@
 //!
 //! The reference has no confined bodies. Nodes for such a body are cells in which it has
 //! room, with the gain of the cells beside all that it touches there; it goes as near to a frontier
-//! as it can, and without frontiers on its list to where it sees something unexplored
+//! as it can, once, and without other frontiers on its list to where it sees something unexplored
 //! (`viewpoints`).
 //!
 //! Lengths are in cells. Axes: x is the reference's x, y its z, z its y.
@@ -131,6 +131,8 @@ pub struct DsvpMaes3d {
     beside: Vec<Cell>,
     /// Of a confined body, once its list is empty.
     viewpoints: Option<Viewpoints>,
+    /// The frontiers that a confined body has come as near to as it can.
+    approached: BTreeSet<Cell>,
 }
 
 impl DsvpMaes3d {
@@ -151,6 +153,7 @@ impl DsvpMaes3d {
             run_into: (Cell::default(), 0),
             beside: Vec::new(),
             viewpoints: None,
+            approached: BTreeSet::new(),
         }
     }
 
@@ -228,6 +231,9 @@ impl DsvpMaes3d {
         self.frontiers.clear_of_others(ctx.map());
         let mut command = Command::keep(NEVER);
         while let Some(cell) = self.frontiers.take_last() {
+            if self.approached.contains(&cell) {
+                continue;
+            }
             if let Some(trees) = &mut self.trees {
                 trees.relocate_to(centre(cell));
             }
@@ -238,6 +244,10 @@ impl DsvpMaes3d {
                 continue;
             }
             let to = ctx.approach(cell);
+            if ctx.is_confined() && to.is_some_and(|to| to == ctx.cell() && Legs::is_done(&ctx.place(to), ctx)) {
+                self.approached.insert(cell);
+                continue;
+            }
             command = match to.map(|to| ctx.go_to_cell_by(to, Neighbours::Six, SearchTime::Instant)) {
                 Some(NavigationStatus::Go(motion)) => {
                     self.goes(ctx, motion, Stage::Relocating, format!("relocation: to {}", text(cell)))

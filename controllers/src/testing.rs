@@ -91,6 +91,13 @@ impl World {
         self
     }
 
+    /// The same with bodies of a model.
+    pub(crate) fn with_body(mut self, body: BodyModel) -> Self {
+        self.navigation = NavigationTask::new(&body, self.map.extent().cell_m());
+        self.run_info.bodies = team_of(body);
+        self
+    }
+
     /// The empty, unexplored cube of [`idle`].
     pub(crate) fn empty() -> Self {
         Self::of(Grid::new(Extent::new([10; 3], 1.0).unwrap(), Terrain::Free), Cell::new(5, 5, 5))

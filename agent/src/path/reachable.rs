@@ -21,22 +21,30 @@ pub struct Reachable {
     from: Option<Cell>,
     /// Position in the journal of the map up to which changes have been read.
     read: usize,
+    /// How often it has begun anew: a measure of the work.
+    #[cfg(test)]
+    begun: usize,
 }
 
 impl Reachable {
     /// Applies the changes of the map since the last update; begins anew if the body is somewhere
-    /// else. The map and the moves of the body must be the same each time.
+    /// from where it reaches nothing of what it reached. The map and the moves of the body must be
+    /// the same each time.
     pub fn update(&mut self, graph: Graph<'_>, from: Cell) {
         let map = graph.map();
         let extent = map.extent();
         let Some(start) = extent.index(from) else { return };
         let read = std::mem::replace(&mut self.read, map.journal_len());
-        let is_same_place = self.from.replace(from) == Some(from);
-        if read == self.read && is_same_place {
+        let before = self.from.replace(from);
+        if read == self.read && before == Some(from) {
             return;
         }
-        let known = self.cells.take().filter(|cells| cells.contains(start));
+        let known = self.cells.take().filter(|cells| cells.contains(start) || is_beside(graph, from, cells));
         let is_known = known.is_some();
+        #[cfg(test)]
+        {
+            self.begun += usize::from(!is_known);
+        }
         let only_start = || {
             let mut cells = CellSet::new(extent.volume());
             cells.insert(start);
@@ -45,6 +53,11 @@ impl Reachable {
         let resting = self.resting.take().filter(|_| is_known);
         let mut resting = graph.moves().are_on_ground().then(|| resting.unwrap_or_else(only_start));
         let mut cells = known.unwrap_or_else(only_start);
+        cells.insert(start);
+        let has_left = |&before: &Cell| before != from && !graph.moves().are_on_ground() && !graph.is_usable(before);
+        if let Some(index) = before.filter(has_left).and_then(|before| extent.index(before)) {
+            cells.remove(index);
+        }
         // Near what has been revealed, steps may be open that were blocked by what was unexplored.
         let by = graph.step_reach_cells();
         let reach = Cell::new(by, by, by);
@@ -81,6 +94,14 @@ impl Reachable {
     }
 }
 
+/// Whether a body that flies, at a cell in which it may have no room, has a step to one of some
+/// cells: straight legs end beside walls, between the places of cells.
+fn is_beside(graph: Graph<'_>, from: Cell, cells: &CellSet) -> bool {
+    let extent = graph.map().extent();
+    let is_in = |cell: Cell| extent.index(cell).is_some_and(|index| cells.contains(index));
+    !graph.moves().are_on_ground() && graph.steps().next_to(from, true).any(is_in)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -90,6 +111,26 @@ mod tests {
     use super::*;
     use crate::exploration_map::ExplorationMap;
     use crate::path::{Goal, Moves, Neighbours, find};
+
+    /// Each decision at a place beside a wall began anew, which on large maps took most of its time.
+    #[test]
+    fn body_beside_a_wall_keeps_what_it_reaches() {
+        let extent = Extent::new([14, 10, 8], 0.2).unwrap();
+        let moves = Moves::new(0.3, 0.2, Neighbours::TwentySix);
+        let mut map = ExplorationMap::new(extent);
+        let is_inside = |cell: &Cell| (1..13).contains(&cell.x) && (1..9).contains(&cell.y) && (1..7).contains(&cell.z);
+        let inside = extent.cells().filter(is_inside).filter_map(|cell| extent.index(cell));
+        map.note_free(&inside.map(|index| index as u32).collect::<Vec<u32>>());
+        let graph = Graph::new(&map, &moves);
+        let (middle, beside) = (Cell::new(7, 5, 4), Cell::new(1, 5, 4));
+        let mut kept = Reachable::default();
+        for from in [middle, beside, middle, beside] {
+            kept.update(graph, from);
+            let is_right = |cell: Cell| kept.holds(graph, cell) == (graph.is_usable(cell) || cell == from);
+            assert!(!graph.is_usable(beside) && extent.cells().all(is_right), "{from:?}");
+        }
+        assert_eq!(kept.begun, 1);
+    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(60))]

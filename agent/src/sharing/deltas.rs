@@ -15,7 +15,7 @@ use super::outbox::{copies, is_dense};
 use super::peer::{Peer, Provenance};
 use super::relay_peers::Division;
 use super::{map_message, position};
-use crate::exploration_map::{ExplorationMap, with_delta};
+use crate::exploration_map::{Delta, ExplorationMap, with_delta};
 use crate::observation::Contact;
 
 /// First estimate of the bits per cell on the wire: about what LiDAR scans in open space need.
@@ -73,9 +73,13 @@ pub(super) fn batch(
         let mut updates = Vec::new();
         for (receivers, positions) in deltas {
             let until = positions.last().map_or(0, |range| range.end);
-            let reports = positions.into_iter().flat_map(|range| map.reports(range));
-            let encode = |delta: &_| map_message::encode_update(&receivers, position(until), delta);
-            let data = SharedBytes::from(with_delta(map.extent(), reports, encode));
+            let reports = positions.into_iter().flat_map(|range| map.reports_to_share(range));
+            let encode = |delta: &Delta| {
+                let is_empty = delta.blocks.is_empty();
+                (!is_empty).then(|| map_message::encode_update(&receivers, position(until), delta))
+            };
+            // Nothing but assumptions is no update.
+            let Some(data) = with_delta(map.extent(), reports, encode).map(SharedBytes::from) else { continue };
             bytes += copies(receivers.len(), contacts) * (data.len() + AGENT_MESSAGE_BYTES_BARE);
             updates.push((receivers, data));
         }

@@ -11,7 +11,7 @@ use voxels::Cell;
 use super::updates::{BUDGET_MIN, INBOX_BYTES};
 use super::*;
 use crate::command::{Peer, WakeCondition};
-use crate::exploration_map::CellState;
+use crate::exploration_map::{CellState, Finding};
 use team::{BUDGET, SimulatedTeam, all_pairs, extent};
 
 #[test]
@@ -65,6 +65,30 @@ fn received_changes_are_forwarded_but_not_returned() {
     assert_eq!(team.sent_cells(1, 0), [20, 21, 40], "nothing is returned, nothing is sent twice");
     assert_eq!(team.sent_cells(1, 2), [1, 2, 3, 20, 21]);
     assert_eq!(team.states(0), team.states(2));
+}
+
+/// What a body took to be in its blind spot reached the team as known.
+#[test]
+fn assumptions_are_shared_once_they_are_found() {
+    let mut team = SimulatedTeam::new(3, extent(10), 5);
+    let cell = |x| Cell::new(x, 0, 0);
+    team.maps[0].assume(&[cell(5)], Finding::Wall);
+    let mut now = team.exchange(0, &[(0, 1)]);
+    assert_eq!((team.sent_cells(0, 1), team.maps[1].free() + team.maps[1].wall()), (vec![], 0));
+    team.maps[0].note_free(&[1]);
+    team.maps[0].assume(&[cell(2), cell(3), cell(4)], Finding::Free);
+    team.maps[0].note_free(&[9]);
+    now = team.exchange(now + 5, &[(0, 1)]);
+    assert_eq!(team.sent_cells(0, 1), [1, 9]);
+    // Found, reported otherwise, visited, and reported so.
+    team.maps[0].note_free(&[2]);
+    team.maps[1].note_wall(&[3, 5]);
+    team.maps[0].note_covered(cell(4));
+    now = team.exchange(now + 5, &[(0, 1)]);
+    assert_eq!((team.sent_cells(0, 1), team.sent_cells(1, 0)), (vec![1, 2, 4, 9], vec![3, 5]));
+    assert_eq!(team.states(0), team.states(1));
+    team.exchange(now + 5, &[(0, 2)]);
+    assert_eq!(team.states(0), team.states(2), "what was confirmed is passed on");
 }
 
 /// Two that met for the first time sent each other their whole maps, though both had them from a

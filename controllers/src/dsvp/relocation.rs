@@ -15,6 +15,7 @@ use super::{ATTEMPTS, Dsvp, Plan, by_distance};
 use crate::Ctx;
 use crate::viewpoints::{Viewpoint, Viewpoints};
 use agent::abstract_graph::{AbstractGraph, Region, RegionId};
+use agent::command::Motion;
 use agent::exploration_map::{CellState, ExplorationMap};
 use agent::observation::{FieldOfView, Observation};
 use voxels::{BodyLattice, Cell};
@@ -96,6 +97,29 @@ impl<C: Coordination> Dsvp<C> {
             Poll::Ready(Some(other)) => go(other).unwrap_or(Plan::Blocked),
             Poll::Ready(None) | Poll::Pending => Plan::Blocked,
         }
+    }
+
+    /// Bodies that stay are in the way to the goals of the stages: the nearest frontier or viewpoint
+    /// to which they leave one.
+    pub(super) fn detour(&mut self, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Option<(Goal, Motion)> {
+        let is_open = |cell| !obstacles.occupy(cell);
+        let goal = if ctx.needs_viewpoints() {
+            let viewpoints =
+                self.viewpoints.get_or_insert_with(|| Viewpoints::new(ctx.run_info(), ctx.body().radius_m));
+            let found = viewpoints.next_within(ctx, &is_open);
+            let Poll::Ready(Some(Viewpoint { cell, target })) = found else { return None };
+            Goal::Sight { cell, target }
+        } else {
+            let (map, here) = (ctx.map(), ctx.cell());
+            let is_left = |cell: Cell| cell != here && !self.abandoned.contains(&cell);
+            // Without any, the search would visit all reachable cells.
+            if !map.frontiers().any(|index| is_left(map.extent().cell_at(index as usize))) {
+                return None;
+            }
+            let cell = ctx.nearest_through(&is_open, |map, cell| map.is_frontier(cell) && is_left(cell))?;
+            Goal::Frontier { cell, frontier: cell }
+        };
+        Some((goal, way_round(ctx, goal.cell(), obstacles, self.params.waypoints)?))
     }
 
     /// No frontier is left on this map: carries the map to the agent out of contact for longest of

@@ -218,3 +218,21 @@ fn mutual_blockage_is_resolved() {
     world.run(&mut controller, 2000);
     assert_eq!(world.left(&[CellState::Free, CellState::Covered]), []);
 }
+
+/// The planner rested before the body, though it knew a frontier on its own side of it.
+#[test]
+fn body_that_stays_leaves_other_frontiers() {
+    let mut world = World::known("??..................??", Cell::new(8, 0, 0));
+    world.observation.contacts = vec![Contact { agent: AgentId(2), position: Point3::new(10.5, 0.5, 0.5) }];
+    let mut controller = planner(&world, &[]);
+    let mut goals = Vec::new();
+    for _ in 0..8 {
+        world.wait(300);
+        let observation = world.observation.clone();
+        let ctx = &mut world.ctx();
+        controller.resolve_blockage(&observation, ctx, &Obstacles::of(&observation, ctx));
+        goals.extend(controller.goal);
+    }
+    let cell = Cell::new(2, 0, 0);
+    assert!(goals.contains(&Goal::Frontier { cell, frontier: cell }), "{goals:?}");
+}

@@ -1,5 +1,6 @@
 use super::*;
 use crate::testing::{RADIUS_M, World, drawn, flat};
+use agent::bodies::{BodyKind, BodyModel};
 use agent::path::Moves;
 use protocol::event_mask::EventMask;
 
@@ -384,4 +385,28 @@ fn stages_that_lead_nowhere_follow_less_and_less_often() {
     assert!(wait(&mut world).is_some(), "that is beyond the horizon");
     world.map.note_covered(flat(3, 0));
     assert_eq!(wait(&mut world), None);
+}
+
+/// It set out for the frontier again and again from as near as it came to it.
+#[test]
+fn wide_body_approaches_a_frontier_once() {
+    let body = BodyModel { kind: BodyKind::Aerial, radius_m: 1.2, ..BodyModel::SUBMARINE };
+    let mut world = World::empty().with_body(body);
+    let extent = world.map.extent();
+    // A room with a hole in a wall, of whose end nothing is seen.
+    for (index, cell) in (0..).zip(extent.cells()).filter(|&(_, cell)| cell != Cell::new(9, 4, 4)) {
+        let is_inside =
+            [cell.x, cell.y, cell.z].iter().all(|along| (1..8).contains(along)) || cell == Cell::new(8, 4, 4);
+        if is_inside { world.map.note_free(&[index]) } else { world.map.note_wall(&[index]) }
+    }
+    world.show(&extent.cells().filter(|&cell| world.map.is_free(cell)).collect::<Vec<Cell>>());
+    let mut planner = planner();
+    for _ in 0..2000 {
+        world.wait(1);
+        let command = world.ask(&mut planner);
+        if let Motion::Path(_) = command.motion {
+            world.arrive(&command.motion);
+        }
+    }
+    assert_eq!(world.said.last().map(String::as_str), Some(NOTHING_TO_SEE), "{} texts", world.said.len());
 }

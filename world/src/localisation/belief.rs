@@ -11,24 +11,27 @@ use voxels::{Cell, Extent, Terrain};
 
 /// Bits of a cell that hold its state; the others number the block that has entered it last.
 const STATE_BITS: u32 = 2;
-const UNKNOWN: u16 = 0;
-const FREE: u16 = 1;
-const WALL: u16 = 2;
-const STATE_MASK: u16 = (1 << STATE_BITS) - 1;
+const UNKNOWN: u32 = 0;
+const FREE: u32 = 1;
+const WALL: u32 = 2;
+const STATE_MASK: u32 = (1 << STATE_BITS) - 1;
 
-/// Largest number of blocks of one agent: as many as have numbers. In the last one it stays.
-const BLOCKS_MAX: usize = 1 << (u16::BITS - STATE_BITS);
+/// Largest number of blocks of one agent: as many as have numbers. One in each tick makes so many
+/// in 248 days of sim time; in the last one it stays.
+const BLOCKS_MAX: usize = 1 << (u32::BITS - STATE_BITS);
 
 /// The map of an agent from its own sensor.
 #[derive(Debug)]
 pub(super) struct Belief {
     extent: Extent,
     /// By index of a cell on the map of the agent: state and block.
-    cells: Vec<u16>,
+    cells: Vec<u32>,
     /// What each block adds to a true cell.
     offsets: Vec<[i32; 3]>,
-    /// Whether a block is what another one has left behind, rather than one that was built.
+    /// Whether a block is what others have left behind, rather than one that was built.
     is_left: Vec<bool>,
+    /// By offset the block of what others have left behind there, which never moves again.
+    left: BTreeMap<[i32; 3], usize>,
     /// The block that is being built.
     present: usize,
 }
@@ -85,7 +88,8 @@ impl Sum for MapErrors {
 impl Belief {
     /// An empty map in its first block, which is where it truly is.
     pub(super) fn new(extent: Extent) -> Self {
-        Self { extent, cells: vec![UNKNOWN; extent.volume()], offsets: vec![[0; 3]], is_left: vec![false], present: 0 }
+        let cells = vec![UNKNOWN; extent.volume()];
+        Self { extent, cells, offsets: vec![[0; 3]], is_left: vec![false], left: BTreeMap::new(), present: 0 }
     }
 
     /// What the present block adds to a true cell.
@@ -124,6 +128,16 @@ impl Belief {
         self.offsets.len() - 1
     }
 
+    /// The block of what others have left behind at an offset.
+    fn left_at(&mut self, offset: [i32; 3]) -> usize {
+        if let Some(&block) = self.left.get(&offset) {
+            return block;
+        }
+        let block = self.add_block(offset, true);
+        self.left.insert(offset, block);
+        block
+    }
+
     /// Number of blocks that were built after the first.
     pub(super) fn blocks_begun(&self) -> u64 {
         self.is_left.iter().filter(|&&is_left| !is_left).count() as u64 - 1
@@ -143,30 +157,30 @@ impl Belief {
         }
         let mut entries = Vec::new();
         for (cell, &entry) in (0_u32..).zip(&self.cells) {
-            let block = usize::from(entry >> STATE_BITS);
+            let block = (entry >> STATE_BITS) as usize;
             if entry & STATE_MASK != UNKNOWN && moved.contains_key(&block) {
                 entries.push((block, cell, entry & STATE_MASK));
             }
         }
         entries.sort_unstable();
         let left: BTreeMap<usize, usize> =
-            moved.keys().map(|&block| (block, self.add_block(self.offset_of(block), true))).collect();
+            moved.keys().map(|&block| (block, self.left_at(self.offset_of(block)))).collect();
         for &(block, cell, state) in &entries {
-            self.cells[cell as usize] = (left[&block] as u16) << STATE_BITS | state;
+            self.cells[cell as usize] = (left[&block] as u32) << STATE_BITS | state;
         }
         for (&block, by) in moved {
             (0..3).for_each(|axis| self.offsets[block][axis] += by[axis]);
         }
-        let mut before: BTreeMap<u32, u16> = BTreeMap::new();
+        let mut before: BTreeMap<u32, u32> = BTreeMap::new();
         for (block, cell, state) in entries {
             let Some(cell) = neighbour(self.extent, cell, moved[&block]) else { continue };
             let present = self.cells[cell as usize];
-            let holder = usize::from(present >> STATE_BITS);
+            let holder = (present >> STATE_BITS) as usize;
             if present & STATE_MASK != UNKNOWN && !self.is_left[holder] && holder > block {
                 continue;
             }
             before.entry(cell).or_insert(present & STATE_MASK);
-            self.cells[cell as usize] = (block as u16) << STATE_BITS | state;
+            self.cells[cell as usize] = (block as u32) << STATE_BITS | state;
         }
         let mut entered: [Entered; 2] = Default::default();
         for (cell, before) in before {
@@ -196,7 +210,7 @@ impl Belief {
             Terrain::Free => FREE,
             Terrain::Wall => WALL,
         };
-        let block = self.present as u16;
+        let block = self.present as u32;
         let mut entered = Entered::default();
         for &cell in cells {
             let Some(cell) = self.cell_of(cell) else { continue };
@@ -222,7 +236,7 @@ impl Belief {
         let displaced_by: Vec<u32> = self.offsets.iter().map(displaced).collect();
         let mut errors = MapErrors::default();
         for cell in self.cells.iter().filter(|&&cell| cell & STATE_MASK != UNKNOWN) {
-            match displaced_by[usize::from(cell >> STATE_BITS)] {
+            match displaced_by[(cell >> STATE_BITS) as usize] {
                 0 => errors.right += 1,
                 1 => errors.off_by_1 += 1,
                 2 => errors.off_by_2 += 1,
@@ -275,5 +289,20 @@ mod tests {
         assert_eq!((belief.offset(), belief.blocks_begun()), ([0; 3], 1));
         // 0, 1, 2 and 3 are right; what is left at 4 and 5 is off by two.
         assert_eq!(belief.errors(), MapErrors { right: 4, off_by_2: 2, ..MapErrors::default() });
+    }
+
+    #[test]
+    fn blocks_begin_and_move_however_many_there_were() {
+        let mut belief = Belief::new(Extent::new([10, 4, 4], 0.1).unwrap());
+        for number in 1..40_000 {
+            assert!(belief.has_room());
+            belief.begin_block([number % 3, 0, 0]);
+            belief.enter(&[1], Terrain::Free);
+            // To where the block before it was.
+            belief.move_blocks(&[(belief.present(), [(number + 2) % 3 - number % 3, 0, 0])].into());
+        }
+        assert_eq!((belief.offset(), belief.blocks_begun()), ([2, 0, 0], 39_999));
+        // Beside those that were built, one block for each offset that was left.
+        assert_eq!(belief.offsets.len(), 40_000 + 3);
     }
 }
