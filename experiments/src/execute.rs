@@ -316,7 +316,7 @@ fn failed_run(run: &PlannedRun, reason: &str) -> FailedRun {
     FailedRun {
         id: run.id.clone(),
         build: BUILD.to_owned(),
-        controller: scenario.agents.controllers_label(),
+        controller: scenario.controllers_label(),
         seed: scenario.seed,
         size: scenario.map.size.map(|size| size.cells()),
         agents: scenario.agents.count,

@@ -75,7 +75,8 @@ class Study(Batch):
             points[id].append((t_s, explored))
         times = np.linspace(0.0, max(series["t_s"], default=1.0), _POINTS)
         for planner in self.planners:
-            ids = [id for id, controller in zip(runs["id"], runs["controller"]) if controller == planner]
+            of_planner = zip(runs["id"], runs["axis.agents.controller"])
+            ids = [id for id, controller in of_planner if controller == planner]
             if not ids:
                 continue
             # A run keeps the share with which it has ended.

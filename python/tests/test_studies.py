@@ -55,6 +55,17 @@ def test_figure_has_curves_and_effects():
     assert not folder.exists()
 
 
+def test_figure_of_mixed_teams_has_curves():
+    mix = [{"ids": [0], "controller": "dsvp"}]
+    event = [{"kind": "set", "at_s": 20.0, "set": {"agents.controller": "nearest-frontier"}}]
+    for keys in ({"agents__mix": mix}, {"event": event}):
+        study = maes.study(["rbw", "lvd"], [1], progress=False, **{**CAVE, **keys})
+        assert set(study.columns()["controller"]).isdisjoint(["rbw", "lvd"])
+        labels = [text.get_text() for text in study.plot().axes[0].get_legend().get_texts()]
+        assert labels == ["rbw (1 runs)", "lvd (1 runs)"]
+    plt.close("all")
+
+
 def test_failures_are_counted(tmp_path):
     class Broken(maes.Controller):
         def decide(self, observation, ctx):

@@ -295,7 +295,11 @@ fn forks_are_the_same_run_up_to_their_time() {
         assert_eq!(run.scenario.initial_identity(), parent.initial_identity());
         let [event] = &run.scenario.event[..] else { panic!("{:?}", run.scenario.event) };
         assert_eq!((event.at_s, event.parent.as_ref(), &event.set["agents.controller"]), (at_s, None, &"lvd".into()));
+        assert_eq!(run.scenario.controllers_label(), "rbw, then lvd");
     }
+    assert_eq!(parent.controllers_label(), "rbw");
+    let at_start = parse(&FORKED.replace("4.0, 6.0", "0.0")).unwrap();
+    assert!(at_start.runs.iter().all(|run| run.scenario.controllers_label() == run.axes["agents.controller"]));
     let copy = Plan::parse("p.toml", &plan.text, Path::new(".")).unwrap();
     assert_eq!(copy.runs, plan.runs);
 }
