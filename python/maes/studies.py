@@ -17,7 +17,7 @@ import numpy as np
 from . import _maes
 from .controllers import Controller
 from .plans import Batch, batch
-from .scenarios import Scenario
+from .scenarios import Scenario, seed_of
 
 # Times at which the curves of runs are read.
 _POINTS = 201
@@ -154,6 +154,9 @@ def study(
     names = [one if isinstance(one, str) else one.name for one in chosen]
     if len(set(names)) < 2 or len(set(names)) < len(names):
         raise _maes.BadInput(f"planners = {names}: expected two or more different ones")
+    if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Iterable):
+        raise _maes.BadInput(f"seeds = {seeds!r}: expected whole numbers, such as range(1, 7)")
+    numbers = [seed_of(seed) for seed in seeds]
     wanted = scenario if isinstance(scenario, Scenario) else Scenario(scenario)
     wanted = wanted.replace(**keys)
     # The plan has a folder of its own, from which its paths would start.
@@ -167,7 +170,7 @@ def study(
     # What JSON writes of these is TOML as well, if it escapes no surrogates.
     plan.write_text(
         f"title = {_text(' and '.join(names))}\n"
-        f"seeds = {json.dumps([int(seed) for seed in seeds])}\n"
+        f"seeds = {json.dumps(numbers)}\n"
         'compare = "agents.controller"\n'
         f"primary = {_text(primary)}\n"
         'scenario = "study.scenario.toml"\n'

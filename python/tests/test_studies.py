@@ -3,6 +3,7 @@
 import sys
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 import maes
@@ -94,7 +95,11 @@ def test_bad_input_is_named():
         maes.study(["rbw", "lvd"], [1], primary="speed", progress=False)
     with pytest.raises(maes.BadInput, match="no-such"):
         maes.study(["rbw", "no-such"], [1], progress=False)
-    study = maes.study(["rbw", "lvd"], [1], progress=False, **CAVE)
+    for seeds in ([1.7, 2.2], "12", [True], [-1], [2**63], 3, ["1"], [None]):
+        with pytest.raises(maes.BadInput, match="seeds? = .*: expected .*whole number"):
+            maes.study(["rbw", "lvd"], seeds, progress=False, **CAVE)
+    study = maes.study(["rbw", "lvd"], np.arange(1, 2), progress=False, **CAVE)
+    assert study.columns()["seed"] == [1, 1]
     with pytest.raises(maes.BadInput, match="nothing.*verdicts"):
         study.columns("nothing")
 
