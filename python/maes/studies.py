@@ -136,6 +136,7 @@ def study(
     jobs: int | None = None,
     executor: Executor | None = None,
     progress: bool | None = None,
+    prune: bool = False,
     **keys: Any,
 ) -> Study:
     """Run two planners or more on the same worlds, and compare them pair by pair.
@@ -146,7 +147,8 @@ def study(
     "distance" (docs/statistics.md). No p-value is given below six maps.
 
     It is a plan of `batch` in the folder `out`, which keeps the runs, so that a call with more seeds
-    executes the new ones alone; without `out` they go with the returned `Study`. `progress` shows a
+    executes the new ones alone; without `out` they go with the returned `Study`. A folder with other
+    runs, as of a class before its code was changed, is refused; `prune` removes these. `progress` shows a
     bar of tqdm in terminals and notebooks; by default where tqdm is installed.
     """
     chosen = list(planners)
@@ -178,7 +180,7 @@ def study(
         encoding="utf-8",
     )
     shown = _has_tqdm() if progress is None else progress
-    done = batch(plan, folder, jobs=jobs, controllers=classes, executor=executor, progress=shown)
+    done = batch(plan, folder, jobs=jobs, controllers=classes, executor=executor, progress=shown, prune=prune)
     return Study(done, names, temporary)
 
 

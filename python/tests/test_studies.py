@@ -78,6 +78,35 @@ def test_failures_are_counted(tmp_path):
     assert "Broken failed on 3 of 3 maps" in study.verdicts[0] and "it is broken" in study._repr_html_()
 
 
+def flier(turn_rad):
+    class Mine(maes.Controller):
+        def decide(self, observation, ctx):
+            motion = maes.Motion.turn(turn_rad) if observation.collision else maes.Motion.straight()
+            return maes.Command(motion, maes.WakeCondition.TASK_DONE)
+
+    return Mine
+
+
+def test_edited_class_runs_again(tmp_path):
+    keys = {"out": tmp_path / "out", "progress": False, **CAVE}
+    first = maes.study(["rbw", flier(2.0)], [1, 2], **keys).columns()
+    stamps = {file: file.stat().st_mtime_ns for file in (tmp_path / "out/runs").iterdir()}
+    # The same text once more, as of a cell of a notebook, is the same code.
+    assert maes.study(["rbw", flier(2.0)], [1, 2], **keys).columns() == first
+    assert stamps == {file: file.stat().st_mtime_ns for file in (tmp_path / "out/runs").iterdir()}
+    with pytest.raises(maes.BadInput, match="holds 2 runs that are not of .*this code.*prune=True"):
+        maes.study(["rbw", flier(1.0)], [1, 2], **keys)
+    edited = maes.study(["rbw", flier(1.0)], [1, 2], prune=True, **keys).columns()
+    assert edited["controller"] == first["controller"] == ["Mine", "Mine", "rbw", "rbw"]
+    pairs = list(zip(first["digest"], edited["digest"]))
+    assert all(one != other for one, other in pairs[:2]) and all(one == other for one, other in pairs[2:])
+    kept = [file for file, stamp in stamps.items() if file.exists() and file.stat().st_mtime_ns == stamp]
+    assert len(kept) == 4, "those of rbw"
+    single = maes.run(controller=flier(1.0), seed=1, **CAVE).metrics["id"]
+    assert single != maes.run(controller=flier(2.0), seed=1, **CAVE).metrics["id"]
+    assert single in edited["id"]
+
+
 def test_maps_of_scenarios_are_found_from_the_folder_of_the_study(tmp_path, monkeypatch):
     maes.Map.generate("spheres", 20, seed=3).save(tmp_path / "cave.m3dm")
     monkeypatch.chdir(tmp_path)
