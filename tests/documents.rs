@@ -34,13 +34,16 @@ fn documents_name_files_that_exist() {
     assert!(named.contains("launch_scripts/run.sh"), "the README says how to start a run: {named:?}");
 }
 
-/// Every link between documents leads to a file, and to a heading if it names one.
+/// Every link between documents, and from notebooks, leads to a file, and to a heading if it names
+/// one.
 #[test]
 fn links_of_documents_lead_somewhere() {
     let link = Regex::new(r"\]\(([^)\s]+)\)").expect("it is written here");
     let mut checked = 0;
     let mut broken = Vec::new();
-    for document in documents() {
+    let notebooks = files("docs/notebooks", "ipynb");
+    assert!(!notebooks.is_empty(), "there are notebooks");
+    for document in documents().into_iter().chain(notebooks) {
         for found in link.captures_iter(&read(&document)) {
             let target = &found[1];
             if target.contains("://") || target.starts_with("mailto:") {

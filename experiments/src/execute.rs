@@ -9,8 +9,9 @@ mod parts;
 mod ros;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
 use std::num::NonZero;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
@@ -217,16 +218,46 @@ pub fn execute_selected(
     observer: &mut dyn PlanObserver,
     stop: &Stop,
 ) -> Result<Summary, ExecuteError> {
-    let Selection { only, keep } = selection;
-    if let Some(id) = only.iter().find(|id| plan.runs.iter().all(|run| run.id != **id)) {
+    if let Some(id) = selection.only.iter().find(|id| plan.runs.iter().all(|run| run.id != **id)) {
         return Err(ExecuteError::UnknownRun { id: id.clone() });
     }
+    execute_in(&open(plan, &folder, options)?, plan, options, selection, observer, stop)
+}
+
+/// A folder that is ready for the runs of a plan, and locked for as long as this lives.
+#[derive(Debug)]
+pub struct OpenFolder {
+    pub store: Store,
+    _lock: File,
+}
+
+/// Opens the folder of a plan, and creates it if it does not exist; with [`Options::prune`] the
+/// runs of other plans are removed.
+///
+/// # Errors
+/// If the folder cannot be used, or a run of the plan cannot be executed; see [`check`].
+pub fn open(plan: &Plan, folder: &Path, options: &Options) -> Result<OpenFolder, ExecuteError> {
     check(plan, &options.transport)?;
-    let store = Store::create(&folder)?;
-    let _lock = store.lock(options.part != Part::WHOLE)?;
-    let done = store.done()?;
-    prune(plan, &store, &done, options.prune)?;
+    let store = Store::create(folder)?;
+    let lock = store.lock(options.part != Part::WHOLE)?;
+    prune(plan, &store, &store.done()?, options.prune)?;
     store.save_plan(plan)?;
+    Ok(OpenFolder { store, _lock: lock })
+}
+
+/// [`execute_selected`] in a folder that is open for this plan.
+///
+/// # Errors
+/// If a file cannot be written, or a run that is executed again differs from its record.
+pub fn execute_in(
+    OpenFolder { store, .. }: &OpenFolder,
+    plan: &Plan,
+    options: &Options,
+    Selection { only, keep }: &Selection,
+    observer: &mut dyn PlanObserver,
+    stop: &Stop,
+) -> Result<Summary, ExecuteError> {
+    let done = store.done()?;
     let is_selected = |run: &&PlannedRun| only.is_empty() || only.contains(&run.id);
     let mine: Vec<&PlannedRun> = options.part.of(&plan.runs).into_iter().filter(is_selected).collect();
     let lacks_recording = |run: &PlannedRun| !store.recording_file(&run.id).exists();
@@ -236,7 +267,7 @@ pub fn execute_selected(
     observer.started(&mine, &todo);
     let mut failed = Vec::new();
     let mut executed =
-        batch((&store, plan), &todo, options, *keep == Keep::All, (&mut summary, &mut failed), (&mut *observer, stop));
+        batch((store, plan), &todo, options, *keep == Keep::All, (&mut summary, &mut failed), (&mut *observer, stop));
     summary.left = todo.len() - summary.done - summary.recorded - summary.failed;
     if executed.is_ok() && matches!(keep, Keep::Failures | Keep::Outliers) {
         let chosen = retained_recordings::chosen(*keep, plan, &store.records()?)?;
@@ -246,7 +277,7 @@ pub fn execute_selected(
         // Failed once more, a run is not counted twice.
         let mut repeated = Summary::default();
         executed =
-            batch((&store, plan), &again, options, true, (&mut repeated, &mut Vec::new()), (&mut *observer, stop));
+            batch((store, plan), &again, options, true, (&mut repeated, &mut Vec::new()), (&mut *observer, stop));
         summary.recorded += repeated.recorded;
         summary.done += repeated.done;
         summary.failed -= repeated.done;
@@ -254,7 +285,7 @@ pub fn execute_selected(
     observer.ended();
     executed?;
     if plan.oracle && !stop.soon.load(Ordering::Relaxed) {
-        oracles(&store, &mine, options, stop)?;
+        oracles(store, &mine, options, stop)?;
     }
     // Thousands of parts would each read all runs. The part that ends last sees that all are done.
     let is_whole = options.part == Part::WHOLE;
@@ -298,12 +329,20 @@ fn batch(
             Err(RunFailure::Failed(reason)) => {
                 summary.failed += 1;
                 failed.push(run.id.clone());
-                store.save_failure(&failed_run(run, &reason))?;
+                save_failure(store, run, &reason)?;
                 observer.failed(run, &reason);
             }
         }
         Ok(())
     })
+}
+
+/// Saves that a run of a plan has failed, with the reason.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn save_failure(store: &Store, run: &PlannedRun, reason: &str) -> Result<(), StoreError> {
+    store.save_failure(&failed_run(run, reason))
 }
 
 fn made(run: &PlannedRun) -> RunMetadata {
@@ -316,7 +355,7 @@ fn failed_run(run: &PlannedRun, reason: &str) -> FailedRun {
     FailedRun {
         id: run.id.clone(),
         build: BUILD.to_owned(),
-        controller: scenario.agents.controllers_label(),
+        controller: scenario.controllers_label(),
         seed: scenario.seed,
         size: scenario.map.size.map(|size| size.cells()),
         agents: scenario.agents.count,

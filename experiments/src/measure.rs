@@ -65,7 +65,7 @@ pub fn record(run: &PlannedRun, trace: Trace<'_>) -> RunRecord {
     let row = RunRow {
         id: run.id.clone(),
         build: BUILD.to_owned(),
-        controller: scenario.agents.controllers_label(),
+        controller: scenario.controllers_label(),
         seed: scenario.seed,
         size,
         agents: scenario.agents.count,

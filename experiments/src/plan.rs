@@ -105,10 +105,24 @@ pub struct Variant {
     changes: Vec<Change>,
 }
 
+/// The controllers that runs may name.
+#[derive(Debug, Clone, Copy)]
+pub struct KnownControllers<'a> {
+    pub registry: Registry,
+    /// What stands for the code of those that the build does not determine, by name.
+    pub codes: &'a BTreeMap<String, String>,
+}
+
+impl KnownControllers<'_> {
+    /// Those of the build.
+    pub const BUILT_IN: KnownControllers<'static> =
+        KnownControllers { registry: Registry::BUILT_IN, codes: &BTreeMap::new() };
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedRun {
-    /// First 16 hexadecimal digits of the blake3 hash of the scenario, the build, and the contents
-    /// of the files that it names.
+    /// First 16 hexadecimal digits of the blake3 hash of the scenario, the build, the contents of
+    /// the files that it names, and the code of controllers that are not of the build.
     pub id: String,
     /// Key and value, as text, of every axis; also [`VARIANT`] and [`MAP_FILE`], if the plan has
     /// them.
@@ -163,13 +177,13 @@ impl Plan {
     ///
     /// # Errors
     /// If a file cannot be read that the scenario names.
-    pub fn run_of(scenario: Scenario) -> Result<PlannedRun, PlanError> {
+    pub fn run_of(scenario: Scenario, known: KnownControllers<'_>) -> Result<PlannedRun, PlanError> {
         let mut files = Files::from(scenario.map.folder.clone());
         let of_run = files
             .of(&scenario)
             .map_err(|Unreadable { path, source, .. }| PlanError::Read { file: path.display().to_string(), source })?;
         Ok(PlannedRun {
-            id: id(&scenario, &of_run),
+            id: id(&scenario, &of_run, known.codes),
             axes: BTreeMap::new(),
             map: map_id(&scenario, &of_run),
             folder: PathBuf::new(),
@@ -183,21 +197,21 @@ impl Plan {
     /// # Errors
     /// See [`Plan::load`].
     pub fn parse(file: &str, text: &str, folder: &Path) -> Result<Self, PlanError> {
-        Self::parse_with(file, text, folder, Registry::BUILT_IN)
+        Self::parse_with(file, text, folder, KnownControllers::BUILT_IN)
     }
 
     /// [`Plan::parse`] with further controllers.
     ///
     /// # Errors
     /// See [`Plan::load`].
-    pub fn parse_with(file: &str, text: &str, folder: &Path, registry: Registry) -> Result<Self, PlanError> {
-        Self::expand(file, text, folder, registry).map_err(|error| match error {
+    pub fn parse_with(file: &str, text: &str, folder: &Path, known: KnownControllers<'_>) -> Result<Self, PlanError> {
+        Self::expand(file, text, folder, known).map_err(|error| match error {
             PlanError::Line { file, line, reason } => PlanError::Line { file, line, reason: one_line(&reason) },
             other => other,
         })
     }
 
-    fn expand(file: &str, text: &str, folder: &Path, registry: Registry) -> Result<Self, PlanError> {
+    fn expand(file: &str, text: &str, folder: &Path, known: KnownControllers<'_>) -> Result<Self, PlanError> {
         let draft = read::read(file, text, folder)?;
         let of_axes = draft.axes.iter().map(|axis| (format!("axes.\"{}\"", axis.key), &axis.key, axis.values[0].line));
         let of_variants = draft.variants.iter().flat_map(|variant| {
@@ -227,7 +241,7 @@ impl Plan {
                     let forks: Vec<Option<&Fork>> =
                         if draft.forks.is_empty() { vec![None] } else { draft.forks.iter().map(Some).collect() };
                     for fork in forks {
-                        let run = planned_run((file, registry), &draft, &mut files, &choice, fork, seed)?;
+                        let run = planned_run((file, known), &draft, &mut files, &choice, fork, seed)?;
                         if !ids.insert(run.id.clone()) {
                             // Without a change there is nothing to fork: one run for all times.
                             if fork.is_some() && !run.axes.contains_key(FORK) {
@@ -261,7 +275,7 @@ fn cost(scenario: &Scenario, files: &RunFiles) -> u64 {
 /// The run of a combination, in which the map file is set if the plan names some, with a seed. With
 /// a fork, what is compared holds from then on.
 fn planned_run(
-    (file, registry): (&str, Registry),
+    (file, known): (&str, KnownControllers<'_>),
     draft: &read::Draft,
     files: &mut Files,
     choice: &Choice,
@@ -309,7 +323,8 @@ fn planned_run(
         for choice in agents.controllers_of(|agent| agents.is_built_in(agent)) {
             let is_of_mix = agents.mix.iter().any(|entry| std::ptr::eq(&entry.set, choice.set));
             let key = if is_of_mix { "agents.mix" } else { "agents.controller" };
-            registry
+            known
+                .registry
                 .check(choice.controller, &wire::settings(choice.set))
                 .map_err(|error| line_error(key, format!("{key}: {error}")))?;
         }
@@ -322,7 +337,7 @@ fn planned_run(
         setup::check_map(&scenario).map_err(|error| line_error("map", error.to_string()))?;
     }
     let map = map_id(&scenario, &of_run);
-    let (id, cost) = (id(&scenario, &of_run), cost(&scenario, &of_run));
+    let (id, cost) = (id(&scenario, &of_run, known.codes), cost(&scenario, &of_run));
     let mut folder = PathBuf::new();
     if scenario.map.file.is_some() || !scenario.agents.command.is_empty() {
         files.folder().clone_into(&mut folder);
@@ -332,7 +347,7 @@ fn planned_run(
 }
 
 /// See [`PlannedRun::id`].
-fn id(scenario: &Scenario, files: &RunFiles) -> String {
+fn id(scenario: &Scenario, files: &RunFiles, codes: &BTreeMap<String, String>) -> String {
     let mut hasher = blake3::Hasher::new();
     // The map file is among the hashes, whatever its name.
     let mut scenario = scenario.clone().without_map_file();
@@ -342,6 +357,12 @@ fn id(scenario: &Scenario, files: &RunFiles) -> String {
     hasher.update(scenario.identity().as_bytes()).update(&[0]).update(BUILD.as_bytes());
     for hash in &files.hashes {
         hasher.update(&[0]).update(hash.as_bytes());
+    }
+    let phases = scenario.phases();
+    let choices = phases.iter().flat_map(|phase| phase.agents.controllers_of(|_| true));
+    let names: BTreeSet<&str> = choices.map(|choice| choice.controller).collect();
+    for (name, code) in names.into_iter().filter_map(|name| codes.get_key_value(name)) {
+        hasher.update(&[1]).update(name.as_bytes()).update(&[0]).update(code.as_bytes());
     }
     hasher.finalize().to_hex()[..16].to_owned()
 }

@@ -115,7 +115,7 @@ row! {
     RunRow {
         id: String = "The run: 16 hexadecimal digits of the blake3 hash of scenario, seed and build.";
         build: String = "Version and commit of the program that ran it.";
-        controller: String = "Controllers of the team with their settings.";
+        controller: String = "Controllers of the team with their settings; of a fork `rbw, then lvd`.";
         seed: u64 = "Seed of the scenario.";
         size as "size_x, size_y, size_z": [u32; 3] = "Cells of the map along x, y and z.";
         agents: u32 = "Size of the team.";

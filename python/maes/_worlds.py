@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -14,7 +13,7 @@ from gymnasium.utils import EzPickle, seeding
 
 from . import _maes
 from ._pictures import of_layer
-from .scenarios import Scenario, changes_of
+from .scenarios import Scenario, changes_of, seed_of
 
 Floats = npt.NDArray[np.float64]
 Shown = dict[str, npt.NDArray[Any]]
@@ -26,7 +25,6 @@ METRES_MAX = np.float32(1e4)
 TICK_S = 0.02
 # The longest period.
 TICKS_MAX = 5000
-SEED_MAX = 2**63 - 1
 # The seeds that are drawn leave room for counting on.
 DRAWN = 2**62
 
@@ -42,17 +40,6 @@ def scenario_of(scenario: Scenario | str | None, keys: dict[str, Any]) -> Scenar
             raise _maes.BadInput(f"{key}: expected no key of a controller, whose place the actions take")
     made = scenario if isinstance(scenario, Scenario) else Scenario(scenario)
     return made.replace(**keys) if keys else made
-
-
-def seed_of(given: Any) -> int:
-    """A seed as `int`; also of NumPy, whose integers Gymnasium does not take."""
-    try:
-        seed = operator.index(given)
-    except TypeError:
-        raise _maes.BadInput(f"seed = {given!r}: expected a whole number from 0 to 2**63 - 1, or None") from None
-    if not 0 <= seed <= SEED_MAX:
-        raise _maes.BadInput(f"seed = {seed}: expected 0 to 2**63 - 1")
-    return seed
 
 
 def ticks_of(period_s: Any) -> int:
@@ -110,16 +97,19 @@ class Worlds(EzPickle):
         frontiers: int = 16,
         waypoint_m: float = 10.0,
         reward: Reward | None = None,
+        observations: str = "dict",
         **keys: Any,
     ) -> None:
         """`count` worlds with the seeds `seed`, `seed + 1` and so on, counted from a drawn one without
-        `seed`; `period_s` is the sim time between two decisions, a multiple of 0.02 s; `keys` change the
-        scenario."""
+        `seed`; `period_s` is the sim time between two decisions, a multiple of 0.02 s; with
+        `observations="flat"` what an agent is shown is one vector; `keys` change the scenario."""
         named = {
             "seed": seed, "period_s": period_s, "actions": actions, "crop_radius": crop_radius,
-            "frontiers": frontiers, "waypoint_m": waypoint_m, "reward": reward,
+            "frontiers": frontiers, "waypoint_m": waypoint_m, "reward": reward, "observations": observations,
         }  # fmt: skip
         EzPickle.__init__(self, count, scenario, **named, **keys)
+        if observations not in ("dict", "flat"):
+            raise _maes.BadInput(f'observations = {observations!r}: expected "dict" or "flat"')
         ticks = ticks_of(period_s)
         first = int(generator_of(None)[0].integers(DRAWN)) if seed is None else seed_of(seed)
         self.scenario = scenario_of(scenario, keys)
@@ -151,23 +141,32 @@ class Worlds(EzPickle):
         }
         # The same memory without axes.
         self._flat = [array.reshape(-1) for array in self._arrays.values()]
+        # All of an agent in one vector, in the order of the space.
+        self._parts = [self._arrays[key].reshape(*shape, -1) for key in self._dict_space()]
+        width = sum(part.shape[-1] for part in self._parts)
+        self._joined = np.zeros((*shape, width), np.float32) if observations == "flat" else None
         self._show()
 
     def _show(self) -> None:
         self._native.show(*self._flat)
+        self._join()
 
-    def observe(self) -> Shown:
-        """What all agents are shown now, by name."""
-        return self._arrays
+    def _join(self) -> None:
+        if self._joined is not None:
+            np.concatenate(self._parts, axis=-1, out=self._joined)
 
-    def reset(self, seeds: Sequence[int] | None = None) -> Shown:
+    def observe(self) -> Any:
+        """What all agents are shown now: arrays by name, or one array with `observations="flat"`."""
+        return self._arrays if self._joined is None else self._joined
+
+    def reset(self, seeds: Sequence[int] | None = None) -> Any:
         """Begin all worlds again with these seeds, or with the next ones."""
         if seeds is None:
             seeds = [self._draw() for _ in range(self.count)]
         if len(seeds) != self.count:
             raise ValueError(f"{len(seeds)} seeds: expected {self.count}")
         self.begin(enumerate(map(seed_of, seeds)))
-        return self._arrays
+        return self.observe()
 
     def begin(self, seeds: Iterable[tuple[int, int]]) -> None:
         """Begin some worlds again: their numbers, each with a seed."""
@@ -180,7 +179,7 @@ class Worlds(EzPickle):
 
     def step(
         self, actions: npt.ArrayLike, *, begin_again: bool = True
-    ) -> tuple[Shown, Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[Any, Floats, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
         """Step every world; `actions` has the shape (worlds, agents, numbers of an action).
 
         Returns observations, rewards (worlds, agents), whether each world is explored (with
@@ -193,6 +192,7 @@ class Worlds(EzPickle):
         if flat.shape != shape:
             raise ValueError(f"actions has shape {flat.shape}: expected {shape}")
         gains = self._native.step(flat.reshape(-1), *self._flat).reshape(self.count, self.agents, 3)
+        self._join()
         shares, explored, over = self._native.status()
         details: dict[str, Any] = {
             "explored_gain": gains[..., 0],
@@ -207,7 +207,7 @@ class Worlds(EzPickle):
         ended = np.flatnonzero(explored | over)
         if begin_again and len(ended):
             self.begin((int(world), self._draw()) for world in ended)
-        return self._arrays, rewards, explored, over, details
+        return self.observe(), rewards, explored, over, details
 
     def poses(self) -> npt.NDArray[np.float32]:
         """True position (m) and heading (rad) of all agents: (worlds, agents, 4)."""
@@ -232,8 +232,11 @@ class Worlds(EzPickle):
         """Free the worlds; later calls raise."""
         self._native.close()
 
-    def observation_space(self) -> spaces.Dict:
+    def observation_space(self) -> spaces.Space[Any]:
         """The space of what one agent is shown."""
+        return self._dict_space() if self._joined is None else spaces.flatten_space(self._dict_space())
+
+    def _dict_space(self) -> spaces.Dict:
         others = (max(self.agents - 1, 1), PLACE)
         near = (self.frontiers, PLACE)
         return spaces.Dict(

@@ -7,6 +7,7 @@ from enum import IntEnum, IntFlag
 from typing import Any, ClassVar
 
 from . import _maes
+from ._code import code_of
 from ._maes import Command, Ctx, Observation, Rng
 
 
@@ -62,12 +63,12 @@ class Controller:
         raise NotImplementedError(f"{type(self).__name__}.decide")
 
 
-def registered(classes: Sequence[type[Controller]]) -> _maes.Controllers:
-    """The built-in controllers and these classes."""
+def registered(classes: Sequence[type[Controller]], codes: Sequence[str] | None = None) -> _maes.Controllers:
+    """The built-in controllers and these classes, with what stands for their code in ids of runs."""
     for one in classes:
         if not (isinstance(one, type) and issubclass(one, Controller)):
             raise TypeError(f"controller {one!r}: expected a name, or a subclass of maes.Controller")
-    return _maes.Controllers(list(classes))
+    return _maes.Controllers(list(zip(classes, codes or map(code_of, classes))))
 
 
 def controllers() -> list[str]:

@@ -51,6 +51,7 @@ matplotlib at each step.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -65,8 +66,8 @@ from pettingzoo.utils import BaseParallelWrapper
 
 from . import _maes
 from ._pictures import Window
-from ._worlds import METRES_MAX, PLACE, Worlds, generator_of, seed_of, world_seed
-from .scenarios import Scenario
+from ._worlds import METRES_MAX, PLACE, Worlds, generator_of, world_seed
+from .scenarios import Scenario, seed_of
 
 __all__ = [
     "ExplorationEnv",
@@ -80,35 +81,29 @@ __all__ = [
 MODES = ("human", "rgb_array")
 
 
+def _parts(shown: Any, of: Callable[[npt.NDArray[Any]], Any]) -> Any:
+    """A part of each array that is shown, or of the only one."""
+    return {key: of(array) for key, array in shown.items()} if isinstance(shown, dict) else of(shown)
+
+
 class _OneWorld(EzPickle):
     """What environments of one world have in common, whatever library they are for."""
 
     metadata: dict[str, Any]
 
     def _prepare(self, scenario: Scenario | str | None, arguments: dict[str, Any]) -> None:
-        """Take the arguments of the constructor: those of `Worlds`, `observations` and
-        `render_mode`."""
+        """Take the arguments of the constructor: those of `Worlds`, and `render_mode`."""
         EzPickle.__init__(self, scenario, **arguments)
-        observations = arguments.pop("observations", "dict")
-        if observations not in ("dict", "flat"):
-            raise _maes.BadInput(f'observations = {observations!r}: expected "dict" or "flat"')
         self.render_mode: str | None = arguments.pop("render_mode", None)
         if self.render_mode not in (None, *MODES):
             raise _maes.BadInput(f'render_mode = {self.render_mode!r}: expected None, "human" or "rgb_array"')
         self._worlds = Worlds(1, scenario, **arguments)
-        self._dict_space = self._worlds.observation_space()
-        self._is_flat = observations == "flat"
         self._window: Window | None = None
         self.metadata = {**self.metadata, "render_fps": max(round(1 / self._worlds.period_s), 1)}
 
-    def _space(self) -> spaces.Space[Any]:
-        """The space of what one agent is shown."""
-        return spaces.flatten_space(self._dict_space) if self._is_flat else self._dict_space
-
     def _shown(self, agent: int) -> Any:
         """A copy of what an agent is shown."""
-        shown = {key: array[0, agent].copy() for key, array in self._worlds.observe().items()}
-        return spaces.flatten(self._dict_space, shown) if self._is_flat else shown
+        return _parts(self._worlds.observe(), lambda array: array[0, agent].copy())
 
     def _note_seed(self, seed: int | None) -> None:
         """Keep a seed of `reset` for copies."""
@@ -156,12 +151,12 @@ class ParallelExploration(_OneWorld, ParallelEnv[str, Any, Any]):
     metadata = {"name": "maes_exploration_v0", "render_modes": list(MODES), "is_parallelizable": True}
 
     def __init__(self, scenario: Scenario | str | None = None, **arguments: Any) -> None:
-        """The arguments are those of `Worlds`, `observations` ("dict" or "flat") and `render_mode`."""
+        """The arguments are those of `Worlds`, and `render_mode`."""
         self.np_random, self.np_random_seed = generator_of(arguments.get("seed"))
         self._prepare(scenario, arguments)
         self.possible_agents = [f"agent_{agent}" for agent in range(self._worlds.agents)]
         self.agents: list[str] = []
-        self.observation_spaces = {agent: self._space() for agent in self.possible_agents}
+        self.observation_spaces = {agent: self._worlds.observation_space() for agent in self.possible_agents}
         self.action_spaces = {agent: self._worlds.action_space() for agent in self.possible_agents}
         count = PLACE * len(self.possible_agents)
         self.state_space = spaces.Box(-METRES_MAX, METRES_MAX, (count,), np.float32)
@@ -264,14 +259,14 @@ class ExplorationEnv(_OneWorld, gymnasium.Env[Any, Any]):
     metadata = {"render_modes": list(MODES)}
 
     def __init__(self, scenario: Scenario | str | None = None, **arguments: Any) -> None:
-        """The arguments are those of `Worlds`, `observations` ("dict" or "flat") and `render_mode`."""
+        """The arguments are those of `Worlds`, and `render_mode`."""
         if scenario is None:
             arguments.setdefault("agents", 1)
         self._prepare(scenario, arguments)
         _check_single(self._worlds)
         if (seed := arguments.get("seed")) is not None:
             self._np_random, self._np_random_seed = generator_of(seed)
-        self.observation_space = self._space()
+        self.observation_space = self._worlds.observation_space()
         self.action_space = self._worlds.action_space()
         self._is_over = True
 
@@ -338,9 +333,9 @@ class ExplorationVectorEnv(EzPickle, VectorEnv[Any, Any, Any]):
         self._generators = [generator_of(None if seed is None else seed + place)[0] for place in range(num_envs)]
         self._has_ended: npt.NDArray[np.bool_] = np.ones(num_envs, bool)
 
-    def _shown(self) -> dict[str, Any]:
-        shown = {key: array[:, 0] for key, array in self._worlds.observe().items()}
-        return {key: array.copy() for key, array in shown.items()} if self.copy else shown
+    def _shown(self) -> Any:
+        is_copied = self.copy
+        return _parts(self._worlds.observe(), lambda array: array[:, 0].copy() if is_copied else array[:, 0])
 
     def _begin(self, chosen: npt.NDArray[np.bool_]) -> None:
         """Begin these worlds again."""
@@ -348,7 +343,7 @@ class ExplorationVectorEnv(EzPickle, VectorEnv[Any, Any, Any]):
 
     def reset(
         self, *, seed: Any = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin all worlds again, or those of `options["reset_mask"]`; `seed` is a whole number, of which
         environment i gets `seed + i`, or a list with a seed or None for each."""
         if seed is None:
@@ -368,7 +363,7 @@ class ExplorationVectorEnv(EzPickle, VectorEnv[Any, Any, Any]):
         self._has_ended[chosen] = False
         return self._shown(), {}
 
-    def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Step every world with its action, (num_envs, numbers of an action), or (num_envs,) for
         frontiers."""
         begins = self._has_ended
@@ -388,7 +383,7 @@ class ExplorationVectorEnv(EzPickle, VectorEnv[Any, Any, Any]):
             shown = self._shown()
             infos["final_obs"] = np.full(self.num_envs, None, object)
             for place in np.flatnonzero(at_once):
-                infos["final_obs"][place] = {key: array[place].copy() for key, array in shown.items()}
+                infos["final_obs"][place] = _parts(shown, lambda array: array[place].copy())
             infos["final_info"] = self._infos(details, at_once)
             infos["_final_obs"] = infos["_final_info"] = at_once
             self._has_ended = self._has_ended & ~at_once

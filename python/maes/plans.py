@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _maes
+from ._code import code_of
 from ._frames import frame
 from .controllers import Controller, registered
 
@@ -77,18 +78,30 @@ def _plan(file: str, known: _maes.Controllers) -> _maes.NativePlan:
     return _maes.NativePlan.parse(file, path.read_text(encoding="utf-8"), os.fspath(path.parent), known)
 
 
-def _run_part(file: str, ids: list[str], classes: list[type[Controller]]) -> dict[str, bytes]:
-    """Execute some runs of a plan in a worker; return the files of their records by name."""
-    known = registered(classes)
-    progress = _Progress(False)
-    with tempfile.TemporaryDirectory() as folder:
-        _maes.execute_plan(
-            _plan(file, known), folder, known, jobs=1, only=ids, prune=False, report=progress
+def _run_part(
+    file: str, id: str, classes: list[type[Controller]], codes: list[tuple[str, str]]
+) -> tuple[bytes, bytes]:
+    """Execute a run of a plan in a worker; return the files with its record and its scenario."""
+    for controller, (_, code) in zip(classes, codes):
+        if code_of(controller, is_copy_equal=True) != code:
+            raise _maes.BadInput(
+                f"controller {controller.name}: its code in the worker is not that of the caller; "
+                "start the workers again, with the same files and the same Python"
+            )
+    known = registered(classes, [code for code, _ in codes])
+    native, progress = _plan(file, known), _Progress(False)
+    if id not in [one for one, _, _ in native.runs()]:
+        raise _maes.BadInput(
+            f"{file}: has no run {id} in the worker; expected the same files and the same build ({_maes.BUILD})"
         )
+    with tempfile.TemporaryDirectory() as folder:
+        opened = native.open(folder, known, False)
+        _maes.execute_plan(native, opened, known, jobs=1, only=[id], report=progress)
+        opened.close()
         if progress.failures:
-            raise _maes.RunFailed("; ".join(f"run {id}: {why}" for id, why in progress.failures.items()))
+            raise _maes.RunFailed(progress.failures[id])
         runs = Path(folder) / "runs"
-        return {one: (runs / one).read_bytes() for id in ids for one in (f"{id}.json", f"{id}.toml")}
+        return (runs / f"{id}.json").read_bytes(), (runs / f"{id}.toml").read_bytes()
 
 
 def batch(
@@ -108,62 +121,61 @@ def batch(
     time, one for each core by default; Python controllers share the GIL, so that an `executor` of
     processes is faster for them. With an executor of `concurrent.futures` each run is a task of
     its own, which is submitted up to `attempts` times if its worker dies; workers read the plan
-    from the same path. `progress` shows a bar of tqdm,
-    and raises an ImportError without it.
+    from the same path. `progress` shows a bar of tqdm, and raises an ImportError without it.
+
+    Runs of a class belong to its code (docs/python.md). A folder with runs that are not of this plan
+    is refused before anything is executed; `prune` removes them.
     """
-    file, folder, classes = os.fspath(plan), Path(out), list(controllers)
+    file, classes = os.fspath(plan), list(controllers)
     known = registered(classes)
     native = _plan(file, known)
     shown = _Progress(progress)
-    if executor is not None:
-        _distribute(native, file, folder, classes, executor, shown, attempts)
     cores = jobs if jobs is not None else len(os.sched_getaffinity(0))
+    folder = native.open(os.fspath(out), known, prune)
     try:
-        # After an executor it finds all records, and only writes the tables.
-        if executor is None or not shown.failures:
-            _maes.execute_plan(
-                native, os.fspath(folder), known, jobs=cores, only=[], prune=prune, report=shown
-            )
+        if executor is not None:
+            _distribute(native, file, folder, classes, executor, shown, attempts)
+        if shown.failures:
+            folder.write_tables()
+        else:
+            # After an executor it finds all records, and only writes the tables.
+            _maes.execute_plan(native, folder, known, jobs=cores, only=[], report=shown)
     finally:
+        folder.close()
         shown.close()
-    return Batch(folder, shown.failures)
+    return Batch(out, shown.failures)
 
 
 def _distribute(
     native: _maes.NativePlan,
     file: str,
-    folder: Path,
+    folder: _maes.PlanFolder,
     classes: list[type[Controller]],
     executor: Executor,
     shown: _Progress,
     attempts: int,
 ) -> None:
     """Execute the missing runs as tasks of an executor, and store their records."""
-    runs = folder / "runs"
-    runs.mkdir(parents=True, exist_ok=True)
-    missing = [id for id, _, _ in native.runs() if not (runs / f"{id}.json").exists()]
+    missing = folder.missing(native)
+    codes = [(code_of(one), code_of(one, is_copy_equal=True)) for one in classes]
     shown("started", len(missing))
     for attempt in range(attempts):
-        tasks = {executor.submit(_run_part, file, [id], classes): id for id in missing}
+        tasks = {executor.submit(_run_part, file, id, classes, codes): id for id in missing}
         missing = []
         for task in as_completed(tasks):
             id = tasks[task]
             try:
-                files = task.result()
-            except (_maes.RunFailed, _maes.BadInput) as error:
-                shown("failed", id, str(error))
-                continue
+                record, scenario = task.result()
             except Exception as error:
-                if attempt + 1 == attempts:
-                    shown("failed", id, f"{type(error).__name__}: {error}")
-                else:
+                is_final = isinstance(error, (_maes.RunFailed, _maes.BadInput))
+                if not is_final and attempt + 1 < attempts:
                     missing.append(id)
-                continue
-            # The record comes last, so that a run without it is missing.
-            for name in sorted(files, reverse=True):
-                partial = runs / f"{name}.partial"
-                partial.write_bytes(files[name])
-                partial.replace(runs / name)
-            shown("completed", id)
+                    continue
+                reason = str(error) if is_final else f"{type(error).__name__}: {error}"
+                folder.store_failure(native, id, reason)
+                shown("failed", id, reason)
+            else:
+                folder.store_run(id, record, scenario)
+                shown("completed", id)
         if not missing:
             return

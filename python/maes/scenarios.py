@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,21 @@ _SHORT = {
     "threads": "execution.threads",
     "share_period": "agents.share_period_ticks",
 }
+
+
+# The integers of TOML.
+SEED_MAX = 2**63 - 1
+
+
+def seed_of(given: Any) -> int:
+    """A seed as `int`; also of NumPy, whose integers Gymnasium does not take."""
+    try:
+        seed = None if isinstance(given, bool) else operator.index(given)
+    except TypeError:
+        seed = None
+    if seed is None or not 0 <= seed <= SEED_MAX:
+        raise _maes.BadInput(f"seed = {given!r}: expected a whole number from 0 to 2**63 - 1")
+    return seed
 
 
 def changes_of(keys: Mapping[str, Any]) -> list[tuple[str, Any]]:

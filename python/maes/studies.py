@@ -17,7 +17,7 @@ import numpy as np
 from . import _maes
 from .controllers import Controller
 from .plans import Batch, batch
-from .scenarios import Scenario
+from .scenarios import Scenario, seed_of
 
 # Times at which the curves of runs are read.
 _POINTS = 201
@@ -75,7 +75,8 @@ class Study(Batch):
             points[id].append((t_s, explored))
         times = np.linspace(0.0, max(series["t_s"], default=1.0), _POINTS)
         for planner in self.planners:
-            ids = [id for id, controller in zip(runs["id"], runs["controller"]) if controller == planner]
+            of_planner = zip(runs["id"], runs["axis.agents.controller"])
+            ids = [id for id, controller in of_planner if controller == planner]
             if not ids:
                 continue
             # A run keeps the share with which it has ended.
@@ -135,6 +136,7 @@ def study(
     jobs: int | None = None,
     executor: Executor | None = None,
     progress: bool | None = None,
+    prune: bool = False,
     **keys: Any,
 ) -> Study:
     """Run two planners or more on the same worlds, and compare them pair by pair.
@@ -145,7 +147,8 @@ def study(
     "distance" (docs/statistics.md). No p-value is given below six maps.
 
     It is a plan of `batch` in the folder `out`, which keeps the runs, so that a call with more seeds
-    executes the new ones alone; without `out` they go with the returned `Study`. `progress` shows a
+    executes the new ones alone; without `out` they go with the returned `Study`. A folder with other
+    runs, as of a class before its code was changed, is refused; `prune` removes these. `progress` shows a
     bar of tqdm in terminals and notebooks; by default where tqdm is installed.
     """
     chosen = list(planners)
@@ -153,6 +156,9 @@ def study(
     names = [one if isinstance(one, str) else one.name for one in chosen]
     if len(set(names)) < 2 or len(set(names)) < len(names):
         raise _maes.BadInput(f"planners = {names}: expected two or more different ones")
+    if isinstance(seeds, (str, bytes)) or not isinstance(seeds, Iterable):
+        raise _maes.BadInput(f"seeds = {seeds!r}: expected whole numbers, such as range(1, 7)")
+    numbers = [seed_of(seed) for seed in seeds]
     wanted = scenario if isinstance(scenario, Scenario) else Scenario(scenario)
     wanted = wanted.replace(**keys)
     # The plan has a folder of its own, from which its paths would start.
@@ -166,7 +172,7 @@ def study(
     # What JSON writes of these is TOML as well, if it escapes no surrogates.
     plan.write_text(
         f"title = {_text(' and '.join(names))}\n"
-        f"seeds = {json.dumps([int(seed) for seed in seeds])}\n"
+        f"seeds = {json.dumps(numbers)}\n"
         'compare = "agents.controller"\n'
         f"primary = {_text(primary)}\n"
         'scenario = "study.scenario.toml"\n'
@@ -174,7 +180,7 @@ def study(
         encoding="utf-8",
     )
     shown = _has_tqdm() if progress is None else progress
-    done = batch(plan, folder, jobs=jobs, controllers=classes, executor=executor, progress=shown)
+    done = batch(plan, folder, jobs=jobs, controllers=classes, executor=executor, progress=shown, prune=prune)
     return Study(done, names, temporary)
 
 

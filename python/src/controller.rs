@@ -3,12 +3,14 @@
 //! A class that was registered stays registered for the life of the process, since the registry
 //! holds controllers by reference; registering it again costs nothing.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use agent_node::command::{Command, WakeCondition};
 use agent_node::controllers::settings::{SettingError, Settings};
 use agent_node::controllers::{Controller, Ctx, Failure, Registration, Registry, Setup};
 use agent_node::observation::Observation;
+use experiments::plan::KnownControllers;
 use msgs::ids::Tick;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
@@ -50,15 +52,26 @@ static KNOWN: Mutex<Vec<Registered>> = Mutex::new(Vec::new());
 #[pyclass(name = "Controllers", module = "maes._maes", frozen)]
 pub(crate) struct PyControllers {
     pub(crate) registry: Registry,
+    /// What stands for the code of the classes, by name.
+    codes: BTreeMap<String, String>,
+}
+
+impl PyControllers {
+    pub(crate) fn known(&self) -> KnownControllers<'_> {
+        KnownControllers { registry: self.registry, codes: &self.codes }
+    }
 }
 
 #[pymethods]
 impl PyControllers {
-    /// Registers subclasses of `maes.Controller` under their `name`.
+    /// Registers subclasses of `maes.Controller` under their `name`, each with what stands for its
+    /// code.
     #[new]
-    fn new(classes: Vec<Bound<'_, PyType>>) -> PyResult<Self> {
+    fn new(classes: Vec<(Bound<'_, PyType>, String)>) -> PyResult<Self> {
+        let (classes, codes): (Vec<_>, Vec<_>) = classes.into_iter().unzip();
+        let codes_of = |own: &[Registration]| own.iter().map(|one| one.name.to_owned()).zip(codes).collect();
         if let Some(own) = known(&classes) {
-            return Ok(Self { registry: Registry::with(own).map_err(bad_input)? });
+            return Ok(Self { registry: Registry::with(own).map_err(bad_input)?, codes: codes_of(own) });
         }
         // Without the lock: Python code runs here, and may let other threads run.
         let entries = classes.iter().map(registration).collect::<PyResult<Vec<_>>>()?;
@@ -72,7 +85,7 @@ impl PyControllers {
             return Err(PyRuntimeError::new_err(text));
         }
         known.push((classes.into_iter().map(Bound::unbind).collect(), own));
-        Ok(Self { registry })
+        Ok(Self { registry, codes: codes_of(own) })
     }
 
     /// Checks the name of a controller and its settings `KEY=VALUE`.

@@ -55,7 +55,7 @@ mod _maes {
     #[pymodule_export]
     use crate::observation::PyObservation;
     #[pymodule_export]
-    use crate::plan::{PyPlan, execute_plan, stored_table, write_report};
+    use crate::plan::{PyPlan, PyPlanFolder, execute_plan, stored_table, write_report};
     #[pymodule_export]
     use crate::recording::{PyFollower, PyRecording};
     #[pymodule_export]

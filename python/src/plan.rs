@@ -2,16 +2,16 @@
 
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Sender, channel};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use experiments::execute::{self, Options, Part, PlanObserver, Selection, Stop, Transport};
-use experiments::plan::{Plan, PlannedRun};
+use experiments::execute::{self, ExecuteError, OpenFolder, Options, Part, PlanObserver, Selection, Stop, Transport};
+use experiments::plan::{BUILD, Plan, PlannedRun};
 use experiments::rows::RunRow;
-use experiments::store::Store;
+use experiments::store::{RUNS, Store, StoreError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -31,7 +31,7 @@ impl PyPlan {
     /// Parses a plan; its paths start from `folder`.
     #[staticmethod]
     fn parse(name: &str, text: &str, folder: PathBuf, controllers: &PyControllers) -> PyResult<Self> {
-        let plan = Plan::parse_with(name, text, &folder, controllers.registry).map_err(bad_input)?;
+        let plan = Plan::parse_with(name, text, &folder, controllers.known()).map_err(bad_input)?;
         Ok(Self { plan })
     }
 
@@ -39,6 +39,83 @@ impl PyPlan {
     fn runs(&self) -> Vec<(String, Axes, u64)> {
         let run = |run: &PlannedRun| (run.id.clone(), run.axes.clone().into_iter().collect(), run.scenario.seed);
         self.plan.runs.iter().map(run).collect()
+    }
+
+    /// Opens the folder of the plan and locks it, until `close`: nothing is executed, nor stored, in
+    /// a folder that is refused.
+    fn open(&self, folder: PathBuf, controllers: &PyControllers, prune: bool) -> PyResult<PyPlanFolder> {
+        let opened = execute::open(&self.plan, &folder, &options(controllers, NonZero::<usize>::MIN, prune));
+        Ok(PyPlanFolder { opened: Mutex::new(Some(opened.map_err(of_plan)?)) })
+    }
+}
+
+fn options(controllers: &PyControllers, jobs: NonZero<usize>, prune: bool) -> Options {
+    Options { jobs, transport: Transport::Memory, part: Part::WHOLE, registry: controllers.registry, prune }
+}
+
+/// The exception for a plan that is not executed, with the remedies of Python.
+fn of_plan(error: ExecuteError) -> PyErr {
+    match error {
+        ExecuteError::OtherRuns { folder, count, example } => bad_input(format!(
+            "{folder}: holds {count} runs that are not of this plan, this build ({BUILD}) and this code of its \
+             controllers, such as {example}: choose another folder, or remove them with prune=True"
+        )),
+        ExecuteError::Store(StoreError::Busy { .. }) | ExecuteError::Store(StoreError::File { .. }) => failed(error),
+        other => bad_input(other),
+    }
+}
+
+/// The folder of a plan, locked for as long as it is open.
+#[pyclass(name = "PlanFolder", module = "maes._maes", frozen)]
+pub(crate) struct PyPlanFolder {
+    opened: Mutex<Option<OpenFolder>>,
+}
+
+impl PyPlanFolder {
+    fn opened(&self) -> MutexGuard<'_, Option<OpenFolder>> {
+        self.opened.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn with<T>(&self, act: impl FnOnce(&OpenFolder) -> PyResult<T>) -> PyResult<T> {
+        act(self.opened().as_ref().ok_or_else(|| failed("the folder of the plan is closed"))?)
+    }
+}
+
+#[pymethods]
+impl PyPlanFolder {
+    /// The ids of the runs of a plan that have no record.
+    fn missing(&self, plan: &PyPlan) -> PyResult<Vec<String>> {
+        let done = self.with(|folder| folder.store.done().map_err(failed))?;
+        Ok(plan.plan.runs.iter().map(|run| run.id.clone()).filter(|id| !done.contains(id)).collect())
+    }
+
+    /// Stores the record and the scenario of a run of which another process has made the files.
+    fn store_run(&self, id: &str, record: &[u8], scenario: &[u8]) -> PyResult<()> {
+        self.with(|OpenFolder { store, .. }| {
+            // The record comes last, so that a run without it is missing.
+            let files = [("toml", scenario), ("json", record)];
+            let stored = files
+                .into_iter()
+                .try_for_each(|(ending, bytes)| store.write(&format!("{RUNS}/{id}.{ending}"), bytes).map(drop));
+            stored.and_then(|()| store.forget_failure(id)).map_err(failed)
+        })
+    }
+
+    /// Stores that a run of a plan has failed in another process.
+    fn store_failure(&self, plan: &PyPlan, id: &str, reason: &str) -> PyResult<()> {
+        let run = plan.plan.runs.iter().find(|run| run.id == id);
+        let run = run.ok_or_else(|| failed(format!("run {id}: not of this plan")))?;
+        self.with(|folder| execute::save_failure(&folder.store, run, reason).map_err(failed))
+    }
+
+    /// Writes the tables of the records.
+    fn write_tables(&self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| self.with(|folder| folder.store.write_tables().map_err(failed)))
+    }
+
+    /// Lets others work in the folder.
+    fn close(&self) {
+        self.opened().take();
     }
 }
 
@@ -75,35 +152,35 @@ const VERDICTS: &str = "verdicts";
 /// Wall time between two looks for signals.
 const PERIOD: Duration = Duration::from_millis(20);
 
-/// Executes the runs of a plan without a record, all or those with these ids; `report` is called
-/// with `("started", count)`, `("completed", id)` and `("failed", id, reason)`.
+/// Executes the runs of a plan that have no record in its folder; `report` is called with
+/// `("started", count)`, `("completed", id)` and `("failed", id, reason)`.
 #[pyfunction]
-#[pyo3(signature = (plan, folder, controllers, *, jobs, only, prune, report))]
+#[pyo3(signature = (plan, folder, controllers, *, jobs, only, report))]
 #[allow(clippy::too_many_arguments, reason = "they are named in Python")]
 pub(crate) fn execute_plan(
     py: Python<'_>,
     plan: &PyPlan,
-    folder: PathBuf,
+    folder: &PyPlanFolder,
     controllers: &PyControllers,
     jobs: usize,
     only: Vec<String>,
-    prune: bool,
     report: &Bound<'_, PyAny>,
 ) -> PyResult<()> {
     let jobs = NonZero::new(jobs).ok_or_else(|| bad_input("jobs = 0: expected a number from 1"))?;
-    let transport = Transport::Memory;
-    let options = Options { jobs, transport, part: Part::WHOLE, registry: controllers.registry, prune };
+    let options = options(controllers, jobs, false);
     let selection = Selection { only: only.into_iter().collect(), ..Selection::default() };
     let stop = Stop::default();
     let report = report.clone().unbind();
     let raised: Mutex<Option<PyErr>> = Mutex::new(None);
     let executed = py.detach(|| {
+        let opened = folder.opened();
+        let opened = opened.as_ref().ok_or_else(|| failed("the folder of the plan is closed"))?;
         thread::scope(|scope| {
             let (sender, events) = channel();
             let (stop, options, selection) = (&stop, &options, &selection);
             let worker = scope.spawn(move || {
                 let mut reports = Reports(sender);
-                execute::execute_selected(&plan.plan, folder, options, selection, &mut reports, stop)
+                execute::execute_in(opened, &plan.plan, options, selection, &mut reports, stop)
             });
             let handle = |event: Option<Event>| {
                 Python::attach(|py| {
@@ -117,7 +194,7 @@ pub(crate) fn execute_plan(
                     stop.soon.store(true, Ordering::Relaxed);
                     stop.at_once.store(true, Ordering::Relaxed);
                     let error = interrupt_controllers(py).err().unwrap_or(error);
-                    raised.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+                    raised.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
                 });
             };
             loop {
@@ -130,10 +207,10 @@ pub(crate) fn execute_plan(
             worker.join().map_err(|panic| internal(panic.as_ref()))
         })
     })?;
-    if let Some(error) = raised.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
+    if let Some(error) = raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }
-    executed.map(drop).map_err(failed)
+    executed.map(drop).map_err(of_plan)
 }
 
 /// A table of the runs in a folder, as lists by column: one of those of a run, or "verdicts".

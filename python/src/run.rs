@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use experiments::execute;
 use experiments::measure::{self, Trace};
-use experiments::plan::Plan;
+use experiments::plan::{KnownControllers, Plan};
 use in_memory::in_process::{self, AgentOptions, ThreadLayout};
 use msgs::ids::Tick;
 use pyo3::prelude::*;
@@ -27,9 +27,13 @@ fn options(controllers: &PyControllers, substitute: Option<String>, has_python: 
     AgentOptions { threads, registry: controllers.registry, substitute, ..AgentOptions::default() }
 }
 
-fn completed(scenario: &Scenario, done: in_process::CompletedRun) -> PyResult<PyRunResult> {
+fn completed(
+    scenario: &Scenario,
+    known: KnownControllers<'_>,
+    done: in_process::CompletedRun,
+) -> PyResult<PyRunResult> {
     let plain = Scenario { execution: Default::default(), ..scenario.clone() };
-    let planned = Plan::run_of(plain).map_err(bad_input)?;
+    let planned = Plan::run_of(plain, known).map_err(bad_input)?;
     let result = done.outcome.result;
     let wall = measure::wall_row(Tick(result.tick), done.outcome.wall, &[], &execute::machine());
     let trace = Trace {
@@ -64,7 +68,7 @@ pub(crate) fn run(
     py.detach(|| {
         // The length of a cell may be that of the map file.
         let scenario = setup::resolve(scenario, &Origins::new("the scenario", "", &[])).map_err(bad_input)?;
-        completed(&scenario, done.map_err(of_run)?)
+        completed(&scenario, controllers.known(), done.map_err(of_run)?)
     })
 }
 
@@ -95,5 +99,5 @@ pub(crate) fn fork(
         let done = in_process::fork(&recording, at, &scenario, &options, &mut NullObserver, stop).map_err(of_run)?;
         Ok::<_, PyErr>((scenario, done))
     })??;
-    py.detach(|| completed(&scenario, done))
+    py.detach(|| completed(&scenario, controllers.known(), done))
 }

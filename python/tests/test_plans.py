@@ -100,3 +100,71 @@ def test_failures_have_a_reason(tmp_path):
     batch = maes.batch(plan, tmp_path / "out", controllers=[Broken])
     assert len(batch.failures) == 2 and all("it is broken" in why for why in batch.failures.values())
     assert len(batch.columns()["id"]) == 2
+
+
+class Broken(maes.Controller):
+    def decide(self, observation, ctx):
+        raise ValueError("it is broken")
+
+
+def test_executor_stores_nothing_in_a_folder_that_is_refused(tmp_path):
+    out = tmp_path / "out"
+    maes.batch(written(tmp_path, ["rbw", "lvd"]), out)
+    before = sorted((out / "runs").iterdir()), (out / "plan.toml").read_text()
+    other = written(tmp_path, ["rbw", "nearest-frontier"])
+    with ThreadPoolExecutor(1) as pool:
+        with pytest.raises(maes.BadInput, match="holds 2 runs that are not of this plan.*prune=True"):
+            maes.batch(other, out, executor=pool)
+        assert before == (sorted((out / "runs").iterdir()), (out / "plan.toml").read_text())
+        batch = maes.batch(other, out, executor=pool, prune=True)
+    assert sorted(set(batch.columns()["controller"])) == ["nearest-frontier", "rbw"]
+    maes.batch(other, out)
+
+
+def test_folder_is_locked_while_an_executor_is_at_work(tmp_path):
+    plan, out = written(tmp_path, ["rbw"]), tmp_path / "out"
+    refused = []
+
+    class Looks(ThreadPoolExecutor):
+        def submit(self, call, /, *arguments, **keys):
+            with pytest.raises(maes.RunFailed, match="another `maes batch` is at work there") as error:
+                maes.batch(plan, out)
+            refused.append(error)
+            return super().submit(call, *arguments, **keys)
+
+    with Looks(1) as pool:
+        assert not maes.batch(plan, out, executor=pool).failures
+    assert len(refused) == 2
+    maes.batch(plan, out)
+
+
+def test_failures_are_the_same_with_an_executor(tmp_path):
+    plan = written(tmp_path, ["rbw", "Broken"])
+    here = maes.batch(plan, tmp_path / "here", controllers=[Broken])
+    with ThreadPoolExecutor(1) as pool:
+        there = maes.batch(plan, tmp_path / "there", controllers=[Broken], executor=pool)
+    assert len(here.failures) == 2 and here.failures == there.failures
+    assert here.columns("verdicts") == there.columns("verdicts")
+    assert (tmp_path / "there/runs.csv").is_file()
+    assert [sorted(one.name for one in (batch.folder / "failures").iterdir()) for batch in (here, there)] == [
+        sorted(f"{id}.json" for id in here.failures)
+    ] * 2
+
+
+def test_workers_with_other_code_are_refused(tmp_path):
+    plan = written(tmp_path, ["Broken"])
+
+    class OfYesterday(ThreadPoolExecutor):
+        """Its workers have imported the class before it was edited."""
+
+        def submit(self, call, /, file, id, classes, codes):
+            class Broken(maes.Controller):
+                def decide(self, observation, ctx):
+                    return maes.Command.keep(maes.WakeCondition.TASK_DONE)
+
+            return super().submit(call, file, id, [Broken], codes)
+
+    with OfYesterday(1) as pool:
+        batch = maes.batch(plan, tmp_path / "out", controllers=[Broken], executor=pool)
+    assert len(batch.failures) == 2 and not batch.columns()["id"]
+    assert all("its code in the worker is not that of the caller" in why for why in batch.failures.values())

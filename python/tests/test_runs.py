@@ -124,7 +124,11 @@ def test_fork_without_changes_is_the_run(small, tmp_path):
     file = tmp_path / "run.mcap"
     result = maes.run(small, record=file)
     assert maes.fork(file, at_s=5.0).digest == result.digest
-    assert maes.fork(file, at_s=5.0, controller="lvd").digest != result.digest
+    fork = maes.fork(file, at_s=5.0, controller="lvd")
+    assert fork.digest != result.digest
+    assert fork.metrics["controller"] == fork.columns("runs")["controller"][0] == "rbw, then lvd"
+    assert maes.fork(file, at_s=0.0, controller="lvd").metrics["controller"] == "lvd"
+    assert maes.fork(file, at_s=5.0, duration=8.0).metrics["controller"] == result.metrics["controller"] == "rbw"
     with pytest.raises(maes.BadInput, match="at_s = -1"):
         maes.fork(file, at_s=-1.0)
 

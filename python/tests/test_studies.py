@@ -3,6 +3,7 @@
 import sys
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 import maes
@@ -55,6 +56,17 @@ def test_figure_has_curves_and_effects():
     assert not folder.exists()
 
 
+def test_figure_of_mixed_teams_has_curves():
+    mix = [{"ids": [0], "controller": "dsvp"}]
+    event = [{"kind": "set", "at_s": 20.0, "set": {"agents.controller": "nearest-frontier"}}]
+    for keys in ({"agents__mix": mix}, {"event": event}):
+        study = maes.study(["rbw", "lvd"], [1], progress=False, **{**CAVE, **keys})
+        assert set(study.columns()["controller"]).isdisjoint(["rbw", "lvd"])
+        labels = [text.get_text() for text in study.plot().axes[0].get_legend().get_texts()]
+        assert labels == ["rbw (1 runs)", "lvd (1 runs)"]
+    plt.close("all")
+
+
 def test_failures_are_counted(tmp_path):
     class Broken(maes.Controller):
         def decide(self, observation, ctx):
@@ -64,6 +76,35 @@ def test_failures_are_counted(tmp_path):
     found = study.columns("verdicts")
     assert found["failed_b"] == [3] and found["blocks"] == [3] and len(study.failures) == 3
     assert "Broken failed on 3 of 3 maps" in study.verdicts[0] and "it is broken" in study._repr_html_()
+
+
+def flier(turn_rad):
+    class Mine(maes.Controller):
+        def decide(self, observation, ctx):
+            motion = maes.Motion.turn(turn_rad) if observation.collision else maes.Motion.straight()
+            return maes.Command(motion, maes.WakeCondition.TASK_DONE)
+
+    return Mine
+
+
+def test_edited_class_runs_again(tmp_path):
+    keys = {"out": tmp_path / "out", "progress": False, **CAVE}
+    first = maes.study(["rbw", flier(2.0)], [1, 2], **keys).columns()
+    stamps = {file: file.stat().st_mtime_ns for file in (tmp_path / "out/runs").iterdir()}
+    # The same text once more, as of a cell of a notebook, is the same code.
+    assert maes.study(["rbw", flier(2.0)], [1, 2], **keys).columns() == first
+    assert stamps == {file: file.stat().st_mtime_ns for file in (tmp_path / "out/runs").iterdir()}
+    with pytest.raises(maes.BadInput, match="holds 2 runs that are not of .*this code.*prune=True"):
+        maes.study(["rbw", flier(1.0)], [1, 2], **keys)
+    edited = maes.study(["rbw", flier(1.0)], [1, 2], prune=True, **keys).columns()
+    assert edited["controller"] == first["controller"] == ["Mine", "Mine", "rbw", "rbw"]
+    pairs = list(zip(first["digest"], edited["digest"]))
+    assert all(one != other for one, other in pairs[:2]) and all(one == other for one, other in pairs[2:])
+    kept = [file for file, stamp in stamps.items() if file.exists() and file.stat().st_mtime_ns == stamp]
+    assert len(kept) == 4, "those of rbw"
+    single = maes.run(controller=flier(1.0), seed=1, **CAVE).metrics["id"]
+    assert single != maes.run(controller=flier(2.0), seed=1, **CAVE).metrics["id"]
+    assert single in edited["id"]
 
 
 def test_maps_of_scenarios_are_found_from_the_folder_of_the_study(tmp_path, monkeypatch):
@@ -83,7 +124,11 @@ def test_bad_input_is_named():
         maes.study(["rbw", "lvd"], [1], primary="speed", progress=False)
     with pytest.raises(maes.BadInput, match="no-such"):
         maes.study(["rbw", "no-such"], [1], progress=False)
-    study = maes.study(["rbw", "lvd"], [1], progress=False, **CAVE)
+    for seeds in ([1.7, 2.2], "12", [True], [-1], [2**63], 3, ["1"], [None]):
+        with pytest.raises(maes.BadInput, match="seeds? = .*: expected .*whole number"):
+            maes.study(["rbw", "lvd"], seeds, progress=False, **CAVE)
+    study = maes.study(["rbw", "lvd"], np.arange(1, 2), progress=False, **CAVE)
+    assert study.columns()["seed"] == [1, 1]
     with pytest.raises(maes.BadInput, match="nothing.*verdicts"):
         study.columns("nothing")
 

@@ -3,10 +3,11 @@
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from maes.envs import ExplorationEnv, ExplorationVectorEnv, FlatObservations, parallel_env
+from maes.envs import ExplorationEnv, ExplorationVectorEnv, FlatObservations, Worlds, parallel_env
 
 CAVE = {"size": 20, "duration": 4.0, "stop_when_explored": False, "map__spheres__radius_max": 5}
 NAME = "maes/Exploration-v0"
@@ -31,10 +32,10 @@ def details(infos):
     return result
 
 
-@pytest.mark.parametrize("actions", ["velocity", "frontier"])
+@pytest.mark.parametrize(("actions", "observations"), [("velocity", "dict"), ("frontier", "flat")])
 @pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_vector_is_that_of_gymnasium(mode, actions):
-    keys = {**CAVE, "actions": actions}
+def test_vector_is_that_of_gymnasium(mode, actions, observations):
+    keys = {**CAVE, "actions": actions, "observations": observations}
     ours = ExplorationVectorEnv(3, autoreset_mode=mode, **keys)
     theirs = SyncVectorEnv([lambda: ExplorationEnv(**keys)] * 3, autoreset_mode=mode)
     assert ours.observation_space == theirs.observation_space and ours.action_space == theirs.action_space
@@ -55,8 +56,10 @@ def test_vector_is_that_of_gymnasium(mode, actions):
             again = [vector.reset(options={"reset_mask": done.copy()})[0] for vector in (ours, theirs)]
             assert equal(*again)
     assert (ended >= 2).all()
-    kept = ours.reset(seed=[5, None, 7])[0]
-    assert equal(kept["crop"][[0, 2]], theirs.reset(seed=[5, None, 7])[0]["crop"][[0, 2]])
+    kept, other = (vector.reset(seed=[5, None, 7])[0] for vector in (ours, theirs))
+    if observations == "dict":
+        kept, other = kept["crop"], other["crop"]
+    assert equal(kept[[0, 2]], other[[0, 2]])
 
 
 def test_ids_are_registered():
@@ -71,6 +74,8 @@ def test_ids_are_registered():
         assert vector.reset(seed=3)[0]["crop"].shape == (2, 11, 11, 11)
         vector.close()
         assert gymnasium.make_vec(NAME, 2, autoreset_mode=mode, **CAVE).metadata["autoreset_mode"] == mode
+    flat = gymnasium.make_vec(NAME, 2, observations="flat", **CAVE)
+    assert flat.reset(seed=3)[0].shape == (2, *ExplorationEnv(observations="flat", **CAVE).observation_space.shape)
 
 
 def test_pictures_are_a_layer():
@@ -125,8 +130,23 @@ def test_flat_observations():
     assert equal(team.reset()[0], other.reset()[0])
     actions = {agent: np.ones(4) for agent in team.agents}
     assert equal(team.step(actions)[0], other.step(actions)[0])
-    with pytest.raises(ValueError, match="observations = 'wide': expected"):
-        ExplorationEnv(observations="wide", **CAVE)
+    many = Worlds(3, agents=2, seed=2, observations="flat", **CAVE)
+    assert many.observe().shape == (3, 2, *many.observation_space().shape)
+    assert equal(many.reset([2, 3, 4])[1, 1], spaces.flatten(wide_space(), second_agent(3)))
+    held = ExplorationVectorEnv(2, observations="flat", copy=False, **CAVE)
+    assert np.shares_memory(held.reset(seed=1)[0], held.step(held.action_space.sample())[0])
+    for make in (ExplorationEnv, lambda **keys: Worlds(2, **keys), lambda **keys: gymnasium.make_vec(NAME, 2, **keys)):
+        with pytest.raises(ValueError, match="observations = 'wide': expected"):
+            make(observations="wide", **CAVE)
+
+
+def wide_space():
+    return Worlds(1, agents=2, **CAVE).observation_space()
+
+
+def second_agent(seed):
+    shown = Worlds(1, agents=2, seed=seed, **CAVE).observe()
+    return {key: array[0, 1] for key, array in shown.items()}
 
 
 def first_step(env):

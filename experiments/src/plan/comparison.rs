@@ -87,7 +87,7 @@ impl Plan {
     /// it needs; `None` if it has enough, or compares nothing.
     #[must_use]
     pub fn too_few_blocks(&self) -> Option<String> {
-        let controllers: Vec<String> = self.runs.iter().map(|run| run.scenario.agents.controllers_label()).collect();
+        let controllers: Vec<String> = self.runs.iter().map(|run| run.scenario.controllers_label()).collect();
         let runs: Vec<_> = self.runs.iter().zip(&controllers).map(|(run, label)| (&run.axes, label.as_str())).collect();
         let keys = if self.compare.is_empty() { compared_by_default(&runs) } else { self.compare.clone() };
         let of_run = |run: &(_, _)| keys.iter().map(|key| value(*run, key)).collect::<Vec<_>>();

@@ -40,6 +40,27 @@ fn run_id_depends_neither_on_the_plan_nor_on_execution() {
 }
 
 #[test]
+fn run_id_depends_on_the_code_of_its_controllers() {
+    let ids = |codes: &[(&str, &str)], head: &str| {
+        let codes = codes.iter().map(|&(name, code)| (name.to_owned(), code.to_owned())).collect();
+        let known = KnownControllers { codes: &codes, ..KnownControllers::BUILT_IN };
+        let plan = Plan::parse_with("p.toml", &format!("{head}\n{BASE}"), Path::new("."), known).unwrap();
+        plan.runs.into_iter().map(|run| run.id).collect::<Vec<_>>()
+    };
+    let head = "seeds = [1]\naxes.\"agents.controller\" = [\"rbw\", \"lvd\"]";
+    let (plain, first, second) = (ids(&[], head), ids(&[("lvd", "1")], head), ids(&[("lvd", "2")], head));
+    assert_eq!([&first[0], &second[0]], [&plain[0]; 2], "runs without it keep their ids");
+    assert!(plain[1] != first[1] && first[1] != second[1]);
+    assert_eq!(ids(&[("lvd", "1"), ("dsvp", "3")], head), first);
+    // In a part of the team, and in a part of the run.
+    let mixed = "seeds = [1]\naxes.\"agents.mix\" = [[{ ids = [0], controller = \"lvd\" }]]";
+    assert_ne!(ids(&[], mixed), ids(&[("lvd", "1")], mixed));
+    let forked = (ids(&[], FORKED), ids(&[("lvd", "1")], FORKED));
+    let same: Vec<bool> = forked.0.iter().zip(&forked.1).map(|(one, other)| one == other).collect();
+    assert_eq!(same.iter().filter(|same| **same).count(), 2, "{same:?}");
+}
+
+#[test]
 fn text_of_a_plan_is_self_contained() {
     let folder = tempfile::tempdir().unwrap();
     let base = "seed = 9\nduration_s = 10.0\n[map]\nkind = \"noise\"\nsize = 20\n[agents]\ncount = 2\n";
@@ -295,7 +316,11 @@ fn forks_are_the_same_run_up_to_their_time() {
         assert_eq!(run.scenario.initial_identity(), parent.initial_identity());
         let [event] = &run.scenario.event[..] else { panic!("{:?}", run.scenario.event) };
         assert_eq!((event.at_s, event.parent.as_ref(), &event.set["agents.controller"]), (at_s, None, &"lvd".into()));
+        assert_eq!(run.scenario.controllers_label(), "rbw, then lvd");
     }
+    assert_eq!(parent.controllers_label(), "rbw");
+    let at_start = parse(&FORKED.replace("4.0, 6.0", "0.0")).unwrap();
+    assert!(at_start.runs.iter().all(|run| run.scenario.controllers_label() == run.axes["agents.controller"]));
     let copy = Plan::parse("p.toml", &plan.text, Path::new(".")).unwrap();
     assert_eq!(copy.runs, plan.runs);
 }

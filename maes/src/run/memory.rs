@@ -76,7 +76,7 @@ pub(super) fn run(args: &RunArgs, scenario: &Scenario) -> anyhow::Result<ExitCod
             .into_iter()
             .map(|stopwatch::Decision { agent, tick, start, duration }| Decision { agent, tick, start, duration })
             .collect();
-        tracing::info!(target: diagnostics::REQUESTED, "{}", profile.table(&scenario.agents.controllers_label(), &decisions));
+        tracing::info!(target: diagnostics::REQUESTED, "{}", profile.table(&scenario.controllers_label(), &decisions));
         traced = trace.write(profile, &decisions).context("--profile");
     }
     let outcome = finished

@@ -283,6 +283,22 @@ impl Scenario {
         std::iter::once(self.without_events()).chain(changes).collect()
     }
 
+    /// The controllers of the team in one line, with those that take their place, such as `rbw,
+    /// then lvd`.
+    #[must_use]
+    pub fn controllers_label(&self) -> String {
+        let mut labels = vec![self.agents.controllers_label()];
+        for event in self.schedule() {
+            let EventAction::Set(changed) = event.action else { continue };
+            if event.tick == Tick::ZERO {
+                labels.clear();
+            }
+            labels.push(changed.agents.controllers_label());
+        }
+        labels.dedup();
+        labels.join(", then ")
+    }
+
     /// The tick at which the run ends at the latest, after all changes of its duration.
     #[must_use]
     pub fn last_duration_ticks(&self) -> Tick {
