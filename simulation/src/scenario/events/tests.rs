@@ -86,7 +86,7 @@ fn illegal_events_are_refused_with_their_place() {
             "event[0].agent = 0: expected no agent",
         ),
         ("{ kind = \"leaves\", at_s = 1.0, agent = 0 }", "did you mean \"leave\"?"),
-        ("{ kind = \"explode\", at_s = 1.0, agent = 0 }", "event[0].kind = \"explode\": expected \"leave\", "),
+        ("{ kind = \"explode\", at_s = 1.0, agent = 0 }", "event[0].kind = \"explode\": expected \"join\", "),
         (
             &format!("{leave}, {{ kind = \"leave\", at_s = 4.0, agent = 0 }}"),
             "event[1].at_s = 4: expected events in the order",
