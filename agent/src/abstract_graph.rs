@@ -27,7 +27,7 @@ use crate::exploration_map::{ExplorationMap, Finding};
 use crate::path::Graph;
 
 pub use block::BLOCK_CELLS;
-use block::{Cells, Side, connected, middle, offset, place_of, places};
+use block::{CELLS, Cells, Side, connected, middle, offset, place_of, places};
 pub use path_lengths::PathLengths;
 pub use shortest_paths::ShortestPaths;
 
@@ -104,6 +104,8 @@ pub struct AbstractGraph {
     read: usize,
     /// Distance in cells within which a change can make a cell usable or unusable.
     reach: i32,
+    /// Number of corrections of the map up to there: until the next one, free cells stay free.
+    corrections: u64,
     /// Number of regions with frontiers.
     regions_with_frontiers: usize,
     /// Number of slots ever used, and those that are free again.
@@ -138,6 +140,7 @@ impl AbstractGraph {
             blocks: vec![None; blocks],
             read: 0,
             reach,
+            corrections: 0,
             regions_with_frontiers: 0,
             slots: 0,
             free_slots: Vec::new(),
@@ -176,6 +179,11 @@ impl AbstractGraph {
         }
         reviewed.iter().chain(&changed).for_each(|&block: &u32| marks[block as usize] = 0);
         self.read = map.journal_len();
+        let corrections = std::mem::replace(&mut self.corrections, map.corrections());
+        if corrections == self.corrections && !moves.moves().are_on_ground() {
+            // What the body can use it can use from now on.
+            changed.retain(|&block| !self.is_all_usable(block));
+        }
         changed.sort_unstable();
         reviewed.sort_unstable();
         // Edges over a face depend on the blocks at both sides of it. Marks are sets of faces here.
@@ -267,6 +275,13 @@ impl AbstractGraph {
         let regions = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
         let cell: Cells = 1 << place_of(offset);
         (1..).zip(regions).find(|(_, region)| region.cells & cell != 0).map_or(0, |(label, _)| label)
+    }
+
+    /// Whether all cells of a block are usable, and the body can rest in them.
+    fn is_all_usable(&self, block: u32) -> bool {
+        let regions = self.blocks[block as usize].as_ref().map_or(&[][..], |block| &block.regions);
+        let is_all = |region: &Region| (region.cells & region.resting).count_ones() == CELLS as u32;
+        regions.first().is_some_and(is_all)
     }
 
     /// Visits the blocks that adjoin a cell of the block at these coordinates.

@@ -47,7 +47,7 @@ use assumed::Assumed;
 use blocks::{Blocks, Words, ends, row_from, row_of};
 pub use delta::{Block, Delta};
 pub(crate) use delta::{Layout, with_delta};
-use delta::{SIDE, cell_in};
+use delta::{Row, SIDE, cell_in};
 use journal::{Entry, Journal};
 use plane::Plane;
 
@@ -340,35 +340,33 @@ impl ExplorationMap {
 
     fn note(&mut self, cells: &[u32], finding: Finding) {
         let volume = self.extent().volume();
+        let mut row = Row::default();
         let mut rest = cells;
         while let Some(&first) = rest.first() {
-            let (run, left) = rest.split_at(self.count_in_row(rest));
-            rest = left;
-            if first as usize >= volume || self.explore_row(run, finding) {
+            if first as usize >= volume {
+                rest = &rest[1..];
                 continue;
             }
-            for &cell in run {
-                self.learn(self.layout.place_of(cell), cell as usize, finding, OWN);
+            if !row.cells.contains(&first) {
+                row = self.layout.row_of(first);
+            }
+            let room = row.room(first).min(rest.len());
+            let count = 1 + (1..room).take_while(|&by| rest[by].checked_sub(first) == Some(by as u32)).count();
+            let (run, left) = rest.split_at(count);
+            rest = left;
+            if !self.explore_row(run, row.place_of(first), finding) {
+                for &cell in run {
+                    self.learn(row.place_of(cell), cell as usize, finding, OWN);
+                }
             }
         }
         self.update_frontiers();
     }
 
-    /// How many of some cells (by index) follow each other from the first on in a row of one block;
-    /// at least 1.
-    #[inline]
-    fn count_in_row(&self, cells: &[u32]) -> usize {
-        let [size_x, ..] = self.extent().size();
-        let x = cells[0] % size_x;
-        let room = (SIDE - x % SIDE).min(size_x - x) as usize;
-        1 + (1..room.min(cells.len())).take_while(|&by| cells[by].checked_sub(cells[0]) == Some(by as u32)).count()
-    }
-
     /// Learns what the own sensor has found of cells of the map in a row of one block, if they are
-    /// all unexplored; returns whether they are.
+    /// all unexplored; returns whether they are. The place is that of the first of them.
     #[inline]
-    fn explore_row(&mut self, run: &[u32], finding: Finding) -> bool {
-        let (index, first) = self.layout.place_of(run[0]);
+    fn explore_row(&mut self, run: &[u32], (index, first): (u32, u32), finding: Finding) -> bool {
         let cells = row_from(first, run.len());
         let words = self.blocks.of(index);
         if words.known & cells != 0 {
@@ -434,15 +432,14 @@ impl ExplorationMap {
     #[inline]
     fn learn_new(&mut self, report: &Block, from: u32) {
         let &Block { index, known, wall, covered } = report;
-        let words = self.blocks.of(index);
+        let words = self.blocks.change(index, known);
         words.known |= known;
         words.wall |= wall;
         words.covered |= covered;
-        self.blocks.note_changed(index, known);
+        words.revealed = self.journal.len() as u32 + known.count_ones();
         for number in bits(known) {
             self.journal.push(Entry::new((index, number), report.finding(number), from));
         }
-        self.blocks.note_revealed(index, self.journal.len());
         let [free, wall, covered] = [known & !wall, wall, covered].map(|cells| cells.count_ones() as usize);
         self.free += free;
         self.wall += wall;
@@ -501,13 +498,13 @@ impl ExplorationMap {
             return;
         }
         let only_if = |condition| if condition { bit } else { 0 };
+        let words = self.blocks.change(block, only_if(is_new));
         words.known |= bit;
         words.wall = words.wall & !bit | only_if(finding == Finding::Wall);
         words.covered = words.covered & !bit | only_if(finding == Finding::Covered);
-        self.blocks.note_changed(block, only_if(is_new));
         self.journal.push(Entry::new((block, number), finding, from));
         if is_new || is_corrected {
-            self.blocks.note_revealed(block, self.journal.len());
+            words.revealed = self.journal.len() as u32;
         }
         self.corrections += u64::from(is_corrected);
         match () {
@@ -542,9 +539,13 @@ impl ExplorationMap {
     fn update_frontiers(&mut self) {
         let Self { layout, blocks, frontier, .. } = self;
         blocks.update_frontiers(|block, before, now| {
-            let index = |number| layout.index_of((block, number));
-            bits(before & !now).for_each(|number| frontier.remove(index(number)));
-            bits(now & !before).for_each(|number| frontier.insert(index(number)));
+            let [low_x, low_y, low_z] = layout.lowest(block);
+            for (z, y) in (0..SIDE).flat_map(|z| (0..SIDE).map(move |y| (z, y))) {
+                let changed = row_of(before ^ now, y, z);
+                if changed != 0 {
+                    frontier.toggle(layout.index([low_x, low_y + y, low_z + z]), changed.into());
+                }
+            }
         });
     }
 }

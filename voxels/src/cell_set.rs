@@ -28,6 +28,7 @@ impl CellSet {
     }
 
     /// Number of cells in it.
+    #[inline]
     pub fn len(&self) -> usize {
         self.len
     }
@@ -38,12 +39,14 @@ impl CellSet {
     }
 
     /// Whether a cell is in it.
+    #[inline]
     pub fn contains(&self, cell: usize) -> bool {
         self.words[cell / 64] & bit(cell) != 0
     }
 
     /// The cells from `start` on that are in it, as bits, the first one lowest; `count` is at most
     /// 64, and there are so many cells.
+    #[inline]
     pub fn run(&self, start: usize, count: u32) -> u64 {
         let (word, shift) = (start / 64, start % 64);
         let mut bits = self.words[word] >> shift;
@@ -54,6 +57,7 @@ impl CellSet {
     }
 
     /// Adds a cell; panics like a slice if there is no such cell, as all of its functions do.
+    #[inline]
     pub fn insert(&mut self, cell: usize) {
         let word = cell / 64;
         // A word that is known to be 0 is not read: the system would provide its page twice.
@@ -94,6 +98,31 @@ impl CellSet {
         }
     }
 
+    /// Of at most 64 cells from `start` on, those whose bits are set: removes what is in it, and
+    /// adds the others.
+    pub fn toggle(&mut self, start: usize, cells: u64) {
+        let (word, shift) = (start / 64, start % 64);
+        self.toggle_in_word(word, cells << shift);
+        if shift > 0 {
+            self.toggle_in_word(word + 1, cells >> (64 - shift));
+        }
+    }
+
+    fn toggle_in_word(&mut self, word: usize, cells: u64) {
+        if cells == 0 {
+            return;
+        }
+        let old = if self.is_occupied(word) { self.words[word] } else { 0 };
+        let new = old ^ cells;
+        self.words[word] = new;
+        if new == 0 {
+            self.occupied[word / 64] &= !bit(word);
+        } else {
+            self.occupied[word / 64] |= bit(word);
+        }
+        self.len = self.len + new.count_ones() as usize - old.count_ones() as usize;
+    }
+
     /// Whether it has a cell that is in another set of as many cells, and not in a third one.
     pub fn meets(&self, other: &Self, without: &Self) -> bool {
         bits_of(&self.occupied).any(|word| self.words[word] & other.words[word] & !without.words[word] != 0)
@@ -105,6 +134,7 @@ impl CellSet {
     }
 
     /// Removes a cell.
+    #[inline]
     pub fn remove(&mut self, cell: usize) {
         let word = cell / 64;
         if self.is_occupied(word) && self.words[word] & bit(cell) != 0 {
@@ -194,6 +224,15 @@ mod tests {
                 let new_cells = set.missing(start, cells);
                 set.insert_missing(start, new_cells);
                 model.extend(bits(new_cells).map(|by| start + by as usize));
+            }
+            for start in (0..8900).step_by(89) {
+                let cells = 0x8421_0fed_1357_2468 >> (start % 61);
+                set.toggle(start, cells);
+                for cell in bits(cells).map(|by| start + by as usize) {
+                    if !model.remove(&cell) {
+                        model.insert(cell);
+                    }
+                }
             }
             for start in (0..8900).step_by(97) {
                 let count = start as u32 % 65;

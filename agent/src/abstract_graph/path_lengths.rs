@@ -60,6 +60,8 @@ pub struct PathLengths {
     awaited: Vec<u32>,
     /// Slots to visit, by length.
     buckets: [Vec<u32>; BUCKETS],
+    /// Slots whose lengths are repaired.
+    queue: repair::Queue,
     /// Lists of lengths to use again.
     spare: Vec<Vec<u32>>,
     visited: usize,
@@ -144,7 +146,7 @@ impl PathLengths {
         let (new, relinked): (Vec<u32>, Vec<u32>) = changed.into_iter().partition(|&slot| is_new(slot));
         for lengths in &mut self.kept {
             lengths.by_slot.resize(slots, UNREACHED);
-            self.visited += repair::repair(&self.flat, lengths, &new, &relinked);
+            self.visited += repair::repair(&self.flat, lengths, &mut self.queue, &new, &relinked);
         }
     }
 

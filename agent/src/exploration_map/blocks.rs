@@ -10,8 +10,9 @@ use voxels::CellSet;
 
 use super::delta::Layout;
 
-/// What is known of the cells of a block.
+/// What is known of the cells of a block: a line of the cache.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(align(64))]
 pub(super) struct Words {
     /// The explored cells.
     pub(super) known: u64,
@@ -25,8 +26,13 @@ pub(super) struct Words {
     pub(super) scanned: u64,
     /// The frontiers: free cells with an unexplored face neighbour inside the map.
     pub(super) frontier: u64,
-    /// The length of the journal after the last change that was more than a mark of coverage.
+    /// Those that have become known since the frontiers were brought up to date.
+    fresh: u64,
+    /// The length of the journal after the last change that was more than a mark of coverage: less
+    /// than 2^30 on the largest map.
     pub(super) revealed: u32,
+    /// Whether the block has changed since then.
+    is_fresh: bool,
 }
 
 /// The blocks of a map.
@@ -38,16 +44,15 @@ pub(super) struct Blocks {
     words: Vec<Words>,
     /// The blocks whose frontiers may have changed.
     stale: CellSet,
-    /// The block that has changed last, and those of its changed cells that were unexplored: it and
-    /// those beside it are not among the stale ones yet.
-    changing: Option<(u32, u64)>,
+    /// The blocks that have changed: they and those beside them are not among the stale ones yet.
+    fresh: Vec<u32>,
 }
 
 impl Blocks {
     /// The unexplored blocks of a map.
     pub(super) fn new(layout: Layout) -> Self {
         let count = layout.count() as usize;
-        Self { layout, places: vec![0; count], words: Vec::new(), stale: CellSet::new(count), changing: None }
+        Self { layout, places: vec![0; count], words: Vec::new(), stale: CellSet::new(count), fresh: Vec::new() }
     }
 
     /// What is known of a block; `None`: there is no such block.
@@ -60,49 +65,43 @@ impl Blocks {
     /// What is known of a block of the map, to be changed.
     #[inline]
     pub(super) fn of(&mut self, block: u32) -> &mut Words {
-        let place = &mut self.places[block as usize];
-        if *place == 0 {
-            self.words.push(Words::default());
-            *place = self.words.len() as u32;
-        }
-        &mut self.words[*place as usize - 1]
+        words_of(&mut self.places, &mut self.words, block)
     }
 
-    /// Notes that cells of a block have become known or another terrain, with which the journal has
-    /// so many entries: less than 2^30 on the largest map.
+    /// What is known of a block that changes; those of its changed cells that were unexplored also
+    /// concern the blocks beside it.
     #[inline]
-    pub(super) fn note_revealed(&mut self, block: u32, journal_len: usize) {
-        self.of(block).revealed = journal_len as u32;
-    }
-
-    /// Notes that cells of a block have changed; those of them that were unexplored before also
-    /// concern the blocks beside it. Changes of one block mostly follow each other.
-    #[inline]
-    pub(super) fn note_changed(&mut self, block: u32, explored: u64) {
-        match &mut self.changing {
-            Some((changing, cells)) if *changing == block => *cells |= explored,
-            _ => {
-                self.note_stale();
-                self.changing = Some((block, explored));
-            }
+    pub(super) fn change(&mut self, block: u32, explored: u64) -> &mut Words {
+        let words = words_of(&mut self.places, &mut self.words, block);
+        if !std::mem::replace(&mut words.is_fresh, true) {
+            self.fresh.push(block);
         }
+        words.fresh |= explored;
+        words
     }
 
-    /// Adds the block that has changed last to the stale ones, and those beside it.
+    /// Adds the blocks that have changed to the stale ones, and those beside them.
     fn note_stale(&mut self) {
-        let Some((block, explored)) = self.changing.take() else { return };
-        self.stale.insert(block as usize);
-        if explored & SURFACE == 0 {
-            return;
-        }
-        for (beside, layer) in self.layout.beside(block).into_iter().zip(FACE_LAYERS) {
-            if explored & layer != 0
-                && let Some(beside) = beside
-                && self.places[beside as usize] != 0
-            {
-                self.stale.insert(beside as usize);
+        let mut fresh = std::mem::take(&mut self.fresh);
+        for block in fresh.drain(..) {
+            let words = self.of(block);
+            words.is_fresh = false;
+            let explored = std::mem::take(&mut words.fresh);
+            self.stale.insert(block as usize);
+            if explored & SURFACE == 0 {
+                continue;
+            }
+            for (beside, layer) in self.layout.beside(block).into_iter().zip(FACE_LAYERS) {
+                if explored & layer != 0
+                    && let Some(beside) = beside
+                    && self.places[beside as usize] != 0
+                {
+                    self.stale.insert(beside as usize);
+                }
             }
         }
+        // Its memory serves the next changes.
+        self.fresh = fresh;
     }
 
     /// Brings the frontiers of all blocks up to date; `changed` gets each block with frontiers that
@@ -123,11 +122,15 @@ impl Blocks {
         self.stale.clear();
     }
 
+    /// The explored cells of a block of the map.
+    #[inline]
+    fn known(&self, block: u32) -> u64 {
+        self.places[block as usize].checked_sub(1).map_or(0, |place| self.words[place as usize].known)
+    }
+
     /// The cells of a block whose face neighbours inside the map are all explored.
     fn closed(&self, block: u32) -> u64 {
-        let known = |block: Option<u32>| {
-            block.map_or(u64::MAX, |block| self.get(block).unwrap_or_default().known | !self.layout.inside(block))
-        };
+        let known = |block: Option<u32>| block.map_or(u64::MAX, |block| self.known(block) | !self.layout.inside(block));
         let here = known(Some(block));
         let beside = self.layout.beside(block);
         (0..3).fold(u64::MAX, |closed, axis| {
@@ -141,6 +144,17 @@ impl Blocks {
             closed & upwards & downwards
         })
     }
+}
+
+/// The words of a block of the map, which it gets if it has none.
+#[inline]
+fn words_of<'w>(places: &mut [u32], words: &'w mut Vec<Words>, block: u32) -> &'w mut Words {
+    let place = &mut places[block as usize];
+    if *place == 0 {
+        words.push(Words::default());
+        *place = words.len() as u32;
+    }
+    &mut words[*place as usize - 1]
 }
 
 /// A face of a block: the axis across it, and whether it is the upper one.

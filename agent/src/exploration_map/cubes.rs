@@ -18,6 +18,23 @@ impl ExplorationMap {
         self.row(first, count, |start, count| self.free_cells.run(start, count))
     }
 
+    /// The rows of a cube of at most 56 cells along each axis, as [`Self::free_row`] has them;
+    /// `take` gets the coordinates y and z of each relative to the lowest cell.
+    #[inline]
+    pub(crate) fn each_free_row(&self, lowest: Cell, side: u32, mut take: impl FnMut([usize; 2], u64)) {
+        let [size_x, size_y, size_z] = self.extent().size().map(u32::cast_signed);
+        let is_inside = |low: i32, size: i32| low >= 0 && low + side.cast_signed() <= size;
+        let side_cells = side as usize;
+        let rows = (0..side_cells).flat_map(|z| (0..side_cells).map(move |y| [y, z]));
+        if is_inside(lowest.x, size_x) && is_inside(lowest.y, size_y) && is_inside(lowest.z, size_z) {
+            let start = ((lowest.z * size_y + lowest.y) * size_x + lowest.x) as usize;
+            let [along_y, along_z] = [size_x as usize, (size_x * size_y) as usize];
+            rows.for_each(|[y, z]| take([y, z], self.free_cells.piece(start + y * along_y + z * along_z, side_cells)));
+        } else {
+            rows.for_each(|[y, z]| take([y, z], self.free_row(lowest + Cell::new(0, y as i32, z as i32), side)));
+        }
+    }
+
     /// Those of such a row that are known to be free and have not been visited.
     #[inline]
     pub fn unvisited_row(&self, first: Cell, count: u32) -> u64 {

@@ -8,6 +8,7 @@
 //! This module knows neither the encoding of updates nor whether they are true.
 
 use std::cell::RefCell;
+use std::ops::Range;
 
 use voxels::{Cell, Extent, bits};
 
@@ -193,8 +194,6 @@ impl Layout {
 
     /// The block of the cell with these coordinates, and the number of the cell in it.
     pub(super) fn place(&self, [x, y, z]: [u32; 3]) -> (u32, u32) {
-        const SPREAD: [u32; SIDE as usize] = [0, 1, 8, 9];
-        let spread = |at: u32| SPREAD[(at % SIDE) as usize];
         let index = (z / SIDE * self.blocks[1] + y / SIDE) * self.blocks[0] + x / SIDE;
         (index, spread(x) | spread(y) << 1 | spread(z) << 2)
     }
@@ -202,6 +201,13 @@ impl Layout {
     /// The block of the cell with this index, and the number of the cell in it.
     pub(super) fn place_of(&self, cell: u32) -> (u32, u32) {
         self.place(self.at(cell))
+    }
+
+    /// The row along x of the cell of the map with this index.
+    pub(super) fn row_of(&self, cell: u32) -> Row {
+        let [x, y, z] = self.at(cell);
+        let (block, number) = self.place([0, y, z]);
+        Row { cells: cell - x..cell - x + self.size[0], block, number }
     }
 
     /// The index of the cell with these coordinates.
@@ -253,6 +259,39 @@ impl Layout {
             inside & LOWEST[axis][layers as usize]
         })
     }
+}
+
+/// A row of cells of the map along x.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Row {
+    /// Their indices.
+    pub(super) cells: Range<u32>,
+    /// The block of the first of them, and its number in it.
+    block: u32,
+    number: u32,
+}
+
+impl Row {
+    /// The block of a cell of the row, and the number of the cell in it.
+    #[inline]
+    pub(super) fn place_of(&self, cell: u32) -> (u32, u32) {
+        let x = cell - self.cells.start;
+        (self.block + x / SIDE, self.number | spread(x))
+    }
+
+    /// Number of cells from one on that are in its block.
+    #[inline]
+    pub(super) fn room(&self, cell: u32) -> usize {
+        let of_block = SIDE - (cell - self.cells.start) % SIDE;
+        of_block.min(self.cells.end - cell) as usize
+    }
+}
+
+/// What a coordinate along x adds to the number of a cell in its block.
+#[inline]
+fn spread(along: u32) -> u32 {
+    const SPREAD: [u32; SIDE as usize] = [0, 1, 8, 9];
+    SPREAD[(along % SIDE) as usize]
 }
 
 /// The coordinates of the cell with this number in the block with this lowest cell.

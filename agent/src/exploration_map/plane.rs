@@ -57,7 +57,7 @@ impl Plane {
 
     /// Of a run of at most [`PIECE`] cells.
     #[inline]
-    fn piece(&self, start: usize, count: usize) -> u64 {
+    pub(super) fn piece(&self, start: usize, count: usize) -> u64 {
         let eight = self.0[start / 8..].first_chunk().copied().unwrap_or_default();
         u64::from_le_bytes(eight) >> (start % 8) & ((1 << count) - 1)
     }

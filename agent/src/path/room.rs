@@ -60,7 +60,7 @@ impl Span {
 /// What a body touches.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Footprint {
-    /// At rest at the centre of a cell.
+    /// At rest at the centre of a cell; spans with the same ends follow each other.
     body: Vec<Span>,
     /// For each step where it leads, and what the body touches on the way alone.
     steps: Vec<(Cell, Vec<Span>)>,
@@ -81,7 +81,8 @@ impl Footprint {
             (by, Span::all(&extra))
         };
         let steps: Vec<(Cell, Vec<Span>)> = steps.map(|(by, swept)| on_the_way(by, swept)).collect();
-        let body = Span::all(body);
+        let mut body = Span::all(body);
+        body.sort_unstable_by_key(|span| (span.low, span.high));
         let of_body = body.iter().map(Span::reach).max().unwrap_or_default();
         let of_steps = steps.iter().flat_map(|(_, spans)| spans).map(Span::reach).max().unwrap_or_default();
         Self { body, steps, reach: of_steps.max(of_body + 1), footing: None }
@@ -126,15 +127,46 @@ impl Footprint {
     /// The cells of a cube, at most 5 along each axis, in which the body has room and can be: one
     /// bit each, x first.
     pub(super) fn usable_in(&self, map: &ExplorationMap, corner: Cell, side: i32) -> u128 {
-        let mut rows = Rows::default();
-        rows.read(map, corner, side, self.reach);
-        let along = (0..side).flat_map(|z| (0..side).map(move |y| (z, y)));
-        let usable = |(z, y)| u128::from(self.usable(&rows, (0, y, z), side.cast_unsigned()));
-        let room = along.fold(0, |bits, (z, y)| bits | usable((z, y)) << ((z * side + y) * side));
+        let is_narrow = side + 2 * self.reach <= Layers::SIDE as i32;
+        let room =
+            if is_narrow { self.room_in_layers(map, corner, side) } else { self.room_in_rows(map, corner, side) };
         match &self.footing {
             Some(footing) => those_of_cube(corner, side, room, |cell| footing.holds(map, cell)),
             None => room,
         }
+    }
+
+    /// The cells of such a cube with room for the body, row by row.
+    fn room_in_rows(&self, map: &ExplorationMap, corner: Cell, side: i32) -> u128 {
+        let mut rows = Rows::default();
+        rows.read(map, corner, side, self.reach);
+        let along = (0..side).flat_map(|z| (0..side).map(move |y| (z, y)));
+        let usable = |(z, y)| u128::from(self.usable(&rows, (0, y, z), side.cast_unsigned()));
+        along.fold(0, |bits, (z, y)| bits | usable((z, y)) << ((z * side + y) * side))
+    }
+
+    /// The same with all rows of a layer at once, for a body and a cube that are small enough.
+    fn room_in_layers(&self, map: &ExplorationMap, corner: Cell, side: i32) -> u128 {
+        let reach = self.reach;
+        let mut layers = Layers::default();
+        let (lowest, width) = (corner - Cell::new(reach, reach, reach), (side + 2 * reach).cast_unsigned());
+        map.each_free_row(lowest, width, |[y, z], row| layers.0[z][y] = row as u16);
+        let mut room = [[low_bits(side.cast_unsigned()) as u16; Layers::ROWS]; Layers::ROWS];
+        let room_of_cube = &mut room[..side as usize];
+        for spans in self.body.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
+            let all_free = layers.all_free((spans[0].low + reach).cast_unsigned(), spans[0].high - spans[0].low + 1);
+            for span in spans {
+                let [first, lowest] = [span.y + reach, span.z + reach].map(|at| at as usize);
+                for (rows, layer) in room_of_cube.iter_mut().zip(&all_free.0[lowest..]) {
+                    for (room, free) in rows.iter_mut().zip(&layer[first..first + Layers::ROWS]) {
+                        *room &= free;
+                    }
+                }
+            }
+        }
+        let rows = (0..side).flat_map(|z| (0..side).map(move |y| (z, y)));
+        let row = |(z, y): (i32, i32)| u128::from(room[z as usize][y as usize]) << ((z * side + y) * side);
+        rows.fold(0, |bits, place| bits | row(place))
     }
 
     /// The cells of a row with room for the body, from a place relative to the corner on.
@@ -188,6 +220,36 @@ impl Rows {
             joined *= 2;
         }
         free & free >> (count - joined)
+    }
+}
+
+/// The free cells of a small cube and around it: by layer and row a bit for each.
+#[derive(Default)]
+struct Layers([[u16; Layers::SIDE + Layers::ROWS]; Layers::SIDE]);
+
+impl Layers {
+    /// Cells along each axis at most.
+    const SIDE: usize = 16;
+
+    /// Rows of a cube that are computed side by side.
+    const ROWS: usize = 8;
+
+    /// The cells for which all of so many cells of their row are free, the first of them this far
+    /// up.
+    fn all_free(&self, first: u32, count: i32) -> Self {
+        let mut free = Self::default();
+        for (layer, free) in self.0.iter().zip(&mut free.0) {
+            for (row, free) in layer.iter().zip(free) {
+                *free = row >> first;
+            }
+        }
+        let mut joined = 1;
+        while joined < count {
+            let by = joined.min(count - joined);
+            free.0.iter_mut().flatten().for_each(|row| *row &= *row >> by);
+            joined += by;
+        }
+        free
     }
 }
 

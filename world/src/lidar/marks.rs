@@ -85,6 +85,7 @@ impl Marks {
 
     /// Marks the cell at a slot as seen, adds it if it is new, and returns whether a ray crosses
     /// it.
+    #[inline(always)]
     pub(super) fn see(&mut self, slot: u64, new: &mut NewCells<'_>) -> bool {
         let (at, bit) = (word(slot), bit(slot));
         if self.passes[at] & bit != 0 {

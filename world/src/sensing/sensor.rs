@@ -26,6 +26,10 @@ const AHEAD_MAX: u32 = 10;
 /// do, and what they cast too early is taken back.
 const TEAM_AHEAD: u32 = 100;
 
+/// Ticks before a scan from which on it is cast ahead: to foresee a body takes time for each tick,
+/// and by then the agent mostly has decided otherwise.
+const FORESEEN_TICKS_MAX: u64 = 100;
+
 /// What is common to the LiDARs of all agents that have the same ones.
 #[derive(Debug)]
 pub(crate) struct Lidar {
@@ -151,16 +155,18 @@ impl Sensor {
     }
 
     /// Names the scans that are due next: in so many ticks, and then one in each period. `last` is
-    /// the pose of the last one. Returns whether any are cast ahead: with noise, and of several
-    /// LiDARs, none are.
+    /// the pose of the last one. Returns whether any are cast ahead: with noise, of several LiDARs,
+    /// and long before they are due, none are.
     pub(super) fn expect(&self, body: &Body, last: Option<Pose>, ticks: u64, period_ticks: u32) -> bool {
         if self.0.lidar.scans_differ() || self.0.lidar.only_scanner().is_none() {
             return false;
         }
-        let (body, period_ticks) = (body.clone(), period_ticks.into());
-        self.0.schedule().expected =
-            Some(Expected { body, previous: last, ticks, period_ticks, left: self.0.lidar.ahead_max });
-        true
+        let is_near = ticks <= FORESEEN_TICKS_MAX;
+        self.0.schedule().expected = is_near.then(|| {
+            let (body, period_ticks) = (body.clone(), period_ticks.into());
+            Expected { body, previous: last, ticks, period_ticks, left: self.0.lidar.ahead_max }
+        });
+        is_near
     }
 
     /// Has a helper cast what is due, if one is free before it is collected, and then ahead.
@@ -304,7 +310,7 @@ impl SensorCell {
             expected.left -= 1;
         }
         drop(state);
-        if expected.left > 0 && !is_at_end {
+        if expected.left > 0 && !is_at_end && expected.period_ticks <= FORESEEN_TICKS_MAX {
             let later = Expected { previous: Some(pose), ticks: expected.period_ticks, ..expected };
             // Unless something else is expected by now.
             self.schedule().expected.get_or_insert(later);
@@ -393,6 +399,21 @@ mod tests {
         for x in [20.5, 5.5] {
             assert_eq!(scanned(&ahead, at(x)), scanned(&reference, at(x)));
         }
+    }
+
+    #[test]
+    fn scans_that_are_due_much_later_are_not_cast_ahead() {
+        let sensor = sensor();
+        let mut body = Body::at_rest(BodyModel::default(), at(3.5));
+        body.set_task(Motion::Path(vec![at(25.5).position]));
+        scanned(&sensor, at(3.5));
+        let last = Some(at(3.5));
+        assert!(!sensor.expect(&body, last, FORESEEN_TICKS_MAX + 1, PERIOD_TICKS));
+        cast_ahead(&sensor);
+        assert_eq!(scans_ahead(&sensor), 0);
+        assert!(sensor.expect(&body, last, PERIOD_TICKS.into(), 1_000_000));
+        cast_ahead(&sensor);
+        assert_eq!(scans_ahead(&sensor), 1);
     }
 
     #[test]

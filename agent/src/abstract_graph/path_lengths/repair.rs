@@ -7,24 +7,65 @@
 //! Source: G. Ramalingam, T. Reps, "An Incremental Algorithm for a Generalization of the
 //! Shortest-Path Problem", Journal of Algorithms 21(2), 1996; here for many changes at once.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use super::{FlatGraph, Lengths, UNREACHED, WIDTH};
 
-use super::{FlatGraph, Lengths, UNREACHED};
+/// A queue of slots by their lengths, in buckets as those of [`super::PathLengths`], of which any
+/// may be in use.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Queue {
+    buckets: Vec<Vec<(u32, u32)>>,
+    /// A bit for each bucket that is not empty; those before `first` are 0.
+    occupied: Vec<u64>,
+    first: usize,
+}
+
+impl Queue {
+    fn push(&mut self, length: u32, slot: u32) {
+        let bucket = (length / WIDTH) as usize;
+        if bucket >= self.buckets.len() {
+            self.buckets.resize_with(bucket + 1, Vec::new);
+            self.occupied.resize(bucket / 64 + 1, 0);
+        }
+        self.buckets[bucket].push((length, slot));
+        self.occupied[bucket / 64] |= 1 << (bucket % 64);
+        self.first = self.first.min(bucket / 64);
+    }
+
+    /// One of the lowest bucket: no other of it can change by it.
+    fn pop(&mut self) -> Option<(u32, u32)> {
+        while let Some(&word) = self.occupied.get(self.first) {
+            if word != 0 {
+                let bucket = 64 * self.first + word.trailing_zeros() as usize;
+                let entry = self.buckets[bucket].pop();
+                if self.buckets[bucket].is_empty() {
+                    self.occupied[self.first] &= word - 1;
+                }
+                return entry;
+            }
+            self.first += 1;
+        }
+        None
+    }
+}
 
 /// Repairs lengths on a graph in which some slots have `new` regions or none, and the edges of the
 /// `relinked` ones have changed. All ends of edges that have changed are among them. Returns the
 /// number of regions visited.
-pub(super) fn repair(graph: &FlatGraph, lengths: &mut Lengths, new: &[u32], relinked: &[u32]) -> usize {
+pub(super) fn repair(
+    graph: &FlatGraph,
+    lengths: &mut Lengths,
+    queue: &mut Queue,
+    new: &[u32],
+    relinked: &[u32],
+) -> usize {
     let Lengths { start, by_slot, bound, .. } = lengths;
     let mut visited = new.len();
     new.iter().for_each(|&slot| by_slot[slot as usize] = UNREACHED);
-    // The nearest first: those before it explain a length or have been found void.
-    let mut doubtful: BinaryHeap<Reverse<(u32, u32)>> = BinaryHeap::new();
+    // The nearest first: those of buckets before it explain a length or have been found void.
     let is_reached = |&&slot: &&u32| slot != *start && by_slot[slot as usize] != UNREACHED;
-    doubtful.extend(relinked.iter().filter(is_reached).map(|&slot| Reverse((by_slot[slot as usize], slot))));
+    relinked.iter().filter(is_reached).for_each(|&slot| queue.push(by_slot[slot as usize], slot));
     let mut void = Vec::new();
-    while let Some(Reverse((length, slot))) = doubtful.pop() {
+    while let Some((length, slot)) = queue.pop() {
         visited += 1;
         if by_slot[slot as usize] != length {
             continue;
@@ -39,20 +80,19 @@ pub(super) fn repair(graph: &FlatGraph, lengths: &mut Lengths, new: &[u32], reli
         for edge in edges {
             let beyond = by_slot[edge.to as usize];
             if beyond != UNREACHED && length + edge.length == beyond && edge.to != *start {
-                doubtful.push(Reverse((beyond, edge.to)));
+                queue.push(beyond, edge.to);
             }
         }
     }
-    let mut queue = doubtful;
     for &slot in new.iter().chain(&void).chain(relinked) {
         let over = |length: u32, by: u32| if length == UNREACHED { UNREACHED } else { length + by };
         let best = graph.edges(slot).iter().map(|edge| over(by_slot[edge.to as usize], edge.back)).min();
         if let Some(best) = best.filter(|&best| best < by_slot[slot as usize] && best <= *bound) {
             by_slot[slot as usize] = best;
-            queue.push(Reverse((best, slot)));
+            queue.push(best, slot);
         }
     }
-    while let Some(Reverse((length, slot))) = queue.pop() {
+    while let Some((length, slot)) = queue.pop() {
         visited += 1;
         if by_slot[slot as usize] != length {
             continue;
@@ -61,7 +101,7 @@ pub(super) fn repair(graph: &FlatGraph, lengths: &mut Lengths, new: &[u32], reli
             let there = length + edge.length;
             if there < by_slot[edge.to as usize] && there <= *bound {
                 by_slot[edge.to as usize] = there;
-                queue.push(Reverse((there, edge.to)));
+                queue.push(there, edge.to);
             }
         }
     }

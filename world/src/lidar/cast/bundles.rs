@@ -128,60 +128,74 @@ fn cast<const LIMITED: bool, const SIDE: usize>(
     }
     let mut slots = [0; SIDE];
     let mut is_beyond = [0; SIDE];
+    let mut stopped = [0; SIDE];
     while on != 0 {
-        // From the bits each time: an array in which single lanes are ended would have to be in
-        // memory.
+        // An array in which single lanes are ended would have to be in memory.
         let mut active = [0; SIDE];
         for (lane, active) in active.iter_mut().enumerate() {
             *active = mask(on >> lane & 1 != 0);
-        }
-        for lane in 0..SIDE {
-            let is_x = next_x[lane] <= next_y[lane] && next_x[lane] <= next_z[lane];
-            let is_y = !is_x && next_y[lane] <= next_z[lane];
-            let is_z = !is_x && !is_y;
-            // By masks of bits, so that the compiler keeps all lanes in registers. To add 0 changes
-            // nothing.
-            let [of_x, of_y, of_z] = [is_x, is_y, is_z].map(mask);
-            if LIMITED {
-                let entry = f64::from_bits(
-                    next_x[lane].to_bits() & of_x | next_y[lane].to_bits() & of_y | next_z[lane].to_bits() & of_z,
-                );
-                is_beyond[lane] = mask(entry > start.limit);
-            }
-            next_x[lane] += f64::from_bits(x[lane].to_bits() & of_x);
-            next_y[lane] += f64::from_bits(y[lane].to_bits() & of_y);
-            next_z[lane] += f64::from_bits(z[lane].to_bits() & of_z);
-            // As `slots::step`; with no bits to add to, the slot stays.
-            let along = (mask_x & of_x | mask_y & of_y | mask_z & of_z) & active[lane];
-            let stepped = (flipped[lane] | !along).wrapping_add(1);
-            flipped[lane] = stepped & along | flipped[lane] & !along;
-            slots[lane] = flipped[lane] ^ flip;
-        }
-        if LIMITED {
-            let mut beyond: LaneSet = 0;
-            for (lane, is_beyond) in is_beyond.iter().enumerate() {
-                beyond |= (*is_beyond as LaneSet & 1) << lane;
-            }
-            on &= !beyond;
         }
         let passes = marks.passes();
         // Their number is a power of two and each combination of bits is a slot, so this changes no
         // place; it shows the compiler that all of them are in bounds.
         debug_assert!(passes.len().is_power_of_two(), "{} words", passes.len());
         let Some(places) = passes.len().checked_sub(1) else { return };
-        let mut words = [0; SIDE];
-        for (lane, word_there) in words.iter_mut().enumerate() {
-            *word_there = passes[word(slots[lane]) & places];
+        // Up to a round in which a lane does not just pass.
+        loop {
+            for lane in 0..SIDE {
+                let is_x = next_x[lane] <= next_y[lane] && next_x[lane] <= next_z[lane];
+                let is_y = !is_x && next_y[lane] <= next_z[lane];
+                let is_z = !is_x && !is_y;
+                // By masks of bits, so that the compiler keeps all lanes in registers. To add 0
+                // changes nothing.
+                let [of_x, of_y, of_z] = [is_x, is_y, is_z].map(mask);
+                if LIMITED {
+                    let entry = f64::from_bits(
+                        next_x[lane].to_bits() & of_x | next_y[lane].to_bits() & of_y | next_z[lane].to_bits() & of_z,
+                    );
+                    is_beyond[lane] = mask(entry > start.limit);
+                }
+                next_x[lane] += f64::from_bits(x[lane].to_bits() & of_x);
+                next_y[lane] += f64::from_bits(y[lane].to_bits() & of_y);
+                next_z[lane] += f64::from_bits(z[lane].to_bits() & of_z);
+                // As `slots::step`; with no bits to add to, the slot stays.
+                let along = (mask_x & of_x | mask_y & of_y | mask_z & of_z) & active[lane];
+                let stepped = (flipped[lane] | !along).wrapping_add(1);
+                flipped[lane] = stepped & along | flipped[lane] & !along;
+                slots[lane] = flipped[lane] ^ flip;
+            }
+            let mut words = [0; SIDE];
+            for (lane, word_there) in words.iter_mut().enumerate() {
+                *word_there = passes[word(slots[lane]) & places];
+            }
+            let mut is_any = 0;
+            for lane in 0..SIDE {
+                let stops = (words[lane] >> (slots[lane] & 63) & 1).wrapping_sub(1);
+                stopped[lane] = if LIMITED { stops | is_beyond[lane] } else { stops } & active[lane];
+                is_any |= stopped[lane];
+            }
+            if is_any != 0 {
+                break;
+            }
         }
-        let mut passing: LaneSet = 0;
-        for (lane, &slot) in slots.iter().enumerate() {
-            passing |= ((words[lane] >> (slot & 63)) as LaneSet & 1) << lane;
+        if LIMITED {
+            on &= !lanes_of(&is_beyond);
         }
-        let halted = on & !passing;
+        let halted = on & lanes_of(&stopped);
         if halted != 0 {
             on &= !see_lanes(marks, &slots, halted, new);
         }
     }
+}
+
+/// A bit for each lane whose mask is set.
+#[inline(always)]
+fn lanes_of<const SIDE: usize>(masks: &[u64; SIDE]) -> LaneSet {
+    let mut lanes = 0;
+    for (lane, mask) in masks.iter().enumerate() {
+        lanes |= (*mask as LaneSet & 1) << lane;
+    }
+    lanes
 }
 
 /// Moves the next crossings of boundaries across an axis beyond a length, in steps of `between`;

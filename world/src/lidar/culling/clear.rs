@@ -9,6 +9,7 @@ use voxels::bits;
 use super::{Groups, IN_BLOCK, IN_BLOCK_BITS, Octant, place_in_block};
 use crate::lidar::cast::Start;
 use crate::lidar::marks::Marks;
+use crate::lidar::slots::Slots;
 
 /// How much less than their distance blocks are taken to be away, because of rounding.
 const DISTANCE_SLACK_CELLS: f64 = 1e-4;
@@ -56,6 +57,7 @@ impl ClearCells {
         let home = start.slot() ^ flip;
         let place = place_in_block(home);
         let passing = octant.passing.blocks(place);
+        let along = self.octants_along(slots, home & !IN_BLOCK_BITS, flip);
         let mut clear_cells = [self.end_cells; Groups::BITS as usize];
         for &NearBlock { distance_cells, offset } in &self.nearest[place] {
             if groups == 0 {
@@ -66,8 +68,7 @@ impl ClearCells {
             if entered == 0 {
                 continue;
             }
-            let block = slots.ahead(home & !IN_BLOCK_BITS, offset.map(|blocks| 2 * u64::from(blocks)));
-            let stops = marks.octant_stops((block ^ flip) >> IN_BLOCK);
+            let stops = marks.octant_stops(along[0][x] | along[1][y] | along[2][z]);
             let halted = entered & entering_any(octant, stops, flip, offset, place);
             groups &= !halted;
             for group in bits(halted) {
@@ -75,6 +76,21 @@ impl ClearCells {
             }
         }
         clear_cells
+    }
+
+    /// By axis and offset in blocks, what the octant of the marks has of its number along the axis;
+    /// `home` is the flipped slot of the first block.
+    fn octants_along(&self, slots: &Slots, home: u64, flip: u64) -> [Vec<u64>; 3] {
+        let masks = slots.masks();
+        [0, 1, 2].map(|axis: usize| {
+            let mut along = home;
+            let octants = (0..1 << self.block_bits).map(|_: u32| {
+                let octant = ((along ^ flip) & masks[axis] & !IN_BLOCK_BITS) >> IN_BLOCK;
+                along = slots.above(slots.above(along, axis), axis);
+                octant
+            });
+            octants.collect()
+        })
     }
 }
 
