@@ -96,14 +96,13 @@ impl PyScenario {
     }
 
     /// All keys as TOML.
-    fn to_toml(&self) -> String {
-        self.scenario.to_toml()
+    fn to_toml(&self) -> PyResult<String> {
+        toml::to_string(&self.scenario.to_complete()).map_err(bad_input)
     }
 
     /// All keys as nested dictionaries.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let table: toml::Table = self.scenario.to_toml().parse().map_err(bad_input)?;
-        from_toml(py, &toml::Value::Table(table))
+        from_toml(py, &toml::Value::Table(self.scenario.to_complete()))
     }
 
     /// The true map: generated, or read from its file.

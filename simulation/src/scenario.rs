@@ -42,6 +42,7 @@ use world::spawn::SpawnSpec;
 use changes::{Change, Refusal};
 
 pub use bodies::BodyEntry;
+pub use diagnosis::unknown_key;
 pub use energy::EnergySection;
 pub use events::{EventAction, EventEntry, EventKind, ScheduledEvent};
 pub use lidar::{GridKeys, LidarPattern, LidarSchedule, LidarSection};
@@ -266,7 +267,20 @@ impl Scenario {
         toml::to_string(&table).expect("a table can be written")
     }
 
-    /// The scenario with all keys.
+    /// The scenario with all keys, also those of later formats that have their defaults, which
+    /// [`Self::to_toml`] leaves out.
+    ///
+    /// # Panics
+    /// Never: its keys are strings and its values plain.
+    #[must_use]
+    pub fn to_complete(&self) -> toml::Table {
+        let mut table = toml::Table::try_from(self).expect("a scenario has string keys and plain values");
+        keys::complete(&mut table);
+        table
+    }
+
+    /// The scenario with the keys of the first format, and those of later ones that differ from
+    /// their defaults: so an older scenario keeps its text.
     ///
     /// # Panics
     /// Never: its keys are strings and its values plain.

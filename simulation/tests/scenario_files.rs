@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use protocol::body_model::BodyModel;
 use serde_json::{Value, json};
+use simulation::scenario::Scenario;
 use simulation::scenario::keys::{self, DefaultValue, Key, Kind, TABLES, Table};
 use textwrap::{Options, WordSplitter};
 
@@ -348,6 +349,28 @@ fn scenario_files_name_and_satisfy_the_schema() {
         assert!(text.starts_with("#:schema scenario.schema.json\n"), "{} names no schema", file.display());
         let scenario = toml::Value::Table(toml::from_str(&text).unwrap());
         satisfies(&scenario, &schema, "scenario").unwrap_or_else(|wrong| panic!("{}: {wrong}", file.display()));
+    }
+}
+
+#[test]
+fn complete_scenarios_have_all_keys_and_are_the_same() {
+    let folder = path("launch_scripts/scenarios");
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    for file in files.filter(|file| file.extension().is_some_and(|name| name == "toml")) {
+        let text = fs::read_to_string(&file).unwrap();
+        let name = file.display().to_string();
+        let scenario = Scenario::parse(&name, &text, &[]).unwrap();
+        let complete = scenario.to_complete();
+        let again = Scenario::parse(&name, &toml::to_string(&complete).unwrap(), &[]);
+        assert_eq!(again.unwrap_or_else(|error| panic!("{error}")), scenario, "{name}");
+        for (table, keys) in
+            [("agents", &["base_stations", "cmd_vel"][..]), ("body", &["kind"]), ("communication", &["model", "loss"])]
+        {
+            for key in keys {
+                assert!(complete[table].get(key).is_some(), "{name}: {table}.{key}");
+            }
+        }
+        assert!(complete.contains_key("stop_when_covered") && complete.contains_key("stop_when_back"), "{name}");
     }
 }
 

@@ -215,6 +215,18 @@ fn check_subtable<'a>(
     }
 }
 
+/// What to say of a dotted path that is no key of a scenario.
+#[must_use]
+pub fn unknown_key(path: &str) -> String {
+    let (place, name) = path.rsplit_once('.').unwrap_or(("", path));
+    let first = path.split('.').next().unwrap_or(path);
+    match keys::table(place) {
+        Some(declared) => unknown(declared, name, path),
+        None if keys::table(first).is_none() => unknown(&TABLES[0], first, first),
+        None => format!("unknown key `{path}`"),
+    }
+}
+
 fn unknown(declared: &Table, key: &str, path: &str) -> String {
     let names: Vec<&str> = declared.keys().map(|known| known.name).chain(declared.subtables()).collect();
     let elsewhere = || {

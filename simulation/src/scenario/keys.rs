@@ -356,6 +356,24 @@ pub fn find(path: &str) -> Option<&'static Key> {
     table(table_path)?.keys().find(|key| key.name == name)
 }
 
+/// Adds the keys that a scenario leaves out, with their defaults, to the tables that it has.
+pub(super) fn complete(scenario: &mut toml::Table) {
+    for declared in TABLES.iter().filter(|table| !table.is_list()) {
+        let parts = declared.path.split('.').filter(|part| !part.is_empty());
+        let found = parts.into_iter().try_fold(&mut *scenario, |table, part| table.get_mut(part)?.as_table_mut());
+        let Some(table) = found else { continue };
+        let kind = table.get("kind").and_then(toml::Value::as_str).unwrap_or_default().to_owned();
+        for key in declared.keys.iter().filter(|key| key.only_with.is_empty() || key.only_with.contains(&&*kind)) {
+            if let DefaultValue::Is(value) = key.default
+                && !table.contains_key(key.name)
+            {
+                let line = format!("value = {value}").parse::<toml::Table>();
+                table.extend(line.into_iter().flatten().map(|(_, value)| (key.name.to_owned(), value)));
+            }
+        }
+    }
+}
+
 /// The dotted paths of all keys that may change during a run.
 #[must_use]
 pub fn changeable_paths() -> Vec<String> {
