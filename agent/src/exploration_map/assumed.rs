@@ -55,7 +55,7 @@ impl Assumed {
         let first = self.positions.partition_point(|assumed| assumed.end <= range.start);
         let mut at = range.start;
         let later = self.positions[first..].iter().take_while(move |assumed| assumed.start < range.end);
-        later.cloned().chain([range.end..range.end]).filter_map(move |assumed| {
+        later.cloned().chain(std::iter::once(range.end..range.end)).filter_map(move |assumed| {
             let found = at..assumed.start;
             at = assumed.end;
             (!found.is_empty()).then_some(found)
