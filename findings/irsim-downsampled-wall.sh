@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # ir-sim 2.12.0: a map with `mdownsample: 2` loses walls of one cell, and the robot drives through.
 #
-# Expected: a coarser map keeps obstacles, as `get_map` of the same library does it for planners ("any
-# obstacle in a block marks the block").
+# Expected: a coarser map keeps obstacles, as `get_map` of the same library does it for planners
+# ("any obstacle in a block marks the block").
 # Seen: every second row and column of cells is taken: a wall across the whole map in column 13 of
 # 20 is not there, the LiDAR of a robot 4.5 m before it measures its maximum of 20 m, and it arrives
 # behind the wall without a collision. The same wall in column 12 is there, twice as thick. Of the

@@ -4,11 +4,11 @@
 #
 # Expected: `PointCloud.from_msg` follows the message: `row_step`, `is_bigendian` and the offset of
 # each field, in any order in which the fields are listed.
-# Seen: the data is one array of points from the first byte to the last. Two rows of 4 points with 16
-# bytes of padding each are 10 points, two of them at 0 0 0, in a file that says WIDTH 4, HEIGHT 2.
-# `is_bigendian` is not read. Fields are laid one after the other as listed: with intensity (offset
-# 12) listed first, 7 points of 16 bytes become 4 of 28; other numbers of points raise ValueError. Of
-# an organised cloud that is read well, `to_msg` makes a single row.
+# Seen: the data is one array of points from the first byte to the last. Two rows of 4 points with
+# 16 bytes of padding each are 10 points, two of them at 0 0 0, in a cloud that says width 4, height
+# 2. `is_bigendian` is not read. Fields are laid one after the other as listed: with intensity
+# (offset 12) listed first, 7 points of 16 bytes become 4 of 28; other numbers of points raise
+# ValueError. Of an organised cloud that is read well, `to_msg` makes a single row.
 # So: bring the data to one row, little-endian, and fields in the order of their offsets first.
 set -eu
 dir=$(mktemp -d)

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # pyrobosim 5.0.1: walls of a ROS map that are not quite black are free.
 #
-# Expected: `OccupancyGrid.from_file` reads a map of map_server as its YAML file says: occupied where
-# (255 - pixel) / 255 is above `occupied_thresh`, so all pixels up to 89 with 0.65.
+# Expected: `OccupancyGrid.from_file` reads a map of map_server as its YAML file says: occupied
+# where (255 - pixel) / 255 is above `occupied_thresh`, so all pixels up to 89 with 0.65.
 # Seen: pixel 0 becomes occupied, 254 free, 205 unknown, and every other pixel keeps its number, of
 # which `is_occupied` takes none but 1: walls of 50 and 88, as in maps that were drawn, scaled or
 # scanned, are free to its planners. `negate` is not read: with 1 all that is white (a wall then) is

@@ -4,8 +4,8 @@
 # Expected: `numpify(Pose())` of ROS 2, with orientation x=0 y=0 z=0 w=1, is the identity, and
 # `msgify(Pose, matrix)` is its inverse.
 # Seen: x, y, z, w is handed to a library that takes w first: the identity becomes a half turn about
-# z, and each robot on level ground, whatever its heading, looks to -x. The way back names w, x, y, z
-# of that library x, y, z, w: the identity becomes a half turn about x. The two mistakes of Pose
+# z, and each robot on level ground, whatever its heading, looks to -x. The way back names w, x, y,
+# z of that library x, y, z, w: the identity becomes a half turn about x. The two mistakes of Pose
 # cancel, so that a test of the round trip passes. Of Transform the way there is wrong, the way back
 # right.
 # So: build matrices by SciPy's `Rotation.from_quat` from x, y, z, w.
