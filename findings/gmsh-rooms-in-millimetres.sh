@@ -5,9 +5,9 @@
 # Expected: gmsh has no units ("10" is what the user means by it), and keeps the number on the way
 # out and in; a file that names its unit is read in that unit, or scaled to metres.
 # Seen: what it writes says MILLI METRE: trimesh 5.2.0 (cascadio 0.1.1), which gives metres as glTF
-# asks, has a room of 1 cm. What is read is converted to millimetres: from a file in metres a room of
-# 10 m has 10000 in a mesh (STL) that names no unit. gmsh reads its own file as 10: a round trip shows
-# nothing. With `Geometry.OCCTargetUnit` = "M" both ways are right.
+# asks, has a room of 1 cm. What is read is converted to millimetres: from a file in metres a room
+# of 10 m has 10000 in a mesh (STL) that names no unit. gmsh reads its own file as 10: a round trip
+# shows nothing. With `Geometry.OCCTargetUnit` = "M" both ways are right.
 # So: set that option, and compare bounds in a second program.
 set -eu
 dir=$(mktemp -d)

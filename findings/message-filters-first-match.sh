@@ -7,8 +7,9 @@
 # of exactly `slop` is allowed.
 # Seen: each message that arrives takes the nearest of those that are *there*, if it is within the
 # slop. Images at 0.0, 0.1, ..., scans at 0.09, 0.19, ...: scan 0.09 arrives 10 ms before image 0.1
-# and takes image 0.0, and so on for the whole run, with a slop of 0.1. Of the same stamps, each scan
-# delivered 20 ms later, each pair is 10 ms apart. Two messages exactly one slop apart are no pair.
+# and takes image 0.0, and so on for the whole run, with a slop of 0.1. Of the same stamps, each
+# scan delivered 20 ms later, each pair is 10 ms apart. Two messages exactly one slop apart are no
+# pair.
 # So: choose a slop below half the period, and log the difference of the stamps; a live robot and
 # its recording, played in another order, have other pairs.
 set -eu

@@ -6,8 +6,8 @@
 # amplitude, as in every text on noise and in vnoise; noise does not repeat.
 # Seen: perlin-noise takes `seed=0` for no seed and draws one: two objects of seed 0 differ, those
 # of seed 1 do not. `octaves=8` is one layer at eight times the frequency, equal to the last digit
-# to `octaves=1` at eight times the coordinates; at whole numbers (for 8: at eighths) the value is 0,
-# as gradient noise is, so that `noise([i, j])` over the cells of a map is a plain. vnoise has a
+# to `octaves=1` at eight times the coordinates; at whole numbers (for 8: at eighths) the value is
+# 0, as gradient noise is, so that `noise([i, j])` over the cells of a map is a plain. vnoise has a
 # period of 256 in each direction.
 # So: count seeds from 1, scale coordinates by a step that is no whole number, add layers by hand,
 # and keep a world of vnoise below 256 / frequency.

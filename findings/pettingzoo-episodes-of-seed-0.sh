@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # PettingZoo 1.27.0: of several episodes with seed 0 only the first is that of its seed.
 #
-# Expected: `MultiEpisodeParallelEnv(env, 3)`, made for evaluation, runs the same three episodes after
-# each `reset(seed=0)`, as it does for `reset(seed=1)`; an episode that ends says so.
+# Expected: `MultiEpisodeParallelEnv(env, 3)`, made for evaluation, runs the same three episodes
+# after each `reset(seed=0)`, as it does for `reset(seed=1)`; an episode that ends says so.
 # Seen: the seed counts up from episode to episode (1, 2, 3), but 0 is taken for no seed: from the
-# second episode on all are drawn by chance, and two evaluations of one policy differ. No episode but
-# the last ends in the flags: an agent that terminated is reported as neither terminated nor
+# second episode on all are drawn by chance, and two evaluations of one policy differ. No episode
+# but the last ends in the flags: an agent that terminated is reported as neither terminated nor
 # truncated, and the observation of its last step is that of the next episode's start.
 # So: evaluate with seeds from 1, or loop over episodes by hand.
 set -eu

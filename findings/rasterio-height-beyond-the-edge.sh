@@ -5,9 +5,9 @@
 # terrain of 3 m x 3 m belongs to it.
 # Seen: a file without a value for "no data" (most height models of a flat area, all that NumPy
 # arrays are written to without `nodata`) gives 0.0 for each place outside: 200 m below the terrain,
-# without a warning. The western and northern edge are inside, the eastern and southern are not, so a
-# square of corners has heights 200, 0, 0 and 0. `sample(masked=True)` masks them; a window over the
-# edge is cut to what there is (3 x 1 for 3 x 3), with `boundless=True` filled with 0.
+# without a warning. The western and northern edge are inside, the eastern and southern are not, so
+# a square of corners has heights 200, 0, 0 and 0. `sample(masked=True)` masks them; a window over
+# the edge is cut to what there is (3 x 1 for 3 x 3), with `boundless=True` filled with 0.
 # So: `masked=True` always, or compare with `bounds` first; write `nodata`.
 set -eu
 dir=$(mktemp -d)

@@ -4,11 +4,11 @@
 # Expected: of a matrix of distances between robots, 0 beside the diagonal is a distance of 0: the
 # shortest path between the two has length 0, the minimum spanning tree has the length 5.
 # Seen: `from_numpy_array` makes no edge of a 0, and csgraph takes a 0 of a dense array as no edge.
-# With robots 0 and 1 at one place and robot 2 5 m away, the path from 0 to 1 leads over 2 and is
-# 10 m long, the tree is 10 m long: both robots at the place are joined to the far one. A communication
+# With robots 0 and 1 at one place and robot 2 5 m away, the path from 0 to 1 leads over 2 and is 10
+# m long, the tree is 10 m long: both robots at the place are joined to the far one. A communication
 # graph without robot 2 falls apart. A sparse matrix that stores the 0 is right in csgraph's paths.
-# So: build the graph from a list of edges (`add_weighted_edges_from`, `coo_array`), or add a
-# tiny length everywhere; robots that start at one place, or meet, are in nearly each run.
+# So: build the graph from a list of edges (`add_weighted_edges_from`, `coo_array`), or add a tiny
+# length everywhere; robots that start at one place, or meet, are in nearly each run.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
