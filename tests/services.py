@@ -339,7 +339,7 @@ def joining(_argument):
     equal(caller.set_state(PLAYING), OK, "play")
 
 
-def again(_argument):
+def again(leaving):
     """Resets a run in every state, and then lets it run to its end."""
     caller = Caller()
     admitted(caller)
@@ -366,8 +366,8 @@ def again(_argument):
     equal(caller.set("execution.rtf", number(2.0)).successful, True, "rtf")
     equal(caller.set_state(PLAYING), OK, "play")
     caller.until(lambda: caller.ticks and caller.ticks[-1] >= 20)
-    equal(caller.code("delete_entity", entity="agent_1"), OK, "agent 1 leaves, and its process ends")
-    equal(caller.code("reset_simulation", scope=255), OK, "reset while playing, which agent 1 joins again")
+    equal(caller.code("delete_entity", entity=leaving), OK, "an agent leaves, and its part of a process ends")
+    equal(caller.code("reset_simulation", scope=255), OK, "reset while playing, and it joins again")
     equal(caller.state(), PLAYING, "it plays as it did")
     equal(caller.get("execution.rtf")[0].double_value, 2.0, "at the same pace")
     equal(caller.set("execution.rtf", number(0.0)).successful, True, "as fast as possible")

@@ -175,8 +175,9 @@ fn interventions_change_the_run_and_pauses_do_not() {
 fn reset_run_is_the_same() {
     let site = Site::new();
     let whole = undisturbed(&site, "2");
-    for per_process in ["1", "2"] {
-        controlled(&site, "2", &["--agents-per-process", per_process], &["again"]).with_code(0);
+    // The first agent of a process leaves, and another one.
+    for (per_process, leaving) in [("1", "agent_1"), ("2", "agent_0")] {
+        controlled(&site, "2", &["--agents-per-process", per_process], &["again", leaving]).with_code(0);
         let recording = site.recording("run.mcap");
         assert_eq!(recording, whole, "{per_process} in a process: {}", recording.first_difference(&whole));
     }

@@ -100,7 +100,7 @@ class Result:
 def _recording_of(record: str | os.PathLike[str] | None) -> str | None:
     """The name of a recording."""
     file = None if record is None else os.fspath(record)
-    if file is not None and not file.endswith((".mcap", "/")):
+    if file is not None and not file.lower().endswith((".mcap", "/")):
         raise _maes.BadInput(f"record = {file!r}: expected a name that ends in .mcap, or in / for a folder")
     return file
 

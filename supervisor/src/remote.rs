@@ -49,7 +49,7 @@ pub(crate) struct RemoteTeam {
 /// A process of agents on a host.
 pub(crate) struct RemoteProcess {
     connection: Rc<Connection>,
-    first: u32,
+    agents: Group,
 }
 
 impl Default for RemoteTeam {
@@ -164,7 +164,7 @@ impl RemoteTeam {
         environment.extend(hosts[place].environment.clone());
         let connection = Rc::clone(&self.connections[place]);
         connection.start(group, run.remote_arguments(group), environment, &run.log_of(group))?;
-        Ok(RemoteProcess { connection, first: group.first })
+        Ok(RemoteProcess { connection, agents: group })
     }
 
     /// A line for each host that was lost since the last call.
@@ -183,10 +183,10 @@ impl RemoteTeam {
 
 impl RemoteProcess {
     pub(crate) fn ended(&self) -> Option<u8> {
-        self.connection.ended(self.first)
+        self.connection.ended(self.agents)
     }
 
     pub(crate) fn signal(&self, signal: Signal) {
-        self.connection.signal(self.first, signal);
+        self.connection.signal(self.agents, signal);
     }
 }

@@ -420,8 +420,11 @@ impl Supervision<'_> {
         let restarts = self.restarts.entry(group).or_default();
         *restarts += 1;
         if *restarts <= RESTARTS_MAX {
-            let process = self.start_agents(group)?;
-            self.agents.insert(group, process);
+            // An agent that has left and was started again has a process of its own.
+            for part in group.without(self.agents.keys()) {
+                let process = self.start_agents(part)?;
+                self.agents.insert(part, process);
+            }
         } else if self.refusal.is_none() {
             let first = group.first;
             (self.say)(&format!("agent process {first} is given up after {RESTARTS_MAX} restarts"));

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::num::NonZero;
 use std::thread;
 
+use serde::{Deserialize, Serialize};
 use simulation::scenario::Scenario;
 
 use crate::SupervisorError;
@@ -45,7 +46,7 @@ pub struct Team {
 }
 
 /// The agents of one process: the first and the last id.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Group {
     pub(crate) first: u32,
     pub(crate) last: u32,
@@ -55,6 +56,21 @@ impl Group {
     /// One agent alone.
     pub(crate) fn of(agent: u32) -> Self {
         Self { first: agent, last: agent }
+    }
+
+    /// The agents of the group that none of the others has, as groups, ascending.
+    pub(crate) fn without<'g>(self, others: impl Iterator<Item = &'g Self> + Clone) -> Vec<Self> {
+        let mut left: Vec<Self> = Vec::new();
+        for agent in self.first..=self.last {
+            if others.clone().any(|other| (other.first..=other.last).contains(&agent)) {
+                continue;
+            }
+            match left.last_mut() {
+                Some(group) if group.last + 1 == agent => group.last = agent,
+                _ => left.push(Self::of(agent)),
+            }
+        }
+        left
     }
 }
 
@@ -184,6 +200,15 @@ mod tests {
         assert_eq!(sizes(1000, 2), (20, Some(50)));
         let alone = scenario("count = 100\ncmd_vel = [3]");
         assert_eq!(Team::default().groups_on(&alone, 2).len(), 99);
+    }
+
+    #[test]
+    fn what_others_have_is_left_out_of_a_group() {
+        let group = |first, last| Group { first, last };
+        let without = |others: &[Group]| group(0, 4).without(others.iter());
+        assert_eq!(without(&[group(5, 9)]), [group(0, 4)]);
+        assert_eq!(without(&[group(0, 0), group(3, 3)]), [group(1, 2), group(4, 4)]);
+        assert_eq!(without(&[group(0, 9)]), []);
     }
 
     #[test]

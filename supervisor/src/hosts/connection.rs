@@ -37,10 +37,10 @@ struct State {
     /// The last line on stderr that is not blank.
     last_error: Option<String>,
     /// Exit codes of processes that have ended.
-    ended: BTreeMap<u32, u8>,
-    logs: BTreeMap<u32, BoundedLog>,
+    ended: BTreeMap<Group, u8>,
+    logs: BTreeMap<Group, BoundedLog>,
     /// Processes that were started.
-    started: BTreeSet<u32>,
+    started: BTreeSet<Group>,
 }
 
 /// A connection to a host. Dropping it ends the agents there.
@@ -132,21 +132,21 @@ impl Connection {
     ) -> Result<(), SupervisorError> {
         let file = BoundedLog::open(log).map_err(SupervisorError::of(log))?;
         let mut state = lock(&self.state);
-        state.logs.insert(group.first, file);
-        state.ended.remove(&group.first);
-        state.started.insert(group.first);
+        state.logs.insert(group, file);
+        state.ended.remove(&group);
+        state.started.insert(group);
         drop(state);
-        self.request(ToHost::Start { first: group.first, arguments, environment });
+        self.request(ToHost::Start { agents: group, arguments, environment });
         Ok(())
     }
 
-    pub(crate) fn signal(&self, first: u32, signal: Signal) {
-        self.request(ToHost::Signal { first, number: signal as i32 });
+    pub(crate) fn signal(&self, agents: Group, signal: Signal) {
+        self.request(ToHost::Signal { agents, number: signal as i32 });
     }
 
     /// The exit code of a process, if it has ended: that of the launcher if the connection is gone.
-    pub(crate) fn ended(&self, first: u32) -> Option<u8> {
-        if let Some(&code) = lock(&self.state).ended.get(&first) {
+    pub(crate) fn ended(&self, agents: Group) -> Option<u8> {
+        if let Some(&code) = lock(&self.state).ended.get(&agents) {
             return Some(code);
         }
         // A launcher that ends well without such a word has lost the host all the same.
@@ -216,14 +216,14 @@ fn receive(output: impl io::Read, state: &Mutex<State>, log: &Mutex<BoundedLog>)
         let mut state = lock(state);
         match message {
             Ok(FromHost::Hello { build, cores }) => state.hello = Some((build, cores)),
-            Ok(FromHost::Log { first, line }) => {
-                if let Some(file) = state.logs.get_mut(&first) {
+            Ok(FromHost::Log { agents, line }) => {
+                if let Some(file) = state.logs.get_mut(&agents) {
                     file.line(&line);
                 }
             }
-            Ok(FromHost::Ended { first, code }) => {
-                if state.started.remove(&first) {
-                    state.ended.insert(first, code);
+            Ok(FromHost::Ended { agents, code }) => {
+                if state.started.remove(&agents) {
+                    state.ended.insert(agents, code);
                 }
             }
             // Launchers print, too.

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::team::Group;
+
 /// Longest line, bytes: that of a process that names a thousand agents, or of a line of a log.
 pub(super) const LINE_MAX: usize = 1 << 16;
 
@@ -12,10 +14,10 @@ pub(super) const LINE_MAX: usize = 1 << 16;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum ToHost {
-    /// Start the agents from `first`, whose process is named after it.
-    Start { first: u32, arguments: Vec<String>, environment: BTreeMap<String, String> },
+    /// Start the process of these agents.
+    Start { agents: Group, arguments: Vec<String>, environment: BTreeMap<String, String> },
     /// Send this signal to that process.
-    Signal { first: u32, number: i32 },
+    Signal { agents: Group, number: i32 },
 }
 
 /// From the process on a host, on its standard output.
@@ -25,9 +27,9 @@ pub(super) enum FromHost {
     /// The first message.
     Hello { build: String, cores: usize },
     /// A line that a process of agents has printed.
-    Log { first: u32, line: String },
+    Log { agents: Group, line: String },
     /// A process of agents has ended.
-    Ended { first: u32, code: u8 },
+    Ended { agents: Group, code: u8 },
 }
 
 /// The line of a message.

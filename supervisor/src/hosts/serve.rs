@@ -19,6 +19,7 @@ use super::messages::{FromHost, LINE_MAX, ToHost, line};
 use crate::SupervisorError;
 use crate::child::{ChildGuard, Signal, exit_code};
 use crate::processes;
+use crate::team::Group;
 
 /// The subcommand of `maes` that does this.
 pub const SUBCOMMAND: &str = "serve-agents";
@@ -47,38 +48,38 @@ pub fn serve(maes: &Path, build: &str) -> Result<(), SupervisorError> {
     });
     let say = |message: FromHost| drop(said.send(message));
     say(FromHost::Hello { build: build.to_owned(), cores: thread::available_parallelism().map_or(1, NonZero::get) });
-    let mut agents: BTreeMap<u32, ChildGuard> = BTreeMap::new();
+    let mut processes: BTreeMap<Group, ChildGuard> = BTreeMap::new();
     let mut ending: Option<Instant> = None;
     loop {
         match received.recv_timeout(PERIOD) {
-            Ok(ToHost::Start { first, arguments, environment }) => {
+            Ok(ToHost::Start { agents, arguments, environment }) => {
                 // One of the same name has ended, or is killed here.
-                drop(agents.remove(&first));
-                match start(maes, first, &arguments, &environment, &said) {
-                    Ok(agent) => drop(agents.insert(first, agent)),
+                drop(processes.remove(&agents));
+                match start(maes, agents, &arguments, &environment, &said) {
+                    Ok(process) => drop(processes.insert(agents, process)),
                     Err(error) => {
-                        say(FromHost::Log { first, line: format!("error: {}: {error}", maes.display()) });
-                        say(FromHost::Ended { first, code: 1 });
+                        say(FromHost::Log { agents, line: format!("error: {}: {error}", maes.display()) });
+                        say(FromHost::Ended { agents, code: 1 });
                     }
                 }
             }
-            Ok(ToHost::Signal { first, number }) => {
-                if let (Some(agent), Ok(signal)) = (agents.get(&first), Signal::try_from(number)) {
-                    drop(agent.signal(signal));
+            Ok(ToHost::Signal { agents, number }) => {
+                if let (Some(process), Ok(signal)) = (processes.get(&agents), Signal::try_from(number)) {
+                    drop(process.signal(signal));
                 }
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) if ending.is_none() => {
                 ending = Some(now());
-                agents.values().for_each(|agent| drop(agent.signal(Signal::SIGTERM)));
+                processes.values().for_each(|process| drop(process.signal(Signal::SIGTERM)));
             }
             // Nothing but ends of processes can come any more.
             Err(RecvTimeoutError::Disconnected) => drop(channel::<()>().1.recv_timeout(PERIOD)),
         }
-        agents.retain(|&first, agent| match agent.ended() {
+        processes.retain(|&agents, process| match process.ended() {
             Ok(None) => true,
             Ok(Some(status)) => {
-                say(FromHost::Ended { first, code: exit_code(status) });
+                say(FromHost::Ended { agents, code: exit_code(status) });
                 false
             }
             Err(_) => false,
@@ -86,7 +87,7 @@ pub fn serve(maes: &Path, build: &str) -> Result<(), SupervisorError> {
         if let Ok(result) = failure.try_recv() {
             return result.map_err(failed);
         }
-        if ending.is_some_and(|begun| agents.is_empty() || begun.elapsed() >= SHUTDOWN) {
+        if ending.is_some_and(|begun| processes.is_empty() || begun.elapsed() >= SHUTDOWN) {
             return Ok(());
         }
     }
@@ -117,7 +118,7 @@ pub(super) fn lines(mut input: impl BufRead) -> impl Iterator<Item = String> {
 
 fn start(
     maes: &Path,
-    first: u32,
+    agents: Group,
     arguments: &[String],
     environment: &BTreeMap<String, String>,
     said: &Sender<FromHost>,
@@ -127,14 +128,14 @@ fn start(
     let (output, for_stdout) = io::pipe()?;
     command.stdout(for_stdout.try_clone()?).stderr(for_stdout);
     processes::kill_with_this_process(&mut command);
-    let agent = ChildGuard::start(command)?;
+    let process = ChildGuard::start(command)?;
     let said = said.clone();
     thread::spawn(move || {
         for line in lines(BufReader::new(output)) {
             // The longest message is longer than its text.
             let line: String = line.chars().take(LINE_MAX / 16).collect();
-            drop(said.send(FromHost::Log { first, line }));
+            drop(said.send(FromHost::Log { agents, line }));
         }
     });
-    Ok(agent)
+    Ok(process)
 }

@@ -50,8 +50,8 @@ while read -r request; do :; done"#
     let environment = BTreeMap::from([("X".to_owned(), "secret".to_owned())]);
     let log = logs.path().join("agent_4.log");
     connection.start(Group { first: 4, last: 5 }, Vec::new(), environment, &log).unwrap();
-    assert_eq!(wait(|| connection.ended(4)), 7);
-    assert_eq!(connection.ended(9), None, "it was not started");
+    assert_eq!(wait(|| connection.ended(Group::of(4))), 7);
+    assert_eq!(connection.ended(Group::of(9)), None, "it was not started");
     assert_eq!(fs::read_to_string(&log).unwrap(), "hello\n");
     assert_eq!(connection.launcher_code(), None);
     drop(connection);
@@ -64,7 +64,7 @@ fn agents_of_a_lost_host_have_ended() {
     let connection = Connection::open(&host(Launcher::Local, folder.path()), Path::new("/"), logs.path()).unwrap();
     let log = logs.path().join("agent_0.log");
     connection.start(Group { first: 0, last: 0 }, Vec::new(), BTreeMap::new(), &log).unwrap();
-    assert_eq!(wait(|| connection.ended(0)), 137);
+    assert_eq!(wait(|| connection.ended(Group::of(0))), 137);
 }
 
 #[test]
