@@ -22,8 +22,8 @@ mod lattice;
 mod orientation;
 mod patches;
 pub(super) mod polygon;
-mod sound;
 mod touch;
+mod valid_triangles;
 mod winding;
 
 use voxels::{Terrain, close_shell};
@@ -36,7 +36,7 @@ use super::work_budget::WorkBudget;
 use super::{FormatError, ImportSpec, Imported, Note};
 
 use orientation::{Opening, Orientation};
-use sound::Sound;
+use valid_triangles::ValidTriangles;
 use winding::Winding;
 
 /// The import options of meshes.
@@ -235,22 +235,22 @@ pub(super) fn map_up(
     let fill = spec.options.fill.unwrap_or(Fill::Solid);
     let inside = spec.options.inside.unwrap_or(Kind::Wall);
     let count = mesh.triangles.len();
-    let mut sound = Sound::of(mesh, units);
+    let mut valid = ValidTriangles::of(mesh, units);
     let nothing = || FormatError::Nothing("triangle");
-    let bounds = sound.bounds().ok_or_else(nothing)?;
+    let bounds = valid.bounds().ok_or_else(nothing)?;
     // The lattice is too coarse for what is far smaller than a cell.
     units.check_span(spec, bounds)?;
-    sound.put_on_lattice(bounds);
-    let bounds = sound.bounds().ok_or_else(nothing)?;
+    valid.put_on_lattice(bounds);
+    let bounds = valid.bounds().ok_or_else(nothing)?;
     let mut frame = Frame::around(units, bounds, fill == Fill::Shell)?;
     let (outside, others) = match inside {
         Kind::Wall => (Terrain::Free, Terrain::Wall),
         Kind::Free => (Terrain::Wall, Terrain::Free),
     };
     let mut terrain = frame.grid(outside, spec)?;
-    sound.put_into(&frame);
-    let mut triangles: Vec<Triangle> = sound.triangles().collect();
-    let (places, mut vertices) = sound.into_parts();
+    valid.put_into(&frame);
+    let mut triangles: Vec<Triangle> = valid.triangles().collect();
+    let (places, mut vertices) = valid.into_parts();
     let dropped = count - triangles.len();
     let mut work = WorkBudget::new(spec);
     let mut corners = orientation::corners(&places, &vertices, &mut work)?;

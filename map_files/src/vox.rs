@@ -32,12 +32,12 @@ struct Model<'a> {
 /// A node of a scene.
 enum Node {
     Transform(Placement),
-    Group(Hideable),
-    Shape(Hideable),
+    Group(SceneEntry),
+    Shape(SceneEntry),
 }
 
 /// The children of a group, or the models of a shape, and whether its own attributes hide them.
-struct Hideable {
+struct SceneEntry {
     numbers: Vec<u32>,
     is_hidden: bool,
 }
@@ -291,7 +291,7 @@ impl<'a> Chunk<'a> {
         let is_hidden = is_hidden(&self.pairs()?);
         let count = self.u32("the number of nodes in a group")?;
         let children: Result<Vec<u32>, FormatError> = (0..count).map(|_| self.u32("the number of a node")).collect();
-        nodes.insert(id, Node::Group(Hideable { numbers: children?, is_hidden }));
+        nodes.insert(id, Node::Group(SceneEntry { numbers: children?, is_hidden }));
         Ok(())
     }
 
@@ -306,7 +306,7 @@ impl<'a> Chunk<'a> {
         }
         // Several are the frames of an animation.
         models.truncate(1);
-        nodes.insert(id, Node::Shape(Hideable { numbers: models, is_hidden }));
+        nodes.insert(id, Node::Shape(SceneEntry { numbers: models, is_hidden }));
         Ok(())
     }
 }

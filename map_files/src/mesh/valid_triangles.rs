@@ -6,23 +6,23 @@ use super::super::frame::{Bounds, Frame, Units};
 use super::{Mesh, Triangle, lattice, normal};
 
 /// The triangles of a mesh that have an area.
-pub(super) struct Sound {
+pub(super) struct ValidTriangles {
     /// The places of all vertices of the mesh, in lengths of cells.
     places: Vec<[f64; 3]>,
     /// The vertices of each triangle.
     vertices: Vec<[u32; 3]>,
 }
 
-impl Sound {
+impl ValidTriangles {
     /// The triangles of a mesh that have an area and are finite.
     pub(super) fn of(mesh: Mesh, units: Units) -> Self {
         let Mesh { vertices: mut places, triangles: vertices, .. } = mesh;
         for place in &mut places {
             *place = units.cells(*place);
         }
-        let mut sound = Self { places, vertices };
-        sound.drop_flat();
-        sound
+        let mut valid = Self { places, vertices };
+        valid.drop_flat();
+        valid
     }
 
     /// Puts the vertices on the lattice, and drops triangles that have no area there. `bounds` are
