@@ -293,16 +293,13 @@ fn clouds() -> Vec<Case> {
     let ascii: String = points(9.0).iter().map(|[x, y, z]| format!("{x} 7 7 {y} {z}\n")).collect();
     let ascii = ascii + &"0 7 7 0 0\n".repeat(5) + &"-nan(ind) 7 7 1.#QNAN nan\n".repeat(5);
     let columns = fields(&walls, true);
-    let lengths = [columns.len() as u32; 2].map(u32::to_le_bytes).concat();
+    let stored = [[columns.len() as u32; 2].map(u32::to_le_bytes).concat(), columns].concat();
     let commas = lines(&walls, ";").replace('.', ",");
     vec![
         case("PCD text with rays without return", "a.pcd", pcd("FIELDS", "ascii", ascii.as_bytes(), walls.len() + 10)),
         case("PCD of bytes with COLUMNS", "a.pcd", pcd("COLUMNS", "binary", &fields(&walls, false), walls.len())),
-        case(
-            "PCD stored, of several counts",
-            "a.pcd",
-            pcd("COLUMNS", "binary_compressed", &[lengths, columns].concat(), walls.len()),
-        ),
+        case("PCD stored, of several counts", "a.pcd", pcd("COLUMNS", "binary_compressed", &stored, walls.len())),
+        case("PCD stored, of pypcd4", "a.pcd", pcd("FIELDS", "binaryscompressed", &stored, walls.len())),
         case("PLY of points", "a.ply", ply_header("ascii", walls.len(), "") + &lines(&walls, " ")),
         case("PLY of Open3D's voxels", "a.ply", ply_grid),
         case("text with decimal commas", "a.csv", format!("X;Y;Z\n{commas}")),
