@@ -71,6 +71,11 @@ pub enum RegressionError {
         "{variant}, {run}: lasts {base_s} s in {} and {new_s} s in {}; expected results of one plan", base.display(), new.display()
     )]
     OtherDuration { variant: String, run: String, base_s: f64, new_s: f64, base: PathBuf, new: PathBuf },
+    #[error(
+        "{run}: {column} = {of_base} in {} and {of_new} in {}; expected results on the same maps",
+        base.display(), new.display()
+    )]
+    OtherMap { run: String, column: &'static str, of_base: f64, of_new: f64, base: PathBuf, new: PathBuf },
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
@@ -107,6 +112,13 @@ fn seed(fields: &BTreeMap<String, String>, row: &Place) -> Result<u64, Regressio
     whole.parse().map_err(|_| unexpected("seed", value, "a whole number".to_owned(), row))
 }
 
+/// The value of an axis: a number has one text, also where a tool has taken `1` for `1.0`.
+fn axis_value(text: &str) -> String {
+    let is_float = text.parse::<i128>().is_err();
+    let number = text.parse().ok().filter(|number: &f64| is_float && number.is_finite());
+    number.map_or_else(|| text.to_owned(), |number| number.to_string())
+}
+
 fn unexpected(column: &str, value: &str, expected: String, row: &Place) -> RegressionError {
     RegressionError::Number { place: row.to_string(), column: column.to_owned(), value: value.to_owned(), expected }
 }
@@ -116,7 +128,12 @@ struct Row {
     value: f64,
     duration_s: f64,
     outcome: Outcome,
+    /// What its table says of the map, by column; of a failed run nothing.
+    map: BTreeMap<&'static str, f64>,
 }
+
+/// The columns in which two maps differ.
+const OF_MAPS: [&str; 4] = ["size_x", "size_y", "size_z", "free_cells"];
 
 /// What a run is, to compare it with another one.
 #[derive(PartialEq, Eq)]
@@ -172,7 +189,9 @@ fn read(path: &Path, measure: RegressionMeasure) -> Result<Table, RegressionErro
         let digest = fields.get("digest").cloned().unwrap_or_default();
         let duration_s = number(&fields, "duration_s", None, &place)?;
         let value = measure.value(&fields, duration_s, &place)?;
-        let row = Row { value, duration_s, outcome: Outcome::Digest(digest) };
+        let of_map = |column| Some((column, fields.get(column)?.parse().ok()?));
+        let map = OF_MAPS.into_iter().filter_map(of_map).collect();
+        let row = Row { value, duration_s, outcome: Outcome::Digest(digest), map };
         if table.runs.entry(variant.clone()).or_default().insert(key.clone(), row).is_some() {
             return Err(RegressionError::Twice { place: place.to_string(), variant, run: key });
         }
@@ -189,7 +208,7 @@ fn add_failures(table: &mut Table, folder: &Path) -> Result<(), RegressionError>
         let axes = failed.axes.iter().map(|(key, value)| (key.as_str(), value.as_str()));
         let (variant, key) = names(axes.collect(), &failed.controller, failed.seed);
         let (value, duration_s) = (ticks(failed.duration_s), failed.duration_s);
-        let row = Row { value, duration_s, outcome: Outcome::Failed(failed.reason.clone()) };
+        let row = Row { value, duration_s, outcome: Outcome::Failed(failed.reason.clone()), map: BTreeMap::new() };
         table.axes.extend(failed.axes.keys().cloned());
         table.runs.entry(variant).or_default().insert(key, row);
     }
@@ -201,7 +220,7 @@ fn names(mut axes: BTreeMap<&str, &str>, controller: &str, seed: u64) -> (String
     let map = axes.remove("map.file").unwrap_or_default();
     let variant = match axes.is_empty() {
         true => controller.to_owned(),
-        false => axes.into_values().collect::<Vec<_>>().join(", "),
+        false => axes.into_values().map(axis_value).collect::<Vec<_>>().join(", "),
     };
     (variant, format!("seed {seed} {map}").trim_end().to_owned())
 }
@@ -311,6 +330,17 @@ pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Ve
                 base: base.to_owned(),
                 new: new.to_owned(),
             });
+        }
+        let other_map = |(run, one, other): (&String, &Row, &Row)| {
+            let (column, of_base, of_new) = one.map.iter().find_map(|(column, of_base)| {
+                other.map.get(column).filter(|of_new| *of_new != of_base).map(|of_new| (*column, *of_base, *of_new))
+            })?;
+            let (base, new) = (base.to_owned(), new.to_owned());
+            let run = format!("{variant}, {run}");
+            Some(RegressionError::OtherMap { run, column, of_base, of_new, base, new })
+        };
+        if let Some(error) = named.clone().find_map(other_map) {
+            return Err(error);
         }
         let pairs: Vec<(&Row, &Row)> = named.map(|(_, one, other)| (one, other)).collect();
         let side = |of: fn(&(&Row, &Row)) -> f64| pairs.iter().map(of).collect::<Vec<f64>>();
@@ -552,6 +582,28 @@ mod tests {
             error.contains("new.csv varies lidar.range_m, and ") && error.contains("base.csv agents.count;"),
             "{error}"
         );
+        // Floats, as other tools write columns with gaps.
+        let with_value = |value: &str| of_axis("agents.count").replace(",2\n", &format!(",{value}\n"));
+        for (one, other) in [("2", "2.0"), ("2.0", "2"), ("0.00001", "1e-05"), ("-1", "-1.0")] {
+            fs::write(&base, with_value(one)).unwrap();
+            fs::write(&new, with_value(other)).unwrap();
+            assert_eq!(changes(&base, &new, RegressionMeasure::Unseen).unwrap()[0].pairs, 1, "{one} and {other}");
+        }
+        fs::write(&new, with_value("2.5")).unwrap();
+        assert!(changes(&base, &new, RegressionMeasure::Unseen).is_err());
+        for column in OF_MAPS {
+            let of_map = |value: &str| {
+                let text = table(&["10", "10"]).replace("digest\n", &format!("digest,{column}\n"));
+                text.replace(",10,10\n", &format!(",10,10,{value}\n"))
+            };
+            fs::write(&base, of_map("30")).unwrap();
+            fs::write(&new, of_map("30.0")).unwrap();
+            assert_eq!(changes(&base, &new, RegressionMeasure::Unseen).unwrap()[0].pairs, 2);
+            fs::write(&new, of_map("40")).unwrap();
+            let error = changes(&base, &new, RegressionMeasure::Unseen).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("dsvp, seed 0: {column} = 30 in ")), "{error}");
+            assert!(error.ends_with("new.csv; expected results on the same maps"), "{error}");
+        }
         fs::write(&base, table(&["10"])).unwrap();
         fs::write(&new, "a,b\n1,2\n").unwrap();
         assert!(changes(&base, &new, RegressionMeasure::Unseen).unwrap_err().to_string().contains(":2: seed = "));
