@@ -106,7 +106,7 @@ pub enum ExecuteError {
     /// The folder holds runs of another plan or build.
     #[error(
         "{folder}: holds {count} runs that are not of this plan and this build ({BUILD}), such as {example}: choose \
-         another folder, or remove them with --prune"
+         another folder"
     )]
     OtherRuns {
         folder: String,

@@ -36,6 +36,8 @@ pub enum StoreError {
     Table { file: String, reason: String },
     #[error("{folder}: no folder of a plan; expected one that `maes batch PLAN --out DIR` has made")]
     NoPlan { folder: String },
+    #[error("{folder}: is a file; expected a folder for the runs")]
+    NoFolder { folder: String },
     #[error("{folder}: another `maes batch` is at work there; wait for its end, or choose another folder (--out)")]
     Busy { folder: String },
 }
@@ -52,12 +54,23 @@ pub struct Store {
     folder: PathBuf,
 }
 
+impl StoreError {
+    /// Whether the system has failed, and not what was asked for.
+    #[must_use]
+    pub fn is_failure(&self) -> bool {
+        !matches!(self, Self::Busy { .. } | Self::NoPlan { .. } | Self::NoFolder { .. })
+    }
+}
+
 impl Store {
     /// Opens a folder, and creates it if it does not exist.
     ///
     /// # Errors
-    /// If it cannot be created.
+    /// If it cannot be created, or is a file.
     pub fn create(folder: &Path) -> Result<Self, StoreError> {
+        if folder.is_file() {
+            return Err(StoreError::NoFolder { folder: name(folder) });
+        }
         let runs = folder.join(RUNS);
         std::fs::create_dir_all(&runs).map_err(file_error(&runs))?;
         Ok(Self { folder: folder.to_owned() })

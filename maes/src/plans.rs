@@ -272,11 +272,10 @@ fn part(text: &str) -> Result<Part, String> {
 
 /// Whether an error is a failure of the system, and not bad input.
 pub(crate) fn is_failure(error: &anyhow::Error) -> bool {
-    let is_failed = |error: &StoreError| !matches!(error, StoreError::Busy { .. } | StoreError::NoPlan { .. });
-    matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(error)) if is_failed(error))
+    matches!(error.downcast_ref::<ExecuteError>(), Some(ExecuteError::Store(error)) if error.is_failure())
         || matches!(error.downcast_ref::<BenchmarkError>(), Some(BenchmarkError::Store(_)))
         || matches!(error.downcast_ref::<EmitError>(), Some(EmitError::Store(_)))
-        || error.downcast_ref::<StoreError>().is_some_and(is_failed)
+        || error.downcast_ref::<StoreError>().is_some_and(StoreError::is_failure)
         || matches!(error.downcast_ref::<ReportError>(), Some(ReportError::Png { .. } | ReportError::Write { .. }))
 }
 
@@ -310,7 +309,12 @@ pub(crate) fn batch(args: &BatchArgs) -> anyhow::Result<ExitCode> {
     let selection = Selection { only: args.run.iter().cloned().collect::<BTreeSet<_>>(), keep: args.keep.into() };
     let summary = interruptible(|stop| {
         let mut display = ProgressDisplay::default();
-        let summary = execute::execute_selected(&plan, args.out.clone(), &options, &selection, &mut display, stop)?;
+        let executed = execute::execute_selected(&plan, args.out.clone(), &options, &selection, &mut display, stop);
+        // The other commands that execute plans have no such flag.
+        let summary = executed.map_err(|error| match error {
+            ExecuteError::OtherRuns { .. } => anyhow!("{error}, or remove them with --prune"),
+            other => other.into(),
+        })?;
         if args.report && summary.failed + summary.left == 0 {
             record_routes(&args.out, jobs, stop);
         }

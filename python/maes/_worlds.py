@@ -112,6 +112,9 @@ class Worlds(EzPickle):
             raise _maes.BadInput(f'observations = {observations!r}: expected "dict" or "flat"')
         ticks = ticks_of(period_s)
         first = int(generator_of(None)[0].integers(DRAWN)) if seed is None else seed_of(seed)
+        if isinstance(count, int):
+            # The last of them.
+            seed_of(first + max(count, 1) - 1)
         self.scenario = scenario_of(scenario, keys)
         self.count = count
         self.agents = int(self.scenario["agents.count"])
@@ -175,7 +178,7 @@ class Worlds(EzPickle):
 
     def _draw(self) -> int:
         self._next_seed += 1
-        return self._next_seed - 1
+        return seed_of(self._next_seed - 1)
 
     def step(
         self, actions: npt.ArrayLike, *, begin_again: bool = True
@@ -203,6 +206,8 @@ class Worlds(EzPickle):
         rewards = gains[..., 0] if self._reward is None else np.asarray(self._reward(details), float)
         if rewards.shape != (self.count, self.agents):
             raise ValueError(f"reward has shape {rewards.shape}: expected {(self.count, self.agents)}")
+        if not np.isfinite(rewards).all():
+            raise ValueError(f"reward is {rewards[~np.isfinite(rewards)][0]}: expected finite numbers")
         over &= ~explored
         ended = np.flatnonzero(explored | over)
         if begin_again and len(ended):

@@ -97,6 +97,14 @@ class Result:
         )
 
 
+def _recording_of(record: str | os.PathLike[str] | None) -> str | None:
+    """The name of a recording."""
+    file = None if record is None else os.fspath(record)
+    if file is not None and not file.endswith((".mcap", "/")):
+        raise _maes.BadInput(f"record = {file!r}: expected a name that ends in .mcap, or in / for a folder")
+    return file
+
+
 def run(
     scenario: Scenario | str | os.PathLike[str] | None = None,
     /,
@@ -112,7 +120,7 @@ def run(
     class runs in place of the controller that the scenario names, and scenario, recording and digest
     keep that name: so a port of an algorithm is compared with the original.
 
-    `record` is the file of a recording (.mcap).
+    `record` is the file of a recording (.mcap), or a folder for one (with / at its end).
 
     Raises `BadInput`, `RunFailed`, whatever `decide` raises, and KeyboardInterrupt after Ctrl-C,
     each of which ends the run. Other Python threads continue meanwhile: the GIL is held during
@@ -130,11 +138,11 @@ def run(
     if keys:
         wanted = wanted.replace(**keys)
     substitute = classes[0].name if classes and replace else None
-    file = None if record is None else os.fspath(record)
+    file = _recording_of(record)
     native = _maes.run(
         wanted._native, known, has_python=bool(classes), substitute=substitute, record=file
     )
-    return Result(native, wanted, file)
+    return Result(native, wanted, file or wanted.to_dict()["execution"].get("record"))
 
 
 def fork(
@@ -148,8 +156,9 @@ def fork(
 ) -> Result:
     """Take a recorded run up to `at_s` of sim time, and continue with other keys (docs/what-if.md)."""
     known = registered(controllers)
-    file = None if record is None else os.fspath(record)
+    changes = changes_of(keys)
+    file = _recording_of(record)
     native = _maes.fork(
-        os.fspath(recording), at_s, changes_of(keys), known, has_python=bool(controllers), record=file
+        os.fspath(recording), at_s, changes, known, has_python=bool(controllers), record=file
     )
-    return Result(native, None, file)
+    return Result(native, None, file or dict(changes).get("execution.record"))

@@ -11,7 +11,7 @@ use std::time::Duration;
 use experiments::execute::{self, ExecuteError, OpenFolder, Options, Part, PlanObserver, Selection, Stop, Transport};
 use experiments::plan::{BUILD, Plan, PlannedRun};
 use experiments::rows::RunRow;
-use experiments::store::{RUNS, Store, StoreError};
+use experiments::store::{RUNS, Store};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -60,7 +60,7 @@ fn of_plan(error: ExecuteError) -> PyErr {
             "{folder}: holds {count} runs that are not of this plan, this build ({BUILD}) and this code of its \
              controllers, such as {example}: choose another folder, or remove them with prune=True"
         )),
-        ExecuteError::Store(StoreError::Busy { .. }) | ExecuteError::Store(StoreError::File { .. }) => failed(error),
+        ExecuteError::Store(error) if error.is_failure() => failed(error),
         other => bad_input(other),
     }
 }

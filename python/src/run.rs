@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use recording::Recording;
 use recording::location::recording_at;
 use sim_server::session::NullObserver;
-use sim_server::setup;
+use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Origins, Override, Scenario};
 
 use crate::controller::PyControllers;
@@ -72,6 +72,16 @@ pub(crate) fn run(
     })
 }
 
+/// The exception for a fork that cannot be, with the words of Python.
+fn of_fork(error: SetupError) -> PyErr {
+    match error {
+        SetupError::NoSuchTick { file, at_s, ended, end_s } => {
+            bad_input(format!("{file}: at_s = {at_s}: expected a time of the recorded run, which {ended} {end_s} s"))
+        }
+        other => bad_input(other),
+    }
+}
+
 /// Forks a recorded run at a sim time, with other keys from there on.
 #[pyfunction]
 #[pyo3(signature = (recording, at_s, changes, controllers, *, has_python, record=None))]
@@ -94,7 +104,7 @@ pub(crate) fn fork(
     let at = setup::tick_at(at_s).map_err(|allowed| bad_input(format!("at_s = {at_s}: {allowed}")))?;
     let (scenario, done) = interruptible(py, |stop| {
         let recording = Recording::open(&recording).map_err(bad_input)?;
-        let mut scenario = setup::fork(&recording, at, &changes).map_err(bad_input)?;
+        let mut scenario = setup::fork(&recording, at, &changes).map_err(of_fork)?;
         scenario.execution.record = record.or(scenario.execution.record);
         let done = in_process::fork(&recording, at, &scenario, &options, &mut NullObserver, stop).map_err(of_run)?;
         Ok::<_, PyErr>((scenario, done))

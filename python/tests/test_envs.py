@@ -333,3 +333,15 @@ def test_nearest_frontiers_are_those_of_all():
         np.testing.assert_array_equal(near, far[:, :, :3])
         shown.add(near.tobytes())
     assert len(shown) > 30
+
+
+def test_seeds_and_rewards_have_bounds():
+    with pytest.raises(maes.BadInput, match="seed = 9223372036854775808: expected"):
+        Worlds(2, seed=2**63 - 1, **CAVE)
+    last = Worlds(1, seed=2**63 - 1, **CAVE)
+    with pytest.raises(maes.BadInput, match="seed = 9223372036854775808: expected"):
+        last.reset()
+    env = ExplorationEnv(reward=lambda details: details["distance_m"] * np.nan, **CAVE)
+    env.reset()
+    with pytest.raises(ValueError, match="reward is nan: expected finite numbers"):
+        env.step(np.ones(4))

@@ -127,7 +127,7 @@ def test_folder_is_locked_while_an_executor_is_at_work(tmp_path):
 
     class Looks(ThreadPoolExecutor):
         def submit(self, call, /, *arguments, **keys):
-            with pytest.raises(maes.RunFailed, match="another `maes batch` is at work there") as error:
+            with pytest.raises(maes.BadInput, match="another `maes batch` is at work there") as error:
                 maes.batch(plan, out)
             refused.append(error)
             return super().submit(call, *arguments, **keys)

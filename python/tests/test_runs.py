@@ -131,6 +131,8 @@ def test_fork_without_changes_is_the_run(small, tmp_path):
     assert maes.fork(file, at_s=5.0, duration=8.0).metrics["controller"] == result.metrics["controller"] == "rbw"
     with pytest.raises(maes.BadInput, match="at_s = -1"):
         maes.fork(file, at_s=-1.0)
+    with pytest.raises(maes.BadInput, match="at_s = 5000: expected a time of the recorded run"):
+        maes.fork(file, at_s=5000.0)
 
 
 def test_maps_and_arrays(tmp_path):
@@ -215,3 +217,23 @@ def test_map_file_takes_the_place_of_a_generator(tmp_path, monkeypatch):
     of_file = maes.Scenario().replace(map={"kind": "file", "file": "map.m3dm"})
     assert of_file["map.cell_m"] == 0.5 and of_file.map().size == (20, 24, 30)
     assert of_file.replace(map={"kind": "spheres", "size": 50}) == maes.Scenario()
+
+
+def test_recordings_have_names_that_are_found(small, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert maes.run(small, execution__record="key.mcap", duration=1.0).record == "key.mcap"
+    assert maes.run(small, record="night/", duration=1.0).record == "night/"
+    fork = maes.fork("key.mcap", at_s=0.5, execution={"record": "fork.mcap"})
+    assert fork.record == "fork.mcap" and maes.run(small, duration=1.0).record is None
+    assert {one.name for one in tmp_path.iterdir()} == {"key.mcap", "night", "fork.mcap"}
+    for call in (lambda: maes.run(small, record="run.txt"), lambda: maes.fork("key.mcap", at_s=0.5, record="run")):
+        with pytest.raises(maes.BadInput, match="record = 'run.*expected a name that ends in .mcap"):
+            call()
+
+
+def test_scenarios_have_all_keys(small):
+    default = maes.Scenario()
+    values = [default[key] for key in ("body.kind", "communication.model", "communication.loss", "stop_when_covered")]
+    assert values == ["submarine", "line_of_sight_and_range", 0.0, False] and default["agents.base_stations"] == []
+    for scenario in (default, small, maes.Scenario(body={"kind": "aerial"}, energy={"endurance_s": 60.0})):
+        assert maes.Scenario(scenario.to_dict()) == scenario == maes.Scenario.from_toml(scenario.to_toml())

@@ -137,7 +137,12 @@ fn runs_of_another_plan_are_refused_or_pruned() {
         execute(plan, site.path().to_owned(), &options, &mut (), &Stop::default())
     };
     begin(&plan(), false).unwrap();
-    assert!(matches!(begin(&small, false), Err(ExecuteError::OtherRuns { count: 5, .. })));
+    let refused = begin(&small, false).unwrap_err();
+    assert!(matches!(refused, ExecuteError::OtherRuns { count: 5, .. }));
+    assert!(!refused.to_string().contains("--prune"), "not every command has the flag: {refused}");
+    let file = site.path().join("plan.toml");
+    let refused = execute(&small, file, &options(Part::WHOLE), &mut (), &Stop::default()).unwrap_err();
+    assert!(matches!(refused, ExecuteError::Store(StoreError::NoFolder { .. })), "{refused}");
     assert_eq!(begin(&small, true).unwrap(), Summary { skipped: 1, ..Summary::default() });
     assert_eq!(records(site.path()).len(), 1);
 }

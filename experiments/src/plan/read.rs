@@ -338,6 +338,9 @@ fn compare(value: Option<&toml::Value>, variants: &[Variant], axes: &[Axis]) -> 
         }
         Some(_) => return Err(expected()),
     };
+    if let Some(twice) = keys.iter().enumerate().find(|(at, key)| keys[..*at].contains(key)) {
+        return Err(format!("{:?} is listed twice", twice.1));
+    }
     match keys.iter().find(|key| axes.iter().all(|axis| axis.key != **key)) {
         Some(key) => Err(format!("{key:?}: {}{}", expected(), nearest(key, axes))),
         None => Ok(keys),

@@ -270,6 +270,10 @@ fn errors_of_variants_name_the_line() {
         ),
         ("seeds = [1]\ncompare = \"count\"\naxes.\"agents.count\" = [1]", "did you mean `agents.count`?"),
         ("seeds = [1]\ncompare = []", "p.toml:2: compare: expected an axis"),
+        (
+            "seeds = [1]\ncompare = [\"agents.count\", \"agents.count\"]\naxes.\"agents.count\" = [1, 2]",
+            "p.toml:2: compare: \"agents.count\" is listed twice",
+        ),
         ("seeds = [1]\n[[variant]]\n\"agents.count\" = 3", "p.toml:3: variant: expected a name of its own"),
         (
             "seeds = [1]\n[[variant]]\nname = \"a\"\n[[variant]]\nname = \"a\"",
