@@ -426,15 +426,16 @@ impl Supervision<'_> {
     }
 
     fn restart(&mut self, group: Group) -> Result<(), SupervisorError> {
+        // An agent that has left and was started again has a process of its own.
+        let parts = group.without(self.agents.keys());
         let mut most = 0;
-        for agent in group.first..=group.last {
+        for agent in parts.iter().flat_map(|part| part.first..=part.last) {
             let restarts = self.restarts.entry(agent).or_default();
             *restarts += 1;
             most = most.max(*restarts);
         }
         if most <= RESTARTS_MAX {
-            // An agent that has left and was started again has a process of its own.
-            for part in group.without(self.agents.keys()) {
+            for part in parts {
                 let process = self.start_agents(part)?;
                 self.agents.insert(part, process);
             }
