@@ -15,7 +15,7 @@ from .controllers import Controller, registered
 
 
 class Batch:
-    """The runs of a plan in a folder."""
+    """The runs of a plan in a folder, which is read at each use: a later call may replace them."""
 
     __slots__ = ("failures", "folder")
 
