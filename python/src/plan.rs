@@ -52,7 +52,7 @@ impl PyPlan {
     }
 }
 
-/// The exception for a plan that is not executed, with the remedies of Python.
+/// The exception for a plan that is refused, with the remedies of Python, or whose runs fail.
 fn of_plan(error: ExecuteError) -> PyErr {
     match error {
         ExecuteError::OtherRuns { folder, count, example } => bad_input(format!(
@@ -60,6 +60,9 @@ fn of_plan(error: ExecuteError) -> PyErr {
              controllers, such as {example}: choose another folder, or remove them with prune=True"
         )),
         ExecuteError::Store(error) if error.is_failure() => failed(error),
+        fault @ (ExecuteError::OtherOutcome { .. } | ExecuteError::Oracle(_) | ExecuteError::Statistics(_)) => {
+            failed(fault)
+        }
         other => bad_input(other),
     }
 }
