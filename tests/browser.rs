@@ -109,7 +109,7 @@ fn snapshots_are_reproducible() {
     assert!(early == taken("2", "again.png"), "the same moment is the same picture");
     assert!(early != taken("18.5", "late.png"), "another moment is another picture");
     // Of a file that has lost its attachments, the page draws what the team has seen.
-    let stripped = site.file("stripped.mcap", &without_attachments(&file));
+    let stripped = site.file("stripped.mcap", without_attachments(&file));
     snapshot_of(&stripped, &["--at", "18", "--out", "stripped.png"]).with_code(0);
     for (wrong, words) in [
         (&["--at", "100", "--out", "no.png"][..], "20"),

@@ -232,7 +232,8 @@ pub struct OpenFolder {
 }
 
 /// Opens the folder of a plan, and creates it if it does not exist; with [`Options::prune`] the
-/// runs of other plans are removed.
+/// runs of other plans are removed. Runs of this part that are not
+/// [versioned](PlannedRun::is_versioned) are removed in any case, to be executed again.
 ///
 /// # Errors
 /// If the folder cannot be used, or a run of the plan cannot be executed; see [`check`].
@@ -242,6 +243,10 @@ pub fn open(plan: &Plan, folder: &Path, options: &Options) -> Result<OpenFolder,
     let lock = store.lock(options.part != Part::WHOLE)?;
     prune(plan, &store, &store.done()?, options.prune)?;
     store.save_plan(plan)?;
+    for run in options.part.of(&plan.runs).into_iter().filter(|run| !run.is_versioned) {
+        store.remove(&run.id)?;
+        store.forget_failure(&run.id)?;
+    }
     Ok(OpenFolder { store, _lock: lock })
 }
 

@@ -109,21 +109,32 @@ pub struct Variant {
 #[derive(Debug, Clone, Copy)]
 pub struct KnownControllers<'a> {
     pub registry: Registry,
-    /// What stands for the code of those that the build does not determine, by name.
-    pub codes: &'a BTreeMap<String, String>,
+    /// The versions of those that the build does not determine, by name; `None` if one has none.
+    pub versions: &'a BTreeMap<String, Option<String>>,
 }
 
-impl KnownControllers<'_> {
+impl<'a> KnownControllers<'a> {
     /// Those of the build.
     pub const BUILT_IN: KnownControllers<'static> =
-        KnownControllers { registry: Registry::BUILT_IN, codes: &BTreeMap::new() };
+        KnownControllers { registry: Registry::BUILT_IN, versions: &BTreeMap::new() };
+
+    /// The versions of the controllers of a run: those of all agents, at any time.
+    fn versions_in(&self, scenario: &Scenario) -> BTreeMap<&'a str, Option<&'a str>> {
+        let phases = scenario.phases();
+        let choices = phases.iter().flat_map(|phase| phase.agents.controllers_of(|_| true));
+        let found = choices.filter_map(|choice| self.versions.get_key_value(choice.controller));
+        found.map(|(name, version)| (name.as_str(), version.as_deref())).collect()
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedRun {
     /// First 16 hexadecimal digits of the blake3 hash of the scenario, the build, the contents of
-    /// the files that it names, and the code of controllers that are not of the build.
+    /// the files that it names, and the versions of controllers that are not of the build.
     pub id: String,
+    /// Whether every controller is of the build, or has a version. A record of another run is
+    /// replaced by the next execution, since nothing says that it is of the same code.
+    pub is_versioned: bool,
     /// Key and value, as text, of every axis; also [`VARIANT`] and [`MAP_FILE`], if the plan has
     /// them.
     pub axes: BTreeMap<String, String>,
@@ -182,8 +193,10 @@ impl Plan {
         let of_run = files
             .of(&scenario)
             .map_err(|Unreadable { path, source, .. }| PlanError::Read { file: path.display().to_string(), source })?;
+        let versions = known.versions_in(&scenario);
         Ok(PlannedRun {
-            id: id(&scenario, &of_run, known.codes),
+            id: id(&scenario, &of_run, &versions),
+            is_versioned: versions.values().all(Option::is_some),
             axes: BTreeMap::new(),
             map: map_id(&scenario, &of_run),
             folder: PathBuf::new(),
@@ -337,17 +350,19 @@ fn planned_run(
         setup::check_map(&scenario).map_err(|error| line_error("map", error.to_string()))?;
     }
     let map = map_id(&scenario, &of_run);
-    let (id, cost) = (id(&scenario, &of_run, known.codes), cost(&scenario, &of_run));
+    let versions = known.versions_in(&scenario);
+    let is_versioned = versions.values().all(Option::is_some);
+    let (id, cost) = (id(&scenario, &of_run, &versions), cost(&scenario, &of_run));
     let mut folder = PathBuf::new();
     if scenario.map.file.is_some() || !scenario.agents.command.is_empty() {
         files.folder().clone_into(&mut folder);
         scenario.map.folder.clone_from(&folder);
     }
-    Ok(PlannedRun { id, axes, map, scenario, folder, cost })
+    Ok(PlannedRun { id, is_versioned, axes, map, scenario, folder, cost })
 }
 
 /// See [`PlannedRun::id`].
-fn id(scenario: &Scenario, files: &RunFiles, codes: &BTreeMap<String, String>) -> String {
+fn id(scenario: &Scenario, files: &RunFiles, versions: &BTreeMap<&str, Option<&str>>) -> String {
     let mut hasher = blake3::Hasher::new();
     // The map file is among the hashes, whatever its name.
     let mut scenario = scenario.clone().without_map_file();
@@ -358,11 +373,10 @@ fn id(scenario: &Scenario, files: &RunFiles, codes: &BTreeMap<String, String>) -
     for hash in &files.hashes {
         hasher.update(&[0]).update(hash.as_bytes());
     }
-    let phases = scenario.phases();
-    let choices = phases.iter().flat_map(|phase| phase.agents.controllers_of(|_| true));
-    let names: BTreeSet<&str> = choices.map(|choice| choice.controller).collect();
-    for (name, code) in names.into_iter().filter_map(|name| codes.get_key_value(name)) {
-        hasher.update(&[1]).update(name.as_bytes()).update(&[0]).update(code.as_bytes());
+    for (name, version) in versions {
+        if let Some(version) = version {
+            hasher.update(&[1]).update(name.as_bytes()).update(&[0]).update(version.as_bytes());
+        }
     }
     hasher.finalize().to_hex()[..16].to_owned()
 }

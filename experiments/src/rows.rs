@@ -113,7 +113,7 @@ row! {
     /// The metrics of a run: a row of `runs.csv`, and its columns in their order. Shares are of the
     /// free cells of the true map, 0 to 1.
     RunRow {
-        id: String = "The run: 16 hexadecimal digits of the blake3 hash of scenario, seed and build.";
+        id: String = "The run: 16 hexadecimal digits of the blake3 hash of all that its result depends on.";
         build: String = "Version and commit of the program that ran it.";
         controller: String = "Controllers of the team with their settings; of a fork `rbw, then lvd`.";
         seed: u64 = "Seed of the scenario.";

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::outbox::{CALLS_MAX, Outbox};
 use simulation::scenario::Rtf;
-use transport::control::Request;
+use transport::control::{Request, ResetScope, reset_scope};
 
 /// A request of a client.
 pub(super) enum ClientRequest {
@@ -287,9 +287,9 @@ pub(super) fn idle_request(asked: ClientRequest) -> Option<IdleRequest> {
 
 /// The request to repeat the last run, or `None` if it is answered because of its scope.
 fn restart(ask: Ask<ResetSimulation>) -> Option<IdleRequest> {
-    let result = match transport::control::resets_run(ask.request.scope, false) {
-        Ok(true) => return Some(IdleRequest::Restart(ask)),
-        Ok(false) => Outcome::ok(),
+    let result = match reset_scope(ask.request.scope, false) {
+        Ok(ResetScope::Run) => return Some(IdleRequest::Restart(ask)),
+        Ok(ResetScope::Nothing) => Outcome::ok(),
         Err(refused) => refused,
     };
     ask.answer(|_| ResetSimulationResponse { result });

@@ -35,8 +35,7 @@ pub(crate) fn print(args: &ScenarioArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     };
     let table = toml::Value::Table(complete);
-    let value = key.split('.').try_fold(&table, |place, part| place.get(part));
-    match value.ok_or_else(|| without_value(key))? {
+    match value_at(&table, key).ok_or_else(|| without_value(&table, key))? {
         toml::Value::Table(table) => {
             table.iter().for_each(|(key, value)| output::print(&format!("{key}={}", word(value))));
         }
@@ -45,13 +44,28 @@ pub(crate) fn print(args: &ScenarioArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Why a scenario has no value of a key.
-fn without_value(key: &str) -> anyhow::Error {
-    match keys::find(key).map(|declared| declared.default) {
-        Some(DefaultValue::Unset(meaning)) => anyhow!("--get {key}: it is not set, which stands for {meaning}"),
-        Some(_) => anyhow!("--get {key}: its table is not set"),
-        None if keys::table(key).is_some() => anyhow!("--get {key}: the table is not set"),
-        None => anyhow!("--get {key}: {}", unknown_key(key)),
+/// The value of a key in a table, by its dotted path.
+fn value_at<'t>(table: &'t toml::Value, path: &str) -> Option<&'t toml::Value> {
+    path.split('.').try_fold(table, |place, part| place.get(part))
+}
+
+/// Why a scenario, all of whose keys are written out, has no value of a key.
+fn without_value(scenario: &toml::Value, key: &str) -> anyhow::Error {
+    let Some(declared) = keys::find(key) else {
+        return match keys::table(key) {
+            Some(_) => anyhow!("--get {key}: the table is not set"),
+            None => anyhow!("--get {key}: {}", unknown_key(key)),
+        };
+    };
+    let table = key.rsplit_once('.').map_or(Some(scenario), |(table, _)| value_at(scenario, table));
+    let kind = table.and_then(|table| table.get("kind")).and_then(toml::Value::as_str);
+    match (kind.filter(|kind| !declared.only_with.is_empty() && !declared.only_with.contains(kind)), declared.default) {
+        (Some(kind), _) => {
+            let kinds: Vec<String> = declared.only_with.iter().map(|kind| format!("{kind:?}")).collect();
+            anyhow!("--get {key}: it is not set with kind = {kind:?}, only with {}", kinds.join(" or "))
+        }
+        (None, DefaultValue::Unset(meaning)) => anyhow!("--get {key}: it is not set, which stands for {meaning}"),
+        (None, _) => anyhow!("--get {key}: its table is not set"),
     }
 }
 
@@ -66,15 +80,21 @@ mod tests {
 
     #[test]
     fn keys_without_a_value_are_told_from_unknown_ones() {
+        let scenario: toml::Table = "spawn = { kind = \"list\" }".parse().unwrap();
+        let scenario = toml::Value::Table(scenario);
         for (key, expected) in [
             ("map.seed", "--get map.seed: it is not set, which stands for that of the run"),
             ("energy.reserve", "--get energy.reserve: its table is not set"),
+            (
+                "spawn.min_distance_m",
+                "--get spawn.min_distance_m: it is not set with kind = \"list\", only with \"scattered\"",
+            ),
             ("energy", "--get energy: the table is not set"),
             ("body.knd", "--get body.knd: unknown key `body.knd`; did you mean `body.kind`?"),
             ("bdy.kind", "--get bdy.kind: unknown key `bdy`; did you mean `body`?"),
             ("agents.set.turn_rad", "--get agents.set.turn_rad: unknown key `agents.set.turn_rad`"),
         ] {
-            assert_eq!(without_value(key).to_string(), expected);
+            assert_eq!(without_value(&scenario, key).to_string(), expected);
         }
     }
 }

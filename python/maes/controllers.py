@@ -7,7 +7,6 @@ from enum import IntEnum, IntFlag
 from typing import Any, ClassVar
 
 from . import _maes
-from ._code import code_of
 from ._maes import Command, Ctx, Observation, Rng
 
 
@@ -47,6 +46,9 @@ class Controller:
     settings: ClassVar[Mapping[str, tuple[float, float, float] | Sequence[str]]] = {}
     """Settings by key: (default, least, greatest), all float or all int; or words, the first of
     which is the default. The keys of the scenario's table `agents.set`."""
+    version: ClassVar[str | int]
+    """Names the code in ids of runs, so that plans keep its runs until it is changed. A class without a
+    version of its own runs again in every call of `batch` and `study`; bases do not pass theirs on."""
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
@@ -63,12 +65,25 @@ class Controller:
         raise NotImplementedError(f"{type(self).__name__}.decide")
 
 
-def registered(classes: Sequence[type[Controller]], codes: Sequence[str] | None = None) -> _maes.Controllers:
-    """The built-in controllers and these classes, with what stands for their code in ids of runs."""
+def registered(classes: Sequence[type[Controller]]) -> _maes.Controllers:
+    """The built-in controllers and these classes, with their versions."""
     for one in classes:
         if not (isinstance(one, type) and issubclass(one, Controller)):
             raise TypeError(f"controller {one!r}: expected a name, or a subclass of maes.Controller")
-    return _maes.Controllers(list(zip(classes, codes or map(code_of, classes))))
+    return _maes.Controllers([(one, _version(one)) for one in classes])
+
+
+def _version(controller: type[Controller]) -> str | None:
+    """What stands for the version of a class in ids of runs, in which 1 is not "1"."""
+    # That of a base would say nothing about edits of this class.
+    if "version" not in vars(controller):
+        return None
+    version = vars(controller)["version"]
+    if isinstance(version, bool) or not isinstance(version, (str, int)) or version == "":
+        raise _maes.BadInput(
+            f"controller {controller.name}: version = {version!r}: expected a text that is not empty, or a whole number"
+        )
+    return repr(version)
 
 
 def controllers() -> list[str]:

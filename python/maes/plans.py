@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from . import _maes
-from ._code import code_of
 from ._frames import frame
 from .controllers import Controller, registered
 
 
 class Batch:
-    """The runs of a plan in a folder."""
+    """The runs of a plan in a folder, which is read at each use: a later call may replace them."""
 
     __slots__ = ("failures", "folder")
 
@@ -78,25 +77,18 @@ def _plan(file: str, known: _maes.Controllers) -> _maes.NativePlan:
     return _maes.NativePlan.parse(file, path.read_text(encoding="utf-8"), os.fspath(path.parent), known)
 
 
-def _run_part(
-    file: str, id: str, classes: list[type[Controller]], codes: list[tuple[str, str]]
-) -> tuple[bytes, bytes]:
+def _run_part(file: str, id: str, classes: list[type[Controller]]) -> tuple[bytes, bytes]:
     """Execute a run of a plan in a worker; return the files with its record and its scenario."""
-    for controller, (_, code) in zip(classes, codes):
-        if code_of(controller, is_copy_equal=True) != code:
-            raise _maes.BadInput(
-                f"controller {controller.name}: its code in the worker is not that of the caller; "
-                "start the workers again, with the same files and the same Python"
-            )
-    known = registered(classes, [code for code, _ in codes])
+    known = registered(classes)
     native, progress = _plan(file, known), _Progress(False)
     if id not in [one for one, _, _ in native.runs()]:
         raise _maes.BadInput(
-            f"{file}: has no run {id} in the worker; expected the same files and the same build ({_maes.BUILD})"
+            f"{file}: has no run {id} in the worker; expected the same files, the same versions of controllers "
+            f"and the same build ({_maes.BUILD})"
         )
     with tempfile.TemporaryDirectory() as folder:
-        opened = native.open(folder, known, False)
-        _maes.execute_plan(native, opened, known, jobs=1, only=[id], report=progress)
+        opened = native.open(folder, known, 1, False)
+        _maes.execute_plan(native, opened, only=[id], report=progress)
         opened.close()
         if progress.failures:
             raise _maes.RunFailed(progress.failures[id])
@@ -115,7 +107,8 @@ def batch(
     prune: bool = False,
     attempts: int = 3,
 ) -> Batch:
-    """Execute the runs of a plan that the folder `out` does not have yet.
+    """Execute the runs of a plan that the folder `out` does not have yet, and again those of classes
+    without a `version`, which replace those of the call before.
 
     `controllers` are classes that the plan names beside the built-in ones. `jobs` runs are executed at a
     time, one for each core by default; Python controllers share the GIL, so that an `executor` of
@@ -123,15 +116,15 @@ def batch(
     its own, which is submitted up to `attempts` times if its worker dies; workers read the plan
     from the same path. `progress` shows a bar of tqdm, and raises an ImportError without it.
 
-    Runs of a class belong to its code (docs/python.md). A folder with runs that are not of this plan
-    is refused before anything is executed; `prune` removes them.
+    A folder with runs that are not of this plan, or of another version of a class, is refused before
+    anything is executed; `prune` removes them.
     """
     file, classes = os.fspath(plan), list(controllers)
     known = registered(classes)
     native = _plan(file, known)
     shown = _Progress(progress)
     cores = jobs if jobs is not None else len(os.sched_getaffinity(0))
-    folder = native.open(os.fspath(out), known, prune)
+    folder = native.open(os.fspath(out), known, cores, prune)
     try:
         if executor is not None:
             _distribute(native, file, folder, classes, executor, shown, attempts)
@@ -139,7 +132,7 @@ def batch(
             folder.write_tables()
         else:
             # After an executor it finds all records, and only writes the tables.
-            _maes.execute_plan(native, folder, known, jobs=cores, only=[], report=shown)
+            _maes.execute_plan(native, folder, only=[], report=shown)
     finally:
         folder.close()
         shown.close()
@@ -157,10 +150,9 @@ def _distribute(
 ) -> None:
     """Execute the missing runs as tasks of an executor, and store their records."""
     missing = folder.missing(native)
-    codes = [(code_of(one), code_of(one, is_copy_equal=True)) for one in classes]
     shown("started", len(missing))
     for attempt in range(attempts):
-        tasks = {executor.submit(_run_part, file, id, classes, codes): id for id in missing}
+        tasks = {executor.submit(_run_part, file, id, classes): id for id in missing}
         missing = []
         for task in as_completed(tasks):
             id = tasks[task]

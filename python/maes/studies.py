@@ -147,9 +147,10 @@ def study(
     "distance" (docs/statistics.md). No p-value is given below six maps.
 
     It is a plan of `batch` in the folder `out`, which keeps the runs, so that a call with more seeds
-    executes the new ones alone; without `out` they go with the returned `Study`. A folder with other
-    runs, as of a class before its code was changed, is refused; `prune` removes these. `progress` shows a
-    bar of tqdm in terminals and notebooks; by default where tqdm is installed.
+    executes the new ones alone, and all of a class without a `version`; without `out` they go with the
+    returned `Study`. A folder with other runs, as of another version of a class, is refused; `prune`
+    removes these. `progress` shows a bar of tqdm in terminals and notebooks; by default where tqdm is
+    installed.
     """
     chosen = list(planners)
     classes = [one for one in chosen if not isinstance(one, str)]

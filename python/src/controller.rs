@@ -52,26 +52,25 @@ static KNOWN: Mutex<Vec<Registered>> = Mutex::new(Vec::new());
 #[pyclass(name = "Controllers", module = "maes._maes", frozen)]
 pub(crate) struct PyControllers {
     pub(crate) registry: Registry,
-    /// What stands for the code of the classes, by name.
-    codes: BTreeMap<String, String>,
+    /// The versions of the classes, by name.
+    versions: BTreeMap<String, Option<String>>,
 }
 
 impl PyControllers {
     pub(crate) fn known(&self) -> KnownControllers<'_> {
-        KnownControllers { registry: self.registry, codes: &self.codes }
+        KnownControllers { registry: self.registry, versions: &self.versions }
     }
 }
 
 #[pymethods]
 impl PyControllers {
-    /// Registers subclasses of `maes.Controller` under their `name`, each with what stands for its
-    /// code.
+    /// Registers subclasses of `maes.Controller` under their `name`, each with its version.
     #[new]
-    fn new(classes: Vec<(Bound<'_, PyType>, String)>) -> PyResult<Self> {
-        let (classes, codes): (Vec<_>, Vec<_>) = classes.into_iter().unzip();
-        let codes_of = |own: &[Registration]| own.iter().map(|one| one.name.to_owned()).zip(codes).collect();
+    fn new(classes: Vec<(Bound<'_, PyType>, Option<String>)>) -> PyResult<Self> {
+        let (classes, versions): (Vec<_>, Vec<_>) = classes.into_iter().unzip();
+        let versions_of = |own: &[Registration]| own.iter().map(|one| one.name.to_owned()).zip(versions).collect();
         if let Some(own) = known(&classes) {
-            return Ok(Self { registry: Registry::with(own).map_err(bad_input)?, codes: codes_of(own) });
+            return Ok(Self { registry: Registry::with(own).map_err(bad_input)?, versions: versions_of(own) });
         }
         // Without the lock: Python code runs here, and may let other threads run.
         let entries = classes.iter().map(registration).collect::<PyResult<Vec<_>>>()?;
@@ -85,7 +84,7 @@ impl PyControllers {
             return Err(PyRuntimeError::new_err(text));
         }
         known.push((classes.into_iter().map(Bound::unbind).collect(), own));
-        Ok(Self { registry, codes: codes_of(own) })
+        Ok(Self { registry, versions: versions_of(own) })
     }
 
     /// Checks the name of a controller and its settings `KEY=VALUE`.

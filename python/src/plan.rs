@@ -42,25 +42,27 @@ impl PyPlan {
     }
 
     /// Opens the folder of the plan and locks it, until `close`: nothing is executed, nor stored, in
-    /// a folder that is refused.
-    fn open(&self, folder: PathBuf, controllers: &PyControllers, prune: bool) -> PyResult<PyPlanFolder> {
-        let opened = execute::open(&self.plan, &folder, &options(controllers, NonZero::<usize>::MIN, prune));
-        Ok(PyPlanFolder { opened: Mutex::new(Some(opened.map_err(of_plan)?)) })
+    /// a folder that is refused. Runs of classes without a version are removed from it.
+    fn open(&self, folder: PathBuf, controllers: &PyControllers, jobs: usize, prune: bool) -> PyResult<PyPlanFolder> {
+        let jobs = NonZero::new(jobs).ok_or_else(|| bad_input("jobs = 0: expected a number from 1"))?;
+        let (transport, registry) = (Transport::Memory, controllers.registry);
+        let options = Options { jobs, transport, part: Part::WHOLE, registry, prune };
+        let opened = execute::open(&self.plan, &folder, &options).map_err(of_plan)?;
+        Ok(PyPlanFolder { options, opened: Mutex::new(Some(opened)) })
     }
 }
 
-fn options(controllers: &PyControllers, jobs: NonZero<usize>, prune: bool) -> Options {
-    Options { jobs, transport: Transport::Memory, part: Part::WHOLE, registry: controllers.registry, prune }
-}
-
-/// The exception for a plan that is not executed, with the remedies of Python.
+/// The exception for a plan that is refused, with the remedies of Python, or whose runs fail.
 fn of_plan(error: ExecuteError) -> PyErr {
     match error {
         ExecuteError::OtherRuns { folder, count, example } => bad_input(format!(
-            "{folder}: holds {count} runs that are not of this plan, this build ({BUILD}) and this code of its \
+            "{folder}: holds {count} runs that are not of this plan, this build ({BUILD}) and these versions of its \
              controllers, such as {example}: choose another folder, or remove them with prune=True"
         )),
         ExecuteError::Store(error) if error.is_failure() => failed(error),
+        fault @ (ExecuteError::OtherOutcome { .. } | ExecuteError::Oracle(_) | ExecuteError::Statistics(_)) => {
+            failed(fault)
+        }
         other => bad_input(other),
     }
 }
@@ -68,6 +70,7 @@ fn of_plan(error: ExecuteError) -> PyErr {
 /// The folder of a plan, locked for as long as it is open.
 #[pyclass(name = "PlanFolder", module = "maes._maes", frozen)]
 pub(crate) struct PyPlanFolder {
+    options: Options,
     opened: Mutex<Option<OpenFolder>>,
 }
 
@@ -155,19 +158,14 @@ const PERIOD: Duration = Duration::from_millis(20);
 /// Executes the runs of a plan that have no record in its folder; `report` is called with
 /// `("started", count)`, `("completed", id)` and `("failed", id, reason)`.
 #[pyfunction]
-#[pyo3(signature = (plan, folder, controllers, *, jobs, only, report))]
-#[allow(clippy::too_many_arguments, reason = "they are named in Python")]
+#[pyo3(signature = (plan, folder, *, only, report))]
 pub(crate) fn execute_plan(
     py: Python<'_>,
     plan: &PyPlan,
     folder: &PyPlanFolder,
-    controllers: &PyControllers,
-    jobs: usize,
     only: Vec<String>,
     report: &Bound<'_, PyAny>,
 ) -> PyResult<()> {
-    let jobs = NonZero::new(jobs).ok_or_else(|| bad_input("jobs = 0: expected a number from 1"))?;
-    let options = options(controllers, jobs, false);
     let selection = Selection { only: only.into_iter().collect(), ..Selection::default() };
     let stop = Stop::default();
     let report = report.clone().unbind();
@@ -177,7 +175,7 @@ pub(crate) fn execute_plan(
         let opened = opened.as_ref().ok_or_else(|| failed("the folder of the plan is closed"))?;
         thread::scope(|scope| {
             let (sender, events) = channel();
-            let (stop, options, selection) = (&stop, &options, &selection);
+            let (stop, options, selection) = (&stop, &folder.options, &selection);
             let worker = scope.spawn(move || {
                 let mut reports = Reports(sender);
                 execute::execute_in(opened, &plan.plan, options, selection, &mut reports, stop)

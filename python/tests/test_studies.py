@@ -1,6 +1,7 @@
 """Studies of planners, and the verdicts of plans as tables."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,6 +14,8 @@ CAVE = {"size": 30, "duration": 40.0, "agents": 2, "lidar__range_m": 6.0, "map__
 
 class Still(maes.Controller):
     """Stays where it is."""
+
+    version = 1
 
     def decide(self, observation, ctx):
         return maes.Command(maes.Motion.stop(), maes.WakeCondition.TASK_DONE)
@@ -78,33 +81,90 @@ def test_failures_are_counted(tmp_path):
     assert "Broken failed on 3 of 3 maps" in study.verdicts[0] and "it is broken" in study._repr_html_()
 
 
-def flier(turn_rad):
+def flier(turn_rad, started, **attributes):
+    """A class `Mine`, of which each run adds to a list."""
+
     class Mine(maes.Controller):
+        is_new = True
+
         def decide(self, observation, ctx):
+            if self.is_new and ctx.agent == 0:
+                started.append(turn_rad)
+            self.is_new = False
             motion = maes.Motion.turn(turn_rad) if observation.collision else maes.Motion.straight()
             return maes.Command(motion, maes.WakeCondition.TASK_DONE)
 
+    for name, value in attributes.items():
+        setattr(Mine, name, value)
     return Mine
 
 
-def test_edited_class_runs_again(tmp_path):
+def stamps(folder):
+    return {file.name: file.stat().st_mtime_ns for file in (folder / "runs").iterdir()}
+
+
+def test_class_without_a_version_runs_again(tmp_path):
+    started, keys = [], {"out": tmp_path / "out", "progress": False, **CAVE}
+    first = maes.study(["rbw", flier(2.0, started)], [1, 2], **keys).columns()
+    before = stamps(tmp_path / "out")
+    again = maes.study(["rbw", flier(2.0, started)], [1, 2], **keys).columns()
+    assert started == [2.0] * 4 and again["digest"] == first["digest"]
+    with ThreadPoolExecutor(1) as pool:
+        for number, how in enumerate(({}, {"executor": pool})):
+            turn_rad = 1.0 - number / 2
+            edited = maes.study(["rbw", flier(turn_rad, started)], [1, 2], **how, **keys).columns()
+            assert started[4 + 2 * number :] == [turn_rad] * 2
+            assert edited["controller"] == first["controller"] == ["Mine", "Mine", "rbw", "rbw"]
+            afresh = maes.study(["rbw", flier(turn_rad, [])], [1, 2], progress=False, **CAVE).columns()
+            assert edited["digest"] == afresh["digest"] and edited["id"] == first["id"]
+            pairs = list(zip(first["digest"], edited["digest"]))
+            assert [one == other for one, other in pairs] == [False, False, True, True]
+            table = (tmp_path / "out/runs.csv").read_text()
+            assert all(digest in table for digest in edited["digest"]) and len(table.splitlines()) == 5
+    after = stamps(tmp_path / "out")
+    assert before.keys() == after.keys()
+    of_rbw = {name for name, stamp in before.items() if after[name] == stamp}
+    assert {name.partition(".")[0] for name in of_rbw} == set(first["id"][2:])
+
+
+def test_refused_call_removes_nothing(tmp_path):
     keys = {"out": tmp_path / "out", "progress": False, **CAVE}
-    first = maes.study(["rbw", flier(2.0)], [1, 2], **keys).columns()
-    stamps = {file: file.stat().st_mtime_ns for file in (tmp_path / "out/runs").iterdir()}
-    # The same text once more, as of a cell of a notebook, is the same code.
-    assert maes.study(["rbw", flier(2.0)], [1, 2], **keys).columns() == first
-    assert stamps == {file: file.stat().st_mtime_ns for file in (tmp_path / "out/runs").iterdir()}
-    with pytest.raises(maes.BadInput, match="holds 2 runs that are not of .*this code.*prune=True"):
-        maes.study(["rbw", flier(1.0)], [1, 2], **keys)
-    edited = maes.study(["rbw", flier(1.0)], [1, 2], prune=True, **keys).columns()
-    assert edited["controller"] == first["controller"] == ["Mine", "Mine", "rbw", "rbw"]
-    pairs = list(zip(first["digest"], edited["digest"]))
-    assert all(one != other for one, other in pairs[:2]) and all(one == other for one, other in pairs[2:])
-    kept = [file for file, stamp in stamps.items() if file.exists() and file.stat().st_mtime_ns == stamp]
-    assert len(kept) == 4, "those of rbw"
-    single = maes.run(controller=flier(1.0), seed=1, **CAVE).metrics["id"]
-    assert single != maes.run(controller=flier(2.0), seed=1, **CAVE).metrics["id"]
-    assert single in edited["id"]
+    maes.study(["rbw", flier(2.0, [])], [1, 2], **keys)
+    before = stamps(tmp_path / "out")
+    for seeds, jobs, why in (([1, 2], 0, "jobs = 0"), ([1], 1, "holds 2 runs that are not of this plan")):
+        with pytest.raises(maes.BadInput, match=why):
+            maes.study(["rbw", flier(1.0, [])], seeds, jobs=jobs, **keys)
+        assert stamps(tmp_path / "out") == before
+
+
+def test_runs_belong_to_the_version_of_a_class(tmp_path):
+    started, keys = [], {"out": tmp_path / "out", "progress": False, **CAVE}
+    first = maes.study(["rbw", flier(2.0, started, version=1)], [1, 2], **keys).columns()
+    before = stamps(tmp_path / "out")
+    kept = maes.study(["rbw", flier(1.0, started, version=1)], [1, 2], **keys).columns()
+    assert kept == first and started == [2.0] * 2 and stamps(tmp_path / "out") == before
+    with pytest.raises(maes.BadInput, match="holds 2 runs that are not of .*these versions.*prune=True"):
+        maes.study(["rbw", flier(1.0, started, version="1")], [1, 2], **keys)
+    assert started == [2.0] * 2 and stamps(tmp_path / "out") == before
+    other = maes.study(["rbw", flier(1.0, started, version="1")], [1, 2], prune=True, **keys).columns()
+    assert started == [2.0] * 2 + [1.0] * 2 and other["controller"] == first["controller"]
+    assert set(other["id"]) & set(first["id"]) == set(first["id"][2:]), "those of rbw"
+    ids = {of: maes.run(controller=flier(1.0, [], version=of), seed=1, **CAVE).metrics["id"] for of in (1, "1")}
+    assert ids[1] in first["id"] and ids["1"] in other["id"]
+
+
+def test_versions_are_texts_or_whole_numbers_of_the_class_itself(tmp_path):
+    for version in ("", True, None, 1.5, b"1", lambda: 1):
+        with pytest.raises(maes.BadInput, match="controller Mine: version = .*: expected a text that is not"):
+            maes.study(["rbw", flier(2.0, [], version=version)], [1], progress=False, **CAVE)
+    started = []
+
+    class Heir(flier(2.0, started, version=1)):
+        """Has edits of its own."""
+
+    for _ in range(2):
+        maes.study(["rbw", Heir], [1], out=tmp_path, progress=False, **CAVE)
+    assert len(started) == 2
 
 
 def test_maps_of_scenarios_are_found_from_the_folder_of_the_study(tmp_path, monkeypatch):

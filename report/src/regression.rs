@@ -15,6 +15,7 @@ use experiments::plan::ALPHA;
 use experiments::rows::ticks;
 use experiments::store::{Store, StoreError};
 use msgs::ids::Tick;
+use simulation::scenario::keys::{self, Kind};
 use statistics::{Effect, StatisticsError, exchange_test, holm, mean, pairs_needed};
 use thiserror::Error;
 
@@ -72,10 +73,10 @@ pub enum RegressionError {
     )]
     OtherDuration { variant: String, run: String, base_s: f64, new_s: f64, base: PathBuf, new: PathBuf },
     #[error(
-        "{variant}, {run}: {column} = {of_base} in {} and {of_new} in {}; expected results on the same maps",
+        "{run}: {column} = {of_base} in {} and {of_new} in {}; expected results on the same maps",
         base.display(), new.display()
     )]
-    OtherMap { variant: String, run: String, column: String, of_base: f64, of_new: f64, base: PathBuf, new: PathBuf },
+    OtherMap { run: String, column: &'static str, of_base: f64, of_new: f64, base: PathBuf, new: PathBuf },
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
@@ -112,9 +113,12 @@ fn seed(fields: &BTreeMap<String, String>, row: &Place) -> Result<u64, Regressio
     whole.parse().map_err(|_| unexpected("seed", value, "a whole number".to_owned(), row))
 }
 
-/// The value of an axis: a number has one text, also where a tool has taken `1` for `1.0`.
-fn axis_value(text: &str) -> String {
-    let is_float = text.parse::<i128>().is_err();
+/// The value of an axis: a number has one text, also where a tool has taken `1` for `1.0`. Names of
+/// variants and of files may look like numbers, and stay as they are.
+fn axis_value((key, text): (&str, &str)) -> String {
+    let is_number = keys::find(key)
+        .is_some_and(|key| matches!(key.kind, Kind::Integer(_) | Kind::Number(_) | Kind::NumberOrMax | Kind::Size));
+    let is_float = (is_number || key.starts_with("agents.set.")) && text.parse::<i128>().is_err();
     let number = text.parse().ok().filter(|number: &f64| is_float && number.is_finite());
     number.map_or_else(|| text.to_owned(), |number| number.to_string())
 }
@@ -220,7 +224,7 @@ fn names(mut axes: BTreeMap<&str, &str>, controller: &str, seed: u64) -> (String
     let map = axes.remove("map.file").unwrap_or_default();
     let variant = match axes.is_empty() {
         true => controller.to_owned(),
-        false => axes.into_values().map(axis_value).collect::<Vec<_>>().join(", "),
+        false => axes.into_iter().map(axis_value).collect::<Vec<_>>().join(", "),
     };
     (variant, format!("seed {seed} {map}").trim_end().to_owned())
 }
@@ -336,8 +340,8 @@ pub fn changes(base: &Path, new: &Path, measure: RegressionMeasure) -> Result<Ve
                 other.map.get(column).filter(|of_new| *of_new != of_base).map(|of_new| (*column, *of_base, *of_new))
             })?;
             let (base, new) = (base.to_owned(), new.to_owned());
-            let (variant, run, column) = (variant.clone(), run.clone(), column.to_owned());
-            Some(RegressionError::OtherMap { variant, run, column, of_base, of_new, base, new })
+            let run = format!("{variant}, {run}");
+            Some(RegressionError::OtherMap { run, column, of_base, of_new, base, new })
         };
         if let Some(error) = named.clone().find_map(other_map) {
             return Err(error);
@@ -589,6 +593,11 @@ mod tests {
             fs::write(&new, with_value(other)).unwrap();
             assert_eq!(changes(&base, &new, RegressionMeasure::Unseen).unwrap()[0].pairs, 1, "{one} and {other}");
         }
+        let named = |value: &str| of_axis("variant").replace(",2\n", &format!(",{value}\n"));
+        let second = named("1.1").lines().nth(1).unwrap().to_owned();
+        fs::write(&base, format!("{}{second}\n", named("1.10"))).unwrap();
+        assert_eq!(changes(&base, &base, RegressionMeasure::Unseen).unwrap().len(), 2, "names are no numbers");
+        fs::write(&base, with_value("2")).unwrap();
         fs::write(&new, with_value("2.5")).unwrap();
         assert!(changes(&base, &new, RegressionMeasure::Unseen).is_err());
         for column in OF_MAPS {

@@ -350,7 +350,7 @@ impl<'a> Job<'a> {
             terminal.say(Level::Info, "the run begins again: a service call has reset it");
             if !departed.is_empty() {
                 let departed = departed.iter().map(|agent| agent.0).collect();
-                say_ready(self.ready, &StartableAgents::Departed(departed))?;
+                say_ready(self.ready, &StartableAgents::Restarted(departed))?;
             }
             let (world, _) = self.make()?;
             ended = match self.records(&world, viewing) {

@@ -77,7 +77,7 @@ impl IdleServer {
                     // It starts without a run.
                     StartableAgents::OfStart => {}
                     StartableAgents::OfScenario(file) => agents.start_run(binaries, logs, &file, &secret)?,
-                    StartableAgents::Departed(ids) => {
+                    StartableAgents::Restarted(ids) => {
                         agents.start(binaries, logs, ids.into_iter().map(Group::of), &secret)?;
                     }
                 }
@@ -95,7 +95,7 @@ impl IdleServer {
 /// The agents of runs that are started on the page, one after the other.
 #[derive(Default)]
 pub(crate) struct RequestedAgents {
-    /// The present run: its scenario file without the extension.
+    /// The name of the latest run: its scenario file without the extension.
     run: String,
     pub(crate) processes: Vec<AgentProcess>,
 }

@@ -136,7 +136,7 @@ impl Run<'_> {
             forwarded: 0,
             agents: BTreeMap::new(),
             requested: RequestedAgents::default(),
-            is_requested: false,
+            present: PresentRun::OfStart,
             restarts: BTreeMap::new(),
             refusal: None,
         };
@@ -259,6 +259,15 @@ impl Run<'_> {
     }
 }
 
+/// Whose agents a restart concerns.
+#[derive(PartialEq)]
+enum PresentRun {
+    /// The run with which the server was started, or one that repeats it.
+    OfStart,
+    /// A run that was started on the page.
+    Requested,
+}
+
 /// A run under way.
 struct Supervision<'a> {
     run: &'a Run<'a>,
@@ -272,9 +281,9 @@ struct Supervision<'a> {
     agents: BTreeMap<Group, AgentProcess>,
     /// Agents of runs that were started on the page after this one.
     requested: RequestedAgents,
-    /// Whether the present run is such.
-    is_requested: bool,
-    restarts: BTreeMap<Group, u32>,
+    present: PresentRun,
+    /// Restarts of the process of each agent.
+    restarts: BTreeMap<u32, u32>,
     /// The exit code of a run that ends because of its agents.
     refusal: Option<u8>,
 }
@@ -359,18 +368,18 @@ impl Supervision<'_> {
         let binaries = program::within(Path::new(""), &run.binaries);
         match agents {
             StartableAgents::OfStart => {
-                self.is_requested = false;
+                self.present = PresentRun::OfStart;
                 self.restarts.clear();
                 self.start_team()?;
             }
             StartableAgents::OfScenario(file) => {
-                self.is_requested = true;
+                self.present = PresentRun::Requested;
                 self.requested.start_run(&binaries, &run.logs, &file, &self.secret)?;
             }
-            StartableAgents::Departed(ids) if self.is_requested => {
+            StartableAgents::Restarted(ids) if self.present == PresentRun::Requested => {
                 self.requested.start(&binaries, &run.logs, ids.into_iter().map(Group::of), &self.secret)?;
             }
-            StartableAgents::Departed(ids) => {
+            StartableAgents::Restarted(ids) => {
                 let own = run.team.agents(run.scenario);
                 for group in ids.into_iter().filter(|id| own.contains(id)).map(Group::of) {
                     let process = self.start_agents(group)?;
@@ -417,11 +426,16 @@ impl Supervision<'_> {
     }
 
     fn restart(&mut self, group: Group) -> Result<(), SupervisorError> {
-        let restarts = self.restarts.entry(group).or_default();
-        *restarts += 1;
-        if *restarts <= RESTARTS_MAX {
-            // An agent that has left and was started again has a process of its own.
-            for part in group.without(self.agents.keys()) {
+        // An agent that has left and was started again has a process of its own.
+        let parts = group.without(self.agents.keys());
+        let mut most = 0;
+        for agent in parts.iter().flat_map(|part| part.first..=part.last) {
+            let restarts = self.restarts.entry(agent).or_default();
+            *restarts += 1;
+            most = most.max(*restarts);
+        }
+        if most <= RESTARTS_MAX {
+            for part in parts {
                 let process = self.start_agents(part)?;
                 self.agents.insert(part, process);
             }

@@ -53,7 +53,7 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// One agent alone.
+    /// The group of one agent.
     pub(crate) fn of(agent: u32) -> Self {
         Self { first: agent, last: agent }
     }

@@ -7,17 +7,17 @@ use std::process::Command;
 /// The agents that may start: a line that a server writes into the pipe of `--ready`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum StartableAgents {
-    /// Those that belong to the start of the server.
+    /// The agents of the scenario with which the server was started.
     OfStart,
-    /// Those of a run that was requested later, by its scenario file.
+    /// The agents of a run that was requested later, by its scenario file.
     OfScenario(PathBuf),
-    /// Those of the present run with these ids, which had left it before it was reset.
-    Departed(Vec<u32>),
+    /// The agents with these ids, which had left the run before it was reset.
+    Restarted(Vec<u32>),
 }
 
 impl StartableAgents {
     const OF_START: &str = "ready";
-    const DEPARTED: &str = "departed ";
+    const RESTARTED: &str = "restarted ";
 
     /// Reads a line; what is no other word is a file.
     #[must_use]
@@ -25,9 +25,9 @@ impl StartableAgents {
         if line == Self::OF_START {
             return Self::OfStart;
         }
-        let ids = line.strip_prefix(Self::DEPARTED).map(|ids| ids.split(',').map(str::parse).collect());
+        let ids = line.strip_prefix(Self::RESTARTED).map(|ids| ids.split(',').map(str::parse).collect());
         match ids {
-            Some(Ok(ids)) => Self::Departed(ids),
+            Some(Ok(ids)) => Self::Restarted(ids),
             _ => Self::OfScenario(line.into()),
         }
     }
@@ -38,9 +38,9 @@ impl fmt::Display for StartableAgents {
         match self {
             Self::OfStart => f.write_str(Self::OF_START),
             Self::OfScenario(file) => write!(f, "{}", file.display()),
-            Self::Departed(ids) => {
+            Self::Restarted(ids) => {
                 let ids: Vec<String> = ids.iter().map(u32::to_string).collect();
-                write!(f, "{}{}", Self::DEPARTED, ids.join(","))
+                write!(f, "{}{}", Self::RESTARTED, ids.join(","))
             }
         }
     }
@@ -77,7 +77,7 @@ mod tests {
         for agents in [
             StartableAgents::OfStart,
             StartableAgents::OfScenario("logs/run_2.toml".into()),
-            StartableAgents::Departed(vec![1, 40]),
+            StartableAgents::Restarted(vec![1, 40]),
         ] {
             assert_eq!(StartableAgents::of_line(&agents.to_string()), agents);
         }

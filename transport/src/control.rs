@@ -128,7 +128,7 @@ impl State {
     }
 }
 
-/// As `simulation_interfaces` names it.
+/// The name of the state in `simulation_interfaces`.
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -140,21 +140,30 @@ impl fmt::Display for State {
     }
 }
 
-/// Whether a reset of this scope, a sum of the constants of `ResetSimulation`, resets the run; one of
-/// what was spawned alone has nothing to remove. `can_spawn` says whether agents may have joined.
+/// What a reset concerns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ResetScope {
+    /// The whole run, which begins again.
+    Run,
+    /// What was spawned, where nothing can be: the reset succeeds and changes nothing.
+    Nothing,
+}
+
+/// The scope of a reset, a sum of the constants of `ResetSimulation`; `can_spawn` says whether
+/// agents may have joined.
 ///
 /// # Errors
 /// The result that explains the refusal.
-pub fn resets_run(scope: u8, can_spawn: bool) -> Result<bool, Outcome> {
+pub fn reset_scope(scope: u8, can_spawn: bool) -> Result<ResetScope, Outcome> {
     let refused = |reason: String| Err(Outcome::failure(Outcome::RESULT_FEATURE_UNSUPPORTED, reason));
     let time_and_state = ResetSimulationRequest::SCOPE_TIME | ResetSimulationRequest::SCOPE_STATE;
     match scope {
-        ResetSimulationRequest::SCOPE_DEFAULT => Ok(true),
-        scope if scope & time_and_state == time_and_state => Ok(true),
+        ResetSimulationRequest::SCOPE_DEFAULT => Ok(ResetScope::Run),
+        scope if scope & time_and_state == time_and_state => Ok(ResetScope::Run),
         ResetSimulationRequest::SCOPE_SPAWNED if can_spawn => {
             refused("scope = 4: agents that have joined stay; take them out by delete_entity".to_owned())
         }
-        ResetSimulationRequest::SCOPE_SPAWNED => Ok(false),
+        ResetSimulationRequest::SCOPE_SPAWNED => Ok(ResetScope::Nothing),
         scope => refused(format!("scope = {scope}: expected 0 or 255 (all) or 3 (time and state), which go together")),
     }
 }
@@ -210,7 +219,7 @@ impl StateMachine {
         if self.state == State::Quitting {
             return Err(Outcome::failure(Outcome::RESULT_INCORRECT_STATE, "the simulation is about to end"));
         }
-        if resets_run(scope, self.can_spawn)? {
+        if reset_scope(scope, self.can_spawn)? == ResetScope::Run {
             self.pending_reset = Some(Reset { is_paused: !self.may_tick() });
         }
         Ok(())

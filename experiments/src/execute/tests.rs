@@ -2,6 +2,7 @@ use std::path::Path;
 
 use super::*;
 use crate::merge::{MergeError, is_same_run, merge};
+use crate::plan::KnownControllers;
 use crate::store::PLAN;
 
 const PLAN_TEXT: &str = "seeds = \"1..3\"\n[axes]\n\"agents.controller\" = [\"rbw\", \"nearest-frontier\"]\n\
@@ -145,6 +146,26 @@ fn runs_of_another_plan_are_refused_or_pruned() {
     assert!(matches!(refused, ExecuteError::Store(StoreError::NoFolder { .. })), "{refused}");
     assert_eq!(begin(&small, true).unwrap(), Summary { skipped: 1, ..Summary::default() });
     assert_eq!(records(site.path()).len(), 1);
+}
+
+#[test]
+fn runs_without_a_version_are_replaced_by_the_part_that_has_them() {
+    let folder = tempfile::tempdir().unwrap();
+    run_part(folder.path(), Part::WHOLE);
+    let versions = BTreeMap::from([("rbw".to_owned(), None)]);
+    let known = KnownControllers { versions: &versions, ..KnownControllers::BUILT_IN };
+    let plan = Plan::parse_with("p.toml", PLAN_TEXT, Path::new("."), known).unwrap();
+    let part = Part { index: 1, parts: NonZero::new(3).unwrap() };
+    let mine = part.of(&plan.runs);
+    let replaced: BTreeSet<&String> = mine.iter().filter(|run| !run.is_versioned).map(|run| &run.id).collect();
+    assert_eq!((mine.len(), replaced.len()), (2, 1), "one of each controller");
+    let opened = open(&plan, folder.path(), &options(part)).unwrap();
+    let missing = |run: &&PlannedRun| !opened.store.done().unwrap().contains(&run.id);
+    assert_eq!(plan.runs.iter().filter(missing).map(|run| &run.id).collect::<BTreeSet<_>>(), replaced);
+    assert!(replaced.iter().all(|id| !opened.store.has_scenario(id)));
+    let selection = Selection::default();
+    let summary = execute_in(&opened, &plan, &options(part), &selection, &mut (), &Stop::default()).unwrap();
+    assert_eq!((summary.done, opened.store.done().unwrap().len()), (replaced.len(), 6));
 }
 
 #[test]

@@ -40,24 +40,30 @@ fn run_id_depends_neither_on_the_plan_nor_on_execution() {
 }
 
 #[test]
-fn run_id_depends_on_the_code_of_its_controllers() {
-    let ids = |codes: &[(&str, &str)], head: &str| {
-        let codes = codes.iter().map(|&(name, code)| (name.to_owned(), code.to_owned())).collect();
-        let known = KnownControllers { codes: &codes, ..KnownControllers::BUILT_IN };
+fn run_id_depends_on_the_versions_of_its_controllers() {
+    let runs = |versions: &[(&str, Option<&str>)], head: &str| {
+        let versions = versions.iter().map(|&(name, version)| (name.to_owned(), version.map(str::to_owned))).collect();
+        let known = KnownControllers { versions: &versions, ..KnownControllers::BUILT_IN };
         let plan = Plan::parse_with("p.toml", &format!("{head}\n{BASE}"), Path::new("."), known).unwrap();
-        plan.runs.into_iter().map(|run| run.id).collect::<Vec<_>>()
+        plan.runs.into_iter().map(|run| (run.id, run.is_versioned)).collect::<Vec<_>>()
     };
+    let (one, other, none) = ([("lvd", Some("1"))], [("lvd", Some("2"))], [("lvd", None)]);
     let head = "seeds = [1]\naxes.\"agents.controller\" = [\"rbw\", \"lvd\"]";
-    let (plain, first, second) = (ids(&[], head), ids(&[("lvd", "1")], head), ids(&[("lvd", "2")], head));
+    let (plain, first, second) = (runs(&[], head), runs(&one, head), runs(&other, head));
     assert_eq!([&first[0], &second[0]], [&plain[0]; 2], "runs without it keep their ids");
-    assert!(plain[1] != first[1] && first[1] != second[1]);
-    assert_eq!(ids(&[("lvd", "1"), ("dsvp", "3")], head), first);
+    assert!(plain[1].0 != first[1].0 && first[1].0 != second[1].0);
+    assert!([&plain, &first, &second].into_iter().flatten().all(|(_, is_versioned)| *is_versioned));
+    assert_eq!(runs(&[("lvd", Some("1")), ("dsvp", None)], head), first);
+    let is_versioned = |head| runs(&none, head).into_iter().map(|(_, is_versioned)| is_versioned).collect::<Vec<_>>();
+    assert_eq!(is_versioned(head), [true, false]);
     // In a part of the team, and in a part of the run.
     let mixed = "seeds = [1]\naxes.\"agents.mix\" = [[{ ids = [0], controller = \"lvd\" }]]";
-    assert_ne!(ids(&[], mixed), ids(&[("lvd", "1")], mixed));
-    let forked = (ids(&[], FORKED), ids(&[("lvd", "1")], FORKED));
+    assert_ne!(runs(&[], mixed), runs(&one, mixed));
+    assert_eq!(is_versioned(mixed), [false]);
+    let forked = (runs(&[], FORKED), runs(&one, FORKED));
     let same: Vec<bool> = forked.0.iter().zip(&forked.1).map(|(one, other)| one == other).collect();
     assert_eq!(same.iter().filter(|same| **same).count(), 2, "{same:?}");
+    assert_eq!(is_versioned(FORKED), same);
 }
 
 #[test]

@@ -362,7 +362,9 @@ pub(super) fn complete(scenario: &mut toml::Table) {
         let parts = declared.path.split('.').filter(|part| !part.is_empty());
         let found = parts.into_iter().try_fold(&mut *scenario, |table, part| table.get_mut(part)?.as_table_mut());
         let Some(table) = found else { continue };
-        let kind = table.get("kind").and_then(toml::Value::as_str).unwrap_or_default().to_owned();
+        let default_kind = declared.keys.iter().find(|key| key.name == "kind").map(|key| key.default);
+        let default_kind = if let Some(DefaultValue::Is(kind)) = default_kind { kind.trim_matches('"') } else { "" };
+        let kind = table.get("kind").and_then(toml::Value::as_str).unwrap_or(default_kind).to_owned();
         for key in declared.keys.iter().filter(|key| key.only_with.is_empty() || key.only_with.contains(&&*kind)) {
             if let DefaultValue::Is(value) = key.default
                 && !table.contains_key(key.name)
