@@ -104,8 +104,8 @@ pub struct AbstractGraph {
     read: usize,
     /// Distance in cells within which a change can make a cell usable or unusable.
     reach: i32,
-    /// Number of corrections of the map up to there: until the next one, free cells stay free.
-    corrections: u64,
+    /// Number of revisions of the map up to there: until the next one, free cells stay free.
+    revisions: u64,
     /// Number of regions with frontiers.
     regions_with_frontiers: usize,
     /// Number of slots ever used, and those that are free again.
@@ -140,7 +140,7 @@ impl AbstractGraph {
             blocks: vec![None; blocks],
             read: 0,
             reach,
-            corrections: 0,
+            revisions: 0,
             regions_with_frontiers: 0,
             slots: 0,
             free_slots: Vec::new(),
@@ -179,8 +179,8 @@ impl AbstractGraph {
         }
         reviewed.iter().chain(&changed).for_each(|&block: &u32| marks[block as usize] = 0);
         self.read = map.journal_len();
-        let corrections = std::mem::replace(&mut self.corrections, map.corrections());
-        if corrections == self.corrections && !moves.moves().are_on_ground() {
+        let revisions = std::mem::replace(&mut self.revisions, map.revisions());
+        if revisions == self.revisions && !moves.moves().are_on_ground() {
             // What the body can use it can use from now on.
             changed.retain(|&block| !self.is_all_usable(block));
         }

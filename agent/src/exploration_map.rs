@@ -123,6 +123,7 @@ pub struct ExplorationMap {
     covered: usize,
     contradictions: u64,
     corrections: u64,
+    revisions: u64,
     seen_again: u64,
 }
 
@@ -146,6 +147,7 @@ impl ExplorationMap {
             covered: 0,
             contradictions: 0,
             corrections: 0,
+            revisions: 0,
             seen_again: 0,
         }
     }
@@ -232,10 +234,17 @@ impl ExplorationMap {
         self.contradictions
     }
 
-    /// Number of overridden reports: a free cell became a wall, or a wall a free cell.
+    /// Number of overridden reports: a free cell became a wall, or a wall a free cell. Overridden
+    /// assumptions do not count, because no other agent has heard of them.
     #[must_use]
     pub fn corrections(&self) -> u64 {
         self.corrections
+    }
+
+    /// Number of known cells whose state has changed: overridden reports and assumptions.
+    #[must_use]
+    pub fn revisions(&self) -> u64 {
+        self.revisions
     }
 
     /// Number of cells that the own sensor found free after other agents had reported so.
@@ -492,9 +501,9 @@ impl ExplorationMap {
             words.own |= bit;
             words.scanned |= if is_scan { bit } else { 0 };
         }
-        let is_corrected = is_at_odds && (from == OWN || was_wall || was_assumed);
+        let is_revised = is_at_odds && (from == OWN || was_wall || was_assumed);
         let is_visited = !is_new && !was_wall && !was_covered && finding == Finding::Covered;
-        if !(is_new || is_corrected || is_visited || was_assumed) {
+        if !(is_new || is_revised || is_visited || was_assumed) {
             return;
         }
         let only_if = |condition| if condition { bit } else { 0 };
@@ -503,10 +512,11 @@ impl ExplorationMap {
         words.wall = words.wall & !bit | only_if(finding == Finding::Wall);
         words.covered = words.covered & !bit | only_if(finding == Finding::Covered);
         self.journal.push(Entry::new((block, number), finding, from));
-        if is_new || is_corrected {
+        if is_new || is_revised {
             words.revealed = self.journal.len() as u32;
         }
-        self.corrections += u64::from(is_corrected);
+        self.revisions += u64::from(is_revised);
+        self.corrections += u64::from(is_revised && !was_assumed);
         match () {
             () if is_new => {}
             () if was_wall => {

@@ -138,13 +138,22 @@ enum Until {
 
 /// What follows a collision with a body that is taken to stay.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Yield<D = Command> {
+pub(crate) enum Yield {
     /// A rest where the body is, or on its way to where there is room for the other one.
     Rest(Command),
     /// A way round the body, or to another goal.
-    Detour(D),
+    Detour(Command),
     /// A step aside, from where the next attempt may lead past.
     StepAside,
+}
+
+/// What a controller that plans round bodies does before one that is taken to stay.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Bypass<D> {
+    /// A rest where the body is, or on its way to where there is room for the other one.
+    Rest(Command),
+    /// A way to another goal.
+    Detour(D),
 }
 
 impl Blockages {
@@ -181,10 +190,10 @@ impl Blockages {
         observation: &Observation,
         ctx: &Ctx<'_>,
         detour: impl FnOnce(&Obstacles) -> Option<D>,
-    ) -> Option<Yield<D>> {
+    ) -> Option<Bypass<D>> {
         let staying = self.count_all(observation, ctx)?;
-        let detour = self.try_detour(observation, ctx, detour).map(Yield::Detour);
-        Some(detour.unwrap_or_else(|| Yield::Rest(self.waits(&staying, observation, ctx))))
+        let detour = self.try_detour(observation, ctx, detour).map(Bypass::Detour);
+        Some(detour.unwrap_or_else(|| Bypass::Rest(self.waits(&staying, observation, ctx))))
     }
 
     /// A detour clear of all bodies nearby, if none was looked for since the last rest.

@@ -18,6 +18,10 @@ use agent::path::{Goal, Graph, Moves, Neighbours, Path, Search, direct, find};
 /// A body nearer to a leg than this is on it, metres.
 const ON_LEG_M: f64 = 1e-6;
 
+/// Most cells that a search for a detour expands, some tens of milliseconds: bodies that stay may
+/// leave open all of a large map but what is wanted.
+const DETOUR_CELLS_MAX: u64 = 1 << 16;
+
 /// Largest coordinate of a waypoint, metres.
 const COORDINATE_MAX: f64 = 1e6;
 
@@ -261,6 +265,24 @@ impl<'a> Ctx<'a> {
         search.within(is_open).run()?.cells.last().copied()
     }
 
+    /// The frontier among some with the shortest path through open cells alone, other than the cell
+    /// of the body, unless more than [`DETOUR_CELLS_MAX`] cells are nearer.
+    pub(crate) fn frontier_through(
+        &self,
+        is_open: &dyn Fn(Cell) -> bool,
+        is_left: impl Fn(Cell) -> bool,
+    ) -> Option<Cell> {
+        let (map, here) = (&*self.map, self.cell());
+        let is_left = |cell: Cell| cell != here && is_left(cell);
+        // Without any, the search would visit all cells up to its limit.
+        if !map.frontiers().any(|index| is_left(map.extent().cell_at(index as usize))) {
+            return None;
+        }
+        let is_goal = |cell: Cell| map.is_frontier(cell) && is_left(cell);
+        let search = Search::new(self.graph(Neighbours::TwentySix), here, Goal::Where(&is_goal));
+        search.within(is_open).at_most(DETOUR_CELLS_MAX).run()?.cells.last().copied()
+    }
+
     /// Whether there are free cells that the body cannot be in: it is wider than a cell, or needs a
     /// floor.
     #[must_use]
@@ -301,6 +323,22 @@ mod tests {
     use crate::testing::World;
     use agent::bodies::BodyModel;
     use agent::observation::Contact;
+
+    /// A body that stood before the last frontiers had the whole map searched before each rest.
+    #[test]
+    fn search_for_a_detour_is_bounded() {
+        let extent = Extent::new([100, 30, 30], 1.0).unwrap();
+        let mut world = World::empty();
+        world.map = ExplorationMap::new(extent);
+        let behind = |cell: Cell| cell.x == 99;
+        let known = extent.cells().filter(|&cell| !behind(cell)).filter_map(|cell| extent.index(cell));
+        world.map.note_free(&known.map(|index| index as u32).collect::<Vec<u32>>());
+        // From the other end more cells are nearer than a search may expand.
+        for (x, found) in [(95.5, Some(Cell::new(98, 15, 15))), (0.5, None)] {
+            world.observation.pose.position = Point3::new(x, 15.5, 15.5);
+            assert_eq!(world.ctx().frontier_through(&|_| true, |_| true), found, "{x}");
+        }
+    }
 
     /// A ground body that had been stopped on its way down a step went on down into the body below
     /// it for ever, which wanted to get up.

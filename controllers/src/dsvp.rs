@@ -55,7 +55,7 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use voxels::{BodyLattice, Cell};
 
-use super::blockage::{Blockages, Yield};
+use super::blockage::{Blockages, Bypass};
 use super::viewpoints::{NOTHING_TO_SEE, Viewpoints};
 use super::{Controller, Ctx, Setup};
 use agent::abstract_graph::{AbstractGraph, ShortestPaths};
@@ -317,14 +317,14 @@ impl<C: Coordination> Dsvp<C> {
         let standing = blockages.note_between_rests(observation, ctx, |obstacles| self.detour(ctx, obstacles));
         self.blockages = blockages;
         match standing {
-            Some(Yield::Detour((goal, motion))) => return self.go(goal, motion, observation, ctx, obstacles),
-            Some(Yield::Rest(command)) => {
+            Some(Bypass::Detour((goal, motion))) => return self.go(goal, motion, observation, ctx, obstacles),
+            Some(Bypass::Rest(command)) => {
                 self.goal = None;
                 self.driving = None;
                 self.is_resting = true;
                 return command;
             }
-            Some(Yield::StepAside) | None => {}
+            None => {}
         }
         if self.rng.random_bool(0.5)
             && let Some((goal, motion)) = self.evade(ctx, obstacles)

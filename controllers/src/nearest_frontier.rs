@@ -102,10 +102,7 @@ impl NearestFrontier {
             let Poll::Ready(Some(viewpoint)) = found else { return None };
             (viewpoint.cell, Some(viewpoint))
         } else {
-            let frontier = ctx.nearest_through(&is_open, |map, cell| {
-                map.is_frontier(cell) && cell != ctx.cell() && !self.abandoned.contains(&cell)
-            });
-            (frontier?, None)
+            (ctx.frontier_through(&is_open, |cell| !self.abandoned.contains(&cell))?, None)
         };
         let motion = way_round(ctx, cell, obstacles, Waypoints::Fewest)?;
         (self.goal, self.viewpoint) = (viewpoint.is_none().then_some(cell), viewpoint);

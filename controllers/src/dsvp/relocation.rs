@@ -110,13 +110,7 @@ impl<C: Coordination> Dsvp<C> {
             let Poll::Ready(Some(Viewpoint { cell, target })) = found else { return None };
             Goal::Sight { cell, target }
         } else {
-            let (map, here) = (ctx.map(), ctx.cell());
-            let is_left = |cell: Cell| cell != here && !self.abandoned.contains(&cell);
-            // Without any, the search would visit all reachable cells.
-            if !map.frontiers().any(|index| is_left(map.extent().cell_at(index as usize))) {
-                return None;
-            }
-            let cell = ctx.nearest_through(&is_open, |map, cell| map.is_frontier(cell) && is_left(cell))?;
+            let cell = ctx.frontier_through(&is_open, |cell| !self.abandoned.contains(&cell))?;
             Goal::Frontier { cell, frontier: cell }
         };
         Some((goal, way_round(ctx, goal.cell(), obstacles, self.params.waypoints)?))

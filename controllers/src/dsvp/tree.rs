@@ -66,14 +66,14 @@ pub(crate) struct Branch {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
-    /// Corrections of the map when all edges were last looked at: free cells stay free without one.
-    corrections: u64,
+    /// Revisions of the map when all edges were last looked at: free cells stay free without one.
+    revisions: u64,
 }
 
 impl Tree {
     /// The tree that is only a root.
     pub(crate) fn new(root: Cell) -> Self {
-        Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }], corrections: 0 }
+        Self { nodes: vec![Node { cell: root, parent: 0, length: 0.0 }], revisions: 0 }
     }
 
     /// The tree re-rooted at a new cell: the component within the horizon that is connected to it
@@ -89,9 +89,9 @@ impl Tree {
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let link = near.into_iter().find(|&(_, node)| direct(map, &place, self.nodes[node].cell, moves));
-        let mut moved = Self { corrections: map.corrections(), ..Self::new(root) };
+        let mut moved = Self { revisions: map.revisions(), ..Self::new(root) };
         let is_clear =
-            |from: Cell, to: Cell| self.corrections == map.corrections() || direct(map, &place_of(from), to, moves);
+            |from: Cell, to: Cell| self.revisions == map.revisions() || direct(map, &place_of(from), to, moves);
         let Some((length, link)) = link else {
             return moved;
         };

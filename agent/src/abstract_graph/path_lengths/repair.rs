@@ -9,6 +9,10 @@
 
 use super::{FlatGraph, Lengths, UNREACHED, WIDTH};
 
+/// Most buckets that are kept between repairs, a multiple of 64: 96 KiB without their entries. A
+/// repair uses as many as the longest path has steps.
+const BUCKETS_KEPT_MAX: usize = 1 << 12;
+
 /// A queue of slots by their lengths, in buckets as those of [`super::PathLengths`], of which any
 /// may be in use.
 #[derive(Debug, Clone, Default)]
@@ -45,6 +49,13 @@ impl Queue {
             self.first += 1;
         }
         None
+    }
+
+    /// Gives back the memory of the queue, which is empty, beyond what is kept between repairs.
+    fn trim(&mut self) {
+        self.buckets.truncate(BUCKETS_KEPT_MAX);
+        self.buckets.shrink_to(BUCKETS_KEPT_MAX);
+        self.occupied.truncate(BUCKETS_KEPT_MAX / 64);
     }
 }
 
@@ -105,5 +116,31 @@ pub(super) fn repair(
             }
         }
     }
+    queue.trim();
     visited
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drain(queue: &mut Queue) -> Vec<u32> {
+        std::iter::from_fn(|| queue.pop()).map(|(length, _)| length / WIDTH).collect()
+    }
+
+    #[test]
+    fn queue_is_in_the_order_of_buckets_and_keeps_few() {
+        let mut queue = Queue::default();
+        let far = BUCKETS_KEPT_MAX as u32 + 100;
+        for _ in 0..2 {
+            [far, 70, 3, 200, 3].into_iter().for_each(|bucket| queue.push(bucket * WIDTH + 1, bucket));
+            assert_eq!([queue.pop(), queue.pop()], [Some((3 * WIDTH + 1, 3)); 2]);
+            assert_eq!(queue.pop(), Some((70 * WIDTH + 1, 70)));
+            // A shorter length is found after longer ones.
+            [69, 1].into_iter().for_each(|bucket| queue.push(bucket * WIDTH, bucket));
+            assert_eq!(drain(&mut queue), [1, 69, 200, far]);
+            queue.trim();
+            assert_eq!((queue.buckets.len(), queue.occupied.len()), (BUCKETS_KEPT_MAX, BUCKETS_KEPT_MAX / 64));
+        }
+    }
 }
