@@ -84,14 +84,14 @@ impl World {
         Self { map: drawn(text), ..Self::new(text, start) }
     }
 
-    /// The same with bodies that need not turn first.
+    /// The world with bodies that need not turn first.
     pub(crate) fn aerial(mut self) -> Self {
         self.run_info.bodies =
             team_of(BodyModel { kind: BodyKind::Aerial, radius_m: RADIUS_M, ..BodyModel::SUBMARINE });
         self
     }
 
-    /// The same with bodies of a model.
+    /// The world with bodies of a model.
     pub(crate) fn with_body(mut self, body: BodyModel) -> Self {
         self.navigation = NavigationTask::new(&body, self.map.extent().cell_m());
         self.run_info.bodies = team_of(body);

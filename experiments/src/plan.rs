@@ -114,7 +114,7 @@ pub struct KnownControllers<'a> {
 }
 
 impl<'a> KnownControllers<'a> {
-    /// Those of the build.
+    /// The controllers of the build.
     pub const BUILT_IN: KnownControllers<'static> =
         KnownControllers { registry: Registry::BUILT_IN, versions: &BTreeMap::new() };
 

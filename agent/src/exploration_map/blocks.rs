@@ -31,7 +31,7 @@ pub(super) struct Words {
     /// The length of the journal after the last change that was more than a mark of coverage: less
     /// than 2^30 on the largest map.
     pub(super) revealed: u32,
-    /// Whether the block has changed since then.
+    /// Whether the block has changed since the frontiers were brought up to date.
     is_fresh: bool,
 }
 

@@ -145,7 +145,8 @@ impl Footprint {
         along.fold(0, |bits, (z, y)| bits | usable((z, y)) << ((z * side + y) * side))
     }
 
-    /// The same with all rows of a layer at once, for a body and a cube that are small enough.
+    /// The cells of a cube with room for the body, with all rows of a layer at once; body and cube
+    /// are small enough for [`Layers`].
     fn room_in_layers(&self, map: &ExplorationMap, corner: Cell, side: i32) -> u128 {
         let reach = self.reach;
         let mut layers = Layers::default();
