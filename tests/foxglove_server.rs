@@ -237,7 +237,7 @@ fn idle_server_starts_requested_runs() {
         assert_eq!(answer["started"], false, "{wrong}");
         assert!(answer["message"].as_str().is_some_and(|message| message.contains(reason)), "{answer}");
     }
-    for (body, reason) in [("{}", "scenario"), (r#"{"scenario": "", "recrod": true}"#, "recrod")] {
+    for (body, reason) in [("{}", "scenario"), (r#"{"scenario": "", "recording": true}"#, "`recording`")] {
         let refused = client.call_raw("/sim_server/start_run", "json", body.as_bytes());
         assert!(refused.is_err_and(|said| said.contains(reason)), "{body}");
     }

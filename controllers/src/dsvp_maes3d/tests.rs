@@ -1,3 +1,4 @@
+use super::frontiers::CLEARED_FROM;
 use super::*;
 use crate::testing::{RADIUS_M, World, drawn, flat};
 use agent::bodies::{BodyKind, BodyModel};

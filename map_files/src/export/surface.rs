@@ -9,8 +9,8 @@
 //! It is that of the free space, seen from outside: triangles face the wall.
 //!
 //! Where two free cells touch at an edge alone, four rectangles meet. Those of one of the two cells
-//! have a corner in the middle of the edge, so that every edge is one of exactly two triangles, also
-//! for programs that merge vertices at the same place, and no place moves.
+//! have a corner in the middle of the edge, so that every edge is one of exactly two triangles,
+//! also for programs that merge vertices at the same place, and no place moves.
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
