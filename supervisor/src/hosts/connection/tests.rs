@@ -39,9 +39,9 @@ fn a_host_says_who_it_is_what_agents_print_and_how_they_end() {
 {HELLO}
 read -r request
 case $request in *secret*) ;; *) exit 8 ;; esac
-echo '{{"log":{{"first":4,"line":"hello"}}}}'
-echo '{{"ended":{{"first":9,"code":0}}}}'
-echo '{{"ended":{{"first":4,"code":7}}}}'
+echo '{{"log":{{"agents":{{"first":4,"last":5}},"line":"hello"}}}}'
+echo '{{"ended":{{"agents":{{"first":9,"last":9}},"code":0}}}}'
+echo '{{"ended":{{"agents":{{"first":4,"last":5}},"code":7}}}}'
 while read -r request; do :; done"#
     );
     let (folder, logs) = (maes(&script), tempfile::tempdir().unwrap());
@@ -50,7 +50,7 @@ while read -r request; do :; done"#
     let environment = BTreeMap::from([("X".to_owned(), "secret".to_owned())]);
     let log = logs.path().join("agent_4.log");
     connection.start(Group { first: 4, last: 5 }, Vec::new(), environment, &log).unwrap();
-    assert_eq!(wait(|| connection.ended(Group::of(4))), 7);
+    assert_eq!(wait(|| connection.ended(Group { first: 4, last: 5 })), 7);
     assert_eq!(connection.ended(Group::of(9)), None, "it was not started");
     assert_eq!(fs::read_to_string(&log).unwrap(), "hello\n");
     assert_eq!(connection.launcher_code(), None);
