@@ -13,8 +13,8 @@
 //!
 //! Invariants: a known cell stays known; only free cells are covered; the counts and the frontiers
 //! agree with the cells; the journal holds each change once, in order, and an assumption that turns
-//! out to be true once more: beside assumptions at most [`CHANGES_MAX`] entries for a cell, the last
-//! of which is its present state.
+//! out to be true once more: beside assumptions at most [`CHANGES_MAX`] entries for a cell, the
+//! last of which is its present state.
 //!
 //! The states are kept as bits, twice: by rows, for who reads them, and by blocks of 4 x 4 x 4
 //! cells, for what changes them. Of a report that says mostly what is known, only new cells are

@@ -311,7 +311,8 @@ impl<C: Coordination> Dsvp<C> {
     }
 
     /// Other agents block all paths: waits or evades at random, so that no two agents wait for each
-    /// other for ever; goes where they leave a way, or rests, if one of them has not moved for long.
+    /// other for ever; goes where they leave a way, or rests, if one of them has not moved for
+    /// long.
     fn resolve_blockage(&mut self, observation: &Observation, ctx: &mut Ctx<'_>, obstacles: &Obstacles) -> Command {
         let mut blockages = std::mem::take(&mut self.blockages);
         let standing = blockages.note_between_rests(observation, ctx, |obstacles| self.detour(ctx, obstacles));

@@ -1,8 +1,8 @@
 //! One room in every kind of file that is read: a table of kinds, and the cells of all of them.
 //!
 //! The room has 12 x 9 x 6 cells of 1 m between walls of one cell, with a wall, a pillar and a beam
-//! in it, so that no turn and no mirror image of it is the same. Files of real tools lie in `cases/`
-//! and `files/`; the others are made here as such tools write them. Every extension of [`READERS`]
+//! in it, so that no turn and no mirror image of it is the same. Files of real tools lie in
+//! `cases/` and `files/`; the others are made here as such tools write them. Every extension of [`READERS`]
 //! and [`WRITERS`] has a row, or a reason in [`LEFT_OUT`].
 
 #![expect(clippy::unwrap_used, reason = "a panic is what this looks for")]
@@ -467,8 +467,8 @@ const LAYER: i32 = 2;
 const PLAN_AT: [f64; 2] = [-3.0, 4.0];
 const PLAN_YAW_RAD: f64 = 0.5;
 
-/// One layer of the room: as `map_saver` of nav2 writes it, with unknown cells around and a threshold
-/// that alone would make them free, in the spellings of YAML; and as pictures.
+/// One layer of the room: as `map_saver` of nav2 writes it, with unknown cells around and a
+/// threshold that alone would make them free, in the spellings of YAML; and as pictures.
 fn plans() -> Vec<Case> {
     let [columns, rows, _] = SIZE.map(|cells| cells as i32);
     let is_inside = |x: i32, y: i32| (0..columns).contains(&x) && (0..rows).contains(&y);

@@ -41,8 +41,8 @@ impl PyPlan {
         self.plan.runs.iter().map(run).collect()
     }
 
-    /// Opens the folder of the plan and locks it, until `close`: nothing is executed, nor stored, in
-    /// a folder that is refused. Runs of classes without a version are removed from it.
+    /// Opens the folder of the plan and locks it, until `close`: nothing is executed, nor stored,
+    /// in a folder that is refused. Runs of classes without a version are removed from it.
     fn open(&self, folder: PathBuf, controllers: &PyControllers, jobs: usize, prune: bool) -> PyResult<PyPlanFolder> {
         let jobs = NonZero::new(jobs).ok_or_else(|| bad_input("jobs = 0: expected a number from 1"))?;
         let (transport, registry) = (Transport::Memory, controllers.registry);

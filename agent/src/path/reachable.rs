@@ -24,8 +24,8 @@ pub struct Reachable {
 }
 
 impl Reachable {
-    /// Applies the changes of the map since the last update. Begins anew if the cell of the body was
-    /// out of reach, for a body that flies only if no step leads from there to what it reached.
+    /// Applies the changes of the map since the last update. Begins anew if the cell of the body
+    /// was out of reach, for a body that flies only if no step leads from there to what it reached.
     /// Returns whether it has begun anew. The map and the moves of the body must be the same each
     /// time.
     pub fn update(&mut self, graph: Graph<'_>, from: Cell) -> bool {
@@ -107,7 +107,8 @@ mod tests {
     use crate::exploration_map::ExplorationMap;
     use crate::path::{Goal, Moves, Neighbours, find};
 
-    /// Each decision at a place beside a wall began anew, which on large maps took most of its time.
+    /// Each decision at a place beside a wall began anew, which took most of its time on large
+    /// maps.
     #[test]
     fn body_beside_a_wall_keeps_what_it_reaches() {
         let extent = Extent::new([14, 10, 8], 0.2).unwrap();

@@ -99,8 +99,8 @@ impl<C: Coordination> Dsvp<C> {
         }
     }
 
-    /// Bodies that stay are in the way to the goals of the stages: the nearest frontier or viewpoint
-    /// to which they leave one.
+    /// Bodies that stay are in the way to the goals of the stages: the nearest frontier or
+    /// viewpoint to which they leave one.
     pub(super) fn detour(&mut self, ctx: &Ctx<'_>, obstacles: &Obstacles) -> Option<(Goal, Motion)> {
         let is_open = |cell| !obstacles.occupy(cell);
         let goal = if ctx.needs_viewpoints() {
