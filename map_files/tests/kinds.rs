@@ -2,8 +2,8 @@
 //!
 //! The room has 12 x 9 x 6 cells of 1 m between walls of one cell, with a wall, a pillar and a beam
 //! in it, so that no turn and no mirror image of it is the same. Files of real tools lie in
-//! `cases/` and `files/`; the others are made here as such tools write them. Every extension of [`READERS`]
-//! and [`WRITERS`] has a row, or a reason in [`LEFT_OUT`].
+//! `cases/` and `files/`; the others are made here as such tools write them. Every extension of
+//! [`READERS`] and [`WRITERS`] has a row, or a reason in [`LEFT_OUT`].
 
 #![expect(clippy::unwrap_used, reason = "a panic is what this looks for")]
 
