@@ -97,14 +97,6 @@ class Result:
         )
 
 
-def _recording_of(record: str | os.PathLike[str] | None) -> str | None:
-    """The name of a recording."""
-    file = None if record is None else os.fspath(record)
-    if file is not None and not file.lower().endswith((".mcap", "/")):
-        raise _maes.BadInput(f"record = {file!r}: expected a name that ends in .mcap, or in / for a folder")
-    return file
-
-
 def run(
     scenario: Scenario | str | os.PathLike[str] | None = None,
     /,
@@ -138,7 +130,7 @@ def run(
     if keys:
         wanted = wanted.replace(**keys)
     substitute = classes[0].name if classes and replace else None
-    file = _recording_of(record)
+    file = None if record is None else os.fspath(record)
     native = _maes.run(
         wanted._native, known, has_python=bool(classes), substitute=substitute, record=file
     )
@@ -157,7 +149,7 @@ def fork(
     """Take a recorded run up to `at_s` of sim time, and continue with other keys (docs/what-if.md)."""
     known = registered(controllers)
     changes = changes_of(keys)
-    file = _recording_of(record)
+    file = None if record is None else os.fspath(record)
     native = _maes.fork(
         os.fspath(recording), at_s, changes, known, has_python=bool(controllers), record=file
     )

@@ -10,6 +10,7 @@ use msgs::ids::Tick;
 use pyo3::prelude::*;
 use recording::Recording;
 use recording::location::recording_at;
+use recording::recorder::may_be_named;
 use sim_server::session::NullObserver;
 use sim_server::setup::{self, SetupError};
 use simulation::scenario::{Origins, Override, Scenario};
@@ -25,6 +26,17 @@ use crate::scenario::PyScenario;
 fn options(controllers: &PyControllers, substitute: Option<String>, has_python: bool) -> AgentOptions {
     let threads = if has_python { ThreadLayout::Together } else { ThreadLayout::Team };
     AgentOptions { threads, registry: controllers.registry, substitute, ..AgentOptions::default() }
+}
+
+/// Writes a recording under this name, if there is one, whatever the scenario says.
+fn record_as(scenario: &mut Scenario, record: Option<PathBuf>) -> PyResult<()> {
+    let Some(file) = record else { return Ok(()) };
+    if !may_be_named(&file) {
+        let name = file.display();
+        return Err(bad_input(format!("record = '{name}': expected a name that ends in .mcap, or in / for a folder")));
+    }
+    scenario.execution.record = Some(file);
+    Ok(())
 }
 
 fn completed(
@@ -62,7 +74,7 @@ pub(crate) fn run(
     record: Option<PathBuf>,
 ) -> PyResult<PyRunResult> {
     let mut scenario = scenario.scenario.clone();
-    scenario.execution.record = record.or(scenario.execution.record);
+    record_as(&mut scenario, record)?;
     let options = options(controllers, substitute, has_python);
     let done = interruptible(py, |stop| in_process::run(&scenario, &options, &mut NullObserver, stop))?;
     py.detach(|| {
@@ -105,7 +117,7 @@ pub(crate) fn fork(
     let (scenario, done) = interruptible(py, |stop| {
         let recording = Recording::open(&recording).map_err(bad_input)?;
         let mut scenario = setup::fork(&recording, at, &changes).map_err(of_fork)?;
-        scenario.execution.record = record.or(scenario.execution.record);
+        record_as(&mut scenario, record)?;
         let done = in_process::fork(&recording, at, &scenario, &options, &mut NullObserver, stop).map_err(of_run)?;
         Ok::<_, PyErr>((scenario, done))
     })??;

@@ -31,7 +31,7 @@ use thiserror::Error;
 
 use crate::bag::{self, BagTopic};
 use destination::Destination;
-pub use destination::bag_folder;
+pub use destination::{bag_folder, may_be_named};
 pub use queue::{RecorderQueue, RunRecorder};
 use sink::Sink;
 pub use sink::Store;

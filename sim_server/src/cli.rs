@@ -11,8 +11,8 @@ use clap::{Args, Parser, Subcommand};
 
 use msgs::ids::Tick;
 pub use numbers::{of_key, positive, whole};
-use recording::location::{is_recording, recording_at};
-use recording::recorder::bag_folder;
+use recording::location::recording_at;
+use recording::recorder::may_be_named;
 use simulation::scenario::{MapKind, Override, keys};
 
 /// World server of a deterministic simulator of multi-robot exploration.
@@ -364,10 +364,9 @@ pub fn recording_path() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(recording_at)
 }
 
-/// The file of a recording. Other endings are those of other formats, and would mislead their
-/// programs.
+/// The file of a recording.
 fn recording_file(text: &str) -> Result<String, String> {
-    if is_recording(Path::new(text)) || bag_folder(Path::new(text)).is_some() {
+    if may_be_named(Path::new(text)) {
         Ok(text.to_owned())
     } else {
         Err("expected a name that ends in .mcap, or in / for a rosbag2 folder".to_owned())

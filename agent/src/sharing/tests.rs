@@ -87,7 +87,7 @@ fn assumptions_are_shared_once_they_are_found() {
     now = team.exchange(now + 5, &[(0, 1)]);
     assert_eq!((team.sent_cells(0, 1), team.sent_cells(1, 0)), (vec![1, 2, 4, 9], vec![3, 5]));
     assert_eq!(team.states(0), team.states(1));
-    // Nobody had heard of the assumption that is overruled.
+    // No other agent had heard of the assumption that is overruled.
     assert_eq!((team.maps[0].revisions(), team.maps[0].corrections()), (1, 0));
     team.exchange(now + 5, &[(0, 2)]);
     assert_eq!(team.states(0), team.states(2), "what was confirmed is passed on");

@@ -17,6 +17,7 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use crate::bag;
+use crate::location::is_recording;
 use system::input_file::described;
 use system::os::{self, Links, is_at};
 
@@ -141,6 +142,13 @@ impl Destination {
 
 /// The name of the metadata while they are written.
 const METADATA_TEMPORARY: &str = ".metadata.yaml.tmp";
+
+/// Whether a recording may be written under a name: a file (`.mcap`), or a rosbag2 folder. Other
+/// endings are those of other formats, and would mislead their programs.
+#[must_use]
+pub fn may_be_named(file: &Path) -> bool {
+    is_recording(file) || bag_folder(file).is_some()
+}
 
 /// The folder of a name that ends in a slash.
 #[must_use]
