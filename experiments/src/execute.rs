@@ -9,7 +9,6 @@ mod parts;
 mod ros;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -30,6 +29,7 @@ use crate::retained_recordings::{self, Keep};
 use crate::rows::{FailedRun, RunMetadata, RunRecord, RunRow, StoredRun};
 use crate::store::{self, Store, StoreError};
 use statistics::StatisticsError;
+use system::file_lock::FileLock;
 use system::wall_clock;
 
 pub use parts::Part;
@@ -228,7 +228,7 @@ pub fn execute_selected(
 #[derive(Debug)]
 pub struct OpenFolder {
     pub store: Store,
-    _lock: File,
+    _lock: Option<FileLock>,
 }
 
 /// Opens the folder of a plan, and creates it if it does not exist; with [`Options::prune`] the

@@ -9,6 +9,7 @@ use std::fs::{File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use system::file_lock::FileLock;
 use system::input_file::{self, TEXT_BYTES_MAX};
 use system::os;
 use thiserror::Error;
@@ -91,17 +92,18 @@ impl Store {
     }
 
     /// Keeps other executions out of the folder for as long as the result lives: parts of a plan
-    /// share it with each other, and nothing else does. On a file system without locks it keeps out
-    /// nobody.
+    /// share it with each other, and nothing else does. `None` on a file system without locks:
+    /// nobody is kept out.
     ///
     /// # Errors
     /// If another execution has it, or the file of the lock cannot be made.
-    pub fn lock(&self, is_part: bool) -> Result<File, StoreError> {
+    pub fn lock(&self, is_part: bool) -> Result<Option<FileLock>, StoreError> {
         let path = self.folder.join(LOCK);
         let file = File::options().create(true).append(true).open(&path).map_err(file_error(&path))?;
-        match if is_part { file.try_lock_shared() } else { file.try_lock() } {
+        match if is_part { FileLock::shared(file) } else { FileLock::exclusive(file) } {
+            Ok(lock) => Ok(Some(lock)),
+            Err(TryLockError::Error(_)) => Ok(None),
             Err(TryLockError::WouldBlock) => Err(StoreError::Busy { folder: name(&self.folder) }),
-            Err(TryLockError::Error(_)) | Ok(()) => Ok(file),
         }
     }
 

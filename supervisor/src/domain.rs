@@ -6,13 +6,14 @@
 //! different users in one domain are kept apart by the server, which refuses a domain with another
 //! server.
 
-use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
+use std::fs::{self, DirBuilder, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use nix::fcntl::OFlag;
 use nix::unistd::geteuid;
+use system::file_lock::FileLock;
 
 use crate::SupervisorError;
 
@@ -36,16 +37,7 @@ pub fn of_environment() -> String {
 /// inherit the lock.
 #[derive(Debug)]
 pub struct DomainLock {
-    file: File,
-}
-
-impl Drop for DomainLock {
-    fn drop(&mut self) {
-        // Closing the file would release the lock only with its last copy, and a process that
-        // another thread is starting has one until it executes its program. If this fails, the lock
-        // is released then.
-        let _ = self.file.unlock();
-    }
+    _lock: FileLock,
 }
 
 impl DomainLock {
@@ -73,8 +65,8 @@ impl DomainLock {
             .custom_flags(flags.bits())
             .open(&path);
         let file = opened.map_err(SupervisorError::of(&path))?;
-        match file.try_lock() {
-            Ok(()) => Ok(Self { file }),
+        match FileLock::exclusive(file) {
+            Ok(lock) => Ok(Self { _lock: lock }),
             Err(TryLockError::WouldBlock) => Err(SupervisorError::DomainTaken(domain.to_owned())),
             Err(TryLockError::Error(source)) => Err(SupervisorError::of(&path)(source)),
         }
@@ -130,15 +122,6 @@ mod tests {
         assert!(DomainLock::take_in(&folder, "7").is_ok());
         drop(first);
         assert!(DomainLock::take_in(&folder, name).is_ok());
-    }
-
-    #[test]
-    fn released_lock_is_free_though_a_process_that_starts_has_a_copy_of_its_file() {
-        let place = tempfile::tempdir().unwrap();
-        let lock = DomainLock::take_in(place.path(), "7").unwrap();
-        let _copy = lock.file.try_clone().unwrap();
-        drop(lock);
-        DomainLock::take_in(place.path(), "7").unwrap();
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::atomic::{AtomicU16, Ordering};
 
 use supervisor::domain::DomainLock;
+use system::file_lock::FileLock;
 
 /// Above the usual domains, and below the ports that Linux hands out at random.
 const DOMAINS: std::ops::Range<u16> = 30..100;
@@ -15,7 +16,7 @@ const DOMAINS: std::ops::Range<u16> = 30..100;
 #[derive(Debug)]
 pub(crate) struct Domain {
     id: u16,
-    _lock: File,
+    _lock: FileLock,
 }
 
 impl Domain {
@@ -41,11 +42,11 @@ impl Domain {
 }
 
 /// The lock of a domain in which there is no other test, no run of `maes` and no DDS participant.
-fn lock_if_free(domain: u16) -> Option<File> {
+fn lock_if_free(domain: u16) -> Option<FileLock> {
     let locked = |name: String| {
         let file =
             File::options().create(true).truncate(false).write(true).open(std::env::temp_dir().join(name)).ok()?;
-        file.try_lock().is_ok().then_some(file)
+        FileLock::exclusive(file).ok()
     };
     let lock = locked(format!("maes-test-domain-{domain}.lock"))?;
     // Runs of this user hold this one. It is released at once, for the runs of the test.
