@@ -83,6 +83,8 @@ test("a map is measured, and gives a scenario that runs", async ({ page, servers
   await expect(page.getByTestId("map-title")).toHaveText("halls.obj");
   await expect(page.getByTestId("playback-bar")).toBeHidden();
 
+  // The panels have their place now, and the image is drawn in the size that they leave to it.
+  await shown.showAt(page, 0);
   const first = await wallWithin(page, 1, 3.5);
   const second = await wallWithin(page, 7.5, 9.5);
   await page.getByText("Measure", { exact: true }).click();

@@ -339,6 +339,8 @@ export class Scene {
         .max(ONE);
     }
     this.#cameraRig.camera.aspect = this.#size.width / this.#size.height;
+    // Positions of the image are looked up before the next frame too.
+    this.#cameraRig.camera.updateProjectionMatrix();
     this.#isDirty = true;
   }
 
